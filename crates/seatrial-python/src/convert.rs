@@ -1,0 +1,124 @@
+//! The one place where array-likes become rows of numbers and back.
+
+use crate::error::refused;
+use numpy::ndarray::{ArrayD, IxDyn};
+use numpy::{AllowTypeChange, IntoPyArray, PyArrayDyn, PyArrayLikeDyn, PyUntypedArrayMethods};
+use pyo3::inspect::PyStaticExpr;
+use pyo3::prelude::*;
+use pyo3::{type_hint_identifier, type_hint_subscript};
+use seatrial::kinematics::{from_euler, normalised};
+
+/// An array-like of any shape as float64, C order.
+pub struct Numbers {
+    shape: Vec<usize>,
+    values: Vec<f64>,
+}
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Numbers {
+    type Error = PyErr;
+    const INPUT_TYPE: PyStaticExpr = type_hint_identifier!("numpy.typing", "ArrayLike");
+    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let array: PyArrayLikeDyn<'py, f64, AllowTypeChange> = object.extract()?;
+        Ok(Self { shape: array.shape().to_vec(), values: array.as_array().iter().copied().collect() })
+    }
+}
+
+impl Numbers {
+    /// The numbers of shape `(n,)`.
+    pub fn series(self, name: &str, n: usize) -> PyResult<Vec<f64>> {
+        match self.shape[..] {
+            [len] if len == n => Ok(self.values),
+            _ => Err(refused(format!("{name}: expected shape ({n},), found {:?}", self.shape))),
+        }
+    }
+
+    /// The numbers of any one-dimensional shape.
+    pub fn vector(self, name: &str) -> PyResult<Vec<f64>> {
+        let n = self.values.len();
+        self.series(name, n)
+    }
+
+    /// The rows of shape `(n, C)`, or the one row of shape `(C,)`.
+    pub fn rows<const C: usize>(&self, name: &str) -> PyResult<Vec<[f64; C]>> {
+        match self.shape[..] {
+            [c] | [_, c] if c == C => {
+                Ok(self.values.chunks_exact(C).map(|row| std::array::from_fn(|i| row[i])).collect())
+            }
+            _ => Err(refused(format!("{name}: expected shape (n, {C}) or ({C},), found {:?}", self.shape))),
+        }
+    }
+
+    /// The one row of shape `(C,)` or `(1, C)`.
+    pub fn row<const C: usize>(&self, name: &str) -> PyResult<[f64; C]> {
+        match self.rows(name)?[..] {
+            [row] => Ok(row),
+            _ => Err(refused(format!("{name}: expected shape ({C},), found {:?}", self.shape))),
+        }
+    }
+
+    /// The matrix of shape `(k, columns)` in one row, and k.
+    pub fn matrix(self, name: &str, columns: usize) -> PyResult<(usize, Vec<f64>)> {
+        match self.shape[..] {
+            [k, c] if c == columns => Ok((k, self.values)),
+            _ => Err(refused(format!("{name}: expected shape (k, {columns}), found {:?}", self.shape))),
+        }
+    }
+
+    /// Whether the array has one dimension.
+    pub fn is_single(&self) -> bool {
+        self.shape.len() == 1
+    }
+
+    /// Unit quaternions from shape `(n, 4)`, or from roll, pitch and yaw of shape `(n, 3)`, rad.
+    pub fn attitudes(&self, name: &str) -> PyResult<Vec<[f64; 4]>> {
+        let quaternions: Vec<[f64; 4]> = match self.shape.last() {
+            Some(3) => self.rows::<3>(name)?.iter().map(from_euler).collect(),
+            Some(4) => self.rows::<4>(name)?,
+            _ => {
+                return Err(refused(format!(
+                    "{name}: expected quaternions (n, 4) or roll, pitch, yaw (n, 3), found {:?}",
+                    self.shape
+                )));
+            }
+        };
+        if let Some(row) = quaternions.iter().position(|q| !(q.iter().map(|x| x * x).sum::<f64>() > 1e-12)) {
+            return Err(refused(format!("{name}: row {row} is no rotation, found {:?}", quaternions[row])));
+        }
+        Ok(quaternions.iter().map(normalised).collect())
+    }
+}
+
+/// A fresh float64 array.
+pub struct Array(ArrayD<f64>);
+
+impl Array {
+    /// The values in C order as an array of this shape.
+    pub fn new(shape: &[usize], values: Vec<f64>) -> Self {
+        Self(ArrayD::from_shape_vec(IxDyn(shape), values).expect("as many values as the shape says"))
+    }
+
+    /// Rows as `(n, C)`, or as `(C,)` when `single`.
+    pub fn rows<const C: usize>(rows: &[[f64; C]], single: bool) -> Self {
+        let shape = if single { vec![C] } else { vec![rows.len(), C] };
+        Self::new(&shape, rows.concat())
+    }
+}
+
+impl<'py> IntoPyObject<'py> for Array {
+    type Target = PyArrayDyn<f64>;
+    type Output = Bound<'py, PyArrayDyn<f64>>;
+    type Error = std::convert::Infallible;
+    const OUTPUT_TYPE: PyStaticExpr = type_hint_subscript!(
+        type_hint_identifier!("numpy.typing", "NDArray"),
+        type_hint_identifier!("numpy", "float64")
+    );
+    fn into_pyobject(self, py: Python<'py>) -> Result<Self::Output, Self::Error> {
+        Ok(self.0.into_pyarray(py))
+    }
+}
+
+impl From<Vec<f64>> for Numbers {
+    fn from(values: Vec<f64>) -> Self {
+        Self { shape: vec![values.len()], values }
+    }
+}

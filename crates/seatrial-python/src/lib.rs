@@ -1,0 +1,20 @@
+//! The Python face of the core: whole objects from files in, arrays out. No physics here.
+
+use pyo3::prelude::*;
+
+mod convert;
+mod error;
+mod identify;
+mod simulate;
+mod vehicle;
+
+/// The compiled core of seatrial.
+#[pymodule(gil_used = false)]
+mod _core {
+    #[pymodule_export]
+    use crate::identify::{OpenLoop, Record};
+    #[pymodule_export]
+    use crate::simulate::{Run, State, simd_level, simulate_batch};
+    #[pymodule_export]
+    use crate::vehicle::Vehicle;
+}

@@ -1,0 +1,332 @@
+//! `Vehicle`: a vehicle file, its coefficients and the terms of its equation of motion.
+
+use crate::convert::{Array, Numbers};
+use crate::error::{VehicleError, raised, refused};
+use crate::simulate::{Run, Simulation, State};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use seatrial::algebra::Vec6;
+use seatrial::coefficients::HULL;
+use seatrial::current::Current;
+use seatrial::description::{Description, built_in, built_in_names};
+use seatrial::error::nearest;
+use seatrial::kinematics::rotation;
+use seatrial::vehicle::Instant;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A vehicle: hull, mass, coefficients and actuators. Immutable.
+#[pyclass(frozen, module = "seatrial")]
+pub struct Vehicle {
+    pub description: Arc<Description>,
+}
+
+impl Vehicle {
+    fn of(description: Description) -> Self {
+        Self { description: Arc::new(description) }
+    }
+
+    /// Velocities, rotations and currents of a call, all of the longest's length.
+    #[expect(clippy::type_complexity, reason = "three columns of one table")]
+    fn columns(
+        nu: &Numbers,
+        attitude: &Numbers,
+        current: Option<&Numbers>,
+    ) -> PyResult<Vec<(Vec6<f64>, [f64; 4], Option<Current>)>> {
+        let (nu, attitude) = (nu.rows::<6>("nu")?, attitude.attitudes("attitude")?);
+        let current = current.map(|c| c.rows::<3>("current")).transpose()?;
+        let n = nu.len().max(attitude.len()).max(current.as_ref().map_or(1, Vec::len));
+        let fits = |len: usize| len == n || len == 1;
+        if !(fits(nu.len()) && fits(attitude.len()) && current.as_ref().is_none_or(|c| fits(c.len()))) {
+            return Err(refused(format!(
+                "nu, attitude and current: expected equal numbers of rows or one, found {}, {} and {}",
+                nu.len(),
+                attitude.len(),
+                current.map_or(1, |c| c.len())
+            )));
+        }
+        Ok((0..n)
+            .map(|i| {
+                let current = current.as_ref().map(|c| Current { velocity: c[i % c.len()], rate: [0.0; 3] });
+                (nu[i % nu.len()], attitude[i % attitude.len()], current)
+            })
+            .collect())
+    }
+}
+
+#[pymethods]
+impl Vehicle {
+    /// The vehicle of a built-in name or a file.
+    ///
+    /// Raises VehicleError (a ValueError) that names file, key, what was expected and what was found.
+    #[staticmethod]
+    fn load(name_or_path: PathBuf) -> PyResult<Self> {
+        let name = name_or_path.to_string_lossy().into_owned();
+        if let Some(text) = built_in(&name) {
+            return Description::from_toml(text, &name).map(Self::of).map_err(raised);
+        }
+        let text = std::fs::read_to_string(&name_or_path).map_err(|error| {
+            let near = nearest(&name, built_in_names());
+            VehicleError::new_err(format!(
+                "{name}: expected a vehicle file or one of the built-in vehicles {}, but the file cannot be read ({error}){near}",
+                built_in_names().join(", ")
+            ))
+        })?;
+        Description::from_toml(&text, &name).map(Self::of).map_err(raised)
+    }
+
+    /// The vehicle of the TOML text of a vehicle file; `source` stands in messages.
+    #[staticmethod]
+    #[pyo3(signature = (text, source = "<text>"))]
+    fn from_toml(text: &str, source: &str) -> PyResult<Self> {
+        Description::from_toml(text, source).map(Self::of).map_err(raised)
+    }
+
+    /// Names of the built-in vehicles.
+    #[staticmethod]
+    fn names() -> Vec<&'static str> {
+        built_in_names()
+    }
+
+    /// The vehicle file with every coefficient written out, TOML.
+    fn to_toml(&self) -> String {
+        self.description.filled_file().to_toml()
+    }
+
+    /// Name of the vehicle.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.description.file.name
+    }
+
+    /// What the vehicle is, in a sentence.
+    #[getter]
+    fn description(&self) -> &str {
+        &self.description.file.description
+    }
+
+    /// Names of the actuators in the order of the allocation matrix's columns.
+    #[getter]
+    fn actuators(&self) -> Vec<String> {
+        self.description.actuators.iter().map(|a| a.thruster.name.clone()).collect()
+    }
+
+    /// Rows of the wrench that the vehicle can command, among X Y Z K M N.
+    #[getter]
+    fn controllable(&self) -> Vec<String> {
+        self.description.file.controllable.clone()
+    }
+
+    /// Per actuator: group, unit and neutral of its command, limits, place, wrench per newton.
+    fn actuator_info<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyDict>>> {
+        let info = |a: &seatrial::description::ActuatorDescription| {
+            let d = PyDict::new(py);
+            d.set_item("kind", "thruster")?;
+            d.set_item("group", &a.thruster.group)?;
+            d.set_item("unit", a.thruster.command.as_str())?;
+            d.set_item("neutral", a.thruster.neutral)?;
+            d.set_item("reversed", a.thruster.reversed)?;
+            d.set_item("position", a.thruster.position_m.map(|p| p.to_vec()))?;
+            d.set_item("direction", a.direction.to_vec())?;
+            d.set_item("wrench", a.wrench.to_vec())?;
+            d.set_item("maximum_ahead", a.limits.maximum[0])?;
+            d.set_item("maximum_astern", a.limits.maximum[1])?;
+            d.set_item("minimum_ahead", a.limits.minimum[0])?;
+            d.set_item("minimum_astern", a.limits.minimum[1])?;
+            d.set_item("characteristic", a.kind())?;
+            d.set_item("needs_voltage", a.table.as_ref().is_some_and(|t| t.needs_voltage()))?;
+            d.set_item("power_w_s3", a.power())?;
+            Ok((a.thruster.name.clone(), d))
+        };
+        self.description.actuators.iter().map(info).collect()
+    }
+
+    /// Measures of the hull in m (length, diameter, height); empty when the file has none.
+    fn geometry(&self) -> BTreeMap<&'static str, f64> {
+        self.description
+            .file
+            .geometry
+            .iter()
+            .flat_map(|g| {
+                [
+                    ("length", g.length_m),
+                    ("diameter", g.diameter_m),
+                    ("height", g.height_m.unwrap_or(g.diameter_m)),
+                ]
+            })
+            .collect()
+    }
+
+    /// Water and gravity for which the coefficients hold: rho in kg/m3, g in m/s2.
+    fn environment(&self) -> BTreeMap<&'static str, f64> {
+        let e = self.description.file.environment;
+        BTreeMap::from([("rho", e.rho_kg_m3), ("g", e.g_m_s2)])
+    }
+
+    /// Hotel load in W and battery energy in W h; empty when the file has none.
+    fn power(&self) -> BTreeMap<&'static str, f64> {
+        self.description
+            .file
+            .power
+            .iter()
+            .flat_map(|p| [("hotel_w", p.hotel_w), ("battery_wh", p.battery_wh)])
+            .collect()
+    }
+
+    /// The coefficients by name, SI.
+    fn coefficients(&self) -> BTreeMap<String, f64> {
+        self.description.named_coefficients().into_iter().collect()
+    }
+
+    /// Per coefficient, absent ones too: unit, geometric start value, default bounds, description.
+    fn coefficient_info<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyDict>>> {
+        let layout = &self.description.layout;
+        (0..layout.len())
+            .filter(|&i| i < HULL || self.description.uses(i))
+            .map(|i| {
+                let bounds = self.description.default_bounds(i);
+                let d = PyDict::new(py);
+                d.set_item("unit", layout.unit(i, self.description.command_unit(i)))?;
+                d.set_item(
+                    "start",
+                    self.description.start_values[i].unwrap_or(self.description.coefficients[i]),
+                )?;
+                d.set_item("lower", bounds.map(|b| b.0))?;
+                d.set_item("upper", bounds.map(|b| b.1))?;
+                d.set_item("description", layout.description(i))?;
+                Ok((layout.name(i), d))
+            })
+            .collect()
+    }
+
+    /// The same vehicle with other values of some coefficients, SI.
+    ///
+    /// Raises VehicleError for an unknown name or an impossible mass matrix.
+    fn with_coefficients(&self, coefficients: BTreeMap<String, f64>) -> PyResult<Self> {
+        let values: Vec<(String, f64)> = coefficients.into_iter().collect();
+        self.description.with_coefficients(&values).map(Self::of).map_err(raised)
+    }
+
+    /// M = M_RB + M_A, shape (6, 6), in kg, kg m, kg m2.
+    fn mass_matrix(&self) -> Array {
+        Array::rows(&self.nominal().mass_matrix, false)
+    }
+
+    /// Wrench about O per newton of each actuator, shape (6, actuators).
+    fn allocation_matrix(&self) -> Array {
+        let columns: Vec<Vec6<f64>> = self.description.actuators.iter().map(|a| a.wrench).collect();
+        let values = (0..6).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
+        Array::new(&[6, columns.len()], values)
+    }
+
+    /// The acceleration nu' under the wrench tau, body frame, m/s2 and rad/s2.
+    ///
+    /// nu and tau (n, 6) or (6,); attitude (n, 4) quaternion body to NED or (n, 3) roll, pitch, yaw in
+    /// rad; current (3,) or (n, 3), NED, m/s. Returns the shape of nu. Fossen (2011), equation 7.9.
+    #[pyo3(signature = (nu, attitude, tau, current = None))]
+    fn acceleration(
+        &self,
+        nu: Numbers,
+        attitude: Numbers,
+        tau: Numbers,
+        current: Option<Numbers>,
+    ) -> PyResult<Array> {
+        let columns = Self::columns(&nu, &attitude, current.as_ref())?;
+        let wrenches = tau.rows::<6>("tau")?;
+        if wrenches.len() != 1 && wrenches.len() != columns.len() && columns.len() != 1 {
+            return Err(refused(format!(
+                "tau: expected {} rows or one, found {}",
+                columns.len(),
+                wrenches.len()
+            )));
+        }
+        let vehicle = self.nominal();
+        let rows: Vec<Vec6<f64>> = (0..columns.len().max(wrenches.len()))
+            .map(|i| {
+                let (nu, attitude, current) = columns[i % columns.len()];
+                let instant = Instant { tau: wrenches[i % wrenches.len()], current, ..Instant::default() };
+                vehicle.acceleration(&rotation(&attitude), &nu, &instant)
+            })
+            .collect();
+        Ok(Array::rows(&rows, nu.is_single() && rows.len() == 1))
+    }
+
+    /// Every term of the equation of motion as force on the vehicle, (n, 6), body frame, N and N m.
+    ///
+    /// Keys rigid_body (-C_RB nu), added_mass (-C_A nu_r + M_A nu_c'), damping (-D nu_r), lift, restoring
+    /// (-g), and bias where the vehicle has one; their sum + tau = mass_matrix @ acceleration.
+    #[pyo3(signature = (nu, attitude, current = None))]
+    fn forces(
+        &self,
+        nu: Numbers,
+        attitude: Numbers,
+        current: Option<Numbers>,
+    ) -> PyResult<BTreeMap<&'static str, Array>> {
+        let columns = Self::columns(&nu, &attitude, current.as_ref())?;
+        let vehicle = self.nominal();
+        let rows: Vec<_> = columns
+            .iter()
+            .map(|(nu, attitude, current)| vehicle.forces(&rotation(attitude), nu, current.as_ref()))
+            .collect();
+        let single = nu.is_single() && rows.len() == 1;
+        let term = |read: fn(&seatrial::vehicle::Forces<f64>) -> Vec6<f64>| {
+            Array::rows(&rows.iter().map(read).collect::<Vec<_>>(), single)
+        };
+        let mut terms = BTreeMap::from([
+            ("rigid_body", term(|f| f.rigid_body)),
+            ("added_mass", term(|f| f.added_mass)),
+            ("damping", term(|f| f.damping)),
+            ("lift", term(|f| f.lift)),
+            ("restoring", term(|f| f.restoring)),
+        ]);
+        if let Some(bias) = vehicle.bias {
+            terms.insert("bias", Array::rows(&vec![bias; rows.len()], single));
+        }
+        Ok(terms)
+    }
+
+    /// The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample.
+    ///
+    /// t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
+    /// the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
+    /// actuators'; voltage (n,), V; max_step, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
+    #[pyo3(signature = (t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage = None, max_step = 0.02, rho = None, g = None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
+    fn simulate(
+        &self,
+        py: Python<'_>,
+        t: Numbers,
+        commands: Option<BTreeMap<String, Numbers>>,
+        initial: Option<PyRef<'_, State>>,
+        current: Option<Numbers>,
+        free: &str,
+        tau: Option<Numbers>,
+        voltage: Option<Numbers>,
+        max_step: f64,
+        rho: Option<f64>,
+        g: Option<f64>,
+    ) -> PyResult<Run> {
+        let simulation = Simulation::new(
+            &self.description,
+            t,
+            commands,
+            initial.as_deref(),
+            (current, tau, voltage),
+            free,
+            max_step,
+            (rho, g),
+        )?;
+        simulation.run(py)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Vehicle('{}', {} actuators)", self.name(), self.description.actuators.len())
+    }
+}
+
+impl Vehicle {
+    fn nominal(&self) -> seatrial::vehicle::Vehicle<f64> {
+        seatrial::vehicle::Vehicle::nominal(&self.description)
+    }
+}

@@ -1,0 +1,62 @@
+//! An actuator: from the command to its wrench, in the order of the real chain
+//!
+//! `command → static limits → rate limit → dead time → first-order lag → characteristic → wrench`.
+//!
+//! The [`motor`] moves the *signal* (revolutions, pulse width from neutral, or newtons, in the
+//! command's own unit, positive ahead); the [`characteristic`] turns the signal into a thrust that is
+//! affine in the inflow velocity, `F = F_0 + F_V V`; the wrench per newton places it on the vehicle.
+//! By the principle of virtual power the inflow velocity along the thruster is the same vector
+//! product, `u_a = b · ν_r`.
+//!
+//! Source: Taubert et al. (2014), equations 34, 35, 39–47; Fossen (2011), section 9.
+//! Tests: `tests/laws.rs` (chain against its analytic answer), `tests/test_scalar_textbook.py`.
+//! Fins, with deflection limits and lift in all quadrants, will be the sibling `actuator/fin.rs`.
+
+pub mod characteristic;
+pub mod motor;
+
+use crate::algebra::{Vec6, dot};
+use crate::real::Real;
+use characteristic::{Characteristic, Thrust};
+use motor::Motor;
+
+/// One thruster.
+#[derive(Clone)]
+pub struct Actuator<T> {
+    /// How the signal follows the command.
+    pub motor: Motor<T>,
+    /// How thrust follows the signal.
+    pub characteristic: Characteristic<T>,
+    /// Wrench about O per newton of thrust: `[d; r × d]`, or as given.
+    pub wrench: Vec6<T>,
+    /// Wrench about O per newton metre of reaction torque: `[0; d]`; absent without torque terms.
+    pub torque: Option<Vec6<T>>,
+    /// Direction of the inflow, `u_a = inflow · ν_r`.
+    pub inflow: Vec6<T>,
+}
+
+impl<T: Real> Actuator<T> {
+    /// `tau` + wrench at the thrust `thrust` and the relative velocity `nu_r`.
+    #[inline(always)]
+    pub fn add(&self, thrust: &Thrust<T>, nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
+        let mut sum = *tau;
+        let (force, torque) = if self.characteristic.has_inflow() {
+            let u_a = dot(&self.inflow, nu_r);
+            (
+                thrust.force_per_inflow.mul_add(u_a, thrust.force),
+                thrust.torque_per_inflow.mul_add(u_a, thrust.torque),
+            )
+        } else {
+            (thrust.force, thrust.torque)
+        };
+        for i in 0..6 {
+            sum[i] = self.wrench[i].mul_add(force, sum[i]);
+        }
+        if let Some(direction) = &self.torque {
+            for i in 3..6 {
+                sum[i] = direction[i].mul_add(torque, sum[i]);
+            }
+        }
+        sum
+    }
+}

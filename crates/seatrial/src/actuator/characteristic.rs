@@ -1,0 +1,194 @@
+//! Characteristic of a thruster: from the signal (and the inflow, and the supply) to its thrust.
+//!
+//! * Quadratic: `F = p1 |n| n + p2 |n| V_a`, n in rev/s, `V_a = (1 − w) u_a`, `p1 = α1 ρ d⁴` (different
+//!   ahead and astern), `p2 = α2 ρ d³`; reaction torque `Q = q1 |n| n + q2 |n| V_a`.
+//! * Polynomial: `F = a0 + a1 s + a11 s²` of the signal's magnitude per direction, no thrust at zero: the
+//!   second-order regression of a bollard test.
+//! * Table: measured thrust over signal and supply voltage, bilinear.
+//! * Direct: the signal is the thrust in newtons.
+//!
+//! All are affine in the inflow, `F = F_0 + F_V u_a`. `gain` and thrust deduction `1 − t` multiply them.
+//!
+//! Source: Taubert et al. (2014), equations 35–38; Fossen (1994), section 4.1.
+//! Tests: `tests/laws.rs`, `tests/test_scalar_textbook.py`.
+
+use crate::real::Real;
+use std::sync::Arc;
+
+/// Thrust and reaction torque, each affine in the inflow velocity u_a.
+#[derive(Clone, Copy)]
+pub struct Thrust<T> {
+    /// Thrust without inflow, N.
+    pub force: T,
+    /// Thrust per inflow velocity, N s/m.
+    pub force_per_inflow: T,
+    /// Reaction torque without inflow, N m.
+    pub torque: T,
+    /// Reaction torque per inflow velocity, N s.
+    pub torque_per_inflow: T,
+}
+
+/// The shape of a characteristic.
+#[derive(Clone)]
+pub enum Shape<T> {
+    /// `F = p1 |n| n + p2 |n| V_a`; the signal is in rpm.
+    Quadratic {
+        /// p1 ahead and astern, N s².
+        p1: [T; 2],
+        /// p2 (1 − w), N s²/m.
+        p2: T,
+        /// q1, N m s².
+        q1: T,
+        /// q2 (1 − w), N s².
+        q2: T,
+        /// Any of p2, q2 given or sought.
+        inflow: bool,
+    },
+    /// `F = a0 + a1 s + a11 s²`, coefficients ahead and astern.
+    Polynomial([[T; 3]; 2]),
+    /// Measured.
+    Table(Arc<Table>),
+    /// The signal is the thrust.
+    Direct,
+}
+
+/// Shape and factor: `gain (1 − t)`, times the density ratio where the thrust is hydrodynamic.
+#[derive(Clone)]
+pub struct Characteristic<T> {
+    /// Shape of the curve.
+    pub shape: Shape<T>,
+    /// Factor on thrust and torque.
+    pub factor: T,
+}
+
+impl<T: Real> Characteristic<T> {
+    /// Whether thrust depends on the inflow.
+    #[inline(always)]
+    pub fn has_inflow(&self) -> bool {
+        matches!(self.shape, Shape::Quadratic { inflow: true, .. })
+    }
+
+    /// Thrust at a signal (in the command's unit) and a supply voltage (V).
+    #[inline(always)]
+    pub fn thrust(&self, signal: T, voltage: f64) -> Thrust<T> {
+        let zero = signal.zero();
+        let astern = signal.lt(zero);
+        let still = Thrust { force: zero, force_per_inflow: zero, torque: zero, torque_per_inflow: zero };
+        match &self.shape {
+            Shape::Quadratic { p1, p2, q1, q2, .. } => {
+                let n = signal * (1.0 / 60.0);
+                let magnitude = n.abs();
+                let pull = T::select(astern, p1[1], p1[0]);
+                let strength = self.factor * magnitude;
+                let square = strength * n;
+                Thrust {
+                    force: pull * square,
+                    force_per_inflow: *p2 * strength,
+                    torque: *q1 * square,
+                    torque_per_inflow: *q2 * strength,
+                }
+            }
+            Shape::Polynomial(coefficients) => {
+                let [a0, a1, a11]: [T; 3] =
+                    std::array::from_fn(|i| T::select(astern, coefficients[1][i], coefficients[0][i]));
+                let s = signal.abs();
+                let magnitude = a11.mul_add(s, a1).mul_add(s, a0);
+                let force = T::select(astern, -magnitude, magnitude);
+                let running = zero.lt(s);
+                Thrust { force: self.factor * T::select(running, force, zero), ..still }
+            }
+            Shape::Table(table) => {
+                let row = table.row(voltage);
+                Thrust { force: self.factor * signal.tabulated(|s| table.interpolate(&row, s)), ..still }
+            }
+            Shape::Direct => Thrust { force: self.factor * signal, ..still },
+        }
+    }
+}
+
+/// Measured thrust over signal (columns) and supply voltage (rows); held constant beyond its edges.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    signal: Vec<f64>,
+    voltage: Vec<f64>,
+    force: Vec<Vec<f64>>,
+    /// For equal buckets of the signal axis, the interval in which the bucket begins.
+    bucket: Vec<usize>,
+    buckets_per_unit: f64,
+}
+
+/// The two rows of a table around a voltage and the weight of the upper one.
+pub struct Row<'a>(&'a [f64], &'a [f64], f64);
+
+impl Table {
+    /// A table from strictly increasing axes; `force[i][j]` at `voltage[i]`, `signal[j]`, N.
+    ///
+    /// # Errors
+    /// The reason, when the axes do not increase or the sizes do not match.
+    pub fn new(signal: Vec<f64>, voltage: Vec<f64>, force: Vec<Vec<f64>>) -> Result<Self, String> {
+        let increasing =
+            |axis: &[f64]| axis.windows(2).all(|w| w[0] < w[1]) && axis.iter().all(|x| x.is_finite());
+        if signal.len() < 2 || !increasing(&signal) {
+            return Err("the signal axis needs two or more strictly increasing numbers".into());
+        }
+        if !increasing(&voltage) {
+            return Err("the voltage axis must increase strictly".into());
+        }
+        let rows = voltage.len().max(1);
+        if force.len() != rows || force.iter().any(|row| row.len() != signal.len()) {
+            return Err(format!("force_n must have {rows} rows of {} numbers", signal.len()));
+        }
+        if force.iter().flatten().any(|x| !x.is_finite()) {
+            return Err("force_n must hold finite numbers".into());
+        }
+        let span = signal[signal.len() - 1] - signal[0];
+        let finest = signal.windows(2).map(|w| w[1] - w[0]).fold(span, f64::min);
+        let buckets = ((span / finest).ceil() as usize).clamp(1, 4096);
+        let buckets_per_unit = buckets as f64 / span;
+        let bucket = (0..=buckets)
+            .map(|i| signal[0] + i as f64 / buckets_per_unit)
+            .map(|x| signal.partition_point(|&s| s <= x).clamp(1, signal.len() - 1) - 1)
+            .collect();
+        Ok(Self { signal, voltage, force, bucket, buckets_per_unit })
+    }
+
+    /// Whether thrust depends on the supply voltage.
+    pub fn needs_voltage(&self) -> bool {
+        self.voltage.len() > 1
+    }
+
+    /// The range of the signal axis.
+    pub fn range(&self) -> [f64; 2] {
+        [self.signal[0], self.signal[self.signal.len() - 1]]
+    }
+
+    /// The rows around a voltage; the first row where the voltage is unknown (not a number).
+    pub fn row(&self, voltage: f64) -> Row<'_> {
+        let last = self.voltage.len().saturating_sub(1);
+        let upper = self.voltage.partition_point(|&v| v < voltage).min(last);
+        if upper == 0 || voltage.is_nan() {
+            return Row(&self.force[0], &self.force[0], 0.0);
+        }
+        let (low, high) = (self.voltage[upper - 1], self.voltage[upper]);
+        Row(&self.force[upper - 1], &self.force[upper], ((voltage - low) / (high - low)).clamp(0.0, 1.0))
+    }
+
+    /// Thrust and its slope at a signal.
+    #[inline]
+    pub fn interpolate(&self, row: &Row<'_>, signal: f64) -> (f64, f64) {
+        let [first, last] = self.range();
+        if signal.is_nan() {
+            return (f64::NAN, f64::NAN);
+        }
+        let x = signal.clamp(first, last);
+        let mut i = self.bucket[((x - first) * self.buckets_per_unit) as usize];
+        while i + 2 < self.signal.len() && self.signal[i + 1] < x {
+            i += 1;
+        }
+        let force = |j: usize| row.0[j] + (row.1[j] - row.0[j]) * row.2;
+        let (left, right) = (force(i), force(i + 1));
+        let slope = (right - left) / (self.signal[i + 1] - self.signal[i]);
+        let inside = first <= signal && signal <= last;
+        (left + slope * (x - self.signal[i]), if inside { slope } else { 0.0 })
+    }
+}

@@ -1,0 +1,135 @@
+//! Motor and controller: limits, rate limit, dead time and first-order lag of the signal.
+//!
+//! 1. Static ([`Limits`]): above the maximum clip; between zero and the minimum *lift* to the minimum
+//!    (the controller cannot hold less) or, as a true dead band, drop to zero; exactly zero stays.
+//! 2. Rate: `n_acc` while |n| grows, `n_dec` while it shrinks; a reversal first brakes to zero.
+//! 3. Dead time `T_t`: applied first, to the record, since a pure delay commutes with the rest
+//!    ([`crate::open_loop`]).
+//! 4. Lag `K_V/(T_1 s + 1)` with first-order hold, because its input is a ramp after the rate limit:
+//!    `n(t+h) = a n(t) + K_V [(1−a) u(t) + (1 − (T_1/h)(1−a)) (u(t+h) − u(t))]`, `a = e^(−h/T_1)`.
+//!    The motor advances by half steps, so that Runge–Kutta sees the signal at its midpoint.
+//!
+//! Source: Taubert et al. (2014), figures 6–8 and equation 34. Unit: the command's own (rpm, µs, N).
+//! Tests: `tests/laws.rs::law_motor_…`.
+
+use crate::real::Real;
+
+/// Static limits of the command, positive magnitudes for both directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Largest signal ahead and astern.
+    pub maximum: [f64; 2],
+    /// Smallest signal that the controller holds ahead and astern.
+    pub minimum: [f64; 2],
+    /// Between zero and the minimum: `false` lifts to the minimum, `true` drops to zero.
+    pub dead_band: bool,
+}
+
+impl Limits {
+    /// The signal that the controller asks of the motor.
+    pub fn apply(&self, command: f64) -> f64 {
+        let side = usize::from(command < 0.0);
+        let magnitude = command.abs();
+        if magnitude == 0.0 || magnitude.is_nan() {
+            return command;
+        }
+        let held = if magnitude >= self.minimum[side] {
+            magnitude.min(self.maximum[side])
+        } else if self.dead_band {
+            0.0
+        } else {
+            self.minimum[side].min(self.maximum[side])
+        };
+        held.copysign(command)
+    }
+}
+
+/// Dynamics of a motor.
+#[derive(Clone, Copy)]
+pub struct Motor<T> {
+    /// Static gain of the lag.
+    pub k_v: T,
+    /// Time constant T_1, s.
+    pub t_1: T,
+    /// Dead time T_t, s.
+    pub t_t: T,
+    /// Rate limit while the magnitude grows and while it shrinks, unit/s; `None` = unlimited.
+    pub rate: Option<[T; 2]>,
+}
+
+/// Where a motor is: the rate-limited command and the signal after the lag.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorState<T> {
+    /// Output of the rate limit, input of the lag.
+    pub ramp: T,
+    /// Output of the lag: revolutions, pulse width or newtons.
+    pub signal: T,
+}
+
+/// Constants of one motor for a step of fixed length.
+#[derive(Clone, Copy)]
+pub struct MotorStep<T> {
+    decay: T,
+    held: T,
+    ramped: T,
+    growth: T,
+    shrink: T,
+    growth_per_shrink: T,
+    limited: bool,
+}
+
+impl<T: Real> Motor<T> {
+    /// The constants of a step of `h` seconds.
+    #[inline(always)]
+    pub fn step(&self, h: f64) -> MotorStep<T> {
+        let one = self.k_v.splat(1.0);
+        // A time constant far below the step is no lag; the bound keeps the quotient finite.
+        let t_1 = self.t_1.max(one.splat(1e-6 * h));
+        let decay = (-(one.splat(h) / t_1)).exp();
+        let settled = one - decay;
+        let [growth, shrink] = self.rate.unwrap_or([one, one]).map(|rate| rate * h);
+        MotorStep {
+            decay,
+            held: self.k_v * settled,
+            ramped: self.k_v * (t_1 * (1.0 / h)).neg_mul_add(settled, one),
+            growth,
+            shrink,
+            growth_per_shrink: growth / shrink,
+            limited: self.rate.is_some(),
+        }
+    }
+
+    /// The steady state under the constant command `command` (after the static limits).
+    #[inline(always)]
+    pub fn steady(&self, command: T) -> MotorState<T> {
+        MotorState { ramp: command, signal: self.k_v * command }
+    }
+}
+
+impl<T: Real> MotorStep<T> {
+    /// The state one step later under the command `target` (after the static limits).
+    #[inline(always)]
+    pub fn advance(&self, state: &MotorState<T>, target: T) -> MotorState<T> {
+        let (from, to) =
+            if self.limited { (state.ramp, self.ramp(state.ramp, target)) } else { (target, target) };
+        let signal = self.ramped.mul_add(to - from, self.held.mul_add(from, self.decay * state.signal));
+        MotorState { ramp: to, signal: signal.flush() }
+    }
+
+    /// The rate-limited command one step later.
+    #[inline(always)]
+    fn ramp(&self, ramp: T, target: T) -> T {
+        let zero = ramp.zero();
+        let reversed = ramp.lt(zero);
+        let magnitude = ramp.abs();
+        let wanted = T::select(reversed, -target, target);
+        let grown = wanted.min(magnitude + self.growth);
+        let braked = magnitude - self.shrink;
+        let shrunk = wanted.max(braked);
+        // Past zero: the time left after braking lets the other direction grow.
+        let beyond = wanted.max((braked * self.growth_per_shrink).min(zero));
+        let shrunk = T::select(wanted.lt(zero), T::select(braked.lt(zero), beyond, braked), shrunk);
+        let next = T::select(magnitude.lt(wanted), grown, shrunk);
+        T::select(reversed, -next, next)
+    }
+}

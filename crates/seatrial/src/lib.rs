@@ -1,0 +1,31 @@
+//! seatrial: six-degree-of-freedom model, actuators and batch simulation of underwater vehicles.
+//!
+//! Reading order: [`vehicle`] is the equation of motion; each of its terms is a file
+//! ([`rigid_body`], [`added_mass`], [`damping`], [`lift`], [`restoring`], [`current`], [`actuator`]);
+//! [`integrate`] steps it; [`open_loop`] runs it through recorded commands, alone or in batches;
+//! [`criterion`] compares it with measurements; [`description`] reads a vehicle from its file.
+//!
+//! SI and radians throughout; frames n = north-east-down, b = forward-starboard-down with origin O.
+
+pub mod actuator;
+pub mod added_mass;
+pub mod algebra;
+pub mod allocation;
+pub mod coefficients;
+pub mod criterion;
+pub mod current;
+pub mod damping;
+pub mod description;
+pub mod error;
+pub mod geometry;
+pub mod integrate;
+pub mod kinematics;
+pub mod lift;
+pub mod open_loop;
+pub mod real;
+pub mod restoring;
+pub mod rigid_body;
+pub mod vehicle;
+pub mod vehicle_file;
+
+pub use error::Error;

@@ -1,0 +1,345 @@
+//! Open loop: recorded commands in, motion out; one vehicle, or candidates × segments × threads.
+//!
+//! A [`Record`] is a trial on a uniform time base; commands and wrenches are held from sample to sample
+//! (zero-order hold), the current is linear in between. A [`Segment`] is a part of it that starts from
+//! a measured state. One step per stage: `substeps` equal steps per sample.
+//!
+//! Dead time comes first: the limited command record is read `T_t` earlier, and where that is no
+//! multiple of the step, linearly between the steps around it (the mean of the held command over the
+//! step). Lanes with different T_t thus read the shared record at different times.
+//!
+//! Tests: `tests/laws.rs`, `tests/scalars.rs` (lanes equal `f64`, a candidate is alone in its result).
+
+pub mod batch;
+
+use crate::actuator::motor::{MotorState, MotorStep};
+use crate::criterion::{CHANNELS, Criterion};
+use crate::current::Current;
+use crate::description::Description;
+use crate::error::Error;
+use crate::integrate::{State, step};
+use crate::kinematics::rotation;
+use crate::real::Real;
+use crate::vehicle::{Instant, Vehicle};
+use crate::vehicle_file::Environment;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How long before a segment the motors start to run, so that the segment meets them as they were.
+const WARM_UP_S: f64 = 3.0;
+
+/// The inputs and measurements of one trial, sampled every `dt` seconds.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// Time between samples, s.
+    pub dt: f64,
+    /// Number of samples.
+    pub len: usize,
+    /// Per actuator the signal asked of the motor: limited commands.
+    pub commands: Vec<Vec<f64>>,
+    /// Per actuator the measured signal, where it replaces the motor.
+    pub signals: Vec<Option<Vec<f64>>>,
+    /// Supply voltage, V; empty when unknown.
+    pub voltage: Vec<f64>,
+    /// Wrench from outside the actuators; empty when none.
+    pub tau: Vec<[f64; 6]>,
+    /// Current, NED, m/s: empty, one, or one per sample.
+    pub current: Vec<[f64; 3]>,
+    /// `ν` and `ν'` at every half step, for measured axes; empty when none.
+    pub measured: Vec<[[f64; 6]; 2]>,
+    /// Measured channels; empty when none.
+    pub observed: Vec<[f64; CHANNELS]>,
+    /// Weights of the measured channels.
+    pub weight: Vec<[f64; CHANNELS]>,
+    /// Water and gravity of the trial.
+    pub environment: Environment,
+}
+
+impl Record {
+    /// The record of commands in the actuators' own units, `commands[actuator]`, through the static
+    /// limits.
+    pub fn signals_of(description: &Description, actuator: usize, commands: &[f64]) -> Vec<f64> {
+        let described = &description.actuators[actuator];
+        commands.iter().map(|&c| described.limits.apply(described.signal(c))).collect()
+    }
+
+    #[inline(always)]
+    fn current(&self, k: usize, fraction: f64) -> Option<Current> {
+        match self.current.len() {
+            0 => None,
+            1 => Some(Current { velocity: self.current[0], rate: [0.0; 3] }),
+            n => {
+                let (from, to) = (self.current[k], self.current[(k + 1).min(n - 1)]);
+                let change: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+                Some(Current {
+                    velocity: std::array::from_fn(|i| from[i] + fraction * change[i]),
+                    rate: change.map(|x| x / self.dt),
+                })
+            }
+        }
+    }
+}
+
+/// Where the motors are when a run begins.
+#[derive(Clone, Debug)]
+pub enum MotorStart {
+    /// As the record's earlier commands leave them (steady under the first one at its beginning).
+    Recorded,
+    /// At these signals, held by the command before the record.
+    Held(Vec<f64>),
+}
+
+/// A part of a record, simulated from a given state.
+#[derive(Clone, Debug)]
+pub struct Segment {
+    /// Index of the record.
+    pub record: usize,
+    /// First sample: the given state.
+    pub start: usize,
+    /// One past the last sample.
+    pub stop: usize,
+    /// The state at `start`.
+    pub state: State<f64>,
+    /// The motors at `start`.
+    pub motors: MotorStart,
+}
+
+/// What is kept of a run.
+pub enum Observer<'a, T> {
+    /// Everything, at every sample.
+    Track(Track<T>),
+    /// The criterion only.
+    Criterion(Criterion<'a, T>),
+}
+
+/// A run, sample by sample.
+#[derive(Clone)]
+pub struct Track<T> {
+    /// State.
+    pub states: Vec<State<T>>,
+    /// Signal per actuator.
+    pub signals: Vec<Vec<T>>,
+    /// Wrench of actuators and outside together.
+    pub tau: Vec<[T; 6]>,
+}
+
+impl<T> Default for Track<T> {
+    fn default() -> Self {
+        Self { states: Vec::new(), signals: Vec::new(), tau: Vec::new() }
+    }
+}
+
+/// Runs a vehicle through a segment. `nu_offset` is added to the segment's initial velocity.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `stop` is set.
+#[inline(always)]
+pub fn fly<T: Real>(
+    vehicle: &Vehicle<T>,
+    record: &Record,
+    segment: &Segment,
+    (substeps, nu_offset): (usize, &[T; 6]),
+    observer: &mut Observer<'_, T>,
+    stop: &AtomicBool,
+) -> Result<(), Error> {
+    let unit = nu_offset[0];
+    let h = record.dt / substeps as f64;
+    let mut state = State {
+        position: segment.state.position.map(|x| unit.splat(x)),
+        attitude: segment.state.attitude.map(|x| unit.splat(x)),
+        nu: [unit; 6],
+    };
+    for i in 0..6 {
+        state.nu[i] = nu_offset[i] + segment.state.nu[i];
+    }
+    let mut motors = Motors::new(vehicle, record, &segment.motors, substeps, unit);
+    if matches!(segment.motors, MotorStart::Recorded) {
+        let warm = (WARM_UP_S / record.dt).ceil() as usize;
+        motors.settle(segment.start.saturating_sub(warm));
+        for k in segment.start.saturating_sub(warm)..segment.start {
+            for s in 0..substeps {
+                motors.advance(k, s, 0);
+                motors.advance(k, s, 1);
+            }
+        }
+    }
+    let mut instants: [Instant<T>; 3] = Default::default();
+    for k in segment.start..segment.stop {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted);
+        }
+        let tau = record.tau.get(k).copied().unwrap_or_default();
+        for instant in &mut instants {
+            instant.tau = tau;
+        }
+        motors.measure(k, 0.0);
+        motors.thrust(k, &mut instants[0]);
+        for s in 0..substeps {
+            for (i, instant) in instants.iter_mut().enumerate() {
+                let fraction = (s as f64 + 0.5 * i as f64) / substeps as f64;
+                instant.current = record.current(k, fraction);
+                let node = (2 * (k * substeps + s) + i).min(record.measured.len().saturating_sub(1));
+                if let Some(measured) = record.measured.get(node) {
+                    instant.measured = *measured;
+                }
+            }
+            if s == 0 {
+                if k == segment.start {
+                    state.replay(vehicle, &instants[0]);
+                }
+                observe(observer, k, segment.start, (vehicle, &state), (&motors, &instants[0]));
+                if k + 1 == segment.stop {
+                    return Ok(());
+                }
+            }
+            for half in 0..2 {
+                motors.advance(k, s, half);
+                motors.measure(k, (s as f64 + 0.5 * (half + 1) as f64) / substeps as f64);
+                motors.thrust(k, &mut instants[half + 1]);
+            }
+            state = step(vehicle, &state, h, &instants);
+            let (first, rest) = instants.split_at_mut(1);
+            std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
+        }
+    }
+    Ok(())
+}
+
+#[inline(always)]
+fn observe<T: Real>(
+    observer: &mut Observer<'_, T>,
+    k: usize,
+    start: usize,
+    (vehicle, state): (&Vehicle<T>, &State<T>),
+    (motors, instant): (&Motors<'_, T>, &Instant<T>),
+) {
+    match observer {
+        Observer::Criterion(criterion) => {
+            if k > start {
+                criterion.add(k, state);
+            }
+        }
+        Observer::Track(track) => {
+            let nu_r = match &instant.current {
+                Some(current) => current.relative(&rotation(&state.attitude), &state.nu).0,
+                None => state.nu,
+            };
+            let outside = instant.tau.map(|x| state.nu[0].splat(x));
+            track.states.push(*state);
+            track.tau.push(vehicle.actuate(&instant.thrusts, &nu_r, &outside));
+            track.signals.push(motors.states.iter().map(|m| m.signal).collect());
+        }
+    }
+}
+
+/// The motors of a vehicle at work on a record.
+struct Motors<'a, T> {
+    vehicle: &'a Vehicle<T>,
+    record: &'a Record,
+    substeps: usize,
+    half_steps: Vec<MotorStep<T>>,
+    /// Dead time in steps.
+    delays: Vec<T>,
+    targets: Vec<T>,
+    /// The command before the record.
+    before: Vec<f64>,
+    states: Vec<MotorState<T>>,
+}
+
+impl<'a, T: Real> Motors<'a, T> {
+    #[inline(always)]
+    fn new(
+        vehicle: &'a Vehicle<T>,
+        record: &'a Record,
+        start: &MotorStart,
+        substeps: usize,
+        unit: T,
+    ) -> Self {
+        let h = record.dt / substeps as f64;
+        let count = vehicle.actuators.len();
+        let mut motors = Self {
+            vehicle,
+            record,
+            substeps,
+            half_steps: Vec::with_capacity(count),
+            delays: Vec::with_capacity(count),
+            targets: vec![unit; count],
+            before: Vec::with_capacity(count),
+            states: Vec::with_capacity(count),
+        };
+        for (i, actuator) in vehicle.actuators.iter().enumerate() {
+            motors.half_steps.push(actuator.motor.step(0.5 * h));
+            motors.delays.push(actuator.motor.t_t * (1.0 / h));
+            let (before, state) = match start {
+                MotorStart::Recorded => {
+                    let first = record.commands[i][0];
+                    (first, actuator.motor.steady(unit.splat(first)))
+                }
+                MotorStart::Held(signals) => {
+                    let signal = unit.splat(signals[i]);
+                    (signals[i], MotorState { ramp: signal / actuator.motor.k_v, signal })
+                }
+            };
+            motors.before.push(before);
+            motors.states.push(state);
+        }
+        motors
+    }
+
+    /// Sets the motors to the steady state of the command at sample `k`.
+    #[inline(always)]
+    fn settle(&mut self, k: usize) {
+        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
+            let target = self.target(i, k, 0);
+            self.states[i] = actuator.motor.steady(target);
+        }
+    }
+
+    /// The command that reaches motor `i` in step `s` of sample `k`.
+    #[inline(always)]
+    fn target(&self, i: usize, k: usize, s: usize) -> T {
+        let commands = &self.record.commands[i];
+        let (substeps, before) = (self.substeps, self.before[i]);
+        let held = |step: f64| {
+            if step < 0.0 { before } else { commands[(step as usize / substeps).min(commands.len() - 1)] }
+        };
+        let delay = self.delays[i];
+        (delay.splat((k * substeps + s) as f64) - delay).tabulated(|x| {
+            let whole = x.floor();
+            let (from, to) = (held(whole), held(whole + 1.0));
+            (from + (x - whole) * (to - from), to - from)
+        })
+    }
+
+    /// Moves every motor by half a step; the command is read at the first half.
+    #[inline(always)]
+    fn advance(&mut self, k: usize, s: usize, half: usize) {
+        for i in 0..self.states.len() {
+            if half == 0 {
+                self.targets[i] = self.target(i, k, s);
+            }
+            self.states[i] = self.half_steps[i].advance(&self.states[i], self.targets[i]);
+        }
+    }
+
+    /// Replaces the signals that were measured, at a fraction of the sample interval.
+    #[inline(always)]
+    fn measure(&mut self, k: usize, fraction: f64) {
+        for (i, measured) in self.record.signals.iter().enumerate() {
+            if let Some(signal) = measured {
+                let next = signal[(k + 1).min(signal.len() - 1)];
+                self.states[i].signal =
+                    self.states[i].signal.splat(signal[k] + fraction * (next - signal[k]));
+            }
+        }
+    }
+
+    /// The thrusts at the present signals.
+    #[inline(always)]
+    fn thrust(&self, k: usize, instant: &mut Instant<T>) {
+        let voltage = self.record.voltage.get(k).copied().unwrap_or(f64::NAN);
+        instant.thrusts.clear();
+        for (actuator, motor) in self.vehicle.actuators.iter().zip(&self.states) {
+            instant.thrusts.push(actuator.characteristic.thrust(motor.signal, voltage));
+        }
+    }
+}
