@@ -3,10 +3,14 @@
 use crate::error::refused;
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{AllowTypeChange, IntoPyArray, PyArrayDyn, PyArrayLikeDyn, PyUntypedArrayMethods};
+use pyo3::IntoPyObjectExt;
 use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
+use pyo3::types::PyMapping;
 use pyo3::{type_hint_identifier, type_hint_subscript};
+use seatrial::facts::{Facts, Value};
 use seatrial::kinematics::{from_euler, normalised};
+use std::collections::BTreeMap;
 
 /// An array-like of any shape as float64, C order.
 pub struct Numbers {
@@ -25,17 +29,11 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Numbers {
 
 impl Numbers {
     /// The numbers of shape `(n,)`.
-    pub fn series(self, name: &str, n: usize) -> PyResult<Vec<f64>> {
-        match self.shape[..] {
-            [len] if len == n => Ok(self.values),
-            _ => Err(refused(format!("{name}: expected shape ({n},), found {:?}", self.shape))),
-        }
-    }
-
-    /// The numbers of any one-dimensional shape.
     pub fn vector(self, name: &str) -> PyResult<Vec<f64>> {
-        let n = self.values.len();
-        self.series(name, n)
+        match self.shape[..] {
+            [_] => Ok(self.values),
+            _ => Err(refused(format!("{name}: expected shape (n,), found {:?}", self.shape))),
+        }
     }
 
     /// The rows of shape `(n, C)`, or the one row of shape `(C,)`.
@@ -117,8 +115,63 @@ impl<'py> IntoPyObject<'py> for Array {
     }
 }
 
-impl From<Vec<f64>> for Numbers {
-    fn from(values: Vec<f64>) -> Self {
-        Self { shape: vec![values.len()], values }
+/// A plain value of a report.
+pub struct Fact(Value);
+
+/// The facts by name.
+pub fn fact_map(facts: Facts) -> BTreeMap<&'static str, Fact> {
+    facts.into_iter().map(|(name, value)| (name, Fact(value))).collect()
+}
+
+impl<'py> IntoPyObject<'py> for Fact {
+    type Target = PyAny;
+    type Output = Bound<'py, PyAny>;
+    type Error = PyErr;
+    const OUTPUT_TYPE: PyStaticExpr = type_hint_identifier!("typing", "Any");
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self.0 {
+            Value::None => Ok(py.None().into_bound(py)),
+            Value::Flag(x) => x.into_bound_py_any(py),
+            Value::Number(x) => x.into_bound_py_any(py),
+            Value::Text(x) => x.into_bound_py_any(py),
+            Value::Vector(x) => x.into_bound_py_any(py),
+        }
     }
+}
+
+/// Numbers by name: any mapping of names to array-likes.
+pub struct Named(BTreeMap<String, Numbers>);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Named {
+    type Error = PyErr;
+    const INPUT_TYPE: PyStaticExpr = type_hint_subscript!(
+        type_hint_identifier!("collections.abc", "Mapping"),
+        type_hint_identifier!("builtins", "str"),
+        type_hint_identifier!("numpy.typing", "ArrayLike")
+    );
+    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let items = object.cast::<PyMapping>()?.items()?;
+        Ok(Self(items.iter().map(|item| item.extract()).collect::<PyResult<_>>()?))
+    }
+}
+
+impl Named {
+    /// One series `(n,)` per name; none when missing.
+    pub fn vectors(map: Option<Self>) -> PyResult<BTreeMap<String, Vec<f64>>> {
+        map.into_iter().flat_map(|m| m.0).map(|(name, x)| Ok((name.clone(), x.vector(&name)?))).collect()
+    }
+
+    /// One number per name; none when missing.
+    pub fn scalars(map: Option<Self>) -> PyResult<BTreeMap<String, f64>> {
+        let one = |(name, x): (String, Numbers)| match x.values[..] {
+            [value] => Ok((name, value)),
+            _ => Err(refused(format!("{name}: expected one number, found shape {:?}", x.shape))),
+        };
+        map.into_iter().flat_map(|m| m.0).map(one).collect()
+    }
+}
+
+/// The rows of an optional array of shape `(n, C)` or `(C,)`.
+pub fn optional_rows<const C: usize>(name: &str, rows: Option<Numbers>) -> PyResult<Vec<[f64; C]>> {
+    rows.map_or(Ok(Vec::new()), |rows| rows.rows(name))
 }

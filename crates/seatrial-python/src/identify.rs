@@ -1,18 +1,17 @@
 //! `Record` and `OpenLoop`: trials as the core reads them, and the criterion over candidates.
 
-use crate::convert::{Array, Numbers};
-use crate::error::{interruptible, refused};
-use crate::simulate::{actuator_index, inputs, modes, uniform_step};
+use crate::convert::{Array, Named, Numbers, optional_rows};
+use crate::error::{interruptible, raised, refused};
+use crate::simulate::inputs;
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::criterion::{CHANNELS, Loss, channels};
 use seatrial::description::Description;
 use seatrial::integrate::State;
 use seatrial::open_loop::batch::{Batch, Candidates};
+use seatrial::open_loop::inputs::{Inputs, modes};
 use seatrial::open_loop::{self, MotorStart, Segment};
 use seatrial::vehicle::Mode;
-use seatrial::vehicle_file::Environment;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// One trial: inputs on a uniform time base, and measured channels with weights.
@@ -23,20 +22,7 @@ use std::sync::Arc;
 /// r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2.
 #[pyclass(frozen, module = "seatrial")]
 pub struct Record {
-    vehicle_free: Raw,
-}
-
-/// A record before it meets a vehicle.
-#[derive(Clone)]
-struct Raw {
-    dt: f64,
-    n: usize,
-    commands: BTreeMap<String, Vec<f64>>,
-    actuators: BTreeMap<String, Vec<f64>>,
-    voltage: Option<Vec<f64>>,
-    record: open_loop::Record,
-    rho: Option<f64>,
-    g: Option<f64>,
+    inputs: Inputs,
 }
 
 #[pymethods]
@@ -46,11 +32,11 @@ impl Record {
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn new(
         t: Numbers,
-        commands: Option<BTreeMap<String, Numbers>>,
+        commands: Option<Named>,
         voltage: Option<Numbers>,
         tau: Option<Numbers>,
         current: Option<Numbers>,
-        actuators: Option<BTreeMap<String, Numbers>>,
+        actuators: Option<Named>,
         nu: Option<Numbers>,
         nu_rate: Option<Numbers>,
         observed: Option<Numbers>,
@@ -58,96 +44,19 @@ impl Record {
         rho: Option<f64>,
         g: Option<f64>,
     ) -> PyResult<Self> {
-        let t = t.vector("t")?;
-        let (dt, n) = (uniform_step(&t)?, t.len());
-        let series = |map: Option<BTreeMap<String, Numbers>>| -> PyResult<BTreeMap<String, Vec<f64>>> {
-            map.into_iter().flatten().map(|(name, x)| Ok((name.clone(), x.series(&name, n)?))).collect()
+        let inputs = Inputs {
+            actuators: Named::vectors(actuators)?,
+            nu: optional_rows("nu", nu)?,
+            nu_rate: optional_rows("nu_rate", nu_rate)?,
+            observed: optional_rows("observed", observed)?,
+            weight: optional_rows("weight", weight)?,
+            ..inputs(t, commands, current, tau, voltage, rho, g)?
         };
-        let mut record = open_loop::Record { dt, len: n, ..open_loop::Record::default() };
-        record.tau = sized("tau", tau, n)?;
-        record.current = sized("current", current, n)?;
-        if let (Some(nu), Some(rate)) = (nu, nu_rate) {
-            let (nu, rate) = (nu.rows::<6>("nu")?, rate.rows::<6>("nu_rate")?);
-            if nu.len() != rate.len() {
-                return Err(refused("nu and nu_rate: expected equal numbers of rows"));
-            }
-            record.measured = nu.into_iter().zip(rate).map(|(a, b)| [a, b]).collect();
-        }
-        record.weight = sized("weight", weight, n)?;
-        record.observed = sized("observed", observed, n)?;
-        if record.weight.len() != record.observed.len() {
-            return Err(refused("observed and weight: give both or none"));
-        }
-        // A masked sample may hold anything: zero times not-a-number must not reach the sum.
-        for (observed, weight) in record.observed.iter_mut().zip(&record.weight) {
-            for c in 0..CHANNELS {
-                if weight[c] == 0.0 {
-                    observed[c] = 0.0;
-                } else if !(observed[c].is_finite() && weight[c] > 0.0 && weight[c].is_finite()) {
-                    return Err(refused("observed: expected finite numbers wherever the weight is positive"));
-                }
-            }
-        }
-        let voltage = voltage.map(|v| v.series("voltage", n)).transpose()?;
-        let (commands, actuators) = (series(commands)?, series(actuators)?);
-        Ok(Self { vehicle_free: Raw { dt, n, commands, actuators, voltage, record, rho, g } })
+        Ok(Self { inputs })
     }
 
     fn __len__(&self) -> usize {
-        self.vehicle_free.n
-    }
-
-    /// Time between samples, s.
-    #[getter]
-    fn dt(&self) -> f64 {
-        self.vehicle_free.dt
-    }
-}
-
-impl Raw {
-    /// The record for a vehicle: signals through its limits, its environment where none is given.
-    fn meet(
-        &self,
-        description: &Description,
-        measured: bool,
-        substeps: usize,
-    ) -> PyResult<open_loop::Record> {
-        let mut record = self.record.clone();
-        let numbers = |x: &Vec<f64>| Numbers::from(x.clone());
-        let commands = self.commands.iter().map(|(name, x)| (name.clone(), numbers(x))).collect();
-        (record.commands, record.voltage) =
-            inputs(description, self.n, commands, self.voltage.as_ref().map(numbers))?;
-        record.signals = vec![None; description.actuators.len()];
-        for (name, values) in &self.actuators {
-            let k = actuator_index(description, name)?;
-            record.signals[k] = Some(values.iter().map(|&x| description.actuators[k].signal(x)).collect());
-        }
-        let nodes = 2 * substeps * (self.n - 1) + 1;
-        if measured && record.measured.len() != nodes {
-            return Err(refused(format!(
-                "nu and nu_rate: measured axes need the half-step grid of {nodes} rows, found {}",
-                record.measured.len()
-            )));
-        }
-        let reference = description.file.environment;
-        record.environment = Environment {
-            rho_kg_m3: self.rho.unwrap_or(reference.rho_kg_m3),
-            g_m_s2: self.g.unwrap_or(reference.g_m_s2),
-        };
-        Ok(record)
-    }
-}
-
-/// `(n, C)` rows, or none.
-fn sized<const C: usize>(name: &str, rows: Option<Numbers>, n: usize) -> PyResult<Vec<[f64; C]>> {
-    let Some(rows) = rows else {
-        return Ok(Vec::new());
-    };
-    let rows = rows.rows::<C>(name)?;
-    if rows.len() == n {
-        Ok(rows)
-    } else {
-        Err(refused(format!("{name}: expected {n} rows, found {}", rows.len())))
+        self.inputs.t.len()
     }
 }
 
@@ -199,12 +108,12 @@ impl OpenLoop {
         substeps: usize,
     ) -> PyResult<Self> {
         let description = vehicle.description.clone();
-        let modes = modes(free, measured)?;
+        let modes = modes(free, measured).map_err(raised)?;
         let substeps = substeps.max(1);
         let replay = modes.contains(&Mode::Measured);
         let records = records
             .iter()
-            .map(|r| r.vehicle_free.meet(&description, replay, substeps))
+            .map(|r| r.inputs.record(&description, replay, substeps).map_err(raised))
             .collect::<PyResult<Vec<_>>>()?;
         let segments = segments
             .iter()
@@ -269,7 +178,14 @@ impl OpenLoop {
 
     /// The simulated channels of every segment, each (samples, 12), for one candidate (names,).
     fn predict(&self, py: Python<'_>, values: Numbers) -> PyResult<Vec<Array>> {
-        let values = values.series("values", self.sought.len())?;
+        let values = values.vector("values")?;
+        if values.len() != self.sought.len() {
+            return Err(refused(format!(
+                "values: expected {} numbers, found {}",
+                self.sought.len(),
+                values.len()
+            )));
+        }
         let candidates = Candidates { sought: &self.sought, values: &values, count: 1 };
         let tracks = interruptible(py, None, |stop| self.batch().tracks(candidates, stop))?;
         Ok(tracks

@@ -1,15 +1,15 @@
 //! `State`, `Run`, `Vehicle.simulate` and `simulate_batch`.
 
-use crate::convert::{Array, Numbers};
+use crate::convert::{Array, Named, Numbers, optional_rows};
 use crate::error::{interruptible, raised, refused};
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::description::Description;
 use seatrial::integrate;
 use seatrial::open_loop::batch::{Batch, Candidates, Run as Track};
+use seatrial::open_loop::inputs::{Inputs, actuator_index, modes};
 use seatrial::open_loop::{Record, Segment};
 use seatrial::vehicle::Mode;
-use seatrial::vehicle_file::Environment;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ impl State {
         position: Option<Numbers>,
         attitude: Option<Numbers>,
         nu: Option<Numbers>,
-        actuators: Option<BTreeMap<String, f64>>,
+        actuators: Option<Named>,
     ) -> PyResult<Self> {
         let attitude = attitude.map_or(Ok(vec![[1.0, 0.0, 0.0, 0.0]]), |a| a.attitudes("attitude"))?;
         let state = integrate::State {
@@ -42,7 +42,7 @@ impl State {
         if attitude.len() != 1 || !state.nu.iter().chain(&state.position).all(|x| x.is_finite()) {
             return Err(refused("State: expected one finite position, attitude and nu"));
         }
-        Ok(Self { state, signals: actuators.unwrap_or_default() })
+        Ok(Self { state, signals: Named::scalars(actuators)? })
     }
 
     /// Position of O, north, east, down, shape (3,), m.
@@ -139,7 +139,7 @@ impl Run {
     }
 }
 
-/// The inputs of a simulation, checked.
+/// A simulation, checked: one record, one segment.
 pub struct Simulation {
     description: Arc<Description>,
     record: Record,
@@ -150,75 +150,78 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    #[expect(clippy::too_many_arguments, reason = "the arguments of two public calls, checked in one place")]
     pub fn new(
         description: &Arc<Description>,
-        t: Numbers,
-        commands: Option<BTreeMap<String, Numbers>>,
+        inputs: &Inputs,
         initial: Option<&State>,
-        (current, tau, voltage): (Option<Numbers>, Option<Numbers>, Option<Numbers>),
         free: &str,
         max_step: f64,
-        (rho, g): (Option<f64>, Option<f64>),
     ) -> PyResult<Self> {
-        let t = t.vector("t")?;
-        let dt = uniform_step(&t)?;
-        let (commands, voltage) = inputs(description, t.len(), commands.unwrap_or_default(), voltage)?;
-        let reference = description.file.environment;
-        let record = Record {
-            dt,
-            len: t.len(),
-            commands,
-            signals: vec![None; description.actuators.len()],
-            voltage,
-            tau: per_sample("tau", tau, t.len())?,
-            current: per_sample("current", current, t.len())?,
-            environment: Environment {
-                rho_kg_m3: rho.unwrap_or(reference.rho_kg_m3),
-                g_m_s2: g.unwrap_or(reference.g_m_s2),
-            },
-            ..Record::default()
-        };
+        let record = inputs.record(description, false, 1).map_err(raised)?;
         if !(max_step > 0.0) {
             return Err(refused(format!("max_step: expected a positive time in s, found {max_step}")));
         }
-        let state = initial.map_or(
-            integrate::State { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] },
-            |s| s.state,
-        );
+        let rest = integrate::State { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] };
+        let state = initial.map_or(rest, |s| s.state);
         let mut signals = vec![0.0; description.actuators.len()];
         for (name, value) in initial.iter().flat_map(|s| &s.signals) {
-            let k = actuator_index(description, name)?;
+            let k = actuator_index(description, name).map_err(raised)?;
             signals[k] = description.actuators[k].signal(*value);
         }
         Ok(Self {
             description: description.clone(),
             segment: Segment::whole(0, record.len, state, signals),
+            substeps: (record.dt / max_step - 1e-9).ceil().max(1.0) as usize,
             record,
-            modes: modes(free, "")?,
-            substeps: (dt / max_step - 1e-9).ceil().max(1.0) as usize,
-            start: t[0],
+            modes: modes(free, "").map_err(raised)?,
+            start: inputs.t[0],
         })
     }
 
-    fn batch(&self) -> Batch<'_> {
-        Batch {
+    /// The vehicle itself, or candidates with a leading dimension.
+    pub fn run(
+        &self,
+        py: Python<'_>,
+        candidates: Option<Candidates<'_>>,
+        threads: Option<usize>,
+    ) -> PyResult<Run> {
+        let batch = Batch {
             description: &self.description,
             records: std::slice::from_ref(&self.record),
             segments: std::slice::from_ref(&self.segment),
             modes: self.modes,
             substeps: self.substeps,
-        }
+        };
+        let tracks = interruptible(py, threads, |stop| match candidates {
+            None => Ok(vec![batch.track(0, stop)?]),
+            Some(candidates) => batch.tracks(candidates, stop),
+        })?;
+        let (description, dt, start) = (self.description.clone(), self.record.dt, self.start);
+        Ok(Run { description, dt, start, tracks, batch: candidates.is_some() })
     }
+}
 
-    fn wrap(&self, tracks: Vec<Track>, batch: bool) -> Run {
-        Run { description: self.description.clone(), dt: self.record.dt, start: self.start, tracks, batch }
-    }
-
-    pub fn run(&self, py: Python<'_>) -> PyResult<Run> {
-        let track = interruptible(py, None, |stop| self.batch().track(0, stop))?;
-        Ok(self.wrap(vec![track], false))
-    }
+/// The inputs of a simulation as Python gives them.
+#[expect(clippy::too_many_arguments, reason = "the arguments of two public calls, read in one place")]
+pub fn inputs(
+    t: Numbers,
+    commands: Option<Named>,
+    current: Option<Numbers>,
+    tau: Option<Numbers>,
+    voltage: Option<Numbers>,
+    rho: Option<f64>,
+    g: Option<f64>,
+) -> PyResult<Inputs> {
+    Ok(Inputs {
+        t: t.vector("t")?,
+        commands: Named::vectors(commands)?,
+        current: optional_rows("current", current)?,
+        tau: optional_rows("tau", tau)?,
+        voltage: voltage.map_or(Ok(Vec::new()), |v| v.vector("voltage"))?,
+        rho,
+        g,
+        ..Inputs::default()
+    })
 }
 
 /// The runs of k candidates, coefficients {name: (k,)}, under the same commands; see Vehicle.simulate.
@@ -231,9 +234,9 @@ impl Simulation {
 pub fn simulate_batch(
     py: Python<'_>,
     vehicle: PyRef<'_, Vehicle>,
-    coefficients: BTreeMap<String, Numbers>,
+    coefficients: Named,
     t: Numbers,
-    commands: Option<BTreeMap<String, Numbers>>,
+    commands: Option<Named>,
     initial: Option<PyRef<'_, State>>,
     current: Option<Numbers>,
     free: &str,
@@ -245,21 +248,12 @@ pub fn simulate_batch(
     threads: Option<usize>,
 ) -> PyResult<Run> {
     let description = &vehicle.description;
-    let simulation = Simulation::new(
-        description,
-        t,
-        commands,
-        initial.as_deref(),
-        (current, tau, voltage),
-        free,
-        max_step,
-        (rho, g),
-    )?;
+    let inputs = inputs(t, commands, current, tau, voltage, rho, g)?;
+    let simulation = Simulation::new(description, &inputs, initial.as_deref(), free, max_step)?;
     let mut sought = Vec::new();
     let mut columns: Vec<Vec<f64>> = Vec::new();
-    for (name, values) in coefficients {
+    for (name, values) in Named::vectors(Some(coefficients))? {
         sought.push(description.layout.find(&name).map_err(refused)?);
-        let values = values.vector(&name)?;
         if columns.first().is_some_and(|c| c.len() != values.len()) || values.is_empty() {
             return Err(refused(format!(
                 "coefficients: expected arrays of one length, found {} for {name}",
@@ -271,102 +265,7 @@ pub fn simulate_batch(
     let count = columns.first().map_or(1, Vec::len);
     let values: Vec<f64> = (0..count).flat_map(|k| columns.iter().map(move |c| c[k])).collect();
     let candidates = Candidates { sought: &sought, values: &values, count };
-    let tracks = interruptible(py, threads, |stop| simulation.batch().tracks(candidates, stop))?;
-    Ok(simulation.wrap(tracks, true))
-}
-
-/// The step of a uniform time base, s.
-pub fn uniform_step(t: &[f64]) -> PyResult<f64> {
-    if t.len() < 2 {
-        return Err(refused(format!("t: expected two samples or more, found {}", t.len())));
-    }
-    let dt = (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64;
-    let odd = t.windows(2).position(|w| !((w[1] - w[0] - dt).abs() <= 1e-6 * dt.abs() + 1e-9 * w[1].abs()));
-    match odd {
-        _ if !(dt > 0.0) => Err(refused("t: expected increasing times in s")),
-        None => Ok(dt),
-        Some(k) => Err(refused(format!(
-            "t: expected equal steps of {dt:.6} s, found {:.6} s after row {k}; resample to a uniform base",
-            t[k + 1] - t[k]
-        ))),
-    }
-}
-
-/// Limited signals per actuator and the voltage, checked; missing actuators stay at neutral.
-pub fn inputs(
-    description: &Description,
-    n: usize,
-    commands: BTreeMap<String, Numbers>,
-    voltage: Option<Numbers>,
-) -> PyResult<(Vec<Vec<f64>>, Vec<f64>)> {
-    let mut signals = vec![vec![0.0; n]; description.actuators.len()];
-    let voltage = voltage.map_or(Ok(Vec::new()), |v| v.series("voltage", n))?;
-    for (name, values) in commands {
-        let k = actuator_index(description, &name)?;
-        let values = values.series(&format!("commands[\"{name}\"]"), n)?;
-        if let Some(row) = values.iter().position(|x| !x.is_finite()) {
-            return Err(refused(format!(
-                "commands[\"{name}\"]: expected finite numbers, found {} in row {row}",
-                values[row]
-            )));
-        }
-        signals[k] = Record::signals_of(description, k, &values);
-        if voltage.is_empty() && description.actuators[k].table.as_ref().is_some_and(|t| t.needs_voltage()) {
-            return Err(refused(format!(
-                "voltage: the thrust of {name} depends on the supply voltage, give it in V, shape ({n},)"
-            )));
-        }
-    }
-    Ok((signals, voltage))
-}
-
-/// Rows per sample: none, one for all, or n.
-fn per_sample<const C: usize>(name: &str, rows: Option<Numbers>, n: usize) -> PyResult<Vec<[f64; C]>> {
-    let Some(rows) = rows else {
-        return Ok(Vec::new());
-    };
-    let mut rows = rows.rows::<C>(name)?;
-    if name == "tau" && rows.len() == 1 {
-        rows = vec![rows[0]; n];
-    }
-    if (rows.len() != n && rows.len() != 1) || rows.iter().flatten().any(|x| !x.is_finite()) {
-        return Err(refused(format!(
-            "{name}: expected {n} rows of finite numbers or one, found {} rows",
-            rows.len()
-        )));
-    }
-    Ok(rows)
-}
-
-/// The index of an actuator.
-pub fn actuator_index(description: &Description, name: &str) -> PyResult<usize> {
-    let names = || description.actuators.iter().map(|a| a.thruster.name.as_str());
-    names().position(|n| n == name).ok_or_else(|| {
-        let known: Vec<&str> = names().collect();
-        refused(format!(
-            "unknown actuator \"{name}\"; {} has {}{}",
-            description.file.name,
-            known.join(", "),
-            seatrial::error::nearest(name, known.iter().copied())
-        ))
-    })
-}
-
-/// The modes of the axes from the letters of the free and the measured ones; the others are frozen.
-pub fn modes(free: &str, measured: &str) -> PyResult<[Mode; 6]> {
-    let mut modes = [Mode::Frozen; 6];
-    for (letters, mode) in [(free, Mode::Free), (measured, Mode::Measured)] {
-        for letter in letters.chars() {
-            match "XYZKMN".find(letter) {
-                Some(i) if modes[i] == Mode::Frozen => modes[i] = mode,
-                Some(_) => return Err(refused(format!("axes: {letter} is named twice"))),
-                None => {
-                    return Err(refused(format!("axes: expected letters among XYZKMN, found \"{letters}\"")));
-                }
-            }
-        }
-    }
-    Ok(modes)
+    simulation.run(py, Some(candidates), threads)
 }
 
 /// The instruction set of the batches: avx512, avx2, sse4.2, neon or fallback.

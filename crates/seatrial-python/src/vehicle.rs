@@ -1,15 +1,14 @@
 //! `Vehicle`: a vehicle file, its coefficients and the terms of its equation of motion.
 
-use crate::convert::{Array, Numbers};
+use crate::convert::{Array, Fact, Named, Numbers, fact_map};
 use crate::error::{VehicleError, raised, refused};
-use crate::simulate::{Run, Simulation, State};
+use crate::simulate::{Run, Simulation, State, inputs};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use seatrial::algebra::Vec6;
-use seatrial::coefficients::HULL;
 use seatrial::current::Current;
-use seatrial::description::{Description, built_in, built_in_names};
+use seatrial::description::{ActuatorDescription, Description, built_in, built_in_names};
 use seatrial::error::nearest;
+use seatrial::facts;
 use seatrial::kinematics::rotation;
 use seatrial::vehicle::Instant;
 use std::collections::BTreeMap;
@@ -118,60 +117,25 @@ impl Vehicle {
         self.description.file.controllable.clone()
     }
 
-    /// Per actuator: group, unit and neutral of its command, limits, place, wrench per newton.
-    fn actuator_info<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyDict>>> {
-        let info = |a: &seatrial::description::ActuatorDescription| {
-            let d = PyDict::new(py);
-            d.set_item("kind", "thruster")?;
-            d.set_item("group", &a.thruster.group)?;
-            d.set_item("unit", a.thruster.command.as_str())?;
-            d.set_item("neutral", a.thruster.neutral)?;
-            d.set_item("reversed", a.thruster.reversed)?;
-            d.set_item("position", a.thruster.position_m.map(|p| p.to_vec()))?;
-            d.set_item("direction", a.direction.to_vec())?;
-            d.set_item("wrench", a.wrench.to_vec())?;
-            d.set_item("maximum_ahead", a.limits.maximum[0])?;
-            d.set_item("maximum_astern", a.limits.maximum[1])?;
-            d.set_item("minimum_ahead", a.limits.minimum[0])?;
-            d.set_item("minimum_astern", a.limits.minimum[1])?;
-            d.set_item("characteristic", a.kind())?;
-            d.set_item("needs_voltage", a.table.as_ref().is_some_and(|t| t.needs_voltage()))?;
-            d.set_item("power_w_s3", a.power())?;
-            Ok((a.thruster.name.clone(), d))
-        };
-        self.description.actuators.iter().map(info).collect()
+    /// Per actuator: kind, group, unit, neutral and limits of its command, place, wrench per newton, power.
+    fn actuator_info(&self) -> BTreeMap<String, BTreeMap<&'static str, Fact>> {
+        let named = |a: &ActuatorDescription| (a.thruster.name.clone(), fact_map(facts::actuator(a)));
+        self.description.actuators.iter().map(named).collect()
     }
 
     /// Measures of the hull in m (length, diameter, height); empty when the file has none.
     fn geometry(&self) -> BTreeMap<&'static str, f64> {
-        self.description
-            .file
-            .geometry
-            .iter()
-            .flat_map(|g| {
-                [
-                    ("length", g.length_m),
-                    ("diameter", g.diameter_m),
-                    ("height", g.height_m.unwrap_or(g.diameter_m)),
-                ]
-            })
-            .collect()
+        facts::geometry(&self.description)
     }
 
     /// Water and gravity for which the coefficients hold: rho in kg/m3, g in m/s2.
     fn environment(&self) -> BTreeMap<&'static str, f64> {
-        let e = self.description.file.environment;
-        BTreeMap::from([("rho", e.rho_kg_m3), ("g", e.g_m_s2)])
+        facts::environment(&self.description)
     }
 
     /// Hotel load in W and battery energy in W h; empty when the file has none.
     fn power(&self) -> BTreeMap<&'static str, f64> {
-        self.description
-            .file
-            .power
-            .iter()
-            .flat_map(|p| [("hotel_w", p.hotel_w), ("battery_wh", p.battery_wh)])
-            .collect()
+        facts::power(&self.description)
     }
 
     /// The coefficients by name, SI.
@@ -179,32 +143,17 @@ impl Vehicle {
         self.description.named_coefficients().into_iter().collect()
     }
 
-    /// Per coefficient, absent ones too: unit, geometric start value, default bounds, description.
-    fn coefficient_info<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyDict>>> {
-        let layout = &self.description.layout;
-        (0..layout.len())
-            .filter(|&i| i < HULL || self.description.uses(i))
-            .map(|i| {
-                let bounds = self.description.default_bounds(i);
-                let d = PyDict::new(py);
-                d.set_item("unit", layout.unit(i, self.description.command_unit(i)))?;
-                d.set_item(
-                    "start",
-                    self.description.start_values[i].unwrap_or(self.description.coefficients[i]),
-                )?;
-                d.set_item("lower", bounds.map(|b| b.0))?;
-                d.set_item("upper", bounds.map(|b| b.1))?;
-                d.set_item("description", layout.description(i))?;
-                Ok((layout.name(i), d))
-            })
-            .collect()
+    /// Per coefficient, absent ones too: unit, start value, default bounds (lower, upper), description.
+    fn coefficient_info(&self) -> BTreeMap<String, BTreeMap<&'static str, Fact>> {
+        let info = facts::coefficients(&self.description);
+        info.into_iter().map(|(name, facts)| (name, fact_map(facts))).collect()
     }
 
     /// The same vehicle with other values of some coefficients, SI.
     ///
     /// Raises VehicleError for an unknown name or an impossible mass matrix.
-    fn with_coefficients(&self, coefficients: BTreeMap<String, f64>) -> PyResult<Self> {
-        let values: Vec<(String, f64)> = coefficients.into_iter().collect();
+    fn with_coefficients(&self, coefficients: Named) -> PyResult<Self> {
+        let values: Vec<(String, f64)> = Named::scalars(Some(coefficients))?.into_iter().collect();
         self.description.with_coefficients(&values).map(Self::of).map_err(raised)
     }
 
@@ -297,7 +246,7 @@ impl Vehicle {
         &self,
         py: Python<'_>,
         t: Numbers,
-        commands: Option<BTreeMap<String, Numbers>>,
+        commands: Option<Named>,
         initial: Option<PyRef<'_, State>>,
         current: Option<Numbers>,
         free: &str,
@@ -307,17 +256,8 @@ impl Vehicle {
         rho: Option<f64>,
         g: Option<f64>,
     ) -> PyResult<Run> {
-        let simulation = Simulation::new(
-            &self.description,
-            t,
-            commands,
-            initial.as_deref(),
-            (current, tau, voltage),
-            free,
-            max_step,
-            (rho, g),
-        )?;
-        simulation.run(py)
+        let inputs = inputs(t, commands, current, tau, voltage, rho, g)?;
+        Simulation::new(&self.description, &inputs, initial.as_deref(), free, max_step)?.run(py, None, None)
     }
 
     fn __repr__(&self) -> String {

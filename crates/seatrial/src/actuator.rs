@@ -15,9 +15,9 @@
 pub mod characteristic;
 pub mod motor;
 
-use crate::algebra::{Vec6, dot};
+use crate::algebra::Vec6;
 use crate::real::Real;
-use characteristic::{Characteristic, Thrust};
+use characteristic::Characteristic;
 use motor::Motor;
 
 /// One thruster.
@@ -36,19 +36,10 @@ pub struct Actuator<T> {
 }
 
 impl<T: Real> Actuator<T> {
-    /// `tau` + wrench at the thrust `thrust` and the relative velocity `nu_r`.
+    /// `tau` + wrench of a thrust (N) and a reaction torque (N m).
     #[inline(always)]
-    pub fn add(&self, thrust: &Thrust<T>, nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
+    pub fn add(&self, force: T, torque: T, tau: &Vec6<T>) -> Vec6<T> {
         let mut sum = *tau;
-        let (force, torque) = if self.characteristic.has_inflow() {
-            let u_a = dot(&self.inflow, nu_r);
-            (
-                thrust.force_per_inflow.mul_add(u_a, thrust.force),
-                thrust.torque_per_inflow.mul_add(u_a, thrust.torque),
-            )
-        } else {
-            (thrust.force, thrust.torque)
-        };
         for i in 0..6 {
             sum[i] = self.wrench[i].mul_add(force, sum[i]);
         }

@@ -12,7 +12,6 @@ use crate::real::Real;
 
 /// `M_A`, positive (the derivatives `X_udot` … carry the minus), kg, kg m, kg m².
 #[derive(Clone, Copy)]
-#[expect(clippy::large_enum_variant, reason = "one per vehicle, read in the hot loop: no indirection")]
 pub enum AddedMass<T> {
     /// Only the derivatives `X_udot, Y_vdot, Z_wdot, K_pdot, M_qdot, N_rdot`.
     Diagonal(Vec6<T>),

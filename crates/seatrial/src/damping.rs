@@ -12,7 +12,6 @@ use crate::real::Real;
 
 /// Damping derivatives: force per velocity, and per velocity times its magnitude.
 #[derive(Clone, Copy)]
-#[expect(clippy::large_enum_variant, reason = "one per vehicle, read in the hot loop: no indirection")]
 pub enum Damping<T> {
     /// `X_u, Y_v …` and `X_uu, Y_vv …`.
     Diagonal {

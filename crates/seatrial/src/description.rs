@@ -10,6 +10,7 @@ use crate::allocation::wrench_per_newton;
 use crate::coefficients::{self as names, FORCES, Layout, MASS, Scaling, added_mass, linear, quadratic};
 use crate::error::{Error, nearest};
 use crate::vehicle_file::{BelowMinimum, CharacteristicTable, MotorTable, Quadratic, Thruster, VehicleFile};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The embedded vehicles.
@@ -154,23 +155,18 @@ impl Description {
             .collect::<Result<Vec<_>, Error>>()?;
 
         let tabulated = coefficients.clone();
-        let mut given = vec![false; layout.len()];
+        let mut given: Vec<Option<&str>> = vec![None; layout.len()];
         for (name, &value) in &file.coefficients {
             let index = layout.find(name).map_err(|m| fail(format!("coefficients: {m}")))?;
             if !value.is_finite() {
                 return Err(fail(format!("coefficients.{name}: expected a finite number, found {value}")));
             }
-            if given[index] && coefficients[index] != value {
-                return Err(fail(format!(
-                    "coefficients.{name}: {} was given as {} already; M_A is symmetric, give one of the two",
-                    layout.name(index),
-                    coefficients[index]
-                )));
-            }
+            agree(name, value, given[index].map(|twin| (twin, coefficients[index])))
+                .map_err(|m| fail(format!("coefficients.{m}")))?;
             coefficients[index] = value;
-            given[index] = true;
+            given[index] = Some(name);
         }
-        if !given[MASS] {
+        if given[MASS].is_none() {
             return Err(fail("coefficients.m: the mass in kg is missing; weigh the vehicle in air".into()));
         }
         let m = coefficients[MASS];
@@ -180,11 +176,11 @@ impl Description {
         let mut start_values = vec![None; layout.len()];
         for (index, value) in file.geometry.iter().flat_map(|g| g.start_values(m, environment.rho_kg_m3)) {
             start_values[index] = Some(value);
-            if !given[index] {
+            if given[index].is_none() {
                 coefficients[index] = value;
             }
         }
-        if !given[names::BUOYANCY] {
+        if given[names::BUOYANCY].is_none() {
             coefficients[names::BUOYANCY] = m * environment.g_m_s2;
         }
         let description = Self { file, layout, coefficients, start_values, tabulated, actuators };
@@ -195,12 +191,15 @@ impl Description {
     /// The same vehicle with other values of some coefficients.
     ///
     /// # Errors
-    /// An unknown name, a value that is not finite, or a mass matrix that is not positive definite.
+    /// An unknown name, a value that is not finite, two values for a symmetric pair, or a mass matrix
+    /// that is not positive definite.
     pub fn with_coefficients(&self, values: &[(String, f64)]) -> Result<Self, Error> {
         let fail = |message: String| Error::vehicle(&self.file.name, message);
         let mut changed = self.clone();
+        let mut given = BTreeMap::new();
         for (name, value) in values {
             let index = self.layout.find(name).map_err(fail)?;
+            agree(name, *value, given.insert(index, (name.as_str(), *value))).map_err(fail)?;
             if !value.is_finite() {
                 return Err(fail(format!("coefficient {name}: expected a finite number, found {value}")));
             }
@@ -228,12 +227,16 @@ impl Description {
         file.coefficients = (0..self.layout.len())
             .filter(|&i| {
                 let value = self.coefficients[i];
-                if i < names::HULL { value != 0.0 } else { value != self.tabulated[i] }
+                if i < names::HULL {
+                    value != 0.0 || i == names::BUOYANCY
+                } else {
+                    value != self.tabulated[i]
+                }
             })
             .map(|i| (self.layout.name(i), self.coefficients[i]))
             .collect();
         if file.geometry.is_some() {
-            // A zero that the geometry would fill must stay a zero.
+            // A zero that the geometry would fill must stay a zero; so does a buoyancy of zero, above.
             for (i, start) in self.start_values.iter().enumerate() {
                 if start.is_some() && self.coefficients[i] == 0.0 {
                     file.coefficients.insert(self.layout.name(i), 0.0);
@@ -309,6 +312,13 @@ impl Description {
 
     fn check(&self) -> Result<(), String> {
         let c = &self.coefficients;
+        if let Some(i) = c.iter().position(|x| !x.is_finite()) {
+            return Err(format!(
+                "coefficient {}: expected a finite number, found {}",
+                self.layout.name(i),
+                c[i]
+            ));
+        }
         let positive = (0..4).find(|&i| c[i] <= 0.0);
         if let Some(i) = positive {
             return Err(format!(
@@ -332,6 +342,7 @@ impl Description {
                 let value = c[base + offset];
                 let wrong = match *name {
                     "T_1" | "T_t" => value < 0.0,
+                    "K_V" => value <= 0.0,
                     "n_acc" | "n_dec" => actuator.rate_limited && value <= 0.0,
                     _ => false,
                 };
@@ -345,6 +356,16 @@ impl Description {
             }
         }
         Ok(())
+    }
+}
+
+/// Refuses a value that differs from the one given for the same coefficient, perhaps under its other name.
+fn agree(name: &str, value: f64, earlier: Option<(&str, f64)>) -> Result<(), String> {
+    match earlier {
+        Some((twin, other)) if other != value => {
+            Err(format!("{name}: found {value}, but {twin} = {other}; M_A is symmetric, give one of the two"))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -17,6 +17,7 @@ pub mod current;
 pub mod damping;
 pub mod description;
 pub mod error;
+pub mod facts;
 pub mod geometry;
 pub mod integrate;
 pub mod kinematics;

@@ -11,11 +11,11 @@
 //! Tests: `tests/laws.rs`, `tests/scalars.rs` (lanes equal `f64`, a candidate is alone in its result).
 
 pub mod batch;
+pub mod inputs;
 
 use crate::actuator::motor::{MotorState, MotorStep};
 use crate::criterion::{CHANNELS, Criterion};
 use crate::current::Current;
-use crate::description::Description;
 use crate::error::Error;
 use crate::integrate::{State, step};
 use crate::kinematics::rotation;
@@ -55,13 +55,6 @@ pub struct Record {
 }
 
 impl Record {
-    /// The record of commands in the actuators' own units, `commands[actuator]`, through the static
-    /// limits.
-    pub fn signals_of(description: &Description, actuator: usize, commands: &[f64]) -> Vec<f64> {
-        let described = &description.actuators[actuator];
-        commands.iter().map(|&c| described.limits.apply(described.signal(c))).collect()
-    }
-
     #[inline(always)]
     fn current(&self, k: usize, fraction: f64) -> Option<Current> {
         match self.current.len() {
@@ -199,6 +192,7 @@ pub fn fly<T: Real>(
             state = step(vehicle, &state, h, &instants);
             let (first, rest) = instants.split_at_mut(1);
             std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
+            first[0].settled = rest[1].settled;
         }
     }
     Ok(())
@@ -223,9 +217,8 @@ fn observe<T: Real>(
                 Some(current) => current.relative(&rotation(&state.attitude), &state.nu).0,
                 None => state.nu,
             };
-            let outside = instant.tau.map(|x| state.nu[0].splat(x));
             track.states.push(*state);
-            track.tau.push(vehicle.actuate(&instant.thrusts, &nu_r, &outside));
+            track.tau.push(vehicle.wrench(instant, &nu_r));
             track.signals.push(motors.states.iter().map(|m| m.signal).collect());
         }
     }
@@ -233,6 +226,7 @@ fn observe<T: Real>(
 
 /// The motors of a vehicle at work on a record.
 struct Motors<'a, T> {
+    unit: T,
     vehicle: &'a Vehicle<T>,
     record: &'a Record,
     substeps: usize,
@@ -240,8 +234,8 @@ struct Motors<'a, T> {
     /// Dead time in steps.
     delays: Vec<T>,
     targets: Vec<T>,
-    /// The command before the record.
-    before: Vec<f64>,
+    /// The command before the record where it is not the record's first one.
+    before: Vec<T>,
     states: Vec<MotorState<T>>,
 }
 
@@ -257,29 +251,28 @@ impl<'a, T: Real> Motors<'a, T> {
         let h = record.dt / substeps as f64;
         let count = vehicle.actuators.len();
         let mut motors = Self {
+            unit: unit.zero(),
             vehicle,
             record,
             substeps,
             half_steps: Vec::with_capacity(count),
             delays: Vec::with_capacity(count),
             targets: vec![unit; count],
-            before: Vec::with_capacity(count),
+            before: Vec::new(),
             states: Vec::with_capacity(count),
         };
         for (i, actuator) in vehicle.actuators.iter().enumerate() {
             motors.half_steps.push(actuator.motor.step(0.5 * h));
             motors.delays.push(actuator.motor.t_t * (1.0 / h));
-            let (before, state) = match start {
-                MotorStart::Recorded => {
-                    let first = record.commands[i][0];
-                    (first, actuator.motor.steady(unit.splat(first)))
-                }
+            let state = match start {
+                MotorStart::Recorded => actuator.motor.steady(unit.splat(record.commands[i][0])),
                 MotorStart::Held(signals) => {
                     let signal = unit.splat(signals[i]);
-                    (signals[i], MotorState { ramp: signal / actuator.motor.k_v, signal })
+                    let ramp = signal / actuator.motor.k_v;
+                    motors.before.push(ramp);
+                    MotorState { ramp, signal }
                 }
             };
-            motors.before.push(before);
             motors.states.push(state);
         }
         motors
@@ -298,16 +291,19 @@ impl<'a, T: Real> Motors<'a, T> {
     #[inline(always)]
     fn target(&self, i: usize, k: usize, s: usize) -> T {
         let commands = &self.record.commands[i];
-        let (substeps, before) = (self.substeps, self.before[i]);
-        let held = |step: f64| {
-            if step < 0.0 { before } else { commands[(step as usize / substeps).min(commands.len() - 1)] }
-        };
+        let held = |step: f64| commands[(step as usize / self.substeps).min(commands.len() - 1)];
         let delay = self.delays[i];
-        (delay.splat((k * substeps + s) as f64) - delay).tabulated(|x| {
+        let at = delay.splat((k * self.substeps + s) as f64) - delay;
+        let recorded = at.tabulated(|x| {
             let whole = x.floor();
             let (from, to) = (held(whole), held(whole + 1.0));
             (from + (x - whole) * (to - from), to - from)
-        })
+        });
+        let Some(&before) = self.before.get(i) else { return recorded };
+        // The first step of the record is reached in part where the dead time ends within it.
+        let share = (at + 1.0).max(at.zero());
+        let earlier = share.mul_add(recorded - before, before);
+        T::select(at.lt(at.zero()), earlier, recorded)
     }
 
     /// Moves every motor by half a step; the command is read at the first half.
@@ -341,5 +337,6 @@ impl<'a, T: Real> Motors<'a, T> {
         for (actuator, motor) in self.vehicle.actuators.iter().zip(&self.states) {
             instant.thrusts.push(actuator.characteristic.thrust(motor.signal, voltage));
         }
+        self.vehicle.settle(instant, self.unit);
     }
 }

@@ -11,15 +11,25 @@
 use crate::algebra::{Mat3, Mat6, Vec3, Vec6, add_cross, cross, product, skew};
 use crate::real::Real;
 
-/// Mass, first moment of mass and inertia about O.
+/// Mass and inertia about O.
 #[derive(Clone, Copy)]
-pub struct RigidBody<T> {
-    /// Mass, kg.
-    pub m: T,
-    /// m r_g, kg m.
-    pub first_moment: Vec3<T>,
-    /// Inertia tensor about O, kg m².
-    pub i_o: Mat3<T>,
+pub enum RigidBody<T> {
+    /// Any centre of gravity, any inertia tensor.
+    General {
+        /// Mass, kg.
+        m: T,
+        /// m r_g, kg m.
+        first_moment: Vec3<T>,
+        /// Inertia tensor about O, kg m².
+        i_o: Mat3<T>,
+    },
+    /// Centre of gravity at O and principal axes along the body's: the paper's (10).
+    Principal {
+        /// Mass, kg.
+        m: T,
+        /// I_x, I_y, I_z, kg m².
+        i_o: Vec3<T>,
+    },
 }
 
 impl<T: Real> RigidBody<T> {
@@ -27,21 +37,33 @@ impl<T: Real> RigidBody<T> {
     #[inline(always)]
     pub fn new(m: T, r_g: Vec3<T>, inertia: Vec6<T>) -> Self {
         let [x, y, z, xy, xz, yz] = inertia;
-        Self { m, first_moment: r_g.map(|c| c * m), i_o: [[x, -xy, -xz], [-xy, y, -yz], [-xz, -yz, z]] }
+        let i_o = [[x, -xy, -xz], [-xy, y, -yz], [-xz, -yz, z]];
+        Self::General { m, first_moment: r_g.map(|c| c * m), i_o }
     }
 
     /// `M_RB`, kg, kg m, kg m².
     #[inline(always)]
     pub fn mass_matrix(&self) -> Mat6<T> {
-        let zero = self.m.zero();
-        let s = skew(&self.first_moment);
-        let mut matrix = [[zero; 6]; 6];
+        let (Self::General { m, .. } | Self::Principal { m, .. }) = *self;
+        let mut matrix = [[m.zero(); 6]; 6];
         for i in 0..3 {
-            matrix[i][i] = self.m;
-            for j in 0..3 {
-                matrix[i][3 + j] = -s[i][j];
-                matrix[3 + i][j] = s[i][j];
-                matrix[3 + i][3 + j] = self.i_o[i][j];
+            matrix[i][i] = m;
+        }
+        match self {
+            Self::Principal { i_o, .. } => {
+                for i in 0..3 {
+                    matrix[3 + i][3 + i] = i_o[i];
+                }
+            }
+            Self::General { first_moment, i_o, .. } => {
+                let s = skew(first_moment);
+                for i in 0..3 {
+                    for j in 0..3 {
+                        matrix[i][3 + j] = -s[i][j];
+                        matrix[3 + i][j] = s[i][j];
+                        matrix[3 + i][3 + j] = i_o[i][j];
+                    }
+                }
             }
         }
         matrix
@@ -52,16 +74,23 @@ impl<T: Real> RigidBody<T> {
     pub fn add_coriolis(&self, nu: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
         let v = [nu[0], nu[1], nu[2]];
         let omega = [nu[3], nu[4], nu[5]];
-        // m v + ω × m r_g and I_O ω + m r_g × v are the momenta; the force is −ω × momentum, where
-        // r_g's share of the moment keeps only ω × v.
-        let swirl = cross(&omega, &v);
-        let spin = cross(&omega, &self.first_moment);
-        let linear =
-            [self.m.mul_add(v[0], spin[0]), self.m.mul_add(v[1], spin[1]), self.m.mul_add(v[2], spin[2])];
-        let angular = product(&self.i_o, &omega);
-        let force = add_cross(&linear, &omega, &[tau[0], tau[1], tau[2]]);
-        let moment = add_cross(&angular, &omega, &[tau[3], tau[4], tau[5]]);
-        let moment = add_cross(&swirl, &self.first_moment, &moment);
+        let mut force = [tau[0], tau[1], tau[2]];
+        let mut moment = [tau[3], tau[4], tau[5]];
+        // The force is momentum × ω; the moment is angular momentum × ω, where r_g's share keeps only
+        // (ω × v) × m r_g.
+        match self {
+            Self::Principal { m, i_o } => {
+                force = add_cross(&v.map(|x| *m * x), &omega, &force);
+                moment = add_cross(&[i_o[0] * nu[3], i_o[1] * nu[4], i_o[2] * nu[5]], &omega, &moment);
+            }
+            Self::General { m, first_moment, i_o } => {
+                let spin = cross(&omega, first_moment);
+                let momentum = [m.mul_add(v[0], spin[0]), m.mul_add(v[1], spin[1]), m.mul_add(v[2], spin[2])];
+                force = add_cross(&momentum, &omega, &force);
+                moment = add_cross(&product(i_o, &omega), &omega, &moment);
+                moment = add_cross(&cross(&omega, &v), first_moment, &moment);
+            }
+        }
         [force[0], force[1], force[2], moment[0], moment[1], moment[2]]
     }
 }

@@ -13,7 +13,7 @@ use crate::actuator::Actuator;
 use crate::actuator::characteristic::{Characteristic, Shape, Thrust};
 use crate::actuator::motor::Motor;
 use crate::added_mass::AddedMass;
-use crate::algebra::{Mat3, Mat6, Vec6, product, restricted_inverse};
+use crate::algebra::{Mat3, Mat6, Vec6, dot, product, restricted_inverse};
 use crate::coefficients::{self as names, added_mass, linear, quadratic};
 use crate::current::Current;
 use crate::damping::Damping;
@@ -38,6 +38,7 @@ pub enum Mode {
 /// Which terms are there: zero ones are left out, unless a coefficient of theirs is sought.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Structure {
+    general_body: bool,
     full_added_mass: bool,
     full_damping: bool,
     lift: bool,
@@ -56,7 +57,10 @@ impl Structure {
         let actuators = 0..description.actuators.len();
         let any =
             |k: usize, offsets: &[usize]| offsets.iter().any(|o| present(description.layout.actuator(k) + o));
+        let products = (names::INERTIA + 3)..names::CENTRE_OF_GRAVITY;
+        let arms = names::CENTRE_OF_GRAVITY..names::CENTRE_OF_BUOYANCY;
         Self {
+            general_body: products.chain(arms).any(present),
             full_added_mass: off_diagonal(&added_mass),
             full_damping: off_diagonal(&linear) || off_diagonal(&quadratic),
             lift: (names::LIFT..names::BIAS).any(present),
@@ -88,8 +92,15 @@ pub struct Vehicle<T> {
     pub mass_matrix: Mat6<T>,
     /// Modes of the degrees of freedom.
     pub modes: [Mode; 6],
-    inverse: Mat6<T>,
+    inverse: Inverse<T>,
     replayed: bool,
+}
+
+/// `M⁻¹` on the free axes.
+#[derive(Clone, Copy)]
+enum Inverse<T> {
+    Diagonal(Vec6<T>),
+    Full(Mat6<T>),
 }
 
 /// What acts on the vehicle at one instant.
@@ -97,6 +108,8 @@ pub struct Vehicle<T> {
 pub struct Instant<T> {
     /// Thrust of each actuator.
     pub thrusts: Vec<Thrust<T>>,
+    /// Wrench of the thrusts that no inflow changes, once it is summed ([`Vehicle::settle`]).
+    pub settled: Option<Vec6<T>>,
     /// Wrench from outside the actuators, N and N m.
     pub tau: Vec6<f64>,
     /// Ocean current; `None` in still water.
@@ -107,7 +120,7 @@ pub struct Instant<T> {
 
 impl<T> Default for Instant<T> {
     fn default() -> Self {
-        Self { thrusts: Vec::new(), tau: [0.0; 6], current: None, measured: [[0.0; 6]; 2] }
+        Self { thrusts: Vec::new(), settled: None, tau: [0.0; 6], current: None, measured: [[0.0; 6]; 2] }
     }
 }
 
@@ -177,7 +190,11 @@ impl<T: Real> Vehicle<T> {
             inertia[i] = c(names::INERTIA + i);
         }
         let r_g = at(names::CENTRE_OF_GRAVITY);
-        let rigid_body = RigidBody::new(mass, r_g, inertia);
+        let rigid_body = if structure.general_body {
+            RigidBody::new(mass, r_g, inertia)
+        } else {
+            RigidBody::Principal { m: mass, i_o: [inertia[0], inertia[1], inertia[2]] }
+        };
         let added = if structure.full_added_mass {
             AddedMass::Full(matrix(&added_mass, -1.0))
         } else {
@@ -220,7 +237,7 @@ impl<T: Real> Vehicle<T> {
             actuators,
             mass_matrix,
             modes,
-            inverse: restricted_inverse(&mass_matrix, &modes.map(|mode| mode == Mode::Free)),
+            inverse: inverse(structure, &mass_matrix, &modes.map(|mode| mode == Mode::Free)),
             replayed: modes.contains(&Mode::Measured),
         }
     }
@@ -228,14 +245,17 @@ impl<T: Real> Vehicle<T> {
     /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant.
     #[inline(always)]
     pub fn acceleration(&self, r: &Mat3<T>, nu: &Vec6<T>, instant: &Instant<T>) -> Vec6<T> {
-        let mut f = instant.tau.map(|x| nu[0].splat(x));
+        let mut f = match &instant.settled {
+            Some(wrench) => *wrench,
+            None => self.settled(instant, nu[0].zero()),
+        };
         let mut nu_r = *nu;
         if let Some(current) = &instant.current {
             let (relative, nu_c_rate) = current.relative(r, nu);
             nu_r = relative;
             f = add(&f, &self.added_mass.momentum(&nu_c_rate));
         }
-        f = self.actuate(&instant.thrusts, &nu_r, &f);
+        f = self.inflow(&instant.thrusts, &nu_r, &f);
         f = self.rigid_body.add_coriolis(nu, &f);
         f = self.added_mass.add_coriolis(&nu_r, &f);
         f = self.damping.add(&nu_r, &f);
@@ -253,7 +273,7 @@ impl<T: Real> Vehicle<T> {
     #[inline(always)]
     fn solve(&self, f: &Vec6<T>, nu_rate: &Vec6<f64>) -> Vec6<T> {
         if !self.replayed {
-            return product(&self.inverse, f);
+            return self.inverse.times(f);
         }
         let zero = f[0].zero();
         let mut given = [zero; 6];
@@ -267,15 +287,45 @@ impl<T: Real> Vehicle<T> {
         for i in 0..6 {
             rest[i] -= share[i];
         }
-        add(&product(&self.inverse, &rest), &given)
+        add(&self.inverse.times(&rest), &given)
     }
 
-    /// `tau` + wrench of the thrusts at the relative velocity `nu_r`, N and N m.
+    /// The wrench of all thrusts and from outside at the relative velocity `nu_r`, N and N m.
     #[inline(always)]
-    pub fn actuate(&self, thrusts: &[Thrust<T>], nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
+    pub fn wrench(&self, instant: &Instant<T>, nu_r: &Vec6<T>) -> Vec6<T> {
+        self.inflow(&instant.thrusts, nu_r, &self.settled(instant, nu_r[0].zero()))
+    }
+
+    /// Sums what no inflow changes: four stages read it, it is worth summing once.
+    #[inline(always)]
+    pub fn settle(&self, instant: &mut Instant<T>, zero: T) {
+        instant.settled = Some(self.settled(instant, zero));
+    }
+
+    #[inline(always)]
+    fn settled(&self, instant: &Instant<T>, zero: T) -> Vec6<T> {
+        let mut sum = [zero; 6];
+        for i in 0..6 {
+            sum[i] = zero.splat(instant.tau[i]);
+        }
+        for (actuator, thrust) in self.actuators.iter().zip(&instant.thrusts) {
+            if !actuator.characteristic.has_inflow() {
+                sum = actuator.add(thrust.force, thrust.torque, &sum);
+            }
+        }
+        sum
+    }
+
+    /// `tau` + wrench of the thrusts that the inflow changes.
+    #[inline(always)]
+    fn inflow(&self, thrusts: &[Thrust<T>], nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
         let mut sum = *tau;
         for (actuator, thrust) in self.actuators.iter().zip(thrusts) {
-            sum = actuator.add(thrust, nu_r, &sum);
+            if actuator.characteristic.has_inflow() {
+                let u_a = dot(&actuator.inflow, nu_r);
+                let force = thrust.force_per_inflow.mul_add(u_a, thrust.force);
+                sum = actuator.add(force, thrust.torque_per_inflow.mul_add(u_a, thrust.torque), &sum);
+            }
         }
         sum
     }
@@ -292,6 +342,39 @@ impl<T: Real> Vehicle<T> {
             restoring: self.restoring.add(r, &none),
         }
     }
+}
+
+impl<T: Real> Inverse<T> {
+    #[inline(always)]
+    fn times(&self, f: &Vec6<T>) -> Vec6<T> {
+        match self {
+            Self::Full(matrix) => product(matrix, f),
+            Self::Diagonal(d) => {
+                let mut x = *f;
+                for i in 0..6 {
+                    x[i] = d[i] * f[i];
+                }
+                x
+            }
+        }
+    }
+}
+
+/// `M⁻¹` on the free axes; diagonal where body and added mass are.
+#[inline(always)]
+fn inverse<T: Real>(structure: &Structure, m: &Mat6<T>, free: &[bool; 6]) -> Inverse<T> {
+    if structure.general_body || structure.full_added_mass {
+        return Inverse::Full(restricted_inverse(m, free));
+    }
+    let (zero, one) = (m[0][0].zero(), m[0][0].splat(1.0));
+    let mut d = [zero; 6];
+    for i in 0..6 {
+        if free[i] {
+            // As the Cholesky factors do: no number where the mass is not positive.
+            d[i] = one / (m[i][i].sqrt() * m[i][i].sqrt());
+        }
+    }
+    Inverse::Diagonal(d)
 }
 
 #[inline(always)]
@@ -323,18 +406,20 @@ fn actuator<T: Real>(
     );
     let inflow = described.wrench.map(|x| splat(if length > 0.0 { x / length } else { 0.0 }));
     let inside = one - c(4);
-    let factor = c(0) * (one - c(5));
+    // Thrust deduction is a pressure on the hull: the propeller's torque does not feel it.
+    let (gain, deduction) = (c(0), one - c(5));
+    let factor = gain * deduction;
     use crate::vehicle_file::CharacteristicTable as Kind;
     let (shape, factor) = match (&described.characteristic, &described.table) {
         (Kind::Quadratic(_), _) => (
             Shape::Quadratic {
-                p1: [c(1), c(2)],
-                p2: c(3) * inside,
+                p1: [c(1) * deduction, c(2) * deduction],
+                p2: c(3) * inside * deduction,
                 q1: c(6),
                 q2: c(7) * inside,
                 inflow: structure.inflow[k],
             },
-            factor,
+            gain,
         ),
         (Kind::Polynomial { .. }, _) => {
             (Shape::Polynomial([[c(8), c(9), c(10)], [c(11), c(12), c(13)]]), factor)

@@ -251,6 +251,12 @@ impl CommandUnit {
     }
 }
 
+/// The version of a file whose other keys are not read.
+#[derive(Deserialize)]
+struct Format {
+    format: Option<i64>,
+}
+
 fn all_rows() -> Vec<String> {
     crate::coefficients::FORCES.map(str::to_owned).to_vec()
 }
@@ -269,15 +275,15 @@ impl VehicleFile {
     /// # Errors
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
     pub fn parse(text: &str, source_name: &str) -> Result<Self, Error> {
-        let file: Self =
-            toml::from_str(text).map_err(|error| Error::vehicle(source_name, explain(&error, text)))?;
-        if file.format != 1 {
-            return Err(Error::vehicle(
+        let refused = |error: toml::de::Error| Error::vehicle(source_name, explain(&error, text));
+        // The format first: another one may have keys that this one does not know.
+        match toml::from_str(text).map_err(refused)? {
+            Format { format: Some(found) } if found != 1 => Err(Error::vehicle(
                 source_name,
-                format!("format: this version reads format = 1, found {}", file.format),
-            ));
+                format!("format: this version reads format = 1, found {found}"),
+            )),
+            _ => toml::from_str(text).map_err(refused),
         }
-        Ok(file)
     }
 
     /// The file as TOML.
@@ -288,7 +294,7 @@ impl VehicleFile {
 
 /// The reader's message with its line, and the nearest known name of an unknown key.
 fn explain(error: &toml::de::Error, text: &str) -> String {
-    let line = error.span().map(|span| text[..span.start].lines().count().max(1));
+    let line = error.span().map(|span| 1 + text[..span.start].matches('\n').count());
     let message = error.message().trim();
     let place = line.map(|n| format!("line {n}: ")).unwrap_or_default();
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();

@@ -7,7 +7,8 @@
 //! * Table: measured thrust over signal and supply voltage, bilinear.
 //! * Direct: the signal is the thrust in newtons.
 //!
-//! All are affine in the inflow, `F = F_0 + F_V u_a`. `gain` and thrust deduction `1 − t` multiply them.
+//! All are affine in the inflow, `F = F_0 + F_V u_a`. `gain` multiplies them, thrust deduction `1 − t`
+//! the thrust.
 //!
 //! Source: Taubert et al. (2014), equations 35–38; Fossen (1994), section 4.1.
 //! Tests: `tests/laws.rs`, `tests/test_scalar_textbook.py`.
@@ -33,9 +34,9 @@ pub struct Thrust<T> {
 pub enum Shape<T> {
     /// `F = p1 |n| n + p2 |n| V_a`; the signal is in rpm.
     Quadratic {
-        /// p1 ahead and astern, N s².
+        /// p1 (1 − t) ahead and astern, N s².
         p1: [T; 2],
-        /// p2 (1 − w), N s²/m.
+        /// p2 (1 − w)(1 − t), N s²/m.
         p2: T,
         /// q1, N m s².
         q1: T,
@@ -52,7 +53,8 @@ pub enum Shape<T> {
     Direct,
 }
 
-/// Shape and factor: `gain (1 − t)`, times the density ratio where the thrust is hydrodynamic.
+/// Shape and factor: `gain`; `gain (1 − t)` where there is no reaction torque, times the density ratio
+/// for a measured table.
 #[derive(Clone)]
 pub struct Characteristic<T> {
     /// Shape of the curve.

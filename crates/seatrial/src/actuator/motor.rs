@@ -84,7 +84,7 @@ impl<T: Real> Motor<T> {
     pub fn step(&self, h: f64) -> MotorStep<T> {
         let one = self.k_v.splat(1.0);
         // A time constant far below the step is no lag; the bound keeps the quotient finite.
-        let t_1 = self.t_1.max(one.splat(1e-6 * h));
+        let t_1 = self.t_1.max(one.splat(1e-12 * h));
         let decay = (-(one.splat(h) / t_1)).exp();
         let settled = one - decay;
         let [growth, shrink] = self.rate.unwrap_or([one, one]).map(|rate| rate * h);

@@ -72,6 +72,12 @@ impl Batch<'_> {
         loss: Loss,
         stop: &AtomicBool,
     ) -> Result<Vec<f64>, Error> {
+        if let Some(k) = self.segments.iter().map(|s| s.record).find(|&k| self.records[k].observed.is_empty())
+        {
+            return Err(Error::simulation(format!(
+                "record {k}: the criterion needs measured channels, give observed and weight"
+            )));
+        }
         let results = self.run(&Work { candidates, nu_offsets, loss: Some(loss), stop })?;
         Ok(results.iter().flat_map(|result| result.sums).collect())
     }

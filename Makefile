@@ -1,0 +1,93 @@
+# One file of verbs: a laptop and continuous integration run the same ones. `make help` lists them.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+
+export VIRTUAL_ENV := $(CURDIR)/$(VENV)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PIP_QUIET := 1
+unexport PYTHONPATH PYTHONHOME CONDA_PREFIX
+
+SHELL       := bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+# A change to any of these calls for a build; Python files are read in place.
+CORE := Cargo.toml Cargo.lock rust-toolchain.toml pyproject.toml \
+        $(shell find crates -name '*.rs' -o -name '*.toml')
+PACKAGE := README.md LICENSE $(shell find python -type f ! -name '*.so' ! -name '*.pyc')
+
+SET_UP := $(VENV)/.set-up
+BUILT  := $(VENV)/.built
+WHEEL  := dist/.built
+
+.PHONY: help setup build demo test test-rust test-python test-wheel check format stubs bench wheel clean
+
+help: ## list the verbs
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
+
+setup: $(SET_UP) ## Python environment in .venv with the pinned dependencies
+$(SET_UP): constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
+	  f"seatrial needs Python 3.11 or later, found {sys.version.split()[0]}: make PYTHON=python3.11 ...")'
+	test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --requirement constraints.txt
+	@touch $@
+
+build: $(BUILT) ## the Rust core, optimised, importable from .venv
+$(BUILT): $(SET_UP) $(CORE)
+	PIP_CONSTRAINT=constraints.txt $(BIN)/maturin develop --release --locked
+	@touch $@
+
+demo: build ## identify a vehicle from its trials: a table and figures in under two minutes
+	$(BIN)/seatrial demo
+
+test: check test-rust test-python test-wheel ## everything that continuous integration runs
+
+test-rust: ## laws, scalars, literature and golden numbers of the core
+	cargo test --locked --package seatrial --quiet
+
+test-python: build ## the Python front against the core and the recordings
+	$(BIN)/python -m pytest
+
+test-wheel: wheel ## the wheel in an empty environment outside the clone
+	@folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
+	$(BIN)/python -m venv "$$folder/venv"; \
+	"$$folder/venv/bin/pip" install --constraint constraints.txt dist/*.whl; \
+	cd "$$folder"; venv/bin/seatrial --version; venv/bin/seatrial demo
+
+check: build ## format, lint, types, and the committed stub against the binding
+	cargo fmt --all --check
+	cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
+	$(BIN)/ruff format --check --quiet .
+	$(BIN)/ruff check --quiet .
+	$(BIN)/mypy
+	$(BIN)/maturin generate-stubs --quiet --profile release --locked --out target/stubs
+	diff -u python/seatrial/_core.pyi target/stubs/seatrial/_core.pyi || \
+	  { echo "The committed stub differs from the binding: run make stubs and commit it."; exit 1; }
+	$(BIN)/stubtest seatrial._core
+
+format: $(SET_UP) ## rewrite Rust and Python in the house's format
+	cargo fmt --all
+	$(BIN)/ruff format --quiet .
+	$(BIN)/ruff check --quiet --fix .
+
+stubs: build ## write the stub of the binding again
+	$(BIN)/maturin generate-stubs --quiet --profile release --locked --out python
+
+bench: build ## ratios: fraction of FMA peak, threads, textbook, CasADi, memory, import
+	cargo bench --locked --package seatrial
+	$(BIN)/python -m benchmarks
+
+wheel: $(WHEEL) ## a wheel in dist/
+$(WHEEL): $(SET_UP) $(CORE) $(PACKAGE)
+	rm -rf dist
+	$(BIN)/maturin build --release --locked --out dist
+	@touch $@
+
+clean: ## remove everything that was built, and the environment
+	rm -rf target dist $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -f python/seatrial/*.so
+	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,74 @@
+"""Prints the ratios that the project claims, each measured in this run: ``python -m benchmarks``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.footprint import Memory, import_time, memory
+from benchmarks.speed import Speed, measure
+from seatrial import _core
+
+Row = tuple[str, float, str, str]
+
+
+def rows(speed: Speed, footprint: Memory, import_s: float, heavy: list[str]) -> list[Row]:
+    """Return the claims: what is compared, the figure found, its format and what is aimed at."""
+    rate = speed.rates
+    return [
+        ("hull and hydrodynamics / FMA peak", speed.fraction("hull"), ".0%", "≥ 50 %"),
+        ("whole CWolf chain with criterion / FMA peak", speed.fraction("chain"), ".0%", "≥ 30 %"),
+        ("two threads / one", rate["two threads"] / rate["chain"], ".2f", "≥ 1.9"),
+        ("chain / textbook NumPy, one core", rate["chain"] / rate["textbook"], ",.0f", "≥ 2,000"),
+        ("chain / CasADi C, constants hoisted by hand", rate["chain"] / rate["CasADi"], ".1f", ""),
+        ("chain / CasADi C as generated", rate["chain"] / rate["CasADi as generated"], ".1f", "≥ 6"),
+        ("chain, every candidate its own dead times / chain", rate["dead times"] / rate["chain"], ".2f", ""),
+        ("trajectory apart from CasADi C, any state in SI", speed.apart_casadi, ".1e", "≤ 1e-9"),
+        ("trajectory apart from textbook, any state in SI", speed.apart_textbook, ".1e", "≤ 1e-9"),
+        (
+            "peak memory of a batch / its trajectories",
+            footprint.growth / footprint.trajectories,
+            ".1%",
+            "flat",
+        ),
+        ("import seatrial, s", import_s, ".2f", "< 0.3"),
+        ("heavy modules that it loads", float(len(heavy)), ".0f", "0"),
+    ]
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print the figures for machines")
+    parser.add_argument("--rounds", type=int, default=5, help="rounds of which the best counts (default 5)")
+    arguments = parser.parse_args()
+    console = Console()
+    with console.status("measuring: about a minute"):
+        import_s, heavy = import_time()
+        footprint = memory()
+        speed = measure(rounds=arguments.rounds)
+    found = rows(speed, footprint, import_s, heavy)
+    if arguments.json:
+        figures = {name: value for name, value, _, _ in found}
+        print(json.dumps({"ratios": figures, "steps_per_s": speed.rates, "peak_per_s": speed.peak}, indent=1))
+        return
+    ratios = Table("ratio", "found", "aim", title=f"{_core.simd_level()}, {os.cpu_count()} cores")
+    for name, value, form, aim in found:
+        ratios.add_row(name, format(value, form), aim)
+    console.print(ratios)
+    rates = Table(
+        "contender, one core unless named", "steps/s", "operations per step", "Gop/s", title="rates"
+    )
+    for name, rate in sorted(speed.rates.items(), key=lambda item: -item[1]):
+        counted = speed.operations["hull" if name == "hull" else "chain"]
+        rates.add_row(name, f"{rate:,.0f}", f"{counted:.0f}", f"{rate * counted / 1e9:.1f}")
+    rates.add_row("FMA peak of one core", "", "", f"{speed.peak / 1e9:.1f}")
+    console.print(rates)
+
+
+if __name__ == "__main__":
+    main()

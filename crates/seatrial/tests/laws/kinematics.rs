@@ -1,0 +1,83 @@
+//! Attitude: the rotation matrix, quaternion and Euler angles say the same.
+
+use crate::vehicles::{attitude, cases, distance, velocity};
+use proptest::prelude::*;
+use seatrial::kinematics::{euler_rate, from_euler, quaternion_rate, rotation, to_euler};
+use seatrial::real::Real;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Roll, pitch within `steepest` rad, yaw.
+fn euler(steepest: f64) -> impl Strategy<Value = [f64; 3]> {
+    (-PI..PI, -steepest..steepest, -PI..PI).prop_map(|(roll, pitch, yaw)| [roll, pitch, yaw])
+}
+
+proptest! {
+    #![proptest_config(cases(256))]
+
+    #[test]
+    fn law_rotation_is_orthonormal_and_right_handed(q in attitude()) {
+        let r = rotation(&q);
+        for i in 0..3 {
+            for j in 0..3 {
+                let product: f64 = (0..3).map(|k| r[i][k] * r[j][k]).sum();
+                // A dozen roundings of numbers up to one.
+                prop_assert!((product - f64::from(i == j)).abs() < 2e-15);
+            }
+        }
+        let [x, y, z] = r;
+        let [a, b, c] = seatrial::algebra::cross(&x, &y);
+        prop_assert!(distance(&[a, b, c], &z) < 2e-15);
+    }
+
+    #[test]
+    fn law_euler_angles_round_trip(angles in euler(1.55)) {
+        let back = to_euler(&from_euler(&angles));
+        for i in 0..3 {
+            // Rounding 2e-16 over cos 1.55 = 0.02, and the jump of the angle at ±π.
+            prop_assert!((back[i] - angles[i]).wrap().abs() < 1e-13, "{angles:?} -> {back:?}");
+        }
+    }
+
+    #[test]
+    fn law_quaternion_round_trips_up_to_its_sign(q in attitude()) {
+        let angles = to_euler(&q);
+        prop_assume!(angles[1].abs() < 1.57);
+        let back = from_euler(&angles);
+        let opposite = back.map(|x| -x);
+        // Rounding over cos 1.57 = 8e-4.
+        prop_assert!(distance(&back, &q).min(distance(&opposite, &q)) < 1e-11);
+    }
+
+    #[test]
+    fn law_pitch_is_right_at_the_singularity(roll in -PI..PI, yaw in -PI..PI, up in any::<bool>()) {
+        let pitch = if up { FRAC_PI_2 } else { -FRAC_PI_2 };
+        let back = to_euler(&from_euler(&[roll, pitch, yaw]));
+        prop_assert!(back.iter().all(|x| x.is_finite()));
+        // The arctangent of two roundings: their root.
+        prop_assert!((back[1] - pitch).abs() < 1e-7);
+    }
+
+    #[test]
+    fn law_quaternion_and_euler_rates_agree(angles in euler(1.4), nu in velocity(2.0, 1.0)) {
+        let rate = euler_rate(&angles, &nu);
+        let step = 1e-5;
+        let at = |step: f64| from_euler(&std::array::from_fn(|i| angles[i] + step * rate[3 + i]));
+        let (after, before) = (at(step), at(-step));
+        let quotient: [f64; 4] = std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * step));
+        let exact = quaternion_rate(&from_euler(&angles), &[nu[3], nu[4], nu[5]]);
+        // Central difference: rates up to 15 rad/s cubed times step²/6, and rounding 1e-16/step.
+        prop_assert!(distance(&quotient, &exact) < 1e-7);
+        let r = rotation(&from_euler(&angles));
+        let velocity = seatrial::algebra::product(&r, &[nu[0], nu[1], nu[2]]);
+        prop_assert!(distance(&velocity, &[rate[0], rate[1], rate[2]]) < 1e-14);
+    }
+
+    #[test]
+    fn law_wrapped_angles_differ_by_whole_turns(angle in -1e4_f64..1e4) {
+        let wrapped = angle.wrap();
+        // Rounding of 1e4 rad: 2e-12.
+        prop_assert!((-PI - 2e-12..=PI + 2e-12).contains(&wrapped));
+        let turns = (angle - wrapped) / TAU;
+        prop_assert!((turns - turns.round()).abs() < 1e-11);
+    }
+}

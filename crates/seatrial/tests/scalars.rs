@@ -1,0 +1,17 @@
+//! All number types agree: lanes of every instruction set of this processor with `f64`, and a
+//! candidate's result depends on nothing but the candidate and the trial.
+
+#[path = "scalars/candidates.rs"]
+mod candidates;
+#[path = "scalars/criterion.rs"]
+mod criterion;
+#[path = "scalars/elementary.rs"]
+mod elementary;
+#[path = "scalars/instruction_sets.rs"]
+mod instruction_sets;
+#[path = "scalars/model.rs"]
+mod model;
+#[path = "scalars/population.rs"]
+mod population;
+#[path = "support/vehicles.rs"]
+mod vehicles;

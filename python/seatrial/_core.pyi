@@ -1,0 +1,240 @@
+"""
+The compiled core of seatrial.
+"""
+
+from _typeshed import SupportsGetItem
+from collections.abc import Mapping
+from numpy import float64
+from numpy.typing import ArrayLike, NDArray
+from os import PathLike
+from typing import Any, SupportsFloat, SupportsIndex, final
+
+__all__ = ["OpenLoop", "Record", "Run", "State", "Vehicle", "simd_level", "simulate_batch"]
+
+@final
+class OpenLoop:
+    """
+    Candidates of some coefficients on segments of trials: the criterion of an identification stage.
+
+    names: coefficients that vary, in the order of the candidates' columns; segments: (record index, first
+    sample, one past the last, position (3,), attitude (4,) or (3,), nu (6,)); free and measured: letters among
+    XYZKMN, the other axes are frozen; loss: absolute, squared or huber with its knee; substeps per sample.
+    """
+    def __new__(cls, /, vehicle: Vehicle, records: SupportsGetItem[int, Record], segments: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsIndex, ArrayLike, ArrayLike, ArrayLike]], *, names: SupportsGetItem[int, str] = ..., free: str = "XYZKMN", measured: str = "", loss: str = "absolute", knee: SupportsFloat | SupportsIndex = 1.0, substeps: SupportsIndex = 1) -> OpenLoop: ...
+    def errors(self, /, values: ArrayLike, initial_nu: ArrayLike | None = None, threads: SupportsIndex | None = None) -> NDArray[float64]:
+        """
+        Sums over the samples of loss(weight * error), shape (k, segments, 12); infinite where a candidate
+        diverged.
+
+        values (k, names); initial_nu (k, 6) is added to the initial velocity of every segment; threads: all
+        when missing.
+        """
+    def predict(self, /, values: ArrayLike) -> list[NDArray[float64]]:
+        """
+        The simulated channels of every segment, each (samples, 12), for one candidate (names,).
+        """
+
+@final
+class Record:
+    """
+    One trial: inputs on a uniform time base, and measured channels with weights.
+
+    t (n,), s; commands {actuator: (n,)} in its own unit; voltage (n,), V; tau (n, 6), N and N m; current (n, 3),
+    NED, m/s; actuators {name: (n,)} measured signals that replace the motor; nu and nu_rate on the half-step
+    grid, (2 substeps (n - 1) + 1, 6), for measured axes; observed and weight (n, 12), SI, in the order u v w p q
+    r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2.
+    """
+    def __len__(self, /) -> int: ...
+    def __new__(cls, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, *, voltage: ArrayLike | None = None, tau: ArrayLike | None = None, current: ArrayLike | None = None, actuators: Mapping[str, ArrayLike] | None = None, nu: ArrayLike | None = None, nu_rate: ArrayLike | None = None, observed: ArrayLike | None = None, weight: ArrayLike | None = None, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Record: ...
+
+@final
+class Run:
+    """
+    A simulated run; of a batch, every array has a leading dimension of candidates.
+    """
+    @property
+    def actuators(self, /) -> dict[str, NDArray[float64]]:
+        """
+        Per actuator its revolutions, pulse width or newtons behind the motor, shape (n,).
+        """
+    @property
+    def attitude(self, /) -> NDArray[float64]:
+        """
+        Unit quaternions [w x y z], body to NED, shape (n, 4).
+        """
+    @property
+    def euler(self, /) -> NDArray[float64]:
+        """
+        Roll, pitch and yaw, shape (n, 3), rad.
+        """
+    @property
+    def nu(self, /) -> NDArray[float64]:
+        """
+        [u v w p q r], shape (n, 6), m/s and rad/s.
+        """
+    @property
+    def position(self, /) -> NDArray[float64]:
+        """
+        Position of O, north, east, down, shape (n, 3), m.
+        """
+    @property
+    def t(self, /) -> NDArray[float64]:
+        """
+        Time, shape (n,), s.
+        """
+    @property
+    def tau(self, /) -> NDArray[float64]:
+        """
+        Wrench of actuators and tau together about O, shape (n, 6), N and N m.
+        """
+
+@final
+class State:
+    """
+    Position, attitude, velocity and actuators of a vehicle at one instant.
+
+    position (3,) NED, m; attitude (4,) quaternion body to NED or (3,) roll, pitch, yaw, rad; nu (6,),
+    m/s and rad/s; actuators {name: value in the unit of its command}, neutral when missing.
+    """
+    def __new__(cls, /, position: ArrayLike | None = None, attitude: ArrayLike | None = None, nu: ArrayLike | None = None, actuators: Mapping[str, ArrayLike] | None = None) -> State: ...
+    @property
+    def actuators(self, /) -> dict[str, float]:
+        """
+        Actuators in the units of their commands.
+        """
+    @property
+    def attitude(self, /) -> NDArray[float64]:
+        """
+        Unit quaternion [w x y z], body to NED, shape (4,).
+        """
+    @property
+    def nu(self, /) -> NDArray[float64]:
+        """
+        [u v w p q r], shape (6,), m/s and rad/s.
+        """
+    @property
+    def position(self, /) -> NDArray[float64]:
+        """
+        Position of O, north, east, down, shape (3,), m.
+        """
+
+@final
+class Vehicle:
+    """
+    A vehicle: hull, mass, coefficients and actuators. Immutable.
+    """
+    def __repr__(self, /) -> str: ...
+    def acceleration(self, /, nu: ArrayLike, attitude: ArrayLike, tau: ArrayLike, current: ArrayLike | None = None) -> NDArray[float64]:
+        """
+        The acceleration nu' under the wrench tau, body frame, m/s2 and rad/s2.
+
+        nu and tau (n, 6) or (6,); attitude (n, 4) quaternion body to NED or (n, 3) roll, pitch, yaw in
+        rad; current (3,) or (n, 3), NED, m/s. Returns the shape of nu. Fossen (2011), equation 7.9.
+        """
+    def actuator_info(self, /) -> dict[str, dict[str, Any]]:
+        """
+        Per actuator: kind, group, unit, neutral and limits of its command, place, wrench per newton, power.
+        """
+    @property
+    def actuators(self, /) -> list[str]:
+        """
+        Names of the actuators in the order of the allocation matrix's columns.
+        """
+    def allocation_matrix(self, /) -> NDArray[float64]:
+        """
+        Wrench about O per newton of each actuator, shape (6, actuators).
+        """
+    def coefficient_info(self, /) -> dict[str, dict[str, Any]]:
+        """
+        Per coefficient, absent ones too: unit, start value, default bounds (lower, upper), description.
+        """
+    def coefficients(self, /) -> dict[str, float]:
+        """
+        The coefficients by name, SI.
+        """
+    @property
+    def controllable(self, /) -> list[str]:
+        """
+        Rows of the wrench that the vehicle can command, among X Y Z K M N.
+        """
+    @property
+    def description(self, /) -> str:
+        """
+        What the vehicle is, in a sentence.
+        """
+    def environment(self, /) -> dict[str, float]:
+        """
+        Water and gravity for which the coefficients hold: rho in kg/m3, g in m/s2.
+        """
+    def forces(self, /, nu: ArrayLike, attitude: ArrayLike, current: ArrayLike | None = None) -> dict[str, NDArray[float64]]:
+        """
+        Every term of the equation of motion as force on the vehicle, (n, 6), body frame, N and N m.
+
+        Keys rigid_body (-C_RB nu), added_mass (-C_A nu_r + M_A nu_c'), damping (-D nu_r), lift, restoring
+        (-g), and bias where the vehicle has one; their sum + tau = mass_matrix @ acceleration.
+        """
+    @staticmethod
+    def from_toml(text: str, source: str = "<text>") -> Vehicle:
+        """
+        The vehicle of the TOML text of a vehicle file; `source` stands in messages.
+        """
+    def geometry(self, /) -> dict[str, float]:
+        """
+        Measures of the hull in m (length, diameter, height); empty when the file has none.
+        """
+    @staticmethod
+    def load(name_or_path: str | PathLike[str]) -> Vehicle:
+        """
+        The vehicle of a built-in name or a file.
+
+        Raises VehicleError (a ValueError) that names file, key, what was expected and what was found.
+        """
+    def mass_matrix(self, /) -> NDArray[float64]:
+        """
+        M = M_RB + M_A, shape (6, 6), in kg, kg m, kg m2.
+        """
+    @property
+    def name(self, /) -> str:
+        """
+        Name of the vehicle.
+        """
+    @staticmethod
+    def names() -> list[str]:
+        """
+        Names of the built-in vehicles.
+        """
+    def power(self, /) -> dict[str, float]:
+        """
+        Hotel load in W and battery energy in W h; empty when the file has none.
+        """
+    def simulate(self, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage: ArrayLike | None = None, max_step: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Run:
+        """
+        The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample.
+
+        t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
+        the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
+        actuators'; voltage (n,), V; max_step, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
+        """
+    def to_toml(self, /) -> str:
+        """
+        The vehicle file with every coefficient written out, TOML.
+        """
+    def with_coefficients(self, /, coefficients: Mapping[str, ArrayLike]) -> Vehicle:
+        """
+        The same vehicle with other values of some coefficients, SI.
+
+        Raises VehicleError for an unknown name or an impossible mass matrix.
+        """
+
+def simd_level() -> str:
+    """
+    The instruction set of the batches: avx512, avx2, sse4.2, neon or fallback.
+    """
+
+def simulate_batch(vehicle: Vehicle, coefficients: Mapping[str, ArrayLike], t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage: ArrayLike | None = None, max_step: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, threads: SupportsIndex | None = None) -> Run:
+    """
+    The runs of k candidates, coefficients {name: (k,)}, under the same commands; see Vehicle.simulate.
+
+    Every array of the Run has a leading dimension k. Candidates fly side by side in vector lanes and on
+    `threads` threads (all when missing).
+    """

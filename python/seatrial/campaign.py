@@ -1,0 +1,347 @@
+"""Campaign: a vehicle, its trials and the stages of its identification, checked and ready to run."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import threading
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.campaign_file import Budget, CampaignFile, Environment, Input, Stage, TrialSource, parse
+from seatrial.errors import CampaignError, nearest
+from seatrial.parameters import Parameter, names, parameters
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial import Trial
+
+__all__ = ["Campaign"]
+
+
+class Campaign:
+    """A checked campaign: vehicle, trials (read when first asked for), stages in the order of their run.
+
+    Made by `load` or `from_toml`.
+
+    Parameters
+    ----------
+    file : CampaignFile
+        What the file says.
+    text, source : str
+        Its text, kept with the results, and what to call it in messages.
+    folder : Path
+        Where paths in the file begin.
+    trials : mapping, optional
+        Trial name to path or frame, instead of the file's own.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> campaign = st.Campaign.from_toml('''
+    ... format = 1
+    ... name = "dive"
+    ... vehicle = "cwolf"
+    ... [trials.dive]
+    ... file = "dive.csv"
+    ... [[stages]]
+    ... name = "heave"
+    ... trials = ["dive"]
+    ... axes = { free = "Z" }
+    ... [stages.coefficients]
+    ... Z_ww = [-1000.0, -50.0]
+    ... ''')
+    >>> campaign.parameters["heave"][0].lower
+    -1000.0
+    """
+
+    def __init__(
+        self,
+        file: CampaignFile,
+        *,
+        text: str,
+        source: str,
+        folder: Path,
+        trials: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.file = file
+        self.text = text
+        self.source = source
+        self.folder = folder
+        self.vehicle = self._load_vehicle()
+        self._sources, self._data = self._trial_sources(dict(trials or {}))
+        self.trials: Mapping[str, Trial] = _Trials(self)
+        self.stages = _in_order(file.stages, source)
+        self.parameters: dict[str, tuple[Parameter, ...]] = {
+            stage.name: parameters(stage, self.vehicle, self.place(stage)) for stage in self.stages
+        }
+        self._check_trial_names()
+        self._check_side_by_side()
+
+    @classmethod
+    def load(cls, path: str | Path, trials: Mapping[str, Any] | None = None) -> Campaign:
+        """Campaign from a TOML file.
+
+        Parameters
+        ----------
+        path : str or Path
+        trials : mapping, optional
+            Trial name to path (or polars or pandas frame), instead of the file's own. A name that the file
+            does not have becomes a hold-out trial, read with the campaign's common column map.
+
+        Raises
+        ------
+        CampaignError
+            The file is missing, not TOML, has unknown keys or asks for what cannot be done.
+        VehicleError
+            The vehicle cannot be loaded.
+        """
+        path = Path(path)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise CampaignError(
+                f"{path}: not readable as a campaign file ({error}); check the path"
+            ) from None
+        return cls(parse(text, str(path)), text=text, source=str(path), folder=path.parent, trials=trials)
+
+    @classmethod
+    def from_toml(
+        cls,
+        text: str,
+        *,
+        folder: str | Path = ".",
+        source: str = "<text>",
+        trials: Mapping[str, Any] | None = None,
+    ) -> Campaign:
+        """Campaign from TOML text; paths in it are relative to the folder.
+
+        Parameters
+        ----------
+        text : str
+        folder : str or Path
+        source : str
+            What to call the text in messages.
+        trials : mapping, optional
+            As in `load`.
+
+        Raises
+        ------
+        CampaignError, VehicleError
+            As in `load`.
+        """
+        return cls(parse(text, source), text=text, source=source, folder=Path(folder), trials=trials)
+
+    @property
+    def name(self) -> str:
+        """Name of the campaign."""
+        return self.file.name
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random number of a run."""
+        return self.file.seed
+
+    def place(self, stage: Stage) -> str:
+        """Words for messages: file and stage."""
+        return f"{self.source}: stage {stage.name!r}"
+
+    def before(self, stage: Stage) -> list[str]:
+        """Names of the stages that a stage runs after, directly or not, in the order of their run."""
+        names = set(stage.after)
+        for earlier in reversed(self.stages):
+            if earlier.name in names:
+                names |= set(earlier.after)
+        return [earlier.name for earlier in self.stages if earlier.name in names]
+
+    def budget(self, stage: Stage) -> Budget:
+        """Budget of a stage: its own, then the campaign's."""
+        return stage.budget.over(self.file.budget)
+
+    def source_of(self, trial: str) -> TrialSource:
+        """What the campaign says about a trial."""
+        return self._sources[trial]
+
+    def input_of(self, trial: str) -> Input:
+        """What drives the model in a trial: "commands", "tau" or "measured"."""
+        return self._sources[trial].input or self.file.input
+
+    def environment_of(self, trial: str) -> Environment:
+        """Water and gravity of a trial, None where the vehicle's own hold."""
+        own, common = self._sources[trial].environment, self.file.environment
+        return Environment(**(common.model_dump(exclude_none=True) | own.model_dump(exclude_none=True)))
+
+    def held_out(self, trial: str) -> NDArray[np.bool_]:
+        """Mask (n,): True where a sample of the trial is held out of the fit."""
+        source, t = self._sources[trial], self.trials[trial].t
+        mask = np.full(len(t), source.hold_out)
+        for start, stop in source.hold_out_s:
+            mask |= (t >= start) & (t < stop)
+            if stop <= t[0] or start > t[-1]:
+                raise CampaignError(
+                    f"{self.source}: trial {trial!r}, key hold_out_s: [{start:g}, {stop:g}] lies outside the"
+                    f" recording, which runs from {t[0]:g} to {t[-1]:g} s; use the trial's own time"
+                )
+        return mask
+
+    def path_of(self, trial: str) -> Path | None:
+        """Path of a trial's file, None for a frame.
+
+        Raises
+        ------
+        CampaignError
+            An environment variable in the path is not set.
+        """
+        data = self._data.get(trial)
+        if data is None:
+            return self._path(self._sources[trial].file, f"trial {trial!r}, key file")
+        return Path(data) if isinstance(data, str | Path) else None
+
+    def read(self, trial: str) -> Trial:
+        """Trial read from its file; `trials` reads each only once.
+
+        Parameters
+        ----------
+        trial : str
+            Its name in the campaign.
+
+        Raises
+        ------
+        CampaignError
+            There is no such file.
+        TrialError
+            The recording or its column map cannot be used.
+        """
+        from seatrial.trial import Trial
+
+        source, environment = self._sources[trial], self.environment_of(trial)
+        path = self.path_of(trial)
+        if path is not None and not path.exists():
+            raise CampaignError(
+                f"{self.source}: trial {trial!r}, key file: there is no file {path}; correct the path or give"
+                f" another one with trials={{{trial!r}: path}}"
+            )
+        return Trial.read(
+            self._data[trial] if path is None else path,
+            reader=source.reader or self.file.reader,
+            columns=self.file.columns | source.columns or None,
+            name=trial,
+            rate_hz=source.rate_hz or self.file.rate_hz,
+            rho=environment.rho_kg_m3,
+            g=environment.g_m_s2,
+        )
+
+    def file_hash(self, trial: str) -> str | None:
+        """SHA-256 of a trial's file, None for a frame."""
+        path = self.path_of(trial)
+        if path is None:
+            return None
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+
+    def _load_vehicle(self) -> Vehicle:
+        from seatrial._core import Vehicle
+
+        name = self.file.vehicle
+        is_path = name.endswith(".toml") or "/" in name or "\\" in name
+        return Vehicle.load(str(self._path(name, "key vehicle")) if is_path else name)
+
+    def _path(self, text: str, where: str) -> Path:
+        """Path relative to the campaign file, ``${VARIABLE}`` replaced by the environment's value."""
+
+        def value(match: re.Match[str]) -> str:
+            variable = match.group(1)
+            if variable not in os.environ:
+                raise CampaignError(
+                    f"{self.source}: {where}: environment variable {variable} is not set;"
+                    f" set it to the folder that {text!r} begins with"
+                )
+            return os.environ[variable]
+
+        return self.folder / Path(re.sub(r"\$\{(\w+)\}", value, text)).expanduser()
+
+    def _trial_sources(self, given: dict[str, Any]) -> tuple[dict[str, TrialSource], dict[str, Any]]:
+        sources = dict(self.file.trials)
+        for name in given:
+            if name not in sources:
+                sources[name] = TrialSource(file="<given>", hold_out=True)
+        return sources, given
+
+    def _check_trial_names(self) -> None:
+        for stage in self.stages:
+            for name in stage.trials:
+                if name not in self._sources:
+                    raise CampaignError(
+                        f"{self.place(stage)}, key trials: unknown trial {name!r}"
+                        + nearest(name, self._sources)
+                    )
+                if self._sources[name].hold_out:
+                    raise CampaignError(
+                        f"{self.place(stage)}, key trials: trial {name!r} is held out as a whole;"
+                        " remove it from the stage or its hold_out"
+                    )
+
+    def _check_side_by_side(self) -> None:
+        """Refuse two stages that set one coefficient with no order between them."""
+        for i, stage in enumerate(self.stages):
+            for other in self.stages[:i]:
+                shared = set(names(self.parameters[stage.name])) & set(names(self.parameters[other.name]))
+                if shared and other.name not in self.before(stage):
+                    raise CampaignError(
+                        f"{self.place(stage)}: coefficient {min(shared)!r} is also freed by stage"
+                        f" {other.name!r} and neither runs after the other; set after = [{other.name!r}]"
+                    )
+
+
+class _Trials(Mapping[str, "Trial"]):
+    """Trials by name, read when first asked for."""
+
+    def __init__(self, campaign: Campaign) -> None:
+        self._campaign = campaign
+        self._read: dict[str, Trial] = {}
+        self._lock = threading.Lock()
+
+    def __getitem__(self, name: str) -> Trial:
+        if name not in self._campaign._sources:
+            raise KeyError(name)
+        with self._lock:
+            if name not in self._read:
+                self._read[name] = self._campaign.read(name)
+            return self._read[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._campaign._sources)
+
+    def __len__(self) -> int:
+        return len(self._campaign._sources)
+
+
+def _in_order(stages: tuple[Stage, ...], source: str) -> tuple[Stage, ...]:
+    """Stages so that each comes after those it names, otherwise as in the file."""
+    known = [stage.name for stage in stages]
+    for stage in stages:
+        if known.count(stage.name) > 1:
+            raise CampaignError(f"{source}: two stages are called {stage.name!r}; rename one")
+        for name in stage.after:
+            if name not in known:
+                raise CampaignError(
+                    f"{source}: stage {stage.name!r}, key after: unknown stage {name!r}{nearest(name, known)}"
+                )
+    ordered: list[Stage] = []
+    waiting = list(stages)
+    while waiting:
+        done = {stage.name for stage in ordered}
+        ready = next((stage for stage in waiting if done.issuperset(stage.after)), None)
+        if ready is None:
+            circle = ", ".join(repr(stage.name) for stage in waiting)
+            raise CampaignError(
+                f"{source}: the stages {circle} wait for one another; remove one of their after"
+            )
+        ordered.append(ready)
+        waiting.remove(ready)
+    return tuple(ordered)

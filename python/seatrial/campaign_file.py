@@ -1,0 +1,255 @@
+"""The campaign file's format: which keys it has, what they mean, what they may hold.
+
+These models are the only owner of the format; unknown keys are refused with the nearest known name.
+"""
+
+from __future__ import annotations
+
+import reprlib
+import tomllib
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from seatrial.errors import CampaignError, nearest
+from seatrial.recording.columns import CHANNELS
+
+AXES = "XYZKMN"
+"""Letters of the axes in the core's order."""
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+Count = Annotated[int, Field(strict=True, gt=0)]
+Interval = tuple[Number, Number]
+Name = Annotated[str, Field(min_length=1)]
+Input = Literal["commands", "tau", "measured"]
+
+
+class Section(BaseModel):
+    """A table of the file: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    advice: ClassVar[str] = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, data: Any) -> Any:
+        if isinstance(data, Mapping):
+            for key in data:
+                if key not in cls.model_fields:
+                    raise ValueError(
+                        f"unknown key {key!r}{nearest(str(key), cls.model_fields)}; correct or remove it"
+                        + cls.advice
+                    )
+        return data
+
+
+class Environment(Section):
+    """Water and gravity."""
+
+    rho_kg_m3: Positive | None = None
+    g_m_s2: Positive | None = None
+
+
+class TrialSource(Section):
+    """One recording: where it is, how it is read, what of it is held out."""
+
+    file: Name
+    reader: str | None = None
+    columns: dict[str, Any] = {}
+    rate_hz: Positive | None = None
+    environment: Environment = Environment()
+    hold_out: bool = False
+    hold_out_s: tuple[Interval, ...] = ()
+    input: Input | None = None
+
+    @model_validator(mode="after")
+    def _intervals_run_forwards(self) -> TrialSource:
+        for start, stop in self.hold_out_s:
+            if start >= stop:
+                raise ValueError(f"hold_out_s holds [start, stop] with start < stop, found [{start}, {stop}]")
+        return self
+
+
+class Axes(Section):
+    """Modes of the axes by letter; an axis that is not mentioned is frozen."""
+
+    free: str = ""
+    measured: str = ""
+    frozen: str = ""
+
+    @model_validator(mode="after")
+    def _each_axis_once(self) -> Axes:
+        for mode, letters in (("free", self.free), ("measured", self.measured), ("frozen", self.frozen)):
+            for letter in letters:
+                if letter not in AXES:
+                    raise ValueError(f"{mode} holds letters of {AXES}, found {letter!r}")
+        letters = self.free + self.measured + self.frozen
+        for letter in letters:
+            if letters.count(letter) > 1:
+                raise ValueError(f"axis {letter} has two modes; name it once in free, measured or frozen")
+        return self
+
+
+def _short_tie(entry: Any) -> Any:
+    return {"name": entry} if isinstance(entry, str) else entry
+
+
+class Tie(Section):
+    """A coefficient that follows another one by a factor (symmetry)."""
+
+    name: Name
+    factor: Number = 1.0
+
+
+def _short_coefficient(entry: Any) -> Any:
+    if entry == "default":
+        return {}
+    if isinstance(entry, str):
+        raise ValueError(f'expected [lower, upper], "default" or a table, found {entry!r}')
+    return {"bounds": entry} if isinstance(entry, list | tuple) else entry
+
+
+class Coefficient(Section):
+    """A free coefficient: bounds, start value and those tied to it."""
+
+    advice: ClassVar[str] = '. A name with a dot needs quotes: "stern.gain" = [0.5, 2.0].'
+
+    bounds: Interval | None = None
+    start: Number | None = None
+    relative: bool = False
+    tie: tuple[Annotated[Tie, BeforeValidator(_short_tie)], ...] = ()
+
+    @model_validator(mode="after")
+    def _bounds_in_order(self) -> Coefficient:
+        if self.bounds is not None:
+            lower, upper = self.bounds
+            if lower >= upper:
+                raise ValueError(f"bounds are [lower, upper] with lower < upper, found [{lower}, {upper}]")
+        elif self.relative:
+            raise ValueError("relative = true needs bounds: two factors of the vehicle's value")
+        return self
+
+
+class Budget(Section):
+    """How long a stage searches. What is absent is chosen from the number of coefficients."""
+
+    population: Annotated[int, Field(strict=True, ge=2)] | None = None
+    generations: Count | None = None
+    simplex_rounds: Count | None = None
+    tolerance: Positive | None = None
+
+    def over(self, other: Budget) -> Budget:
+        """Budget with what is absent here taken from the other one."""
+        return Budget(**(other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)))
+
+
+class Stage(Section):
+    """One step of the identification: these coefficients from those trials."""
+
+    name: Name
+    trials: Annotated[tuple[Name, ...], Field(min_length=1)]
+    axes: Axes
+    coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = {}
+    after: tuple[Name, ...] = ()
+    segment_s: Positive = 10.0
+    overlap_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    channels: dict[str, Positive] = {}
+    loss: Literal["absolute", "squared", "huber"] = "absolute"
+    knee: Positive = 1.8
+    start: Literal["smoothed", "estimated"] = "smoothed"
+    budget: Budget = Budget()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Stage:
+        for channel in self.channels:
+            if channel not in CHANNELS:
+                raise ValueError(f"unknown channel {channel!r}{nearest(channel, CHANNELS)}")
+        if self.overlap_s >= self.segment_s:
+            raise ValueError(
+                f"overlap_s = {self.overlap_s} must be shorter than segment_s = {self.segment_s}"
+            )
+        if not self.axes.free:
+            raise ValueError('frees no axis, so nothing can be identified; set axes = { free = "X", ... }')
+        if not self.coefficients:
+            raise ValueError("frees no coefficient; list at least one under [stages.coefficients]")
+        return self
+
+    def weights(self) -> dict[str, float]:
+        """Weight per channel; by default 1 for the velocity of every free axis."""
+        if self.channels:
+            return dict(self.channels)
+        return {CHANNELS[AXES.index(axis)]: 1.0 for axis in sorted(self.axes.free, key=AXES.index)}
+
+
+class CampaignFile(Section):
+    """The whole file."""
+
+    format: Literal[1]
+    name: Name
+    vehicle: Name
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    description: str = ""
+    environment: Environment = Environment()
+    reader: str | None = None
+    rate_hz: Positive | None = None
+    input: Input = "commands"
+    columns: dict[str, Any] = {}
+    budget: Budget = Budget()
+    trials: Annotated[dict[str, TrialSource], Field(min_length=1)]
+    stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
+
+
+def parse(text: str, source: str) -> CampaignFile:
+    """Campaign file from its text.
+
+    Raises
+    ------
+    CampaignError
+        Not TOML, an unknown key, a missing key or a value that a key may not hold; all of them are listed.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise CampaignError(f"{source}: not a TOML file: {error}") from None
+    try:
+        return CampaignFile.model_validate(data)
+    except ValidationError as error:
+        details = error.errors()
+        places = [detail["loc"] for detail in details]
+        # An array whose entries are all wrong is also reported as too short: the entries say why.
+        own = [
+            d
+            for d in details
+            if not any(len(p) > len(d["loc"]) and p[: len(d["loc"])] == d["loc"] for p in places)
+        ]
+        raise CampaignError("\n".join(_message(data, source, detail) for detail in own)) from None
+
+
+def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
+    place = _place(data, detail["loc"])
+    found = detail["input"]
+    if detail["type"] == "missing":
+        return f"{source}: {place}: this key is required and missing; add it"
+    text = str(detail["msg"]).removeprefix("Value error, ")
+    if detail["type"] == "value_error":
+        return f"{source}: {place}: {text}"
+    text = text.replace("Input should be", "expected")
+    return f"{source}: {place}: {text}, found {reprlib.repr(found)}; correct the value"
+
+
+def _place(data: Any, loc: tuple[int | str, ...]) -> str:
+    """Path of a key as people say it: ``stages 'yaw', key segment_s``."""
+    parts: list[str] = []
+    for key in loc:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            data = None
+        if isinstance(key, int):
+            name = data.get("name") if isinstance(data, Mapping) else None
+            parts[-1] += f" {name!r}" if isinstance(name, str) else f"[{key + 1}]"
+        else:
+            parts.append(str(key))
+    return ", ".join([*parts[:-1], f"key {parts[-1]}"]) if parts else "the file"

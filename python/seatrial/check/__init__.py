@@ -1,0 +1,214 @@
+"""What can be said about a vehicle before it is believed: signs, speeds, stability, implausible numbers."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from seatrial.check.actuators import NOMINAL_V, Push, pushes
+from seatrial.check.performance import Speed, Turn, speeds, turns
+from seatrial.check.plausibility import commanded_rows, implausible
+from seatrial.check.stability import Gain, Statics, damping_gain, growth, statics
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["Gain", "Push", "Speed", "Statics", "Turn", "VehicleCheck", "check_vehicle"]
+
+_FASTEST_M_S = 15.0
+
+
+@dataclass(frozen=True)
+class VehicleCheck:
+    """What was found about a vehicle; printed, a page of sentences.
+
+    Attributes
+    ----------
+    name, description
+        Of the vehicle.
+    pushes
+        What each actuator does, ahead and astern.
+    speeds, turns
+        Steady motion by simulation.
+    statics
+        Buoyancy and natural periods.
+    rows
+        Rows of the wrench that can be commanded.
+    notes, warnings
+        Sentences about what is worth knowing, and about what is probably wrong.
+    """
+
+    name: str
+    description: str
+    pushes: tuple[Push, ...]
+    speeds: tuple[Speed, ...]
+    turns: tuple[Turn, ...]
+    statics: Statics
+    rows: tuple[str, ...]
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The check as plain data for JSON."""
+        data = asdict(self)
+        data["pushes"] = [asdict(push) | {"sentence": str(push)} for push in self.pushes]
+        data["speeds"] = [
+            asdict(row) | {"speed_kn": row.speed_kn, "range_km": row.range_km} for row in self.speeds
+        ]
+        data["statics"]["net_n"] = self.statics.net_n
+        return data
+
+    def sentences(self) -> list[str]:
+        """A sentence per actuator, both directions in one."""
+        pairs = zip(self.pushes[::2], self.pushes[1::2], strict=True)
+        return [f"{ahead} | {astern.step:+g}: {astern.words}" for ahead, astern in pairs]
+
+    def __str__(self) -> str:
+        parts = [f"{self.name}: {self.description}", *self.sentences(), *self.notes]
+        return "\n".join([*parts, *(f"WARNING {text}" for text in self.warnings)])
+
+
+def check_vehicle(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> VehicleCheck:
+    """Check of a vehicle: every actuator's force in words, speeds, turns, statics, stability, warnings.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> print(check_vehicle(st.Vehicle.load("cwolf")).pushes[0])
+    +1000 rpm on SbU: 19 N ahead, bow to port, bow down; also 5.2 N to starboard, 5.3 N up
+    """
+    rows = speeds(vehicle, voltage_v=voltage_v)
+    turning = turns(vehicle, voltage_v=voltage_v)
+    rest = statics(vehicle)
+    able = tuple(commanded_rows(vehicle))
+    running = [row.speed_m_s for row in rows if row.speed_m_s > 1e-3]
+    notes = [*_statics_notes(rest), *_speed_notes(rows), *_turn_notes(turning), _row_note(able)]
+    warnings = [*_static_warnings(rest), *implausible(vehicle)]
+    if running:
+        motion, unstable = _stability(vehicle, running)
+        notes, warnings = notes + motion, warnings + unstable
+    gain = damping_gain(vehicle, [s for speed in (running or [1.0]) for s in (speed, -speed)])
+    if gain is not None:
+        warnings.append(
+            f"damping and lift add energy: at {gain.speed_m_s:+.2f} m/s along x a disturbance of {gain.words}"
+            f" receives {gain.power_w:.3g} W; check signs and sizes of the off-diagonal and lift coefficients"
+        )
+    if running and max(running) > _FASTEST_M_S:
+        warnings.append(
+            f"top speed {max(running):.3g} m/s is not that of an underwater vehicle; check X_u, X_uu and the"
+            " thrust"
+        )
+    return VehicleCheck(
+        name=vehicle.name,
+        description=vehicle.description,
+        pushes=pushes(vehicle, voltage_v=voltage_v),
+        speeds=rows,
+        turns=turning,
+        statics=rest,
+        rows=able,
+        notes=tuple(notes),
+        warnings=tuple(warnings),
+    )
+
+
+def _statics_notes(rest: Statics) -> list[str]:
+    share = 100.0 * rest.net_n / rest.weight_n
+    kind, motion = ("buoyant", "rises") if rest.net_n > 0.0 else ("heavy", "sinks")
+    buoyancy = (
+        "neutrally buoyant"
+        if abs(share) < 0.01
+        else f"{abs(rest.net_n):.3g} N {kind} ({share:+.2g} % of its weight): it {motion} with motors stopped"
+    )
+    notes = [f"Buoyancy: {buoyancy}"]
+    periods = [("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)]
+    spoken = ", ".join(f"{name} {period:.3g} s" for name, period in periods if period is not None)
+    if spoken:
+        notes.append(
+            f"Natural periods: {spoken} (centre of buoyancy {1e3 * rest.b_over_g_m:.3g} mm above gravity)"
+        )
+    return notes
+
+
+def _static_warnings(rest: Statics) -> list[str]:
+    found = []
+    if unstable := [
+        n for n, p in (("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)) if p is None
+    ]:
+        found.append(
+            f"{' and '.join(unstable)} not stable at rest: the centre of buoyancy is"
+            f" {1e3 * rest.b_over_g_m:.3g} mm above the centre of gravity; z is down, so z_b < z_g is meant"
+        )
+    if abs(rest.net_n) > 0.05 * rest.weight_n:
+        found.append(
+            f"B - m g = {rest.net_n:+.4g} N is {100.0 * rest.net_n / rest.weight_n:+.2g} % of the weight; a"
+            " submerged vehicle is trimmed to a few tenths of a per cent. Is B in N?"
+        )
+    return found
+
+
+def _speed_notes(rows: tuple[Speed, ...]) -> list[str]:
+    if not rows:
+        return ["Speed: no actuator drives ahead"]
+    top = rows[-1]
+    notes = [f"Top speed: {top.speed_m_s:.2f} m/s ({top.speed_kn:.1f} kn) at {top.command:g} {top.unit}"]
+    if top.endurance_h is not None:
+        farthest = max(rows, key=lambda row: row.range_km or 0.0)
+        notes.append(
+            f"Endurance: {top.endurance_h:.2g} h at top speed; farthest at {farthest.speed_m_s:.2f} m/s:"
+            f" {farthest.endurance_h:.2g} h, {farthest.range_km:.0f} km"
+        )
+    return notes
+
+
+def _turn_notes(turning: tuple[Turn, ...]) -> list[str]:
+    notes = []
+    for turn in turning:
+        if turn.kind == "under way":
+            notes.append(
+                f"Turn under way, outer side at {turn.command:g} {turn.unit}, inner at half: radius"
+                f" {turn.radius_m:.1f} m, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s"
+            )
+        else:
+            notes.append(
+                f"Turn on the spot, both sides opposed at {turn.command:g} {turn.unit}:"
+                f" {abs(turn.rate_deg_s):.1f} deg/s (O moves at {turn.speed_m_s:.2f} m/s)"
+            )
+    return notes
+
+
+def _row_note(able: tuple[str, ...]) -> str:
+    lacking = [row for row in "XYZKMN" if row not in able]
+    return f"Commanded independently: {' '.join(able) or 'nothing'}" + (
+        f"; not: {' '.join(lacking)}" if lacking else ""
+    )
+
+
+def _stability(vehicle: Vehicle, running: list[float]) -> tuple[list[str], list[str]]:
+    """Notes and warnings on course and pitch stability at half and top speed, ahead and astern."""
+    middle, top = running[len(running) // 2], running[-1]
+    notes, warnings = [], []
+    for plane, cure in (("course", "N_uv, N_ur, Y_uv, Y_ur"), ("pitch", "M_uw, M_uq, Z_uw, Z_uq")):
+        rates = {speed: growth(vehicle, speed, plane) for speed in (middle, top, -0.5 * middle)}
+        ahead = {speed: rate for speed, rate in rates.items() if speed > 0.0}
+        worst = max(ahead, key=lambda speed: ahead[speed])
+        if ahead[worst] > 1e-3:
+            warnings.append(
+                f"{plane} unstable at {worst:.2f} m/s: without control a disturbance doubles in"
+                f" {0.693 / ahead[worst]:.2g} s. Lift of hull and fixed fins ({cure}) balances the Munk"
+                " moment of a slender hull; give it where the vehicle has fins"
+            )
+        else:
+            time = -0.693 / ahead[worst]
+            notes.append(f"{plane.capitalize()} stable ahead: a disturbance halves in {time:.2g} s or less")
+        if (astern := rates[-0.5 * middle]) > 1e-3:
+            notes.append(
+                f"{plane.capitalize()} unstable astern: at {0.5 * middle:.2f} m/s a disturbance doubles in"
+                f" {0.693 / astern:.2g} s"
+            )
+    return notes, warnings

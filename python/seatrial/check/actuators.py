@@ -1,0 +1,131 @@
+"""What each actuator does, in a sentence: the cheapest cure for a wrong sign.
+
+The force is the model's own, at rest, behind the whole chain from command to wrench: the vehicle is held
+(no axis free) until the motor has settled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["Push", "bollard", "command", "largest", "pushes", "voltage_for"]
+
+Array = NDArray[np.float64]
+
+NOMINAL_V = 14.8
+"""Supply voltage at which tables of thrust are read: four lithium cells."""
+
+_USUAL = {"rpm": 2000.0, "us": 400.0, "N": 100.0}
+_FORCES = (("ahead", "astern"), ("to starboard", "to port"), ("down", "up"))
+# In the order in which a helmsman asks: heading, trim, heel.
+_TURNS = (
+    (5, "bow to starboard", "bow to port"),
+    (4, "bow up", "bow down"),
+    (3, "heel to starboard", "heel to port"),
+)
+_MAIN, _MINOR = 0.5, 0.05
+_LEVER_M = 0.02  # a force with a shorter lever is not said to turn the vehicle
+
+
+@dataclass(frozen=True)
+class Push:
+    """Wrench (6,) in N and N m about O of one actuator at rest, for a command away from neutral."""
+
+    actuator: str
+    step: float
+    unit: str
+    wrench: tuple[float, ...]
+
+    @property
+    def words(self) -> str:
+        """Forces and turns in words: ``19 N ahead, bow to port``; what is minor follows."""
+        forces = np.array(self.wrench[:3])
+        largest = float(np.abs(forces).max(initial=0.0))
+        turns = [
+            (positive if self.wrench[axis] > 0.0 else negative, abs(self.wrench[axis]))
+            for axis, positive, negative in _TURNS
+        ]
+        strongest = max(moment for _, moment in turns)
+        if largest < 1e-9 and strongest < 1e-9:
+            return "no force"
+        spoken = [(axis, f) for axis, f in enumerate(forces) if abs(f) > _MINOR * largest]
+        main = [_force(axis, f) for axis, f in spoken if abs(f) >= _MAIN * largest]
+        minor = [_force(axis, f) for axis, f in spoken if abs(f) < _MAIN * largest]
+        turning = [
+            word for word, m in turns if m > _LEVER_M * largest and m >= 0.1 * strongest and strongest > 1e-9
+        ]
+        sentence = ", ".join(main + turning)
+        return sentence + (f"; also {', '.join(minor)}" if minor else "")
+
+    def __str__(self) -> str:
+        return f"{self.step:+g} {self.unit} on {self.actuator}: {self.words}"
+
+
+def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...]:
+    """What every actuator does at half its largest command, ahead and astern, in the vehicle's order."""
+    facts = vehicle.actuator_info()
+    found = []
+    for name in vehicle.actuators:
+        for sign in (1.0, -1.0):
+            step = sign * half(facts[name], sign)
+            wrench = bollard(vehicle, {name: facts[name]["neutral"] + step}, voltage_v=voltage_v)
+            found.append(Push(name, step, facts[name]["unit"], tuple(map(float, wrench))))
+    return tuple(found)
+
+
+def bollard(vehicle: Vehicle, commands: Mapping[str, float], *, voltage_v: float = NOMINAL_V) -> Array:
+    """Wrench (6,) in N and N m about O at rest after the motors have settled under steady commands."""
+    t = np.linspace(0.0, settling_s(vehicle), 101)
+    held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
+    run = vehicle.simulate(t, held, free="", voltage=voltage_for(vehicle, t, voltage_v))
+    wrench: Array = np.asarray(run.tau)[-1]
+    return wrench
+
+
+def settling_s(vehicle: Vehicle) -> float:
+    """Time in s after which every motor follows its command."""
+    values = vehicle.coefficients()
+    slow = [
+        values[f"{name}.{key}"]
+        for name in vehicle.actuators
+        for key in ("T_1", "T_t")
+        if f"{name}.{key}" in values
+    ]
+    return 5.0 + 10.0 * max(slow, default=0.0)
+
+
+def voltage_for(vehicle: Vehicle, t: Array, voltage_v: float) -> Array | None:
+    """Supply voltage (n,) where a table of the vehicle needs one."""
+    needed = any(facts["needs_voltage"] for facts in vehicle.actuator_info().values())
+    return np.full(len(t), voltage_v) if needed else None
+
+
+def largest(facts: Mapping[str, Any], sign: float) -> float:
+    """Largest step of a command away from neutral, in its unit; a usual one where there is no limit."""
+    limit = float(facts["maximum_ahead" if sign > 0.0 else "maximum_astern"])
+    return limit if np.isfinite(limit) and limit > 0.0 else _USUAL[str(facts["unit"])]
+
+
+def half(facts: Mapping[str, Any], sign: float) -> float:
+    """Half the largest step, in two digits."""
+    step = 0.5 * largest(facts, sign)
+    digits = 1 - int(np.floor(np.log10(step)))
+    return float(round(step, digits))
+
+
+def command(facts: Mapping[str, Any], share: float) -> float:
+    """Command for a share from -1 to 1 of the largest step; positive thrust is along the direction."""
+    sense = -1.0 if facts["reversed"] else 1.0
+    return float(facts["neutral"]) + sense * share * largest(facts, sense * share)
+
+
+def _force(axis: int, force: float) -> str:
+    return f"{abs(force):.2g} N {_FORCES[axis][0 if force > 0.0 else 1]}"

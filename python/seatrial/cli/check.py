@@ -1,0 +1,144 @@
+"""`seatrial check`: what a vehicle file says, in sentences and three views; what a campaign will do."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from seatrial.check.actuators import NOMINAL_V
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from seatrial.check import VehicleCheck
+    from seatrial.check.campaign import CampaignCheck
+
+
+def check(
+    target: Annotated[
+        str,
+        typer.Argument(help="Vehicle file, built-in vehicle, or campaign file.", metavar="VEHICLE|CAMPAIGN"),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for figures; runs/check-NAME by default.")
+    ] = None,
+    voltage: Annotated[
+        float, typer.Option(min=0.1, help="Supply voltage at which tables of thrust are read, V.")
+    ] = NOMINAL_V,
+    figures: Annotated[bool, typer.Option(help="Draw the vehicle from three sides (PNG and PDF).")] = True,
+    json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Check a vehicle (signs, speeds, stability, implausible numbers) or a campaign before it runs."""
+    if _is_campaign(target):
+        _check_campaign(target, json=json)
+        return
+    from seatrial._core import Vehicle
+    from seatrial.check import check_vehicle
+    from seatrial.cli.console import list_figures, output, print_json
+
+    vehicle = Vehicle.load(target)
+    found = check_vehicle(vehicle, voltage_v=voltage)
+    written: list[Path] = []
+    if figures:
+        from seatrial.plot.characteristic_curve import characteristic
+        from seatrial.plot.style import save
+        from seatrial.plot.views import three_views
+
+        folder = out or Path("runs") / f"check-{vehicle.name}"
+        written += save(three_views(vehicle), folder / "three_views")
+        if vehicle.actuators:
+            written += save(characteristic(vehicle), folder / "characteristic")
+    if json:
+        print_json(found.to_dict() | {"figures": [str(path) for path in written]})
+        return
+    console = output()
+    _print_vehicle(console, found)
+    list_figures(console, written)
+
+
+def _is_campaign(target: str) -> bool:
+    """Whether the file is a campaign rather than a vehicle; what cannot be read is left to the vehicle."""
+    path = Path(target)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return "stages" in data or "trials" in data
+
+
+def _print_vehicle(console: Console, found: VehicleCheck) -> None:
+    from seatrial.cli.console import table
+
+    console.print(f"[bold]{found.name}[/bold]: {found.description}\n", soft_wrap=True)
+    for ahead, astern in zip(found.pushes[::2], found.pushes[1::2], strict=True):
+        console.print(str(ahead), soft_wrap=True, markup=False)
+        console.print(
+            f"{astern.step:+g} {astern.unit}: {astern.words}", soft_wrap=True, markup=False, style="dim"
+        )
+    if found.speeds:
+        rows = [
+            [
+                f"{row.command:g} {row.unit}",
+                f"{row.speed_m_s:.2f}",
+                f"{row.speed_kn:.1f}",
+                f"{row.thrust_n:.3g}",
+                "" if row.power_w is None else f"{row.power_w:.0f}",
+                "" if row.endurance_h is None else f"{row.endurance_h:.2g}",
+                "" if row.range_km is None else f"{row.range_km:.0f}",
+            ]
+            for row in found.speeds
+        ]
+        head = ["all ahead", "m/s", "kn", "thrust, N", "power, W", "endurance, h", "range, km"]
+        console.print()
+        console.print(table("Speed on a straight course", head, rows))
+    for note in found.notes:
+        console.print(note, soft_wrap=True, markup=False)
+    for warning in found.warnings:
+        console.print(f"WARNING: {warning}", soft_wrap=True, markup=False, style="yellow")
+    if not found.warnings:
+        console.print("Nothing looks wrong.")
+
+
+def _check_campaign(target: str, *, json: bool) -> None:
+    from seatrial.campaign import Campaign
+    from seatrial.check.campaign import check_campaign
+    from seatrial.cli.console import complain, output, print_json
+
+    found = check_campaign(Campaign.load(target))
+    if json:
+        print_json(found.to_dict())
+    else:
+        _print_campaign(output(), found)
+    if found.problems:
+        for problem in found.problems:
+            complain(problem)
+        raise typer.Exit(2)
+
+
+def _print_campaign(console: Console, found: CampaignCheck) -> None:
+    from seatrial.cli.console import table
+
+    console.print(f"[bold]{found.name}[/bold]: vehicle {found.vehicle}, {len(found.reports)} trials\n")
+    for name, report in found.reports.items():
+        console.print(f"Trial {name}", style="bold", markup=False)
+        console.print(str(report), soft_wrap=True, markup=False)
+    if found.stages:
+        rows = [
+            [
+                stage.name,
+                ", ".join(stage.trials),
+                stage.free,
+                ", ".join(stage.coefficients),
+                str(stage.segments),
+                str(stage.samples),
+                f"{1e3 * stage.step_s:.3g}",
+            ]
+            for stage in found.stages
+        ]
+        head = ["stage", "trials", "free", "coefficients", "segments", "samples", "step, ms"]
+        console.print()
+        console.print(table("Stages in the order of their run", head, rows, left=4))
+        console.print("Ready to identify.")

@@ -1,0 +1,106 @@
+"""Where the command line prints: tables to standard output, progress and complaints to standard error."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from seatrial.identify import Progress
+
+_PIPED_WIDTH = 118
+_LINE_EVERY_S = 5.0
+
+
+def output() -> Console:
+    """Console of standard output, wide enough for tables when it is no terminal."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH, highlight=False)
+
+
+def complain(message: str) -> None:
+    """Print a message on standard error."""
+    print(f"seatrial: {message}", file=sys.stderr)
+
+
+def print_json(value: Any) -> None:
+    """Print plain data as JSON; numbers that are not finite become null."""
+    from seatrial.run_directory import to_json
+
+    sys.stdout.write(to_json(value))
+
+
+def table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]], *, left: int = 1) -> Table:
+    """Table with the first `left` columns, and one of stages, aligned to the left."""
+    from rich import box
+    from rich.table import Table
+
+    made = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    for number, name in enumerate(head):
+        made.add_column(
+            name, justify="left" if number < left or name == "stage" else "right", no_wrap=number < left
+        )
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
+def list_figures(console: Console, written: Sequence[Path]) -> None:
+    """Say where figures are, one line per folder."""
+    for folder in dict.fromkeys(path.parent for path in written):
+        names = [path.name for path in written if path.parent == folder]
+        stems = dict.fromkeys(name.rsplit(".", 1)[0] for name in names)
+        endings = " and ".join(dict.fromkeys(name.rsplit(".", 1)[1].upper() for name in names))
+        console.print(f"Figures ({endings}) in {folder}: {', '.join(stems)}", soft_wrap=True, markup=False)
+
+
+@contextmanager
+def identification_progress(*, quiet: bool = False) -> Iterator[Callable[[Progress], None]]:
+    """Callback for `seatrial.identify.identify` that shows stage, generation, best cost and time left.
+
+    A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
+    """
+    if quiet:
+        yield lambda _: None
+        return
+    if not sys.stderr.isatty():
+        yield _lines()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), TaskProgressColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading the trials", total=1.0)
+        yield lambda state: bar.update(task, completed=state.fraction, description=_words(state))
+
+
+def _lines() -> Callable[[Progress], None]:
+    last = time.monotonic()
+
+    def show(state: Progress) -> None:
+        nonlocal last
+        if time.monotonic() - last >= _LINE_EVERY_S:
+            last = time.monotonic()
+            print(f"{100 * state.fraction:3.0f} %  {_words(state)}", file=sys.stderr, flush=True)
+
+    return show
+
+
+def _words(state: Progress) -> str:
+    left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
+    return (
+        f"{state.stage} [{state.stages_done + 1}/{state.stages}]: {state.phase},"
+        f" generation {state.generation} of at most {state.generations},"
+        f" best {state.best:.4g}, at most {left} left"
+    )

@@ -1,0 +1,45 @@
+"""`seatrial new`: a commented project to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+"""Example projects that come with the package."""
+
+_STARTER = ("vehicle.toml", "campaign.toml")
+_LOGS = ("straight", "zigzag")
+
+
+def new(
+    folder: Annotated[Path, typer.Argument(help="Folder to make; it must be empty or not exist.")],
+) -> None:
+    """Write a starter project: vehicle file, campaign file and an example log, all with comments."""
+    from seatrial.cli.console import output
+    from seatrial.errors import SeatrialError
+    from seatrial.generated import Recipe
+
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SeatrialError(f"{folder}: expected an empty or a new folder, found files; choose another name")
+    starter = EXAMPLES / "starter"
+    try:
+        (folder / "logs").mkdir(parents=True, exist_ok=True)
+        for name in _STARTER:
+            (folder / name).write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
+    except OSError as error:
+        raise SeatrialError(
+            f"{folder}: cannot be written ({error.strerror}); choose a folder that you may write to"
+        ) from None
+    for name in _LOGS:
+        Recipe.load(starter / "logs" / f"{name}.toml").write_csv(folder / "logs" / f"{name}.csv")
+    console = output()
+    console.print(
+        f"Project in {folder}: vehicle.toml, campaign.toml and generated example logs in logs/",
+        soft_wrap=True,
+    )
+    console.print(f"Next:  seatrial check {folder}/vehicle.toml", soft_wrap=True, markup=False)
+    console.print(f"       seatrial check {folder}/campaign.toml", soft_wrap=True, markup=False)
+    console.print(f"       seatrial identify {folder}/campaign.toml", soft_wrap=True, markup=False)

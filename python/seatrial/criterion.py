@@ -1,0 +1,115 @@
+"""Criterion of a stage: mean weighted error per sample, in standard deviations of the channel.
+
+``Q = sum_c W_c sum_i loss(|y - y_hat| / s_c) / sum_c W_c N_c``: least absolute error by default (Taubert et
+al. 2014, eq. 48), each channel scaled by its standard deviation s_c over the N_c samples that count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial import _core
+from seatrial.campaign_file import Stage
+from seatrial.parameters import Parameter, names, spread
+from seatrial.search import Array
+from seatrial.segments import StageData
+
+if TYPE_CHECKING:
+    from seatrial.campaign import Campaign
+
+
+class Criterion:
+    """Costs ``(k,)`` of candidates ``(k, m)`` over the segments of a stage.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    stage : Stage
+    vehicle : Vehicle
+        Gives what the parameters do not set.
+    parameters : sequence of Parameter
+    data : StageData
+    substeps : int
+        Steps per sample of the log.
+    threads : int, optional
+        Threads of the batch call; the costs do not depend on it.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        stage: Stage,
+        *,
+        vehicle: _core.Vehicle,
+        parameters: Sequence[Parameter],
+        data: StageData,
+        substeps: int,
+        threads: int | None = None,
+    ) -> None:
+        self.stage, self.vehicle, self.data, self.threads = stage, vehicle, data, threads
+        self.substeps = substeps
+        self.names = names(parameters)
+        self.spread = spread(parameters)
+        self.nu = np.array([segment.nu for segment in data.segments])
+        self._share = data.weights / float(data.weights @ data.counts)
+        counting = data.weights > 0
+        inverse = np.where(counting, 1.0 / np.where(counting, data.scale, 1.0), 0.0)
+        self.records = [
+            trial.record(weight=mask * inverse, substeps=substeps, input=campaign.input_of(name))
+            for name, trial, mask in zip(data.names, data.trials, data.counted, strict=True)
+        ]
+        self.open_loop = self.started(self.nu)
+
+    def started(self, nu: ArrayLike) -> _core.OpenLoop:
+        """Open loop whose segments start at the velocities (segments, 6)."""
+        segments = [
+            (piece.trial, piece.start, piece.stop, piece.position, piece.attitude, tuple(map(float, row)))
+            for piece, row in zip(self.data.segments, np.asarray(nu), strict=True)
+        ]
+        return _core.OpenLoop(
+            self.vehicle,
+            self.records,
+            segments,
+            free=self.stage.axes.free,
+            measured=self.stage.axes.measured,
+            loss=self.stage.loss,
+            knee=self.stage.knee,
+            substeps=self.substeps,
+            names=self.names,
+        )
+
+    def start_at(self, nu: Array) -> None:
+        """Start the segments at other velocities (segments, 6)."""
+        self.nu = nu
+        self.open_loop = self.started(nu)
+
+    def __call__(self, candidates: Array) -> Array:
+        """Costs (k,) of candidates (k, m), infinite where the simulation diverges."""
+        errors = np.asarray(self.open_loop.errors(candidates @ self.spread, threads=self.threads))
+        with np.errstate(invalid="ignore"):
+            costs = errors.sum(axis=1) @ self._share
+        return np.where(np.isfinite(errors).all(axis=(1, 2)), costs, np.inf)
+
+    def per_segment(self, candidate: Array, open_loop: _core.OpenLoop | None = None) -> Array:
+        """Cost (segments,) of one candidate, summed over samples: they add up to the cost."""
+        loop = self.open_loop if open_loop is None else open_loop
+        errors = np.asarray(loop.errors(candidate[None, :] @ self.spread, threads=self.threads))[0]
+        return np.asarray(np.where(np.isfinite(errors).all(axis=1), errors @ self._share, np.inf))
+
+    def residuals(self, candidate: Array, open_loop: _core.OpenLoop | None = None) -> list[Array]:
+        """Measured minus simulated (n_i, 12) per segment, in standard deviations, zero where not counted."""
+        loop = self.open_loop if open_loop is None else open_loop
+        found = []
+        for piece, simulated in zip(self.data.segments, loop.predict(candidate @ self.spread), strict=True):
+            trial = self.data.trials[piece.trial]
+            mask = self.data.counted[piece.trial][piece.start : piece.stop]
+            error = np.where(mask, trial.observed[piece.start : piece.stop] - simulated, 0.0)
+            error[:, 9:] = (error[:, 9:] + np.pi) % (2 * np.pi) - np.pi
+            error[0] = 0.0
+            scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
+            found.append(error / scale)
+        return found

@@ -1,0 +1,48 @@
+"""The one tree of errors: a message names file, key or row, what was expected and found, what to do.
+
+Each class is also a subclass of a builtin, so that callers may catch either. The command line turns them all
+into exit code 2. A diverged simulation is a number, never an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+__all__ = ["CampaignError", "SeatrialError", "SimulationError", "TrialError", "VehicleError", "nearest"]
+
+
+class SeatrialError(Exception):
+    """Base of every error that seatrial raises on purpose."""
+
+
+class VehicleError(SeatrialError, ValueError):
+    """A vehicle, autopilot or mission file, or a value for one, is not usable."""
+
+
+class TrialError(SeatrialError, ValueError):
+    """A recording, its column map or the use made of it is not usable."""
+
+
+class CampaignError(SeatrialError, ValueError):
+    """A campaign file, or what it asks for, is not usable."""
+
+
+class SimulationError(SeatrialError, RuntimeError):
+    """A simulation cannot be started with these inputs."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Clause "; did you mean ...?" for an unknown `name`, or all known names if none is near.
+
+    Examples
+    --------
+    >>> nearest("u_ms", ["u_m_s", "v_m_s"])
+    '; did you mean "u_m_s"?'
+    """
+    names = list(known)
+    folded = {candidate.casefold(): candidate for candidate in names}
+    close = get_close_matches(name.casefold(), folded, n=1, cutoff=0.6)
+    if close:
+        return f'; did you mean "{folded[close[0]]}"?'
+    return "; known: " + ", ".join(names)

@@ -1,0 +1,85 @@
+"""Identification of a campaign: the public function and what it reports while it runs.
+
+The work is in `seatrial.stage_order`, loaded at the call: `import seatrial` stays light.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from seatrial.campaign import Campaign
+    from seatrial.identification import Identification
+
+__all__ = ["Progress", "identify"]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """State of an identification after one batch of candidates of one stage.
+
+    ``best`` is that stage's best cost, ``fraction`` the share of all stages' work that is done and ``left_s``
+    the time left, s, if every search uses its whole budget.
+    """
+
+    stage: str
+    phase: str
+    generation: int
+    generations: int
+    evaluations: int
+    best: float
+    stages_done: int
+    stages: int
+    fraction: float
+    elapsed_s: float
+    left_s: float
+
+
+def identify(
+    campaign: Campaign,
+    *,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> Identification:
+    """Identification of the campaign's vehicle from its trials.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    run_dir : str or Path, optional
+        Folder for the results. Finished stages are kept beside it while the run goes on.
+    progress : callable, optional
+        Called in the caller's thread with a `Progress` after every batch of candidates.
+    resume : bool
+        Reuse the stages that an earlier run in this folder finished from the same inputs.
+    threads : int, optional
+        Threads of the core; by default all. The result does not depend on it.
+
+    Returns
+    -------
+    Identification
+        After Ctrl-C: the best so far, marked as interrupted.
+
+    Raises
+    ------
+    CampaignError, TrialError, VehicleError
+        The campaign asks for what cannot be done.
+    SimulationError
+        Every candidate of a stage diverged.
+    SeatrialError
+        The run directory cannot be written.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> fit = st.identify(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
+    >>> print(fit.summary())  # doctest: +SKIP
+    """
+    from seatrial.stage_order import run
+
+    return run(campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads)

@@ -1,0 +1,250 @@
+"""Signs and latency of velocity and rate sensors against the motion of the recorded pose.
+
+The body velocity that the pose implies is ``R' dp/dt``, its body rates follow from dq/dt. A sensor is
+compared with them after both went through the same filter (the slope of a straight line fitted over a short
+window), so that neither gains a delay. Its latency is the shift of least absolute error, found between the
+samples; its uncertainty comes from leaving out one eighth of the record at a time (jackknife). It is removed
+only if it is several times its uncertainty and the shifted sensor really follows the pose; otherwise it is
+only reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.recording.columns import GROUPS, Source
+from seatrial.recording.report import RecordingReport
+from seatrial.recording.resampling import linear
+from seatrial.recording.signal import Signal
+from seatrial.rotation import body_rates, matrix
+
+__all__ = ["Latency", "align", "latency", "pose_motion"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LARGEST_S = 1.0
+"""Latencies are searched within plus and minus this."""
+
+OPPOSITE = -0.6
+"""A sensor's sign is wrong if its correlation with the pose's motion is below this, and below half of it in
+three quarters of the record."""
+
+_FOLLOWS = 0.7  # least correlation of a sensor that can tell its latency
+_UNRELATED = 0.3  # a moving channel with less correlation is probably another one
+_WINDOW_S = 0.3  # half width of the filter common to both sides
+_COLUMN = {
+    channel: column
+    for group in GROUPS
+    for column, channel in zip(group.columns, group.channels, strict=True)
+    if group.name in ("velocity", "rates")
+}
+_BLOCKS = 8
+_FEWEST = 50  # samples
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Delay of a sensor in s, its deviation in s, its correlation with the pose, and whether to remove it."""
+
+    seconds: float
+    deviation: float
+    correlation: float
+    trusted: bool
+
+
+def align(
+    signals: Mapping[str, Signal],
+    t: Array,
+    report: RecordingReport,
+    sources: Mapping[str, Source],
+    *,
+    remove: bool = True,
+) -> dict[str, Signal]:
+    """The same signals with clearly opposite signs reversed and trusted latencies removed, all reported.
+
+    `sources` is the column map, by which the report can say how to state a sign; without `remove` latencies
+    stay.
+    """
+    aligned = dict(signals)
+    for name in ("velocity", "rates"):
+        if (
+            name not in signals
+            or "attitude" not in signals
+            or (name == "velocity" and "position" not in signals)
+        ):
+            continue
+        reference, known = pose_motion(signals, t, name)
+        columns = ["uvw".index(c) if name == "velocity" else "pqr".index(c) for c in signals[name].channels]
+        reference = reference[:, columns]
+        sensor = _correct_signs(signals[name], t, reference, known, report, sources)
+        aligned[name] = sensor
+        if not remove:
+            continue
+        found = latency(sensor, t, reference, known)
+        if found is None:
+            report.add("info", name, "latency not estimated: too little motion or too few valid samples")
+        elif found.trusted:
+            report.latencies[name] = found.seconds
+            late = "late" if found.seconds > 0.0 else "early"
+            report.add(
+                "info",
+                name,
+                f"{abs(found.seconds):.3f} s (+/- {found.deviation:.3f} s) {late} against the pose; removed",
+            )
+            aligned[name] = sensor.earlier(found.seconds)
+        else:
+            report.add(
+                "info",
+                name,
+                f"latency {found.seconds:.3f} s (+/- {found.deviation:.3f} s, "
+                f"correlation {found.correlation:.2f}) is not certain or negligible; left as recorded",
+            )
+    return aligned
+
+
+def pose_motion(signals: Mapping[str, Signal], t: Array, name: str) -> tuple[Array, Mask]:
+    """Body velocity in m/s or rates in rad/s, shape (n, 3), that the pose implies, and where known (n,)."""
+    step = float(t[1] - t[0])
+    half = _half_width(step)
+    q, valid = linear(signals["attitude"], t)
+    known = valid[:, 0]
+    if name == "rates":
+        motion = body_rates(q, _slope(q, half, step))
+        return motion, _all_around(known, half)
+    position = signals["position"]
+    full = np.zeros((len(t), 3))
+    p, p_valid = linear(position, t)
+    full[:, ["xyz".index(c) for c in position.channels]] = p
+    known = known & p_valid.all(axis=1) & (p.shape[1] == 3)
+    return np.einsum("nji,nj->ni", matrix(q), _slope(full, half, step)), _all_around(known, half)
+
+
+def latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency | None:
+    """Delay of a sensor against `reference` (n, k), `known` (n,) at uniform times `t`; None if unclear."""
+    from scipy.interpolate import CubicSpline
+
+    step = float(t[1] - t[0])
+    y, good = _filtered(sensor, t)
+    curve = CubicSpline(t, y, axis=0)
+    margin = int(np.ceil(LARGEST_S / step))
+    usable = known & _all_around(good, margin // 2)
+    usable[:margin] = usable[len(t) - margin :] = False
+    index = np.flatnonzero(usable)
+    if len(index) < _FEWEST:
+        return None
+    blocks = np.array_split(index, _BLOCKS)
+
+    def errors(shifts: Array) -> Array:
+        """Absolute error per shift and block."""
+        return np.array([
+            [np.abs(curve(t[b] + shift) - reference[b]).sum() for b in blocks] for shift in shifts
+        ])
+
+    coarse = np.arange(-LARGEST_S, LARGEST_S + 1e-9, 0.5 * min(step, 0.1))
+    cost = errors(coarse)
+    best = int(np.argmin(cost.sum(axis=1)))
+    if best in (0, len(coarse) - 1):
+        return None
+    fine = coarse[best] + np.linspace(-0.15, 0.15, 61)
+    cost = errors(fine)
+    seconds = _lowest(fine, cost.sum(axis=1))
+    left_out = np.array([_lowest(fine, cost.sum(axis=1) - cost[:, b]) for b in range(_BLOCKS)])
+    deviation = float(np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((left_out - left_out.mean()) ** 2)))
+    correlation = _correlation(curve(t[index] + seconds), reference[index])
+    certain = abs(seconds) > max(3.0 * deviation, 0.05 * step) and deviation < 0.5 * step
+    return Latency(seconds, deviation, correlation, certain and correlation > _FOLLOWS)
+
+
+def _correct_signs(
+    sensor: Signal,
+    t: Array,
+    reference: Array,
+    known: Mask,
+    report: RecordingReport,
+    sources: Mapping[str, Source],
+) -> Signal:
+    """The sensor with channels that run against the pose reversed; others that do not follow it are named."""
+    y, good = _filtered(sensor, t)
+    step = float(t[1] - t[0])
+    reach = round(0.5 * LARGEST_S / step)
+    usable = known & good
+    usable[:reach] = usable[len(t) - reach :] = False
+    index = np.flatnonzero(usable)
+    if len(index) < _FEWEST:
+        return sensor
+    signs = np.ones(len(sensor.channels))
+    quarters = np.array_split(index, 4)
+    shifts = range(-reach, reach + 1)
+    for k, channel in enumerate(sensor.channels):
+
+        def correlation(part: NDArray[np.intp], shift: int, k: int = k) -> float:
+            return _correlation(y[part + shift, k], reference[part, k])
+
+        shift = max(shifts, key=lambda shift: abs(correlation(index, shift)))
+        strongest = correlation(index, shift)
+        third = sorted(correlation(part, shift) for part in quarters)[2]
+        if strongest < OPPOSITE and third < 0.5 * OPPOSITE:
+            signs[k] = -1.0
+            name = _COLUMN[channel]
+            entry = replace(sources[name], sign=-sources[name].sign)
+            report.add(
+                "warning",
+                channel,
+                f"runs opposite to the recorded pose (correlation {strongest:.2f}); sign reversed here. "
+                f"State it in the column map: {name} = {entry}",
+            )
+        elif abs(strongest) < _UNRELATED and np.std(reference[index, k]) > 0.25 * np.std(reference[index]):
+            report.add(
+                "warning",
+                channel,
+                f"does not follow the recorded pose (correlation {strongest:.2f}); is the column map right?",
+            )
+    return replace(sensor, y=sensor.y * signs)
+
+
+def _filtered(sensor: Signal, t: Array) -> tuple[Array, Mask]:
+    """Sensor (n, k) after the filter that the pose's derivative has: the slope of its own integral."""
+    step = float(t[1] - t[0])
+    half = _half_width(step)
+    y, valid = linear(sensor, t)
+    integral = np.concatenate([np.zeros((1, y.shape[1])), np.cumsum(0.5 * step * (y[1:] + y[:-1]), axis=0)])
+    return _slope(integral, half, step), _all_around(np.logical_and.reduce(valid, axis=1), half)
+
+
+def _half_width(step: float) -> int:
+    return max(1, round(_WINDOW_S / step))
+
+
+def _slope(y: Array, half: int, step: float) -> Array:
+    """Slope of the straight line fitted to each sample and `half` neighbours on both sides, shape as y."""
+    from scipy.ndimage import correlate1d
+
+    offsets = np.arange(-half, half + 1)
+    weights = offsets / (step * np.sum(offsets**2))
+    return np.asarray(correlate1d(y, weights, axis=0, mode="nearest"))
+
+
+def _all_around(mask: Mask, half: int) -> Mask:
+    """True where the whole window is."""
+    from scipy.ndimage import minimum_filter1d
+
+    return np.asarray(minimum_filter1d(mask.astype(np.uint8), 2 * half + 1, mode="constant")).astype(bool)
+
+
+def _correlation(a: Array, b: Array) -> float:
+    """Correlation of two sets of channels, each about its own mean, all channels in one sum."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    size = np.sqrt(np.sum(a * a) * np.sum(b * b))
+    return float(np.sum(a * b) / size) if size > 0.0 else 0.0
+
+
+def _lowest(x: Array, y: Array) -> float:
+    """Place of the minimum of samples y(x), from the parabola through the lowest one and four neighbours."""
+    i = int(np.clip(np.argmin(y), 2, len(x) - 3))
+    a, b, _ = np.polyfit(x[i - 2 : i + 3] - x[i], y[i - 2 : i + 3], 2)
+    return float(x[i] - 0.5 * b / a) if a > 0.0 else float(x[i])

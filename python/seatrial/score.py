@@ -1,0 +1,223 @@
+"""How well a vehicle predicts a trial: the record is simulated in windows restarted from the measured state.
+
+Per channel ``R2 = 1 - SSE / SST``, both sums pooled over all windows and trials, SST about the mean of the
+pooled measured samples. A window starts at the smoothed measured state; its first sample and masked ones do
+not count. R2 is 1 for a perfect model, 0 for one no better than the mean, negative below. Angles are
+compared along the shorter way round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.errors import TrialError, nearest
+from seatrial.prediction import Window, predict, windows
+from seatrial.recording.columns import CHANNELS, DEGREE
+from seatrial.trial import Input, Trial
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["ChannelScore", "Score", "score"]
+
+Array = NDArray[np.float64]
+
+_DEGREES = ("p", "q", "r", "roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class ChannelScore:
+    """Score of one channel: R2, mean absolute and root mean square error in SI, number of samples."""
+
+    r2: float
+    mae: float
+    rmse: float
+    n: int
+
+
+@dataclass(frozen=True, eq=False)
+class Score(Mapping[str, ChannelScore]):
+    """Scores by channel, ``score["u"].r2``; printed, a table.
+
+    Attributes
+    ----------
+    channels
+        Score of each channel.
+    trials
+        Names of the trials.
+    ahead_s
+        Length of a window in s; infinite for a free run.
+    shifted, skipped
+        Windows that started later than planned because the planned sample was masked, and those left out.
+    windows
+        What was simulated, for figures.
+    """
+
+    channels: dict[str, ChannelScore]
+    trials: tuple[str, ...]
+    ahead_s: float
+    shifted: int
+    skipped: int
+    windows: tuple[Window, ...]
+
+    def __getitem__(self, channel: str) -> ChannelScore:
+        return self.channels[channel]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.channels)
+
+    def __len__(self) -> int:
+        return len(self.channels)
+
+    @property
+    def r2(self) -> dict[str, float]:
+        """R2 by channel."""
+        return {name: channel.r2 for name, channel in self.channels.items()}
+
+    @property
+    def mae(self) -> dict[str, float]:
+        """Mean absolute error in SI by channel."""
+        return {name: channel.mae for name, channel in self.channels.items()}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The score as plain data for JSON, without the simulated samples."""
+        return {
+            "trials": list(self.trials),
+            "ahead_s": self.ahead_s if np.isfinite(self.ahead_s) else None,
+            "windows": len(self.windows),
+            "shifted": self.shifted,
+            "skipped": self.skipped,
+            "channels": {name: asdict(channel) for name, channel in self.channels.items()},
+        }
+
+    def __repr__(self) -> str:
+        return "Score(" + ", ".join(f"{name} {channel.r2:.3f}" for name, channel in self.items()) + ")"
+
+    def __str__(self) -> str:
+        kind = f"{self.ahead_s:g} s ahead" if np.isfinite(self.ahead_s) else "free run"
+        lines = [
+            f"{', '.join(self.trials)}: {kind}, {len(self.windows)} windows "
+            f"({self.shifted} started late, {self.skipped} left out)",
+            f"{'channel':<8}{'R2':>8}{'MAE':>11}{'RMSE':>11}  {'unit':<6}{'samples':>8}",
+        ]
+        for name, channel in self.items():
+            scale = 1.0 / DEGREE if name in _DEGREES else 1.0
+            unit = ("deg" if name in _DEGREES else "m") + ("/s" if name in "uvwpqr" else "")
+            lines.append(
+                f"{name:<8}{channel.r2:>8.3f}{channel.mae * scale:>11.4g}{channel.rmse * scale:>11.4g}"
+                f"  {unit:<6}{channel.n:>8}"
+            )
+        return "\n".join(lines)
+
+
+def score(
+    vehicle: Vehicle,
+    trial: Trial | Sequence[Trial],
+    *,
+    ahead_s: float = 10.0,
+    channels: Sequence[str] | None = None,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    free_run: bool = False,
+    input: Input | None = None,
+    free: str = "XYZKMN",
+    measured: str = "",
+) -> Score:
+    """Score of a vehicle on one trial, or pooled over several, per channel.
+
+    Parameters
+    ----------
+    vehicle
+        The model.
+    trial
+        A trial or several; their samples are pooled.
+    ahead_s
+        The simulation restarts from the measured state after this time, s.
+    channels
+        Those to score, of `seatrial.trial.CHANNELS`; all that the trials have when omitted.
+    start_s, stop_s
+        Part of the record to score, in the trial's own time, stop excluded; all of it when omitted.
+    free_run
+        One window over the whole part instead of restarts.
+    input
+        What drives the vehicle: "commands", "measured" or "tau"; the first that the trial has when omitted.
+    free, measured
+        Letters of the axes that are simulated and that are replayed from the trial.
+
+    Raises
+    ------
+    TrialError
+        If a channel, an input or the supply voltage is missing, or no window can start.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seatrial as st
+    >>> vehicle, t = st.Vehicle.load("cwolf"), np.arange(0.0, 30.0, 0.1)
+    >>> commands = {name: np.where(t < 2.0, 0.0, 800.0) for name in vehicle.actuators}
+    >>> run = vehicle.simulate(t, commands)
+    >>> trial = st.Trial.read(
+    ...     {"t_s": t, "u_m_s": run.nu[:, 0]} | {f"cmd.{name}": signal for name, signal in commands.items()}
+    ... )
+    >>> st.score(vehicle, trial, free_run=True)["u"].r2 > 0.99
+    True
+    """
+    trials = [trial] if isinstance(trial, Trial) else list(trial)
+    if not trials:
+        raise TrialError("score: expected a trial or a list of trials, found an empty list")
+    if not ahead_s > 0.0:
+        raise TrialError(f"score: ahead_s: expected a positive time in s, found {ahead_s!r}")
+    ahead = np.inf if free_run else float(ahead_s)
+    names = _scored(trials, channels)
+    simulated: list[Window] = []
+    shifted = skipped = 0
+    for one in trials:
+        spans, late, left_out = windows(one, ahead, start_s=start_s, stop_s=stop_s)
+        shifted, skipped = shifted + late, skipped + left_out
+        simulated += predict(vehicle, one, spans, input=input, free=free, measured=measured)
+    table = {name: _channel_score(name, simulated) for name in names}
+    return Score(table, tuple(one.name for one in trials), ahead, shifted, skipped, tuple(simulated))
+
+
+def _scored(trials: Sequence[Trial], channels: Sequence[str] | None) -> list[str]:
+    recorded = [name for name in CHANNELS if any(name in trial.channels for trial in trials)]
+    for name in channels or ():
+        if name not in recorded:
+            raise TrialError(f'score: channel "{name}" is not in the trials{nearest(name, recorded)}')
+    return [name for name in recorded if channels is None or name in channels]
+
+
+def _channel_score(name: str, simulated: Sequence[Window]) -> ChannelScore:
+    """Score over the samples that count, pooled over the windows."""
+    k = CHANNELS.index(name)
+    angle = name in ("roll", "pitch", "yaw")
+    errors, measured = [np.zeros(0)], [np.zeros(0)]
+    for window in simulated:
+        samples = slice(window.start + 1, window.stop)
+        counted = window.trial.valid[samples, k]
+        measured.append(window.trial.observed[samples, k][counted])
+        errors.append(window.simulated[1:, k][counted] - measured[-1])
+    error, y = np.concatenate(errors), np.concatenate(measured)
+    n = len(error)
+    if n == 0:
+        return ChannelScore(np.nan, np.nan, np.nan, 0)
+    if not np.isfinite(error).all():
+        return ChannelScore(-np.inf, np.inf, np.inf, n)
+    if angle:
+        # An angle has no beginning: its mean is that of its direction, its deviations are below half a turn.
+        error, deviation = _shorter(error), _shorter(y - np.angle(np.mean(np.exp(1j * y))))
+    else:
+        deviation = y - y.mean()
+    sse, sst = float(error @ error), float(deviation @ deviation)
+    r2 = 1.0 - sse / sst if sst > 0.0 else np.nan
+    return ChannelScore(r2, float(np.mean(np.abs(error))), float(np.sqrt(sse / n)), n)
+
+
+def _shorter(angle: Array) -> Array:
+    """The same angle the shorter way round, in [-pi, pi), rad."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -1,0 +1,70 @@
+"""The step of a stage: a bound that holds over the whole bounds box."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seatrial._core import Vehicle
+from seatrial.errors import CampaignError
+from seatrial.parameters import Parameter
+from seatrial.step import RATE_LIMIT, stage_step
+
+
+def parameter(name: str, lower: float, upper: float) -> Parameter:
+    return Parameter(name, ((name, 1.0),), "", 0.5 * (lower + upper), lower, upper, True)
+
+
+def test_surge_alone_has_the_rate_of_its_damping() -> None:
+    vehicle = Vehicle.load("beluga")  # no inflow: its thrust comes from a table
+    values = vehicle.coefficients()
+    mass = values["m"] - values["X_udot"]
+    step = stage_step(vehicle, (), free="X", speeds=np.array([0.5, 0, 0, 0, 0, 0]), dt=0.1, where="surge")
+    rate = (-values["X_u"] - 2 * values["X_uu"] * 1.2 * 0.5) / mass
+    # The rate is found by central differences: 1e-4 relative; 1.1 is the margin, 1.2 that of the speed.
+    assert step.rate == pytest.approx(1.1 * rate, rel=1e-4)
+
+
+def test_lightest_and_most_damped_corner_sets_the_step() -> None:
+    vehicle = Vehicle.load("beluga")
+    speeds = np.array([0.5, 0, 0, 0, 0, 0])
+    roaming = (parameter("X_udot", -150.0, -1.0), parameter("X_uu", -300.0, -10.0))
+    bound = stage_step(vehicle, roaming, free="X", speeds=speeds, dt=0.1, where="surge")
+    corner = vehicle.with_coefficients({"X_udot": -1.0, "X_uu": -300.0})
+    alone = stage_step(corner, (), free="X", speeds=speeds, dt=0.1, where="surge")
+    assert bound.rate == pytest.approx(alone.rate, rel=1e-9)  # the same corner, found by the search
+    assert bound.substeps > stage_step(vehicle, (), free="X", speeds=speeds, dt=0.1, where="surge").substeps
+
+
+def test_law_no_candidate_of_the_box_is_faster_than_the_bound() -> None:
+    vehicle = Vehicle.load("beluga")
+    speeds = np.array([0.6, 0.5, 0.3, 0.4, 0.4, 0.8])
+    names = {
+        "X_udot": -80.0,
+        "Y_vdot": -80.0,
+        "N_rdot": -4.0,
+        "X_uu": -100.0,
+        "M_qq": -5.0,
+        "Y_r": 0.0,
+        "z_b": -0.02,
+    }
+    roaming = tuple(
+        parameter(name, min(0.25 * value, 4 * value) - 0.01, max(0.25 * value, 4 * value))
+        for name, value in names.items()
+    )
+    bound = stage_step(vehicle, roaming, free="XYZKMN", speeds=speeds, dt=0.1, where="all")
+    assert 0.1 / bound.substeps * bound.rate <= RATE_LIMIT
+    generator = np.random.default_rng(5)
+    for _ in range(100):
+        values = {p.name: generator.uniform(p.lower, p.upper) for p in roaming}
+        one = stage_step(
+            vehicle.with_coefficients(values), (), free="XYZKMN", speeds=speeds, dt=0.1, where="all"
+        )
+        assert one.rate <= bound.rate
+
+
+def test_bounds_that_admit_no_mass_are_refused() -> None:
+    vehicle = Vehicle.load("beluga")
+    roaming = (parameter("X_udot", -100.0, vehicle.coefficients()["m"] - 0.5),)
+    with pytest.raises(CampaignError, match=r"surge: the bounds admit a vehicle with a rate of .* zero mass"):
+        stage_step(vehicle, roaming, free="X", speeds=np.full(6, 0.5), dt=0.1, where="surge")
