@@ -78,7 +78,6 @@ stubs: build ## write the stub of the binding again
 	$(BIN)/maturin generate-stubs --quiet --profile release --locked --out python
 
 bench: build ## ratios: fraction of FMA peak, threads, textbook, CasADi, memory, import
-	cargo bench --locked --package seatrial
 	$(BIN)/python -m benchmarks
 
 wheel: $(WHEEL) ## a wheel in dist/

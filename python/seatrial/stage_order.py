@@ -40,8 +40,9 @@ def run(
     """Identification of the campaign's vehicle: every stage run, the result judged."""
     began = time.monotonic()
     started = datetime.now(UTC).isoformat(timespec="seconds")
+    plans = plan(campaign)  # refuses a bad campaign before a folder appears
     directory = None if run_dir is None else RunDirectory(run_dir)
-    work = _Run(campaign, plan(campaign), directory, progress=progress, resume=resume, threads=threads)
+    work = _Run(campaign, plans, directory, progress=progress, resume=resume, threads=threads)
     stages = work.stages()
     vehicle = campaign.vehicle
     for stage in stages:

@@ -3,8 +3,8 @@
 //! The lane crate has none of them. Method: reduction of the argument to a short interval in two
 //! steps (Cody & Waite 1980, *Software Manual for the Elementary Functions*) and a polynomial
 //! there. The polynomials of sine, cosine and exponential are the Taylor coefficients 1/k!, long
-//! enough for the interval; arctangent uses three bisections of the angle's interval by known
-//! tangents and its alternating series.
+//! enough for the interval; arctangent splits the angle into three intervals of known
+//! tangents and uses its alternating series.
 //!
 //! Tests: `tests/scalars.rs::scalar_elementary_functions_within_two_ulp`.
 
@@ -100,10 +100,14 @@ pub fn exp<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     Real::select(x.simd_eq(x), value, x)
 }
 
-/// tan(kπ/16) for k = 1, 3: limits of the intervals, and kπ/8: their centres.
-const TAN_PI_16: f64 = 0.198_912_367_379_658_0;
+/// tan(1/4) and tan(3π/16): limits of the intervals whose centres are 0, π/8 and π/4. Below 1/4 a unit in
+/// the last place halves, and a difference without fused product would cost more than two of them.
+const TAN_1_4: f64 = 0.255_341_921_221_036_3;
 const TAN_3_PI_16: f64 = 0.668_178_637_919_298_9;
 const TAN_PI_8: f64 = 0.414_213_562_373_095_05;
+
+/// π less its nearest `f64`.
+const PI_LOW: f64 = 1.224_646_799_147_353_2e-16;
 
 /// Angle of the point (`x`, `y`) in (−π, π]; 0 at the origin.
 #[inline(always)]
@@ -116,8 +120,8 @@ pub fn atan2<S: Simd>(y: Lanes<S>, x: Lanes<S>) -> Lanes<S> {
     let large = Real::select(origin, x.splat(1.0), large);
     let t = small / large;
 
-    // t in [0, 1]: subtract 0, π/8 or π/4, which leaves |t| <= tan(π/16).
-    let middle = x.splat(TAN_PI_16).lt(t);
+    // t in [0, 1]: subtract 0, π/8 or π/4, which leaves |t| <= tan(1/4).
+    let middle = x.splat(TAN_1_4).lt(t);
     let upper = x.splat(TAN_3_PI_16).lt(t);
     let centre = Real::select(upper, x.splat(1.0), Real::select(middle, x.splat(TAN_PI_8), x.zero()));
     let offset = Real::select(upper, x.splat(PI / 4.0), Real::select(middle, x.splat(PI / 8.0), x.zero()));
@@ -127,7 +131,9 @@ pub fn atan2<S: Simd>(y: Lanes<S>, x: Lanes<S>) -> Lanes<S> {
     for odd in [23.0, 21.0, 19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0] {
         sum = Real::neg_mul_add(sum, z, x.splat(1.0 / odd));
     }
-    let angle = offset + Real::neg_mul_add(sum * z, r, r);
+    // π/8 and π/4 in two parts: their rounding would be half a unit of the smallest angles here.
+    let low = offset * 0.0;
+    let angle = offset + (Real::neg_mul_add(sum * z, r, r) + low);
 
     let angle = Real::select(steep, x.splat(FRAC_PI_2) - angle, angle);
     let angle = Real::select(x.lt(x.zero()), x.splat(PI) - angle, angle);
