@@ -21,7 +21,7 @@ from seatrial._core import Vehicle
 from seatrial.cli import app
 from seatrial.cli import demo as demo_verb
 from seatrial.cli.console import identification_progress
-from seatrial.identify import Progress
+from seatrial.progress import Progress
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 MAIN = "from seatrial.cli import main; main()"

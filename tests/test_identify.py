@@ -15,7 +15,8 @@ from seatrial.campaign import Campaign
 from seatrial.criterion import Criterion
 from seatrial.errors import CampaignError, SeatrialError, SimulationError
 from seatrial.identification import Identification
-from seatrial.identify import Progress, identify
+from seatrial.identify import identify
+from seatrial.progress import Progress
 
 TRUTH = {"X_udot": -9.0, "X_uu": -14.0, "Z_ww": -450.0, "Z_wdot": -160.0}
 

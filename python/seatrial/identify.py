@@ -1,4 +1,4 @@
-"""Identification of a campaign: the public function and what it reports while it runs.
+"""Identification of a campaign: the public function.
 
 The work is in `seatrial.stage_order`, loaded at the call: `import seatrial` stays light.
 """
@@ -6,36 +6,16 @@ The work is in `seatrial.stage_order`, loaded at the call: `import seatrial` sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from seatrial.progress import Progress
 
 if TYPE_CHECKING:
     from seatrial.campaign import Campaign
     from seatrial.identification import Identification
 
 __all__ = ["Progress", "identify"]
-
-
-@dataclass(frozen=True)
-class Progress:
-    """State of an identification after one batch of candidates of one stage.
-
-    ``best`` is that stage's best cost, ``fraction`` the share of all stages' work that is done and ``left_s``
-    the time left, s, if every search uses its whole budget.
-    """
-
-    stage: str
-    phase: str
-    generation: int
-    generations: int
-    evaluations: int
-    best: float
-    stages_done: int
-    stages: int
-    fraction: float
-    elapsed_s: float
-    left_s: float
 
 
 def identify(

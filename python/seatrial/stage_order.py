@@ -21,7 +21,7 @@ from seatrial import _core
 from seatrial.campaign import Campaign
 from seatrial.hold_out import part_scores
 from seatrial.identification import Identification, estimates
-from seatrial.identify import Progress
+from seatrial.progress import Progress
 from seatrial.run_directory import RunDirectory, to_json
 from seatrial.search import Step
 from seatrial.stage import StagePlan, StageResult, plan, run_stage

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from seatrial.identify import Progress
+    from seatrial.progress import Progress
 
 _PIPED_WIDTH = 118
 _LINE_EVERY_S = 5.0

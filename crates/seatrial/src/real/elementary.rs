@@ -106,9 +106,6 @@ const TAN_1_4: f64 = 0.255_341_921_221_036_3;
 const TAN_3_PI_16: f64 = 0.668_178_637_919_298_9;
 const TAN_PI_8: f64 = 0.414_213_562_373_095_05;
 
-/// π less its nearest `f64`.
-const PI_LOW: f64 = 1.224_646_799_147_353_2e-16;
-
 /// Angle of the point (`x`, `y`) in (−π, π]; 0 at the origin.
 #[inline(always)]
 pub fn atan2<S: Simd>(y: Lanes<S>, x: Lanes<S>) -> Lanes<S> {
@@ -131,9 +128,7 @@ pub fn atan2<S: Simd>(y: Lanes<S>, x: Lanes<S>) -> Lanes<S> {
     for odd in [23.0, 21.0, 19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0] {
         sum = Real::neg_mul_add(sum, z, x.splat(1.0 / odd));
     }
-    // π/8 and π/4 in two parts: their rounding would be half a unit of the smallest angles here.
-    let low = offset * 0.0;
-    let angle = offset + (Real::neg_mul_add(sum * z, r, r) + low);
+    let angle = offset + Real::neg_mul_add(sum * z, r, r);
 
     let angle = Real::select(steep, x.splat(FRAC_PI_2) - angle, angle);
     let angle = Real::select(x.lt(x.zero()), x.splat(PI) - angle, angle);

@@ -1,0 +1,45 @@
+//! Default bounds of the coefficients for their identification.
+//!
+//! Factors around the geometric start value: drag is known to 0.25–4×, added mass to 0.2–5×, inertia to
+//! 0.3–3×; what has no start value gets bounds by the vehicle's weight and size, or none.
+
+use super::Description;
+use crate::coefficients::{self as names, MASS, added_mass, linear, quadratic};
+
+impl Description {
+    /// Default bounds of a coefficient for its identification, around its geometric start value or
+    /// its present one; none where nothing is known.
+    pub fn default_bounds(&self, index: usize) -> Option<(f64, f64)> {
+        let reference = self.start_values[index].unwrap_or(self.coefficients[index]);
+        let factors = |low: f64, high: f64| {
+            let (a, b) = (low * reference, high * reference);
+            (reference != 0.0).then(|| (a.min(b), a.max(b)))
+        };
+        let is = |f: &dyn Fn(usize, usize) -> usize| (0..6).any(|i| f(i, i) == index);
+        if index >= names::HULL {
+            return match names::ACTUATOR[(index - names::HULL) % names::PER_ACTUATOR].0 {
+                "gain" => Some((0.2, 2.0)),
+                "T_1" | "T_t" => Some((0.0, 1.0)),
+                "w" | "t" => Some((0.0, 0.5)),
+                "K_V" => Some((0.8, 1.2)),
+                _ => factors(0.3, 3.0),
+            };
+        }
+        let weight = self.coefficients[MASS] * self.file.environment.g_m_s2;
+        let size = self.file.geometry.as_ref().map_or(1.0, |g| g.length_m);
+        match index {
+            MASS => factors(0.5, 2.0),
+            names::BUOYANCY => Some((0.9 * weight, 1.1 * weight)),
+            names::CENTRE_OF_GRAVITY..names::BUOYANCY => Some((-0.1 * size, 0.1 * size)),
+            names::BIAS..names::HULL => {
+                let arm = if index - names::BIAS < 3 { 1.0 } else { size };
+                Some((-0.05 * weight * arm, 0.05 * weight * arm))
+            }
+            _ if is(&added_mass) => factors(0.2, 5.0),
+            _ if is(&linear) => factors(0.0, 10.0),
+            _ if is(&quadratic) => factors(0.25, 4.0),
+            _ if index < names::CENTRE_OF_GRAVITY => factors(0.3, 3.0),
+            _ => factors(-3.0, 3.0),
+        }
+    }
+}
