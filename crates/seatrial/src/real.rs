@@ -60,6 +60,8 @@ pub trait Real:
     fn exp(self) -> Self;
     /// `self < other`.
     fn lt(self, other: Self) -> Self::Mask;
+    /// Whether the numbers are equal in every lane: for work that can be left out without changing a bit.
+    fn equals(self, other: Self) -> bool;
     /// `if_true` where the mask holds, `if_false` elsewhere.
     fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self;
     /// A tabulated function: `f` returns value and slope at a point.
@@ -144,6 +146,10 @@ impl Real for f64 {
     #[inline(always)]
     fn lt(self, other: f64) -> bool {
         self < other
+    }
+    #[inline(always)]
+    fn equals(self, other: f64) -> bool {
+        self == other
     }
     #[inline(always)]
     fn select(mask: bool, if_true: f64, if_false: f64) -> f64 {

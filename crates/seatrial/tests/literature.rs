@@ -10,7 +10,7 @@ mod vehicles;
 
 use seatrial::added_mass::AddedMass;
 use seatrial::algebra::product;
-use seatrial::coefficients::{LIFT_NAMES, added_mass};
+use seatrial::coefficients::{LIFT_NAMES, added_mass, quadratic};
 use seatrial::current::Current;
 use seatrial::description::Description;
 use seatrial::geometry::{cross_flow_drag, lamb_factors};
@@ -130,6 +130,13 @@ fn lit_taubert_cwolf_drag() {
     assert!((value(&cwolf, "Y_vv") + 0.5 * 1025.0 * 0.80 * 0.75).abs() < 0.05);
     assert!((value(&cwolf, "N_rr") + 1025.0 * 0.80 * 0.15 * 2.5_f64.powi(4) / 32.0).abs() < 5e-3);
     assert!((value(&cwolf, "K_pp") + 0.5 * 1025.0 * 1.2 * 0.1 * 0.2_f64.powi(3)).abs() < 5e-4);
+    // The start values differ by the drag coefficient alone: 0.793 of White's curve instead of 0.80.
+    for (name, index) in [("Y_vv", quadratic(1, 1)), ("M_qq", quadratic(4, 4)), ("N_rr", quadratic(5, 5))] {
+        let start = cwolf.start_values[index].expect("filled from the geometry");
+        assert!((start / value(&cwolf, name) - cross_flow_drag(2.5 / 0.3) / 0.80).abs() < 1e-4, "{name}");
+    }
+    let roll = cwolf.start_values[quadratic(3, 3)].expect("filled from the geometry");
+    assert!((roll - value(&cwolf, "K_pp")).abs() < 1e-9);
     // (25), (26): 15.6 N at 3 kn; the bare hull's start value.
     let bare = cwolf.file.geometry.as_ref().expect("a geometry").axial_drag();
     assert!((bare * frontal * THREE_KNOTS * THREE_KNOTS - 15.6).abs() < 0.05);

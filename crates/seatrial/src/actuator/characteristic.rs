@@ -38,10 +38,8 @@ pub enum Shape<T> {
         p1: [T; 2],
         /// p2 (1 − w)(1 − t), N s²/m.
         p2: T,
-        /// q1, N m s².
-        q1: T,
-        /// q2 (1 − w), N s².
-        q2: T,
+        /// q1, N m s², and q2 (1 − w), N s², where there is a reaction torque.
+        torque: Option<[T; 2]>,
         /// Any of p2, q2 given or sought.
         inflow: bool,
     },
@@ -77,18 +75,15 @@ impl<T: Real> Characteristic<T> {
         let astern = signal.lt(zero);
         let still = Thrust { force: zero, force_per_inflow: zero, torque: zero, torque_per_inflow: zero };
         match &self.shape {
-            Shape::Quadratic { p1, p2, q1, q2, .. } => {
+            Shape::Quadratic { p1, p2, torque, .. } => {
                 let n = signal * (1.0 / 60.0);
                 let magnitude = n.abs();
                 let pull = T::select(astern, p1[1], p1[0]);
                 let strength = self.factor * magnitude;
                 let square = strength * n;
-                Thrust {
-                    force: pull * square,
-                    force_per_inflow: *p2 * strength,
-                    torque: *q1 * square,
-                    torque_per_inflow: *q2 * strength,
-                }
+                let (torque, torque_per_inflow) =
+                    torque.map_or((zero, zero), |[q1, q2]| (q1 * square, q2 * strength));
+                Thrust { force: pull * square, force_per_inflow: *p2 * strength, torque, torque_per_inflow }
             }
             Shape::Polynomial(coefficients) => {
                 let [a0, a1, a11]: [T; 3] =

@@ -110,8 +110,9 @@ impl<T: Real> MotorStep<T> {
     /// The state one step later under the command `target` (after the static limits).
     #[inline(always)]
     pub fn advance(&self, state: &MotorState<T>, target: T) -> MotorState<T> {
-        let (from, to) =
-            if self.limited { (state.ramp, self.ramp(state.ramp, target)) } else { (target, target) };
+        // A ramp at its target stays there: most of the time this saves the work below.
+        let moving = self.limited && !state.ramp.equals(target);
+        let (from, to) = if moving { (state.ramp, self.ramp(state.ramp, target)) } else { (target, target) };
         let signal = self.ramped.mul_add(to - from, self.held.mul_add(from, self.decay * state.signal));
         MotorState { ramp: to, signal: signal.flush() }
     }

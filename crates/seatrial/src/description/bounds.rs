@@ -1,6 +1,6 @@
 //! Default bounds of the coefficients for their identification.
 //!
-//! Factors around the geometric start value: drag is known to 0.25–4×, added mass to 0.2–5×, inertia to
+//! Factors around the geometric start value: axial drag is known to 0.5–4×, cross-flow to 0.25–4×, added mass to 0.2–5×, inertia to
 //! 0.3–3×; what has no start value gets bounds by the vehicle's weight and size, or none.
 
 use super::Description;
@@ -37,6 +37,7 @@ impl Description {
             }
             _ if is(&added_mass) => factors(0.2, 5.0),
             _ if is(&linear) => factors(0.0, 10.0),
+            _ if index == quadratic(0, 0) => factors(0.5, 4.0),
             _ if is(&quadratic) => factors(0.25, 4.0),
             _ if index < names::CENTRE_OF_GRAVITY => factors(0.3, 3.0),
             _ => factors(-3.0, 3.0),

@@ -107,6 +107,10 @@ impl<S: Simd> Real for Lanes<S> {
         self.simd.simd_lt_f64x8(self, other)
     }
     #[inline(always)]
+    fn equals(self, other: Self) -> bool {
+        self.simd.simd_eq_f64x8(self, other).all_true()
+    }
+    #[inline(always)]
     fn select(mask: mask64x8<S>, if_true: Self, if_false: Self) -> Self {
         mask.select(if_true, if_false)
     }
@@ -115,7 +119,7 @@ impl<S: Simd> Real for Lanes<S> {
     #[inline(always)]
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> Self {
         let points: [f64; LANES] = self.into();
-        if self.simd.simd_eq_f64x8(self, self.splat(points[0])).all_true() {
+        if self.equals(self.splat(points[0])) {
             return self.splat(f(points[0]).0);
         }
         let mut values = [0.0; LANES];

@@ -205,8 +205,7 @@ fn actuator<T: Real>(
             Shape::Quadratic {
                 p1: [c(1) * deduction, c(2) * deduction],
                 p2: c(3) * inside * deduction,
-                q1: c(6),
-                q2: c(7) * inside,
+                torque: structure.torque[k].then(|| [c(6), c(7) * inside]),
                 inflow: structure.inflow[k],
             },
             gain,

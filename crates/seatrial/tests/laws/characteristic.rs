@@ -1,11 +1,13 @@
 //! Thrust: tables are exact at their knots and continuous, inflow and place are one vector.
 
-use crate::vehicles::{cases, load, moving, velocity};
+use crate::vehicles::{cases, load, moving, velocity, with};
 use proptest::prelude::*;
-use seatrial::actuator::characteristic::{Characteristic, Shape, Table};
+use seatrial::actuator::characteristic::{Characteristic, Shape, Table, Thrust};
 use seatrial::algebra::{cross, dot};
 use seatrial::allocation::wrench_per_newton;
-use seatrial::vehicle::{Instant, Vehicle};
+use seatrial::description::Description;
+use seatrial::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::vehicle_file::{CharacteristicTable, Environment};
 use std::sync::Arc;
 
 /// Strictly increasing numbers from a start and steps.
@@ -96,7 +98,7 @@ proptest! {
         (q1, q2) in (-0.01_f64..0.01, -0.01_f64..0.01),
         inflow in -3.0_f64..3.0,
     ) {
-        let shape = Shape::Quadratic { p1: [ahead, astern], p2, q1, q2, inflow: true };
+        let shape = Shape::Quadratic { p1: [ahead, astern], p2, torque: Some([q1, q2]), inflow: true };
         let thrust = Characteristic { shape, factor: 0.9 }.thrust(n, f64::NAN);
         let rev = n / 60.0;
         let pull = if n < 0.0 { astern } else { ahead };
@@ -166,5 +168,68 @@ fn law_table_thrust_takes_the_voltage_and_the_density() {
     for (volt, force) in [(10.0, 1.0), (15.0, 1.5), (20.0, 2.0), (5.0, 1.0), (30.0, 2.0)] {
         // Halves and quarters are exact.
         assert_eq!(characteristic.thrust(50.0, volt).force, force, "{volt} V");
+    }
+}
+
+/// Thrust of the first actuator in water of density `rho`, at a signal and 15 V.
+fn thrust_in(description: &Description, rho_kg_m3: f64, signal: f64) -> Thrust<f64> {
+    let structure = Structure::new(description, &[]);
+    let environment = Environment { rho_kg_m3, ..description.file.environment };
+    let vehicle =
+        Vehicle::new(description, &structure, &description.coefficients, environment, [Mode::Free; 6]);
+    vehicle.actuators[0].characteristic.thrust(signal, 15.0)
+}
+
+/// Thrust and torque with their slopes over the inflow.
+fn parts(thrust: &Thrust<f64>) -> [f64; 4] {
+    [thrust.force, thrust.force_per_inflow, thrust.torque, thrust.torque_per_inflow]
+}
+
+#[test]
+fn law_thrust_and_torque_follow_the_density() {
+    let cwolf = with(&load("cwolf"), &[("SbU.q1", 0.003), ("SbU.q2", -0.02)]);
+    let mut polynomial = load("cwolf").file;
+    let (ahead, astern) = ([1.0, 0.02, 1e-5], [0.5, 0.01, 2e-5]);
+    let regression = CharacteristicTable::Polynomial { ahead, astern, power_w_s3: None };
+    polynomial.characteristics.insert("stern".into(), regression);
+    let mut direct = load("cwolf").file;
+    direct.characteristics.insert("stern".into(), CharacteristicTable::Direct);
+    let vehicles = [
+        (cwolf, 1.1),
+        (load("beluga"), 1.1),
+        (Description::new(polynomial, "polynomial").unwrap(), 1.1),
+        // A command in newtons is the thrust in any water.
+        (Description::new(direct, "direct").unwrap(), 1.0),
+    ];
+    for (description, ratio) in vehicles {
+        let rho = description.file.environment.rho_kg_m3;
+        for signal in [250.0, -250.0] {
+            let [reference, dense] = [rho, 1.1 * rho].map(|rho| parts(&thrust_in(&description, rho, signal)));
+            assert!(reference[0] * signal > 0.0);
+            for (a, b) in reference.iter().zip(dense) {
+                // Rounding.
+                assert!((ratio * a - b).abs() <= 1e-14 * a.abs(), "{reference:?} {dense:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn law_wake_deduction_and_gain_act_where_they_should() {
+    let torque = [("SbU.q1", 0.003), ("SbU.q2", -0.02), ("SbU.w", 0.0)];
+    let open_water = with(&load("cwolf"), &torque);
+    let reference = parts(&thrust_in(&open_water, 1025.0, 1000.0));
+    for (name, factors) in [
+        // V_a = (1 - w) u_a; the hull's pressure takes t of the thrust, not of the torque.
+        ("SbU.w", [1.0, 0.8, 1.0, 0.8]),
+        ("SbU.t", [0.8, 0.8, 1.0, 1.0]),
+        ("SbU.gain", [0.2, 0.2, 0.2, 0.2]),
+    ] {
+        let changed = parts(&thrust_in(&with(&open_water, &[(name, 0.2)]), 1025.0, 1000.0));
+        for i in 0..4 {
+            assert!(reference[i] != 0.0);
+            // Rounding.
+            assert!((changed[i] - factors[i] * reference[i]).abs() < 1e-15 * 100.0, "{name}: {changed:?}");
+        }
     }
 }

@@ -236,3 +236,53 @@ fn law_a_segment_meets_the_motors_as_the_record_left_them() {
         assert!((a - b).abs() < 1e-4, "sample {k}: {a} {b}");
     }
 }
+
+#[test]
+fn law_a_measured_signal_replaces_the_motor() {
+    // A thrust of as many newtons as measured, on a mass that nothing else moves.
+    let text = r#"
+        format = 1
+        name = "mass"
+        [coefficients]
+        m = 10.0
+        I_x = 1.0
+        I_y = 1.0
+        I_z = 1.0
+        [motors.slow]
+        T_1_s = 5.0
+        T_t_s = 1.0
+        maximum_ahead = 1.0
+        [characteristics.newtons]
+        kind = "direct"
+        [[thrusters]]
+        name = "SbU"
+        command = "N"
+        wrench_per_newton = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        motor = "slow"
+        characteristic = "newtons"
+    "#;
+    let mass = Description::from_toml(text, "mass").unwrap();
+    let measured: Vec<f64> = (0..40).map(|k| 3.0 * f64::from(k * k % 17) - 20.0).collect();
+    let inputs = Inputs {
+        t: times(40, 0.1),
+        commands: [("SbU".to_owned(), vec![100.0; 40])].into(),
+        actuators: [("SbU".to_owned(), measured.clone())].into(),
+        ..Inputs::default()
+    };
+    for substeps in [1, 3] {
+        let run = fly_from(
+            &mass,
+            &inputs,
+            (moving([0.0; 6]), MotorStart::Held(vec![0.0])),
+            ("XYZKMN", ""),
+            substeps,
+        );
+        let mut impulse = 0.0;
+        for k in 0..40 {
+            assert_eq!(run.signals[k][0], measured[k]);
+            // Linear between samples: the trapezoid is its integral, and RK4's too, to rounding.
+            assert!((10.0 * run.states[k].nu[0] - impulse).abs() < 1e-11, "sample {k}");
+            impulse += if k < 39 { 0.05 * (measured[k] + measured[k + 1]) } else { 0.0 };
+        }
+    }
+}

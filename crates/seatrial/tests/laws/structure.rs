@@ -5,7 +5,7 @@ use crate::vehicles::{attitude, body, cases, diagonal, distance, fly, load, movi
 use proptest::array::uniform6;
 use proptest::prelude::*;
 use seatrial::added_mass::AddedMass;
-use seatrial::coefficients::{HULL, Layout, linear, quadratic};
+use seatrial::coefficients::{HULL, LIFT_NAMES, Layout, linear, quadratic};
 use seatrial::damping::Damping;
 use seatrial::description::Description;
 use seatrial::kinematics::rotation;
@@ -61,6 +61,21 @@ proptest! {
             let expected = if i == row { -7.0 * x - 11.0 * x.abs() * x } else { 0.0 };
             // Rounding of 120 N.
             prop_assert!((found - expected).abs() < 1e-13 * 120.0);
+        }
+    }
+
+    #[test]
+    fn law_every_lift_term_acts_on_its_row(body in body(), nu in velocity(3.0, 2.0), term in 0_usize..8) {
+        let name = LIFT_NAMES[term];
+        let lifted = body.vehicle().with_coefficients(&[(name.to_owned(), -7.0)]).unwrap();
+        let force = Vehicle::nominal(&lifted).forces(&rotation(&[1.0, 0.0, 0.0, 0.0]), &nu, None).lift;
+        // A name is force, u, velocity.
+        let axis = |names: &str, letter: &str| names.find(letter).expect("a known letter");
+        let (row, column) = (axis("XYZKMN", &name[..1]), axis("uvwpqr", &name[3..]));
+        for (i, found) in force.iter().enumerate() {
+            let expected = if i == row { -7.0 * nu[0].abs() * nu[column] } else { 0.0 };
+            // Rounding of 63 N.
+            prop_assert!((found - expected).abs() < 1e-13 * 63.0, "{name}: {force:?}");
         }
     }
 

@@ -1,0 +1,110 @@
+"""What is public is documented: names, verbs, options, parameters, keys of files, columns, coefficients."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import typer
+from pydantic import BaseModel
+
+import seatrial as st
+from seatrial import _core, campaign_file
+from seatrial.cli import app
+from seatrial.recording.columns import CANONICAL, CHANNELS
+from tests.docs.pages import NAMES, ROOT, text
+
+INTERFACE = "docs/interface.md"
+ROW = re.compile(r"^\| `(\w+)` \|", re.MULTILINE)
+# A field of a Rust struct of the vehicle file, its serde name first where it has one.
+FIELD = re.compile(r"(?:rename = \"(\w+)\"[^\n]*\n\s*)?(?:pub )?(\w+): (?!Self)[A-Z\[fbu]")
+
+
+@pytest.mark.parametrize("name", st.__all__)
+def test_every_public_name_is_in_the_documentation(name: str) -> None:
+    assert f"st.{name}" in text(INTERFACE)
+
+
+def _verbs() -> dict[str, Any]:
+    found: dict[str, Any] = getattr(typer.main.get_command(app), "commands")  # noqa: B009
+    return found
+
+
+@pytest.mark.parametrize("verb", _verbs())
+def test_every_verb_and_option_is_in_the_documentation(verb: str) -> None:
+    rows = [line for line in text(INTERFACE).splitlines() if line.startswith(f"| `seatrial {verb}")]
+    assert rows
+    for parameter in _verbs()[verb].params:
+        for option in (*parameter.opts, *parameter.secondary_opts):
+            if option.startswith("--"):
+                assert any(f"`{option}" in row for row in rows), f"{verb} {option}"
+
+
+def _callables() -> Iterator[tuple[str, Any, str]]:
+    """Public functions, classes and methods with the text that may document their parameters."""
+    for name in st.__all__:
+        thing = getattr(st, name)
+        own = inspect.getdoc(thing) or ""
+        if not (inspect.isclass(thing) and issubclass(thing, Exception)):
+            yield name, thing, own
+        if inspect.isclass(thing) and not issubclass(thing, Exception):
+            for member in vars(thing):
+                method = getattr(thing, member)
+                if not member.startswith("_") and callable(method):
+                    yield f"{name}.{member}", method, f"{inspect.getdoc(method)}\n{own}"
+
+
+@pytest.mark.parametrize(
+    ("name", "thing", "doc"), [pytest.param(*found, id=found[0]) for found in _callables()]
+)
+def test_every_parameter_is_documented(name: str, thing: Any, doc: str) -> None:
+    # The compiled core's parameters may be documented on the page instead.
+    page = text(INTERFACE) if name.partition(".")[0] in _core.__all__ else ""
+    for parameter in inspect.signature(thing).parameters:
+        if parameter not in ("self", "cls"):
+            assert re.search(rf"\b{parameter}\b", doc) or f"`{parameter}`" in page, f"{name}: {parameter}"
+
+
+def _sections() -> Iterator[type[BaseModel]]:
+    for thing in vars(campaign_file).values():
+        if inspect.isclass(thing) and issubclass(thing, campaign_file.Section):
+            yield thing
+
+
+def test_keys_of_the_campaign_file_are_those_of_its_page() -> None:
+    known = {field for section in _sections() for field in section.model_fields}
+    assert set(ROW.findall(text("docs/campaign-file.md"))) == known
+
+
+def test_keys_of_the_vehicle_file_are_those_of_its_page() -> None:
+    known: set[str] = set()
+    for source in ("vehicle_file.rs", "geometry.rs"):
+        code = (ROOT / "crates" / "seatrial" / "src" / source).read_text(encoding="utf-8")
+        code = re.sub(r"//.*", "", code)
+        for body in re.findall(r"^pub (?:struct|enum) \w+ \{\n(.*?)^\}", code, re.MULTILINE | re.DOTALL):
+            known |= {renamed or field for renamed, field in FIELD.findall(body)}
+    assert {"format", "T_1_s", "force_n", "arm_m"} <= known
+    assert set(ROW.findall(text("docs/vehicle-file.md"))) == known
+
+
+def test_every_column_channel_and_coefficient_is_in_the_conventions() -> None:
+    page = text("docs/conventions.md")
+    for column in CANONICAL:
+        assert f"`{column}`" in page, column
+    assert " ".join(CHANNELS) in page
+    polynomial = st.Vehicle.load(ROOT / "tests" / "every_term.toml")
+    for vehicle in (st.Vehicle.load("cwolf"), polynomial):
+        for name in vehicle.coefficient_info():
+            short = name.partition(".")[2] or name
+            off_diagonal = re.fullmatch(r"[XYZKMN]_(?:[uvwpqr]dot|([uvwpqr])\1?)", short)
+            assert f"`{short}`" in page or off_diagonal, name
+
+
+def test_the_index_leads_to_every_page() -> None:
+    index = text("docs/index.md")
+    for name in NAMES:
+        if name.startswith("docs/") and name != "docs/index.md":
+            assert f"({name.removeprefix('docs/')})" in index, name
