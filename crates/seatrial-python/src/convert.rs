@@ -79,7 +79,11 @@ impl Numbers {
                 )));
             }
         };
-        if let Some(row) = quaternions.iter().position(|q| !(q.iter().map(|x| x * x).sum::<f64>() > 1e-12)) {
+        let lengthless = |q: &[f64; 4]| {
+            let square: f64 = q.iter().map(|x| x * x).sum();
+            square.is_nan() || square <= 1e-12
+        };
+        if let Some(row) = quaternions.iter().position(lengthless) {
             return Err(refused(format!("{name}: row {row} is no rotation, found {:?}", quaternions[row])));
         }
         Ok(quaternions.iter().map(normalised).collect())

@@ -158,7 +158,7 @@ impl Simulation {
         max_step: f64,
     ) -> PyResult<Self> {
         let record = inputs.record(description, false, 1).map_err(raised)?;
-        if !(max_step > 0.0) {
+        if max_step.is_nan() || max_step <= 0.0 {
             return Err(refused(format!("max_step: expected a positive time in s, found {max_step}")));
         }
         let rest = integrate::State { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] };
@@ -202,7 +202,6 @@ impl Simulation {
 }
 
 /// The inputs of a simulation as Python gives them.
-#[expect(clippy::too_many_arguments, reason = "the arguments of two public calls, read in one place")]
 pub fn inputs(
     t: Numbers,
     commands: Option<Named>,
