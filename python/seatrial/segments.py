@@ -167,8 +167,14 @@ def _scale(trials: list[Trial], counted: list[NDArray[np.bool_]]) -> Array:
         for channel in range(len(CHANNELS)):
             values = trial.observed[mask[:, channel], channel]
             if len(values):
-                if CHANNELS[channel] in ("roll", "pitch", "yaw"):
-                    values = np.unwrap(values)
-                squares[channel] += ((values - values.mean()) ** 2).sum()
+                squares[channel] += (_deviations(values, CHANNELS[channel]) ** 2).sum()
                 counts[channel] += len(values)
     return np.sqrt(squares / np.maximum(counts, 1))
+
+
+def _deviations(values: Array, channel: str) -> Array:
+    """Values minus their mean; of an angle minus the mean of its direction, the shorter way round."""
+    if channel not in ("roll", "pitch", "yaw"):
+        return np.asarray(values - values.mean())
+    apart = values - np.angle(np.mean(np.exp(1j * values)))
+    return np.asarray((apart + np.pi) % (2 * np.pi) - np.pi)

@@ -1,7 +1,8 @@
 """A trial: one recording on a common time base, in SI and NED/FRD, with every bad sample masked.
 
 `Trial.read` converts once, at the edge (columns, units, frames), marks defects, reverses signs that run
-against the pose, removes latencies it is sure of, and says all of it in `Trial.report`.
+against the pose, removes latencies and the tilt of the pose's frame where it is sure of them, and says all of
+it in `Trial.report`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.errors import TrialError, nearest
 from seatrial.readers import Reader, read_table
-from seatrial.recording import alignment, defects, export, resampling, table
+from seatrial.recording import alignment, defects, export, resampling, table, tilt
 from seatrial.recording.assembly import assemble
 from seatrial.recording.columns import CHANNELS, parse
 from seatrial.recording.report import RecordingReport
@@ -98,6 +99,7 @@ class Trial:
         name: str | None = None,
         rate_hz: float | None = None,
         align: bool = True,
+        level: bool = True,
         rho: float | None = None,
         g: float | None = None,
     ) -> Trial:
@@ -119,6 +121,8 @@ class Trial:
             Rate of the common time base; that of the recording (median interval) when omitted.
         align
             Whether to remove the latency of velocity and rate sensors against the pose.
+        level
+            Whether to turn a pose upright whose earth frame is tilted against gravity.
         rho, g
             Density in kg/m^3 and gravity in m/s^2 at this trial.
 
@@ -157,6 +161,7 @@ class Trial:
                 f"{file}: {len(t)} samples at {rate_hz} Hz; expected at least {table.MINIMUM_ROWS}"
             )
         signals = alignment.align(signals, t, report, sources, remove=align)
+        signals = tilt.level(signals, report, remove=level)
         parts = assemble(signals, t, report)
         return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, **parts)
 

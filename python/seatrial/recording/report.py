@@ -38,6 +38,9 @@ class RecordingReport:
         Facts in the order in which they were found.
     latencies
         Delay in s of a sensor against the pose, removed, by sensor ("velocity", "rates").
+    tilt
+        Direction of gravity in the pose's frame as recorded, north and east of its z in rad, where the pose
+        was turned upright.
     masked
         Number of samples kept out of every criterion, by channel.
     """
@@ -48,6 +51,7 @@ class RecordingReport:
     duration_s: float = 0.0
     findings: list[Finding] = field(default_factory=list)
     latencies: dict[str, float] = field(default_factory=dict)
+    tilt: tuple[float, float] | None = None
     masked: dict[str, int] = field(default_factory=dict)
 
     def add(self, severity: Severity, channel: str, message: str, count: int | None = None) -> None:

@@ -65,7 +65,9 @@ class Tilt:
         return np.asarray(q / np.linalg.norm(q))
 
 
-def level(signals: Mapping[str, Signal], report: RecordingReport, *, remove: bool = True) -> dict[str, Signal]:
+def level(
+    signals: Mapping[str, Signal], report: RecordingReport, *, remove: bool = True
+) -> dict[str, Signal]:
     """The same signals with position and attitude in a frame whose z is gravity, where the tilt is certain.
 
     Body velocities and rates do not depend on it. Without a whole position the attitude is taken for that of
@@ -79,8 +81,8 @@ def level(signals: Mapping[str, Signal], report: RecordingReport, *, remove: boo
     if found is None or found.angle - _CERTAIN * found.deviation < _SMALLEST:
         return levelled
     text = (
-        f"the earth frame is tilted by {found.angle / DEGREE:.1f} deg (+/- {found.deviation / DEGREE:.1f} deg)"
-        " against gravity, as the attitude at different headings says"
+        f"the earth frame is tilted by {found.angle / DEGREE:.1f} deg"
+        f" (+/- {found.deviation / DEGREE:.1f} deg) against gravity, as the attitude by heading says"
     )
     if not found.trusted or not remove:
         report.add("warning", "attitude", f"{text}; left as recorded")
@@ -116,10 +118,12 @@ def _direction(turned: Array) -> Array:
     columns[0, :, 2] = columns[1, :, 3] = -1.0
     design, goal = columns.reshape(2 * n, 4), -turned[:, :2, 2].T.ravel()
     weight = np.ones(2 * n)
-    solution = np.zeros(4)
+    solution: Array = np.zeros(4)
     for _ in range(_SWEEPS):
         normal = design.T @ (weight[:, None] * design)
-        before, solution = solution, np.linalg.lstsq(normal, design.T @ (weight * goal), rcond=None)[0]
+        before = solution
+        # Without its only turn a block's remainder may be singular: least norm, and a large deviation.
+        solution = np.asarray(np.linalg.lstsq(normal, design.T @ (weight * goal), rcond=None)[0], float)
         if np.abs(solution - before).max() < 1e-9:
             break
         residual = np.abs(goal - design @ solution)
