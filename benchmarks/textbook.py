@@ -238,13 +238,23 @@ def simulate(
     h = dt / substeps
     names = [thruster.name for thruster in model.thrusters]
     u = np.empty((2 * substeps * (n - 1) + 1, len(names)))
+    jumps: dict[int, Array] = {}
     for i, thruster in enumerate(model.thrusters):
         if measured_actuators is not None and thruster.name in measured_actuators:
             u[:, i] = at_half_steps(measured_actuators[thruster.name], substeps)
             continue
         command = np.asarray(commands.get(thruster.name, np.full(n, thruster.neutral)), dtype=float)
         initial = (actuators or {}).get(thruster.name)
-        u[:, i] = motor_response(thruster, command, dt, substeps=substeps, initial=initial)
+        # One sample more, for the jump of an ideal motor at the last one.
+        longer = np.append(command, command[-1])
+        response = motor_response(thruster, longer, dt, substeps=substeps, initial=initial)
+        u[:, i] = response[: len(u)]
+        if thruster.ideal:
+            jumps[i] = response[1 : len(u) + 1 : 2]
+    # At the start of a step an ideal motor has the value of the step, at its end still that value.
+    u_start = u[::2].copy()
+    for i, values in jumps.items():
+        u_start[:, i] = values
     v_c = np.broadcast_to(np.asarray(current, dtype=float), (n, 3))
     v_c_half, v_c_rates = at_half_steps(v_c, substeps), np.diff(v_c, axis=0) / dt
     outside = np.zeros((n, 6)) if tau is None else np.asarray(tau, dtype=float)
@@ -259,12 +269,12 @@ def simulate(
             x[7 + axis] = velocity[half]
         return x
 
-    def wrench(x: Array, k: int, half: int) -> Array:
+    def wrench(x: Array, k: int, half: int, signals: Array) -> Array:
         nu_c, _ = current_in_body(rotation(x[3:7]), x[10:], v_c_half[half], np.zeros(3))
-        acting: Array = outside[k] + thruster_wrench(model, x[7:] - nu_c, u[half], supply(k))
+        acting: Array = outside[k] + thruster_wrench(model, x[7:] - nu_c, signals, supply(k))
         return acting
 
-    def rate(x: Array, k: int, half: int) -> Array:
+    def rate(x: Array, k: int, half: int, signals: Array) -> Array:
         x = replay(x, half)
         q, velocity = x[3:7], x[7:]
         given = np.zeros(6)
@@ -274,7 +284,7 @@ def simulate(
             model,
             velocity,
             q,
-            wrench(x, k, half),
+            wrench(x, k, half, signals),
             v_c=v_c_half[half],
             v_c_rate=v_c_rates[k],
             free=free,
@@ -287,24 +297,24 @@ def simulate(
     x = replay(np.concatenate([position, attitude, nu]).astype(float), 0)
     states, wrenches = [x], []
     for k in range(n - 1):
-        wrenches.append(wrench(x, k, 2 * substeps * k))
+        wrenches.append(wrench(x, k, 2 * substeps * k, u_start[substeps * k]))
         for half in range(2 * substeps * k, 2 * substeps * (k + 1), 2):
-            k1 = rate(x, k, half)
-            k2 = rate(x + h / 2 * k1, k, half + 1)
-            k3 = rate(x + h / 2 * k2, k, half + 1)
-            k4 = rate(x + h * k3, k, half + 2)
+            k1 = rate(x, k, half, u_start[half // 2])
+            k2 = rate(x + h / 2 * k1, k, half + 1, u[half + 1])
+            k3 = rate(x + h / 2 * k2, k, half + 1, u[half + 1])
+            k4 = rate(x + h * k3, k, half + 2, u[half + 2])
             x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
             x[3:7] /= np.linalg.norm(x[3:7])
             x[np.abs(x) < SMALLEST] = 0.0
             x = replay(x, half + 2)
         states.append(x)
-    wrenches.append(wrench(x, n - 1, len(u) - 1))
+    wrenches.append(wrench(x, n - 1, len(u) - 1, u_start[-1]))
     run = np.array(states)
     return Trajectory(
         t=t,
         position=run[:, :3],
         attitude=run[:, 3:7],
         nu=run[:, 7:],
-        actuators={name: u[:: 2 * substeps, i] for i, name in enumerate(names)},
+        actuators={name: u_start[::substeps, i] for i, name in enumerate(names)},
         tau=np.array(wrenches),
     )

@@ -96,6 +96,11 @@ class Thruster:
         object.__setattr__(self, "unit_wrench", unit)
         object.__setattr__(self, "direction", unit[:3])
 
+    @property
+    def ideal(self) -> bool:
+        """Whether the actual value jumps with the command: neither rate limit nor lag."""
+        return self.T_1 == 0.0 and bool(np.isinf(self.n_acc) and np.isinf(self.n_dec))
+
     def inflow(self, nu_r: Array) -> float:
         """Return u_a = d . (v_r + omega x r) in m/s: by virtual power, wrench of a unit force times nu_r."""
         return float(self.unit_wrench @ nu_r)

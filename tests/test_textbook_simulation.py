@@ -29,9 +29,19 @@ def test_command_acts_from_its_own_sample_on() -> None:
     run = tb.simulate(model, T, {"pusher": command})
     assert run.nu[5, 0] == 0.0
     assert run.nu[6, 0] > 0.0
-    # The force of the interval that begins at a sample belongs to the actual value there: still zero.
-    assert run.tau[5, 0] == 0.0
-    assert run.tau[6, 0] == 10.0
+    # Without rate limit and lag the force jumps with the command: the interval that begins here feels it.
+    assert run.tau[4, 0] == 0.0
+    assert run.tau[5, 0] == 10.0
+
+
+def test_law_an_ideal_thruster_gives_the_impulse_of_its_command() -> None:
+    centred = wrench_per_newton([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
+    pusher = Thruster(name="pusher", wrench=centred, characteristic=Newton(), unit="N")
+    model = build(Parameters({**HULL, "X_u": 0.0}, [pusher]))
+    command = np.where(np.arange(len(T)) == 5, 10.0, 0.0)
+    run = tb.simulate(model, T, {"pusher": command})
+    # 10 N over one sample of 0.1 s on m - X_udot = 44 kg; rounding.
+    np.testing.assert_allclose(run.nu[-1, 0], 1.0 / 44.0, rtol=1e-12)
 
 
 def test_direct_wrench_is_held_and_added() -> None:

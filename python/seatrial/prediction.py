@@ -22,7 +22,7 @@ __all__ = ["Window", "default_input", "predict", "windows"]
 
 Array = NDArray[np.float64]
 
-_CONVERGED = 1e-3  # change by halving the step, in standard deviations of the simulated velocity
+_CONVERGED = 5e-3  # change by halving the step, in standard deviations of the simulated velocity
 _MOST_SUBSTEPS = 64
 
 
@@ -105,7 +105,7 @@ def predict(
 ) -> list[Window]:
     """Windows of a trial simulated from the smoothed state at their start, channels in SI.
 
-    The step of the record is halved until no velocity changes by more than 0.1 % of its standard deviation.
+    The step of the record is halved until no velocity changes by more than 0.5 % of its standard deviation.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def predict(
     result: list[Window] = []
     substeps = 1
     while substeps <= _MOST_SUBSTEPS:
-        record = trial.record(substeps=substeps, input=chosen)
+        record = trial.record(substeps=substeps, input=chosen, motion=bool(measured))
         loop = OpenLoop(vehicle, [record], segments, free=free, measured=measured, substeps=substeps)
         tracks = loop.predict(np.zeros(0))
         coarser = result

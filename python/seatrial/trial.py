@@ -274,6 +274,7 @@ class Trial:
         weight: Mapping[str, float] | ArrayLike | None = None,
         substeps: int = 1,
         input: Input = "commands",
+        motion: bool = True,
     ) -> Record:
         """Samples, weights and input of the trial as the core reads them.
 
@@ -287,6 +288,8 @@ class Trial:
         input
             What drives the vehicle: the commands, the measured actuator signals, or the recorded wrench
             alone.
+        motion
+            Whether to give the smoothed velocities, which only measured axes need.
 
         Raises
         ------
@@ -299,8 +302,10 @@ class Trial:
             raise TrialError(f'{self.name}: unknown input "{input}"{nearest(input, _INPUT_COLUMNS)}')
         if input not in self.inputs:
             raise TrialError(f"{self.name}: input {input} is not recorded; map {_INPUT_COLUMNS[input]}")
-        points = 2 * substeps * (len(self) - 1) + 1
-        nu, nu_rate = self.smooth_nu(np.linspace(self.t[0], self.t[-1], points))
+        nu = nu_rate = None
+        if motion:
+            points = 2 * substeps * (len(self) - 1) + 1
+            nu, nu_rate = self.smooth_nu(np.linspace(self.t[0], self.t[-1], points))
         return Record(
             self.t,
             self.commands if input == "commands" else {},

@@ -150,8 +150,9 @@ pub fn fly<T: Real>(
         motors.settle(segment.start.saturating_sub(warm));
         for k in segment.start.saturating_sub(warm)..segment.start {
             for s in 0..substeps {
-                motors.advance(k, s, 0);
-                motors.advance(k, s, 1);
+                motors.command(k, s);
+                motors.advance();
+                motors.advance();
             }
         }
     }
@@ -164,9 +165,13 @@ pub fn fly<T: Real>(
         for instant in &mut instants {
             instant.tau = tau;
         }
-        motors.measure(k, 0.0);
-        motors.thrust(k, &mut instants[0]);
         for s in 0..substeps {
+            motors.command(k, s);
+            // At a sample wrench and voltage change; an ideal motor's signal jumps at any step.
+            if s == 0 || motors.any_ideal {
+                motors.measure(k, s as f64 / substeps as f64);
+                motors.thrust(k, &mut instants[0]);
+            }
             for (i, instant) in instants.iter_mut().enumerate() {
                 let fraction = (s as f64 + 0.5 * i as f64) / substeps as f64;
                 instant.current = record.current(k, fraction);
@@ -185,7 +190,7 @@ pub fn fly<T: Real>(
                 }
             }
             for half in 0..2 {
-                motors.advance(k, s, half);
+                motors.advance();
                 motors.measure(k, (s as f64 + 0.5 * (half + 1) as f64) / substeps as f64);
                 motors.thrust(k, &mut instants[half + 1]);
             }
@@ -227,6 +232,7 @@ fn observe<T: Real>(
 /// The motors of a vehicle at work on a record.
 struct Motors<'a, T> {
     unit: T,
+    any_ideal: bool,
     vehicle: &'a Vehicle<T>,
     record: &'a Record,
     substeps: usize,
@@ -252,6 +258,7 @@ impl<'a, T: Real> Motors<'a, T> {
         let count = vehicle.actuators.len();
         let mut motors = Self {
             unit: unit.zero(),
+            any_ideal: vehicle.actuators.iter().any(|actuator| actuator.motor.ideal),
             vehicle,
             record,
             substeps,
@@ -306,13 +313,21 @@ impl<'a, T: Real> Motors<'a, T> {
         T::select(at.lt(at.zero()), earlier, recorded)
     }
 
-    /// Moves every motor by half a step; the command is read at the first half.
+    /// Reads the commands of step `s` of sample `k`; ideal motors obey at once.
     #[inline(always)]
-    fn advance(&mut self, k: usize, s: usize, half: usize) {
-        for i in 0..self.states.len() {
-            if half == 0 {
-                self.targets[i] = self.target(i, k, s);
+    fn command(&mut self, k: usize, s: usize) {
+        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
+            self.targets[i] = self.target(i, k, s);
+            if actuator.motor.ideal {
+                self.states[i] = actuator.motor.steady(self.targets[i]);
             }
+        }
+    }
+
+    /// Moves every motor by half a step.
+    #[inline(always)]
+    fn advance(&mut self) {
+        for i in 0..self.states.len() {
             self.states[i] = self.half_steps[i].advance(&self.states[i], self.targets[i]);
         }
     }

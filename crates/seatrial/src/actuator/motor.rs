@@ -55,6 +55,8 @@ pub struct Motor<T> {
     pub t_t: T,
     /// Rate limit while the magnitude grows and while it shrinks, unit/s; `None` = unlimited.
     pub rate: Option<[T; 2]>,
+    /// Neither rate limit nor lag: the signal jumps with the command, at the start of a step.
+    pub ideal: bool,
 }
 
 /// Where a motor is: the rate-limited command and the signal after the lag.

@@ -29,6 +29,7 @@ pub struct Structure {
     bias: bool,
     inflow: Vec<bool>,
     torque: Vec<bool>,
+    lag: Vec<bool>,
 }
 
 impl Structure {
@@ -50,7 +51,8 @@ impl Structure {
             lift: (names::LIFT..names::BIAS).any(present),
             bias: (names::BIAS..names::HULL).any(present),
             inflow: actuators.clone().map(|k| any(k, &[3, 7])).collect(),
-            torque: actuators.map(|k| any(k, &[6, 7])).collect(),
+            torque: actuators.clone().map(|k| any(k, &[6, 7])).collect(),
+            lag: actuators.map(|k| any(k, &[15])).collect(),
         }
     }
 }
@@ -222,6 +224,7 @@ fn actuator<T: Real>(
             t_1: c(15),
             t_t: c(16),
             rate: described.rate_limited.then(|| [c(17), c(18)]),
+            ideal: !(described.rate_limited || structure.lag[k]),
         },
         characteristic: Characteristic { shape, factor },
         wrench: described.wrench.map(splat),

@@ -11,7 +11,7 @@ const STOPPED: MotorState<f64> = MotorState { ramp: 0.0, signal: 0.0 };
 
 /// A motor without dead time.
 fn motor(k_v: f64, t_1: f64, rate: Option<[f64; 2]>) -> Motor<f64> {
-    Motor { k_v, t_1, t_t: 0.0, rate }
+    Motor { k_v, t_1, t_t: 0.0, rate, ideal: false }
 }
 
 /// The states after every step of `h` under a constant command.
@@ -187,8 +187,8 @@ fn law_dead_time_between_steps_gives_the_mean_of_the_command() {
     let commands: Vec<f64> = (0..40).map(|k| 150.0 + 97.0 * f64::from(k * k % 17)).collect();
     let late = signals(&delayed(0.13, 1.0, 0.0), commands.clone(), stopped(), 1);
     for k in 3..40 {
-        // Over the step that ends at sample k the motor hears commands k-3 (30 %) and k-2 (70 %).
-        let expected = 0.3 * commands[k - 3] + 0.7 * commands[k - 2];
+        // Over the step that begins at sample k the motor hears commands k-2 (30 %) and k-1 (70 %), at once.
+        let expected = 0.3 * commands[k - 2] + 0.7 * commands[k - 1];
         // Rounding of 1700 rpm.
         assert!((late[k] - expected).abs() < 1e-8, "sample {k}: {} {expected}", late[k]);
     }
