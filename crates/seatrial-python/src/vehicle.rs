@@ -6,7 +6,7 @@ use crate::simulate::{Run, Simulation, State, inputs};
 use pyo3::prelude::*;
 use seatrial::algebra::Vec6;
 use seatrial::current::Current;
-use seatrial::description::{ActuatorDescription, Description, built_in, built_in_names};
+use seatrial::description::{Description, built_in, built_in_names};
 use seatrial::error::nearest;
 use seatrial::facts;
 use seatrial::kinematics::rotation;
@@ -119,8 +119,9 @@ impl Vehicle {
 
     /// Per actuator: kind, group, unit, neutral and limits of its command, place, wrench per newton, power.
     fn actuator_info(&self) -> BTreeMap<String, BTreeMap<&'static str, Fact>> {
-        let named = |a: &ActuatorDescription| (a.thruster.name.clone(), fact_map(facts::actuator(a)));
-        self.description.actuators.iter().map(named).collect()
+        let d = &self.description;
+        let named = |(k, name): (usize, String)| (name, fact_map(facts::actuator(d, k)));
+        self.actuators().into_iter().enumerate().map(named).collect()
     }
 
     /// Measures of the hull in m (length, diameter, height); empty when the file has none.
@@ -164,7 +165,8 @@ impl Vehicle {
 
     /// Wrench about O per newton of each actuator, shape (6, actuators).
     fn allocation_matrix(&self) -> Array {
-        let columns: Vec<Vec6<f64>> = self.description.actuators.iter().map(|a| a.wrench).collect();
+        let count = self.description.actuators.len();
+        let columns: Vec<Vec6<f64>> = (0..count).map(|k| self.description.wrench(k)).collect();
         let values = (0..6).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
         Array::new(&[6, columns.len()], values)
     }

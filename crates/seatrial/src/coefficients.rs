@@ -59,7 +59,7 @@ const RIGID: [(&str, &str, &str); 14] = [
 ];
 
 /// Coefficients of an actuator: name, unit, meaning. `<c>` is the command's unit.
-pub const ACTUATOR: [(&str, &str, &str); 19] = [
+pub const ACTUATOR: [(&str, &str, &str); 22] = [
     ("gain", "1", "factor on the thrust"),
     ("p1_ahead", "N s2", "thrust per |n| n ahead, n in rev/s"),
     ("p1_astern", "N s2", "thrust per |n| n astern, n in rev/s"),
@@ -79,7 +79,13 @@ pub const ACTUATOR: [(&str, &str, &str); 19] = [
     ("T_t", "s", "dead time"),
     ("n_acc", "<c>/s", "rate limit while the magnitude grows"),
     ("n_dec", "<c>/s", "rate limit while the magnitude shrinks"),
+    ("lever_K", "m", "roll moment about O per newton of thrust"),
+    ("lever_M", "m", "pitch moment about O per newton of thrust"),
+    ("lever_N", "m", "yaw moment about O per newton of thrust"),
 ];
+
+/// Offset of `lever_K` in [`ACTUATOR`]; two more follow.
+pub const LEVERS: usize = 19;
 
 /// Number of coefficients per actuator.
 pub const PER_ACTUATOR: usize = ACTUATOR.len();

@@ -6,7 +6,7 @@
 mod bounds;
 mod placement;
 
-use crate::algebra::pivots;
+use crate::algebra::{Vec6, pivots};
 use crate::coefficients::{self as names, FORCES, Layout, MASS, Scaling, added_mass, linear, quadratic};
 use crate::error::Error;
 use crate::vehicle_file::VehicleFile;
@@ -183,6 +183,13 @@ impl Description {
             }
         }
         file
+    }
+
+    /// Wrench about O per newton of actuator `k`: its direction, and its levers as they are now.
+    pub fn wrench(&self, k: usize) -> Vec6<f64> {
+        let mut wrench = self.actuators[k].wrench;
+        wrench[3..].copy_from_slice(&self.coefficients[self.layout.actuator(k) + names::LEVERS..][..3]);
+        wrench
     }
 
     /// The command unit of the actuator that owns coefficient `index`.

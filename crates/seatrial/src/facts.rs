@@ -1,7 +1,7 @@
 //! What can be said about a vehicle besides its motion, as plain values by name, for reports.
 
 use crate::coefficients::HULL;
-use crate::description::{ActuatorDescription, Description};
+use crate::description::Description;
 use std::collections::BTreeMap;
 
 /// A plain value.
@@ -29,7 +29,8 @@ impl From<Option<f64>> for Value {
 }
 
 /// Group, unit and limits of the command, place, wrench per newton and power of an actuator.
-pub fn actuator(a: &ActuatorDescription) -> Facts {
+pub fn actuator(d: &Description, k: usize) -> Facts {
+    let a = &d.actuators[k];
     let text = |x: &str| Value::Text(x.to_owned());
     let [(maximum_ahead, maximum_astern), (minimum_ahead, minimum_astern)] =
         [a.limits.maximum, a.limits.minimum].map(|l| (Value::Number(l[0]), Value::Number(l[1])));
@@ -42,7 +43,7 @@ pub fn actuator(a: &ActuatorDescription) -> Facts {
         ("reversed", Value::Flag(a.thruster.reversed)),
         ("position", a.thruster.position_m.map_or(Value::None, |p| Value::Vector(p.to_vec()))),
         ("direction", Value::Vector(a.direction.to_vec())),
-        ("wrench", Value::Vector(a.wrench.to_vec())),
+        ("wrench", Value::Vector(d.wrench(k).to_vec())),
         ("maximum_ahead", maximum_ahead),
         ("maximum_astern", maximum_astern),
         ("minimum_ahead", minimum_ahead),

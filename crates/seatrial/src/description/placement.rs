@@ -16,7 +16,7 @@ pub struct ActuatorDescription {
     pub thruster: Thruster,
     /// Static limits of the signal.
     pub limits: Limits,
-    /// Wrench about O per newton.
+    /// Wrench about O per newton, as written; [`Description::wrench`](super::Description::wrench) is in use.
     pub wrench: Vec6<f64>,
     /// Direction of thrust and inflow; zero when the wrench has no linear part.
     pub direction: Vec3<f64>,
@@ -58,7 +58,7 @@ impl ActuatorDescription {
     /// [`names::ACTUATOR`].
     pub(super) fn uses(&self, offset: usize) -> bool {
         match names::ACTUATOR[offset].0 {
-            "gain" | "t" | "K_V" | "T_1" | "T_t" => true,
+            "gain" | "t" | "K_V" | "T_1" | "T_t" | "lever_K" | "lever_M" | "lever_N" => true,
             "p1_ahead" | "p1_astern" | "p2" | "w" | "q1" | "q2" => self.kind() == "quadratic",
             "n_acc" | "n_dec" => self.rate_limited,
             _ => self.kind() == "polynomial",
@@ -107,6 +107,9 @@ pub(super) fn place(
         let offset = names::ACTUATOR.iter().position(|(n, _, _)| *n == name);
         values[offset.expect("a name of the table above")] = value;
     };
+    for (name, lever) in ["lever_K", "lever_M", "lever_N"].iter().zip(&wrench[3..]) {
+        set(name, *lever);
+    }
     set("gain", 1.0);
     set("K_V", motor.k_v);
     set("T_1", motor.t_1_s);

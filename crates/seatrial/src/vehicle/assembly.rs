@@ -196,7 +196,11 @@ fn actuator<T: Real>(
         &described.direction,
         &[described.wrench[0], described.wrench[1], described.wrench[2]],
     );
-    let inflow = described.wrench.map(|x| splat(if length > 0.0 { x / length } else { 0.0 }));
+    let mut wrench = described.wrench.map(splat);
+    for i in 0..3 {
+        wrench[3 + i] = c(names::LEVERS + i);
+    }
+    let inflow = wrench.map(|x| x * if length > 0.0 { 1.0 / length } else { 0.0 });
     let inside = one - c(4);
     // Thrust deduction is a pressure on the hull: the propeller's torque does not feel it.
     let (gain, deduction) = (c(0), one - c(5));
@@ -227,7 +231,7 @@ fn actuator<T: Real>(
             ideal: !(described.rate_limited || structure.lag[k]),
         },
         characteristic: Characteristic { shape, factor },
-        wrench: described.wrench.map(splat),
+        wrench,
         torque: structure.torque[k].then(|| [0.0, 0.0, 0.0, dx, dy, dz].map(splat)),
         inflow,
     }
