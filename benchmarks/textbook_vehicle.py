@@ -140,6 +140,7 @@ def thruster(
     else:
         direction = np.array(entry["direction"], dtype=float)
         wrench = wrench_per_newton(entry["position_m"], direction / np.linalg.norm(direction))
+    wrench[3:] = [own.get(f"lever_{axis}", 0.0) for axis in "KMN"]
     return Thruster(
         name=name,
         wrench=wrench,
