@@ -197,7 +197,7 @@ pub fn fly<T: Real>(
             state = step(vehicle, &state, h, &instants);
             let (first, rest) = instants.split_at_mut(1);
             std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
-            first[0].settled = rest[1].settled;
+            first[0].inflow_free = rest[1].inflow_free;
         }
     }
     Ok(())
@@ -352,6 +352,6 @@ impl<'a, T: Real> Motors<'a, T> {
         for (actuator, motor) in self.vehicle.actuators.iter().zip(&self.states) {
             instant.thrusts.push(actuator.characteristic.thrust(motor.signal, voltage));
         }
-        self.vehicle.settle(instant, self.unit);
+        self.vehicle.sum_inflow_free(instant, self.unit);
     }
 }

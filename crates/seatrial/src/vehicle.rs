@@ -71,8 +71,8 @@ enum Inverse<T> {
 pub struct Instant<T> {
     /// Thrust of each actuator.
     pub thrusts: Vec<Thrust<T>>,
-    /// Wrench of the thrusts that no inflow changes, once it is summed ([`Vehicle::settle`]).
-    pub settled: Option<Vec6<T>>,
+    /// Wrench from outside and of the thrusts that no inflow changes, once summed ([`Vehicle::sum_inflow_free`]).
+    pub inflow_free: Option<Vec6<T>>,
     /// Wrench from outside the actuators, N and N m.
     pub tau: Vec6<f64>,
     /// Ocean current; `None` in still water.
@@ -83,7 +83,7 @@ pub struct Instant<T> {
 
 impl<T> Default for Instant<T> {
     fn default() -> Self {
-        Self { thrusts: Vec::new(), settled: None, tau: [0.0; 6], current: None, measured: [[0.0; 6]; 2] }
+        Self { thrusts: Vec::new(), inflow_free: None, tau: [0.0; 6], current: None, measured: [[0.0; 6]; 2] }
     }
 }
 
@@ -106,9 +106,9 @@ impl<T: Real> Vehicle<T> {
     /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant.
     #[inline(always)]
     pub fn acceleration(&self, r: &Mat3<T>, nu: &Vec6<T>, instant: &Instant<T>) -> Vec6<T> {
-        let mut f = match &instant.settled {
+        let mut f = match &instant.inflow_free {
             Some(wrench) => *wrench,
-            None => self.settled(instant, nu[0].zero()),
+            None => self.inflow_free(instant, nu[0].zero()),
         };
         let mut nu_r = *nu;
         if let Some(current) = &instant.current {
@@ -154,17 +154,17 @@ impl<T: Real> Vehicle<T> {
     /// The wrench of all thrusts and from outside at the relative velocity `nu_r`, N and N m.
     #[inline(always)]
     pub fn wrench(&self, instant: &Instant<T>, nu_r: &Vec6<T>) -> Vec6<T> {
-        self.inflow(&instant.thrusts, nu_r, &self.settled(instant, nu_r[0].zero()))
+        self.inflow(&instant.thrusts, nu_r, &self.inflow_free(instant, nu_r[0].zero()))
     }
 
     /// Sums what no inflow changes: four stages read it, it is worth summing once.
     #[inline(always)]
-    pub fn settle(&self, instant: &mut Instant<T>, zero: T) {
-        instant.settled = Some(self.settled(instant, zero));
+    pub fn sum_inflow_free(&self, instant: &mut Instant<T>, zero: T) {
+        instant.inflow_free = Some(self.inflow_free(instant, zero));
     }
 
     #[inline(always)]
-    fn settled(&self, instant: &Instant<T>, zero: T) -> Vec6<T> {
+    fn inflow_free(&self, instant: &Instant<T>, zero: T) -> Vec6<T> {
         let mut sum = [zero; 6];
         for i in 0..6 {
             sum[i] = zero.splat(instant.tau[i]);

@@ -20,28 +20,31 @@ fn ulp(a: f64, b: f64) -> u64 {
     if a.is_nan() != b.is_nan() { u64::MAX } else { ordered(a).abs_diff(ordered(b)) }
 }
 
-/// A number type of eight lanes and the results of all functions in them.
+/// Every function of a number at `x` (and `y` where it takes two).
 #[inline(always)]
-fn lanes<S: Simd>(simd: S, x: &[f64; LANES], y: &[f64; LANES]) -> [[f64; LANES]; 13] {
-    let (x, y) = (f64x8::simd_from(simd, *x), f64x8::simd_from(simd, *y));
-    let (sine, cosine) = Real::sin_cos(x);
-    let below = Lanes::select(Real::lt(x, y), x, Real::zero(y));
+fn all_functions<T: Real>(x: T, y: T) -> [T; 13] {
+    let (sine, cosine) = x.sin_cos();
     [
         sine,
         cosine,
-        Real::atan2(x, y),
-        Real::exp(x),
-        Real::abs(x),
-        Real::sqrt(x),
-        Real::floor(x),
-        Real::min(x, y),
-        Real::max(x, y),
-        Real::flush(x),
-        below,
+        x.atan2(y),
+        x.exp(),
+        x.abs(),
+        x.sqrt(),
+        x.floor(),
+        x.min(y),
+        x.max(y),
+        x.flush(),
+        T::select(x.lt(y), x, y.zero()),
         -x,
         x.tabulated(|x| (3.0 * x, 3.0)),
     ]
-    .map(Into::into)
+}
+
+/// The functions in eight lanes.
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, x: &[f64; LANES], y: &[f64; LANES]) -> [[f64; LANES]; 13] {
+    all_functions::<Lanes<S>>(f64x8::simd_from(simd, *x), f64x8::simd_from(simd, *y)).map(Into::into)
 }
 
 /// Sine, then cosine.
@@ -50,27 +53,6 @@ const ARCTANGENT: usize = 2;
 const EXPONENTIAL: usize = 3;
 /// The functions from here on are exact.
 const EXACT: usize = 4;
-
-/// The same in `f64`.
-fn plain(x: f64, y: f64) -> [f64; 13] {
-    let (sine, cosine) = Real::sin_cos(x);
-    let below = f64::select(Real::lt(x, y), x, 0.0);
-    [
-        sine,
-        cosine,
-        Real::atan2(x, y),
-        Real::exp(x),
-        Real::abs(x),
-        Real::sqrt(x),
-        Real::floor(x),
-        Real::min(x, y),
-        Real::max(x, y),
-        Real::flush(x),
-        below,
-        -x,
-        x.tabulated(|x| (3.0 * x, 3.0)),
-    ]
-}
 
 /// Calls `check(level, x, y, lanes' result, f64's result)` per instruction set, lane and function.
 fn compare(
@@ -83,7 +65,7 @@ fn compare(
         let results = dispatch!(level, simd => lanes(simd, x, y));
         for function in functions.clone() {
             for lane in 0..LANES {
-                let expected = plain(x[lane], y[lane])[function];
+                let expected = all_functions(x[lane], y[lane])[function];
                 check(name, function, [x[lane], y[lane], results[function][lane], expected]);
             }
         }
