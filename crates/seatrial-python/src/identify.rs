@@ -5,11 +5,14 @@ use crate::error::{interruptible, raised, refused};
 use crate::simulate::inputs;
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
-use seatrial::criterion::{CHANNELS, Loss, channels};
+use seatrial::criterion::{CHANNEL_NAMES, CHANNELS, Loss};
 use seatrial::description::Description;
+use seatrial::error::nearest;
 use seatrial::integrate::State;
+use seatrial::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
 use seatrial::open_loop::batch::{Batch, Candidates};
 use seatrial::open_loop::inputs::{Inputs, modes};
+use seatrial::open_loop::sensitivities::{Point, Unknown};
 use seatrial::open_loop::{self, MotorStart, Segment};
 use seatrial::vehicle::Mode;
 use std::sync::Arc;
@@ -154,43 +157,195 @@ impl OpenLoop {
     /// Sums over the samples of loss(weight * error), shape (k, segments, 12); infinite where a candidate
     /// diverged.
     ///
-    /// values (k, names); initial_nu (k, 6) is added to the initial velocity of every segment; threads: all
-    /// when missing.
-    #[pyo3(signature = (values, initial_nu = None, threads = None))]
-    fn errors(
-        &self,
-        py: Python<'_>,
-        values: Numbers,
-        initial_nu: Option<Numbers>,
-        threads: Option<usize>,
-    ) -> PyResult<Array> {
+    /// values (k, names); threads: all when missing.
+    #[pyo3(signature = (values, threads = None))]
+    fn errors(&self, py: Python<'_>, values: Numbers, threads: Option<usize>) -> PyResult<Array> {
         let (count, values) = values.matrix("values", self.sought.len())?;
-        let offsets = initial_nu.map(|x| x.rows::<6>("initial_nu")).transpose()?;
-        if count == 0 || offsets.as_ref().is_some_and(|o| o.len() != count) {
-            return Err(refused("values and initial_nu: expected one row per candidate"));
+        if count == 0 {
+            return Err(refused("values: expected one row per candidate, found none"));
         }
         let candidates = Candidates { sought: &self.sought, values: &values, count };
-        let errors = interruptible(py, threads, |stop| {
-            self.batch().errors(candidates, offsets.as_deref(), self.loss, stop)
-        })?;
+        let errors = interruptible(py, threads, |stop| self.batch().errors(candidates, self.loss, stop))?;
         Ok(Array::new(&[count, self.segments.len(), CHANNELS], errors))
     }
 
-    /// The simulated channels of every segment, each (samples, 12), for one candidate (names,).
-    fn predict(&self, py: Python<'_>, values: Numbers) -> PyResult<Vec<Array>> {
-        let values = values.vector("values")?;
-        if values.len() != self.sought.len() {
-            return Err(refused(format!(
-                "values: expected {} numbers, found {}",
-                self.sought.len(),
-                values.len()
-            )));
-        }
-        let candidates = Candidates { sought: &self.sought, values: &values, count: 1 };
-        let tracks = interruptible(py, None, |stop| self.batch().tracks(candidates, stop))?;
-        Ok(tracks
-            .iter()
-            .map(|track| Array::rows(&track.states.iter().map(channels).collect::<Vec<_>>(), false))
+    /// What the channels of every segment show, each (samples, 12), for one candidate (names,).
+    ///
+    /// nuisance (records, 32) in the order of nuisance_names and initial (segments, 12) in that of
+    /// initial_names, both zero when missing.
+    #[pyo3(signature = (values, nuisance = None, initial = None, threads = None))]
+    fn predict(
+        &self,
+        py: Python<'_>,
+        values: Numbers,
+        nuisance: Option<Numbers>,
+        initial: Option<Numbers>,
+        threads: Option<usize>,
+    ) -> PyResult<Vec<Array>> {
+        let place = self.place(values, None, nuisance, initial)?;
+        let shown =
+            interruptible(py, threads, |stop| self.batch().sensitivities(place.point(self), &[], &[], stop))?;
+        Ok(shown.iter().map(|segment| Array::rows(&segment.rows, false)).collect())
+    }
+
+    /// What every segment shows and its exact derivatives: per segment ((samples, 12), (samples, channels, m)).
+    ///
+    /// values (names,); directions (d, names): rows of changes of the coefficients, one per name when missing;
+    /// nuisances and initials: names of further unknowns. The m columns are directions, nuisances, initials.
+    /// channels: names of those to differentiate, all when missing. nuisance (records, 32) and initial
+    /// (segments, 12): values, zero when missing. Derivatives by dual numbers, exact to rounding.
+    #[pyo3(signature = (values, directions = None, *, nuisances = Vec::new(), initials = Vec::new(), channels = None, nuisance = None, initial = None, threads = None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
+    fn sensitivities(
+        &self,
+        py: Python<'_>,
+        values: Numbers,
+        directions: Option<Numbers>,
+        nuisances: Vec<String>,
+        initials: Vec<String>,
+        channels: Option<Vec<String>>,
+        nuisance: Option<Numbers>,
+        initial: Option<Numbers>,
+        threads: Option<usize>,
+    ) -> PyResult<Vec<(Array, Array)>> {
+        let place = self.place(values, directions, nuisance, initial)?;
+        let unknowns = place.unknowns(self, &nuisances, &initials)?;
+        let asked = channels.map_or(Ok((0..CHANNELS).collect()), |names| {
+            names.iter().map(|n| named("channels", n, &CHANNEL_NAMES)).collect::<PyResult<Vec<_>>>()
+        })?;
+        let shown = interruptible(py, threads, |stop| {
+            self.batch().sensitivities(place.point(self), &unknowns, &asked, stop)
+        })?;
+        Ok(shown
+            .into_iter()
+            .map(|segment| {
+                let shape = [segment.rows.len(), asked.len(), unknowns.len()];
+                (Array::rows(&segment.rows, false), Array::new(&shape, segment.jacobian))
+            })
             .collect())
     }
+
+    /// The criterion on what the channels show, (segments, 12), and its gradient, (segments, 12, m).
+    ///
+    /// Parameters as for sensitivities.
+    #[pyo3(signature = (values, directions = None, *, nuisances = Vec::new(), initials = Vec::new(), nuisance = None, initial = None, threads = None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
+    fn gradient(
+        &self,
+        py: Python<'_>,
+        values: Numbers,
+        directions: Option<Numbers>,
+        nuisances: Vec<String>,
+        initials: Vec<String>,
+        nuisance: Option<Numbers>,
+        initial: Option<Numbers>,
+        threads: Option<usize>,
+    ) -> PyResult<(Array, Array)> {
+        let place = self.place(values, directions, nuisance, initial)?;
+        let unknowns = place.unknowns(self, &nuisances, &initials)?;
+        let found = interruptible(py, threads, |stop| {
+            self.batch().gradient(place.point(self), &unknowns, self.loss, stop)
+        })?;
+        let sums: Vec<[f64; CHANNELS]> = found.iter().map(|segment| segment.sums).collect();
+        let slopes = found.into_iter().flat_map(|segment| segment.slopes).collect();
+        Ok((Array::rows(&sums, false), Array::new(&[self.segments.len(), CHANNELS, unknowns.len()], slopes)))
+    }
+}
+
+impl OpenLoop {
+    /// Values and directions as Python gives them, checked.
+    fn place(
+        &self,
+        values: Numbers,
+        directions: Option<Numbers>,
+        nuisance: Option<Numbers>,
+        initial: Option<Numbers>,
+    ) -> PyResult<Place> {
+        let width = self.sought.len();
+        let values = values.vector("values")?;
+        if values.len() != width {
+            return Err(refused(format!("values: expected {width} numbers, found {}", values.len())));
+        }
+        let (rows, directions) = match directions {
+            Some(directions) => directions.matrix("directions", width)?,
+            None => {
+                (width, (0..width * width).map(|at| f64::from(u8::from(at / width == at % width))).collect())
+            }
+        };
+        let nuisance = table("nuisance", nuisance, self.records.len())?;
+        let initial = table("initial", initial, self.segments.len())?;
+        Ok(Place { values, directions, rows, nuisance, initial })
+    }
+}
+
+/// Where derivatives are taken.
+struct Place {
+    values: Vec<f64>,
+    directions: Vec<f64>,
+    rows: usize,
+    nuisance: Vec<[f64; NUISANCES]>,
+    initial: Vec<[f64; INITIALS]>,
+}
+
+impl Place {
+    fn point<'a>(&'a self, open_loop: &'a OpenLoop) -> Point<'a> {
+        Point {
+            sought: &open_loop.sought,
+            values: &self.values,
+            directions: &self.directions,
+            nuisance: &self.nuisance,
+            initial: &self.initial,
+        }
+    }
+
+    /// Directions, nuisances, initials.
+    fn unknowns(
+        &self,
+        open_loop: &OpenLoop,
+        nuisances: &[String],
+        initials: &[String],
+    ) -> PyResult<Vec<Unknown>> {
+        let known: Vec<String> = nuisance_names();
+        let mut unknowns: Vec<Unknown> = (0..self.rows).map(Unknown::Direction).collect();
+        if open_loop.sought.is_empty() {
+            unknowns.clear();
+        }
+        for name in nuisances {
+            unknowns.push(Unknown::Nuisance(named("nuisances", name, &known)?));
+        }
+        for name in initials {
+            unknowns.push(Unknown::Initial(named("initials", name, &INITIAL_NAMES)?));
+        }
+        Ok(unknowns)
+    }
+}
+
+/// The place of a name among the known ones.
+fn named<N: AsRef<str>>(what: &str, name: &str, known: &[N]) -> PyResult<usize> {
+    known.iter().position(|k| k.as_ref() == name).ok_or_else(|| {
+        let near = nearest(name, known.iter().map(AsRef::as_ref));
+        refused(format!("{what}: unknown name \"{name}\"{near}"))
+    })
+}
+
+/// Rows of numbers, zero when missing.
+fn table<const C: usize>(name: &str, rows: Option<Numbers>, count: usize) -> PyResult<Vec<[f64; C]>> {
+    let rows = rows.map_or(Ok(vec![[0.0; C]; count]), |rows| rows.rows(name))?;
+    if rows.len() == count {
+        return Ok(rows);
+    }
+    Err(refused(format!("{name}: expected {count} rows of {C}, found {}", rows.len())))
+}
+
+/// Names of the nuisance parameters of a trial, in the order of OpenLoop's rows.
+#[pyfunction]
+#[pyo3(name = "nuisance_names")]
+pub fn all_nuisance_names() -> Vec<String> {
+    nuisance_names()
+}
+
+/// Names of the initial conditions of a segment, in the order of OpenLoop's rows.
+#[pyfunction]
+pub fn initial_names() -> Vec<&'static str> {
+    INITIAL_NAMES.to_vec()
 }

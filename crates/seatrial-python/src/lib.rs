@@ -12,7 +12,7 @@ mod vehicle;
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
-    use crate::identify::{OpenLoop, Record};
+    use crate::identify::{OpenLoop, Record, all_nuisance_names, initial_names};
     #[pymodule_export]
     use crate::simulate::{Run, State, simd_level, simulate_batch};
     #[pymodule_export]

@@ -10,6 +10,7 @@ use seatrial::description::{Description, built_in, built_in_names};
 use seatrial::error::nearest;
 use seatrial::facts;
 use seatrial::kinematics::rotation;
+use seatrial::linearize::{Form, linearize};
 use seatrial::vehicle::Instant;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -32,7 +33,7 @@ impl Vehicle {
         nu: &Numbers,
         attitude: &Numbers,
         current: Option<&Numbers>,
-    ) -> PyResult<Vec<(Vec6<f64>, [f64; 4], Option<Current>)>> {
+    ) -> PyResult<Vec<(Vec6<f64>, [f64; 4], Option<Current<f64>>)>> {
         let (nu, attitude) = (nu.rows::<6>("nu")?, attitude.attitudes("attitude")?);
         let current = current.map(|c| c.rows::<3>("current")).transpose()?;
         let n = nu.len().max(attitude.len()).max(current.as_ref().map_or(1, Vec::len));
@@ -235,6 +236,34 @@ impl Vehicle {
             terms.insert("bias", Array::rows(&vec![bias; rows.len()], single));
         }
         Ok(terms)
+    }
+
+    /// A, shape (12, 12), and B, shape (12, 6), of the equation of motion at a velocity, an attitude and a wrench.
+    ///
+    /// State [p_n, delta, nu] with R = R_0 exp(S(delta)), R_0 held, so that delta' = omega + 1/2 delta x omega;
+    /// with form="euler" [x y z phi theta psi nu]. nu (6,), attitude (4,) quaternion or (3,) roll, pitch, yaw,
+    /// tau (6,), current (3,) NED. A = df/dx and B = df/dtau, exact to rounding (dual numbers).
+    #[pyo3(signature = (nu, attitude, tau, current = None, *, form = "rotation"))]
+    fn linearize(
+        &self,
+        nu: Numbers,
+        attitude: Numbers,
+        tau: Numbers,
+        current: Option<Numbers>,
+        form: &str,
+    ) -> PyResult<(Array, Array)> {
+        let form = match form {
+            "rotation" => Form::Rotation,
+            "euler" => Form::Euler,
+            _ => return Err(refused(format!("form: expected rotation or euler, found \"{form}\""))),
+        };
+        let tau = tau.row::<6>("tau")?;
+        let columns = Self::columns(&nu, &attitude, current.as_ref())?;
+        let [(nu, attitude, current)] = columns[..] else {
+            return Err(refused("nu, attitude and current: expected one row each, a tangent has one point"));
+        };
+        let tangent = linearize(&self.description, form, &attitude, &nu, (&tau, current.as_ref()));
+        Ok((Array::rows(&tangent.a, false), Array::rows(&tangent.b, false)))
     }
 
     /// The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample.

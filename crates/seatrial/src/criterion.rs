@@ -87,9 +87,15 @@ impl<'a, T: Real> Criterion<'a, T> {
         if self.used[ROLL] || self.used[ROLL + 1] || self.used[ROLL + 2] {
             simulated[ROLL..].copy_from_slice(&to_euler(&state.attitude));
         }
+        self.compare(k, &simulated);
+    }
+
+    /// Adds the errors of the channels `simulated` at sample `k` of the record.
+    #[inline(always)]
+    pub fn compare(&mut self, k: usize, simulated: &[T; CHANNELS]) {
         for c in 0..CHANNELS {
             if self.used[c] {
-                let error = zero.splat(self.observed[k][c]) - simulated[c];
+                let error = simulated[c].splat(self.observed[k][c]) - simulated[c];
                 let error = if c < ROLL { error } else { error.wrap() };
                 self.sums[c] += self.loss.of(error * self.weight[k][c]);
             }

@@ -11,21 +11,21 @@ use crate::algebra::{Mat3, Vec3, Vec6, add_cross, transposed_product};
 use crate::real::Real;
 
 /// The current at one instant, NED.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Current {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Current<T> {
     /// Velocity of the water, m/s.
-    pub velocity: Vec3<f64>,
+    pub velocity: Vec3<T>,
     /// Its rate of change, m/s².
-    pub rate: Vec3<f64>,
+    pub rate: Vec3<T>,
 }
 
-impl Current {
+impl<T: Real> Current<T> {
     /// `ν_r` and `ν_c'` of a vehicle with velocity `nu` at the rotation `r` (body → NED).
     #[inline(always)]
-    pub fn relative<T: Real>(&self, r: &Mat3<T>, nu: &Vec6<T>) -> (Vec6<T>, Vec6<T>) {
+    pub fn relative(&self, r: &Mat3<T>, nu: &Vec6<T>) -> (Vec6<T>, Vec6<T>) {
         let k = nu[0];
-        let flow = transposed_product(r, &self.velocity.map(|x| k.splat(x)));
-        let rate = transposed_product(r, &self.rate.map(|x| k.splat(x)));
+        let flow = transposed_product(r, &self.velocity);
+        let rate = transposed_product(r, &self.rate);
         let omega = [nu[3], nu[4], nu[5]];
         let rate = add_cross(&flow, &omega, &rate);
         (

@@ -41,6 +41,19 @@ pub fn quaternion_rate<T: Real>(q: &Quaternion<T>, omega: &Vec3<T>) -> Quaternio
     ]
 }
 
+/// `a ⊗ b`: the rotation `b` followed by `a`.
+#[inline(always)]
+pub fn quaternion_product<T: Real>(a: &Quaternion<T>, b: &Quaternion<T>) -> Quaternion<T> {
+    let [w, x, y, z] = *a;
+    let [s, i, j, k] = *b;
+    [
+        w.mul_sub(s, x.mul_add(i, y.mul_add(j, z * k))),
+        w.mul_add(i, x.mul_add(s, y.mul_sub(k, z * j))),
+        w.mul_add(j, y.mul_add(s, z.mul_sub(i, x * k))),
+        w.mul_add(k, z.mul_add(s, x.mul_sub(j, y * i))),
+    ]
+}
+
 /// The unit quaternion in the direction of `q`.
 #[inline(always)]
 pub fn normalised<T: Real>(q: &Quaternion<T>) -> Quaternion<T> {

@@ -3,7 +3,7 @@
 //! Reading order: [`vehicle`] is the equation of motion; each of its terms is a file
 //! ([`rigid_body`], [`added_mass`], [`damping`], [`lift`], [`restoring`], [`current`], [`actuator`]);
 //! [`integrate`] steps it; [`open_loop`] runs it through recorded commands, alone or in batches;
-//! [`criterion`] compares it with measurements; [`description`] reads a vehicle from its file.
+//! [`criterion`] compares it with what [`observation`] says that instruments show; [`linearize`] is its tangent; [`description`] reads a vehicle from its file.
 //!
 //! SI and radians throughout; frames n = north-east-down, b = forward-starboard-down with origin O.
 
@@ -22,6 +22,8 @@ pub mod geometry;
 pub mod integrate;
 pub mod kinematics;
 pub mod lift;
+pub mod linearize;
+pub mod observation;
 pub mod open_loop;
 pub mod real;
 pub mod restoring;

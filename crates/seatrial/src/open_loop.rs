@@ -12,8 +12,10 @@
 
 pub mod batch;
 pub mod inputs;
+pub mod sensitivities;
 
 use crate::actuator::motor::{MotorState, MotorStep};
+use crate::algebra::Vec3;
 use crate::criterion::{CHANNELS, Criterion};
 use crate::current::Current;
 use crate::error::Error;
@@ -55,20 +57,25 @@ pub struct Record {
 }
 
 impl Record {
+    /// The recorded current, and `added` to it, at a fraction of the interval after sample `k`.
     #[inline(always)]
-    fn current(&self, k: usize, fraction: f64) -> Option<Current> {
-        match self.current.len() {
-            0 => None,
-            1 => Some(Current { velocity: self.current[0], rate: [0.0; 3] }),
-            n => {
-                let (from, to) = (self.current[k], self.current[(k + 1).min(n - 1)]);
-                let change: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
-                Some(Current {
-                    velocity: std::array::from_fn(|i| from[i] + fraction * change[i]),
-                    rate: change.map(|x| x / self.dt),
-                })
+    fn current<T: Real>(&self, k: usize, fraction: f64, unit: T, added: Option<&Vec3<T>>) -> Option<Current<T>> {
+        let n = self.current.len();
+        if n == 0 && added.is_none() {
+            return None;
+        }
+        let at = |k: usize| self.current.get(k.min(n.wrapping_sub(1))).copied().unwrap_or_default();
+        let (from, to) = (at(k), at(k + 1));
+        let mut current = Current { velocity: [unit.zero(); 3], rate: [unit.zero(); 3] };
+        for i in 0..3 {
+            let change = to[i] - from[i];
+            current.velocity[i] = unit.splat(from[i] + fraction * change);
+            current.rate[i] = unit.splat(change / self.dt);
+            if let Some(added) = added {
+                current.velocity[i] += added[i];
             }
         }
+        Some(current)
     }
 }
 
@@ -96,6 +103,26 @@ pub struct Segment {
     pub motors: MotorStart,
 }
 
+/// How a segment begins, in the number type of the run.
+#[derive(Clone, Copy, Debug)]
+pub struct Start<T> {
+    /// The state at the first sample.
+    pub state: State<T>,
+    /// A current besides the record's, NED, m/s.
+    pub current: Option<Vec3<T>>,
+}
+
+impl<T: Real> Start<T> {
+    /// The segment's own state, in the kind of `unit`.
+    #[inline(always)]
+    pub fn of(segment: &Segment, unit: T) -> Self {
+        let State { position, attitude, nu } = segment.state;
+        let position = position.map(|x| unit.splat(x));
+        let attitude = attitude.map(|x| unit.splat(x));
+        Self { state: State { position, attitude, nu: nu.map(|x| unit.splat(x)) }, current: None }
+    }
+}
+
 /// What is kept of a run.
 pub enum Observer<'a, T> {
     /// Everything, at every sample.
@@ -121,7 +148,7 @@ impl<T> Default for Track<T> {
     }
 }
 
-/// Runs a vehicle through a segment. `nu_offset` is added to the segment's initial velocity.
+/// Runs a vehicle through a segment from its `start`.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `stop` is set.
@@ -130,20 +157,13 @@ pub fn fly<T: Real>(
     vehicle: &Vehicle<T>,
     record: &Record,
     segment: &Segment,
-    (substeps, nu_offset): (usize, &[T; 6]),
+    (substeps, start): (usize, &Start<T>),
     observer: &mut Observer<'_, T>,
     stop: &AtomicBool,
 ) -> Result<(), Error> {
-    let unit = nu_offset[0];
+    let mut state = start.state;
+    let unit = state.nu[0].zero();
     let h = record.dt / substeps as f64;
-    let mut state = State {
-        position: segment.state.position.map(|x| unit.splat(x)),
-        attitude: segment.state.attitude.map(|x| unit.splat(x)),
-        nu: [unit; 6],
-    };
-    for i in 0..6 {
-        state.nu[i] = nu_offset[i] + segment.state.nu[i];
-    }
     let mut motors = Motors::new(vehicle, record, &segment.motors, substeps, unit);
     if matches!(segment.motors, MotorStart::Recorded) {
         let warm = (WARM_UP_S / record.dt).ceil() as usize;
@@ -174,7 +194,7 @@ pub fn fly<T: Real>(
             }
             for (i, instant) in instants.iter_mut().enumerate() {
                 let fraction = (s as f64 + 0.5 * i as f64) / substeps as f64;
-                instant.current = record.current(k, fraction);
+                instant.current = record.current(k, fraction, unit, start.current.as_ref());
                 let node = (2 * (k * substeps + s) + i).min(record.measured.len().saturating_sub(1));
                 if let Some(measured) = record.measured.get(node) {
                     instant.measured = *measured;

@@ -2,13 +2,15 @@
 //!
 //! The physics is written once, generic over [`Real`], and runs on
 //! * `f64`: one vehicle;
-//! * [`Lanes`](lanes::Lanes): eight `f64` side by side, one candidate per lane.
+//! * [`Lanes`](lanes::Lanes): eight `f64` side by side, one candidate per lane;
+//! * [`Dual`](dual::Dual): a value with its partial derivatives, for exact sensitivities.
 //!
 //! A branch on a value is a [`Real::select`] on a mask, so that every lane takes its own branch. A
 //! constant of the right kind is made from a value at hand: `x.splat(2.0)`.
 //!
 //! Tests: `tests/scalars.rs` (the number types agree, elementary functions within 2 ulp).
 
+pub mod dual;
 pub mod elementary;
 pub mod lanes;
 

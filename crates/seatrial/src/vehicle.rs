@@ -76,7 +76,7 @@ pub struct Instant<T> {
     /// Wrench from outside the actuators, N and N m.
     pub tau: Vec6<f64>,
     /// Ocean current; `None` in still water.
-    pub current: Option<Current>,
+    pub current: Option<Current<T>>,
     /// `ν` and `ν'` from the log, read on measured axes.
     pub measured: [Vec6<f64>; 2],
 }
@@ -192,7 +192,7 @@ impl<T: Real> Vehicle<T> {
     }
 
     /// Every term by itself, at the rotation `r`, without thrust and bias.
-    pub fn forces(&self, r: &Mat3<T>, nu: &Vec6<T>, current: Option<&Current>) -> Forces<T> {
+    pub fn forces(&self, r: &Mat3<T>, nu: &Vec6<T>, current: Option<&Current<T>>) -> Forces<T> {
         let none = [nu[0].zero(); 6];
         let (nu_r, nu_c_rate) = current.map_or((*nu, none), |current| current.relative(r, nu));
         Forces {

@@ -4,7 +4,7 @@
 //! neither batch size, lane neighbours nor threads change a candidate's result. A diverged candidate is
 //! a number, infinity.
 
-use super::{MotorStart, Observer, Record, Segment, Track, fly};
+use super::{MotorStart, Observer, Record, Segment, Start, Track, fly};
 use crate::criterion::{CHANNELS, Criterion, Loss};
 use crate::description::Description;
 use crate::error::Error;
@@ -47,7 +47,6 @@ pub type Run = Track<f64>;
 /// What is asked of a batch: the criterion when there is a loss, else the runs.
 struct Work<'a> {
     candidates: Candidates<'a>,
-    nu_offsets: Option<&'a [[f64; 6]]>,
     loss: Option<Loss>,
     stop: &'a AtomicBool,
 }
@@ -61,24 +60,18 @@ struct Outcome {
 
 impl Batch<'_> {
     /// Sums of the loss, `[candidate][segment][channel]` in one row; infinite where a candidate
-    /// diverged. `nu_offsets[candidate]` is added to every segment's initial velocity.
+    /// diverged.
     ///
     /// # Errors
     /// [`Error::Interrupted`], or a forced instruction set that is not there.
     pub fn errors(
         &self,
         candidates: Candidates<'_>,
-        nu_offsets: Option<&[[f64; 6]]>,
         loss: Loss,
         stop: &AtomicBool,
     ) -> Result<Vec<f64>, Error> {
-        if let Some(k) = self.segments.iter().map(|s| s.record).find(|&k| self.records[k].observed.is_empty())
-        {
-            return Err(Error::simulation(format!(
-                "record {k}: the criterion needs measured channels, give observed and weight"
-            )));
-        }
-        let results = self.run(&Work { candidates, nu_offsets, loss: Some(loss), stop })?;
+        self.check_observed()?;
+        let results = self.run(&Work { candidates, loss: Some(loss), stop })?;
         Ok(results.iter().flat_map(|result| result.sums).collect())
     }
 
@@ -87,7 +80,7 @@ impl Batch<'_> {
     /// # Errors
     /// [`Error::Interrupted`], or a forced instruction set that is not there.
     pub fn tracks(&self, candidates: Candidates<'_>, stop: &AtomicBool) -> Result<Vec<Run>, Error> {
-        let results = self.run(&Work { candidates, nu_offsets: None, loss: None, stop })?;
+        let results = self.run(&Work { candidates, loss: None, stop })?;
         Ok(results.into_iter().map(|result| result.track).collect())
     }
 
@@ -126,8 +119,7 @@ impl Batch<'_> {
         for (i, &index) in work.candidates.sought.iter().enumerate() {
             values[index] = work.candidates.values[k * width + i];
         }
-        let offset = work.nu_offsets.map_or([0.0; 6], |rows| rows[k]);
-        let (track, sums) = self.fly(work, structure, &values, &offset, &self.segments[s])?;
+        let (track, sums) = self.fly(work, structure, &values, &self.segments[s])?;
         Ok(Outcome { track, sums: sums.map(finite_or_infinite) })
     }
 
@@ -148,13 +140,7 @@ impl Batch<'_> {
         for (i, &index) in sought.iter().enumerate() {
             lanes[index] = f64x8::from_fn(simd, |lane| values[candidate(lane) * sought.len() + i]);
         }
-        let mut offset = [simd.splat_f64x8(0.0); 6];
-        if let Some(rows) = work.nu_offsets {
-            for (i, x) in offset.iter_mut().enumerate() {
-                *x = f64x8::from_fn(simd, |lane| rows[candidate(lane)][i]);
-            }
-        }
-        let (track, sums) = self.fly(work, structure, &lanes, &offset, &self.segments[s])?;
+        let (track, sums) = self.fly(work, structure, &lanes, &self.segments[s])?;
         let outcome = |lane: usize| Outcome {
             track: lane_of(&track, lane),
             sums: std::array::from_fn(|c| finite_or_infinite(sums[c][lane])),
@@ -168,7 +154,6 @@ impl Batch<'_> {
         work: &Work<'_>,
         structure: &Structure,
         values: &[T],
-        nu_offset: &[T; 6],
         segment: &Segment,
     ) -> Result<(Track<T>, [T; CHANNELS]), Error> {
         let record = &self.records[segment.record];
@@ -184,11 +169,23 @@ impl Batch<'_> {
             )),
             None => Observer::Track(Track::default()),
         };
-        fly(&vehicle, record, segment, (self.substeps, nu_offset), &mut observer, work.stop)?;
+        let start = Start::of(segment, zero);
+        fly(&vehicle, record, segment, (self.substeps, &start), &mut observer, work.stop)?;
         Ok(match observer {
             Observer::Criterion(criterion) => (Track::default(), criterion.sums),
             Observer::Track(track) => (track, [zero; CHANNELS]),
         })
+    }
+
+    /// Refuses segments whose record has no measured channels.
+    pub(super) fn check_observed(&self) -> Result<(), Error> {
+        if let Some(k) = self.segments.iter().map(|s| s.record).find(|&k| self.records[k].observed.is_empty())
+        {
+            return Err(Error::simulation(format!(
+                "record {k}: the criterion needs measured channels, give observed and weight"
+            )));
+        }
+        Ok(())
     }
 
     /// The run of the vehicle itself through segment `s`, in plain `f64`.
@@ -197,7 +194,7 @@ impl Batch<'_> {
     /// [`Error::Interrupted`].
     pub fn track(&self, s: usize, stop: &AtomicBool) -> Result<Run, Error> {
         let itself = Candidates { sought: &[], values: &[], count: 1 };
-        let work = Work { candidates: itself, nu_offsets: None, loss: None, stop };
+        let work = Work { candidates: itself, loss: None, stop };
         Ok(self.one(&work, &Structure::new(self.description, &[]), 0, s)?.track)
     }
 }

@@ -23,7 +23,7 @@ fn scalar_criterion_is_the_sum_over_the_run() {
     let stop = AtomicBool::new(false);
     let runs = trials.batch().tracks(trials.candidates(&values), &stop).unwrap();
     for loss in [Loss::Absolute, Loss::Squared, Loss::Huber(0.4)] {
-        let sums = trials.batch().errors(trials.candidates(&values), None, loss, &stop).unwrap();
+        let sums = trials.batch().errors(trials.candidates(&values), loss, &stop).unwrap();
         for (i, run) in runs.iter().enumerate() {
             let segment = &trials.segments[i % trials.segments.len()];
             let record = &trials.records[segment.record];
@@ -53,7 +53,7 @@ fn sums(observed: Vec<[f64; CHANNELS]>, weight: Vec<[f64; CHANNELS]>) -> Vec<f64
     let record: Record = measured.record(&trials.description, false, 1).unwrap();
     trials.records[0] = record;
     let stop = AtomicBool::new(false);
-    trials.batch().errors(trials.candidates(&trials.rows[0]), None, Loss::Absolute, &stop).unwrap()
+    trials.batch().errors(trials.candidates(&trials.rows[0]), Loss::Absolute, &stop).unwrap()
 }
 
 #[test]

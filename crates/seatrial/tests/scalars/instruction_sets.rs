@@ -25,7 +25,7 @@ fn population_of_this_process() {
     trials.rows[COUNT - 1][0] = 1e6;
     let values: Vec<f64> = trials.rows.iter().flatten().copied().collect();
     let stop = AtomicBool::new(false);
-    let sums = trials.batch().errors(trials.candidates(&values), None, Loss::Absolute, &stop).unwrap();
+    let sums = trials.batch().errors(trials.candidates(&values), Loss::Absolute, &stop).unwrap();
     let runs = trials.batch().tracks(trials.candidates(&values), &stop).unwrap();
     let ends = runs.iter().flat_map(|run| {
         let state = run.states[run.states.len() - 1];

@@ -32,7 +32,10 @@ fn acceleration<T: Real>(description: &Description, values: &[T], sought: &[usiz
     let instant = Instant {
         thrusts: thrusts.collect(),
         tau: [1.0, 2.0, 3.0, 0.1, 0.2, 0.3],
-        current: Some(Current { velocity: at.flow, rate: [0.01, 0.0, -0.01] }),
+        current: Some(Current {
+            velocity: at.flow.map(|x| unit.splat(x)),
+            rate: [0.01, 0.0, -0.01].map(|x| unit.splat(x)),
+        }),
         ..Instant::default()
     };
     let [u, v, w, p, q_, r] = vehicle.acceleration(&rotation(&q), &at.nu.map(|x| unit.splat(x)), &instant);

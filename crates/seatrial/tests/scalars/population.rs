@@ -14,7 +14,7 @@ fn errors(trials: &Trials, rows: &[&Vec<f64>]) -> Vec<Vec<u64>> {
     let values: Vec<f64> = rows.iter().flat_map(|row| row.iter().copied()).collect();
     let sums = trials
         .batch()
-        .errors(trials.candidates(&values), None, Loss::Absolute, &AtomicBool::new(false))
+        .errors(trials.candidates(&values), Loss::Absolute, &AtomicBool::new(false))
         .expect("nobody interrupts");
     let width = trials.segments.len() * CHANNELS;
     sums.chunks(width).map(|chunk| chunk.iter().map(|x| x.to_bits()).collect()).collect()
@@ -133,6 +133,6 @@ fn an_interrupted_batch_says_so() {
     let trials = Trials::new(9);
     let values: Vec<f64> = trials.rows.iter().flatten().copied().collect();
     let stopped = AtomicBool::new(true);
-    let result = trials.batch().errors(trials.candidates(&values), None, Loss::Absolute, &stopped);
+    let result = trials.batch().errors(trials.candidates(&values), Loss::Absolute, &stopped);
     assert_eq!(result, Err(Error::Interrupted));
 }

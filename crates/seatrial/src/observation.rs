@@ -1,0 +1,160 @@
+//! What the instruments of a trial show of a motion, and what a trial adds to its record: the nuisance
+//! parameters, without which the coefficients absorb a current, a tilted frame or a late sensor.
+//!
+//! * `current_…`: a steady current besides the recorded one, NED, m/s.
+//! * `tilt_north`, `tilt_east`: small turns of the recording's earth frame about its own north and east axis,
+//!   rad: a motion-capture frame that was not levelled. `R_recorded = R_tilt R`, positions likewise.
+//! * `lever_…`: place of the velocity sensor, `v_S = v_O + ω × r_S`, m.
+//! * `latency_<channel>`: the channel shows the state that many seconds ago.
+//! * `bias_<channel>`: added to the channel, in its unit (m/s, rad/s, m, rad).
+//!
+//! Source: Fossen (2011), sections 2.2 and 8.3; Tischler & Remple, *Aircraft and Rotorcraft System
+//! Identification* (2012), chapter 8 (instrument errors as parameters).
+//! Tests: `tests/scalars/dual.rs`, `tests/test_sensitivities.py`.
+
+use crate::algebra::{Vec3, cross, transposed_product};
+use crate::criterion::{CHANNEL_NAMES, CHANNELS, channels};
+use crate::integrate::State;
+use crate::kinematics::{Quaternion, from_euler, normalised, quaternion_product, rotation, to_euler};
+use crate::open_loop::Start;
+use crate::real::Real;
+
+/// The number of nuisance parameters of a trial.
+pub const NUISANCES: usize = 8 + 2 * CHANNELS;
+
+/// The number of initial conditions of a segment: position (m), attitude (rad about the body axes) and
+/// velocity (m/s, rad/s), each added to the segment's own state.
+pub const INITIALS: usize = 12;
+
+/// The names of the initial conditions.
+pub const INITIAL_NAMES: [&str; INITIALS] = [
+    "initial_x",
+    "initial_y",
+    "initial_z",
+    "initial_roll",
+    "initial_pitch",
+    "initial_yaw",
+    "initial_u",
+    "initial_v",
+    "initial_w",
+    "initial_p",
+    "initial_q",
+    "initial_r",
+];
+
+/// The names of the nuisance parameters, in their order.
+pub fn nuisance_names() -> Vec<String> {
+    let fixed = [
+        "current_north",
+        "current_east",
+        "current_down",
+        "tilt_north",
+        "tilt_east",
+        "lever_x",
+        "lever_y",
+        "lever_z",
+    ];
+    let per_channel = ["latency", "bias"].into_iter().flat_map(|kind| CHANNEL_NAMES.map(|c| format!("{kind}_{c}")));
+    fixed.into_iter().map(str::to_owned).chain(per_channel).collect()
+}
+
+/// The nuisance parameters of one trial.
+#[derive(Clone, Debug)]
+pub struct Nuisance<T> {
+    /// Current besides the recorded one, NED, m/s.
+    pub current: Vec3<T>,
+    /// Rotation from the true earth frame to the recording's.
+    pub tilt: Quaternion<T>,
+    /// Place of the velocity sensor, m.
+    pub lever: Vec3<T>,
+    /// Delay per channel, s.
+    pub latency: [T; CHANNELS],
+    /// Offset per channel.
+    pub bias: [T; CHANNELS],
+}
+
+impl<T: Real> Nuisance<T> {
+    /// From the numbers in the order of [`nuisance_names`].
+    #[inline(always)]
+    pub fn from_row(row: &[T; NUISANCES]) -> Self {
+        let zero = row[0].zero();
+        let half = |x: T| x * 0.5;
+        Self {
+            current: [row[0], row[1], row[2]],
+            tilt: normalised(&[zero.splat(1.0), half(row[3]), half(row[4]), zero]),
+            lever: [row[5], row[6], row[7]],
+            latency: std::array::from_fn(|c| row[8 + c]),
+            bias: std::array::from_fn(|c| row[8 + CHANNELS + c]),
+        }
+    }
+
+    /// The true state behind a recorded one, moved by the initial conditions, and the current.
+    #[inline(always)]
+    pub fn start(&self, recorded: &State<f64>, initial: &[T; INITIALS]) -> Start<T> {
+        let zero = initial[0].zero();
+        let bias = &self.bias;
+        let euler = to_euler(&recorded.attitude);
+        let shown: Quaternion<T> = from_euler(&std::array::from_fn(|i| -bias[9 + i] + euler[i]));
+        let [w, x, y, z] = self.tilt;
+        let level = quaternion_product(&[w, -x, -y, -z], &shown);
+        let turn = [zero.splat(1.0), initial[3] * 0.5, initial[4] * 0.5, initial[5] * 0.5];
+        let attitude = normalised(&quaternion_product(&level, &normalised(&turn)));
+        let place: Vec3<T> = std::array::from_fn(|i| -bias[6 + i] + recorded.position[i]);
+        let place = transposed_product(&rotation(&self.tilt), &place);
+        let mut nu: [T; 6] = std::array::from_fn(|i| -bias[i] + recorded.nu[i]);
+        let swept = cross(&[nu[3], nu[4], nu[5]], &self.lever);
+        for i in 0..3 {
+            nu[i] -= swept[i];
+        }
+        for i in 0..6 {
+            nu[i] += initial[6 + i];
+        }
+        let position = std::array::from_fn(|i| place[i] + initial[i]);
+        Start { state: State { position, attitude, nu }, current: Some(self.current) }
+    }
+
+    /// What the channels show of a motion sampled every `dt` seconds.
+    #[inline(always)]
+    pub fn shown(&self, states: &[State<T>], dt: f64) -> Vec<[T; CHANNELS]> {
+        let tilt = rotation(&self.tilt);
+        let instant = |state: &State<T>| {
+            let omega = [state.nu[3], state.nu[4], state.nu[5]];
+            let swept = cross(&omega, &self.lever);
+            let mut nu = state.nu;
+            for i in 0..3 {
+                nu[i] += swept[i];
+            }
+            channels(&State {
+                position: crate::algebra::product(&tilt, &state.position),
+                attitude: quaternion_product(&self.tilt, &state.attitude),
+                nu,
+            })
+        };
+        let prompt: Vec<[T; CHANNELS]> = states.iter().map(instant).collect();
+        let late = |k: usize, c: usize| {
+            let latency = self.latency[c];
+            if latency.equals(latency.zero()) || prompt.len() < 2 {
+                return prompt[k][c];
+            }
+            // Linear between samples, and beyond the first and the last.
+            let at = latency.splat(k as f64) - latency * (1.0 / dt);
+            let whole = at.tabulated(|x| (x.floor().clamp(0.0, (prompt.len() - 2) as f64), 0.0));
+            let j = index(whole);
+            let rise = prompt[j + 1][c] - prompt[j][c];
+            let rise = if c < 9 { rise } else { rise.wrap() };
+            (at - whole).mul_add(rise, prompt[j][c])
+        };
+        (0..prompt.len()).map(|k| std::array::from_fn(|c| late(k, c) + self.bias[c])).collect()
+    }
+}
+
+/// The integer that a number of one value holds.
+#[inline(always)]
+fn index<T: Real>(whole: T) -> usize {
+    let seen = std::cell::Cell::new(0.0);
+    whole.tabulated(|x| {
+        seen.set(x);
+        (x, 0.0)
+    });
+    seen.get() as usize
+}
