@@ -183,9 +183,8 @@ impl OpenLoop {
         threads: Option<usize>,
     ) -> PyResult<Vec<Array>> {
         let place = self.place(values, None, nuisance, initial)?;
-        let shown =
-            interruptible(py, threads, |stop| self.batch().sensitivities(place.point(self), &[], &[], stop))?;
-        Ok(shown.iter().map(|segment| Array::rows(&segment.rows, false)).collect())
+        let shown = interruptible(py, threads, |stop| self.batch().predictions(place.point(self), stop))?;
+        Ok(shown.iter().map(|rows| Array::rows(rows, false)).collect())
     }
 
     /// What every segment shows and its exact derivatives: per segment ((samples, 12), (samples, channels, m)).

@@ -16,7 +16,7 @@ pub const CHANNELS: usize = 12;
 pub const CHANNEL_NAMES: [&str; CHANNELS] =
     ["u", "v", "w", "p", "q", "r", "x", "y", "z", "roll", "pitch", "yaw"];
 /// The first of the three angles.
-const ROLL: usize = 9;
+pub(crate) const ROLL: usize = 9;
 
 /// How a weighted error counts.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -12,12 +12,13 @@
 //! Identification* (2012), chapter 8 (instrument errors as parameters).
 //! Tests: `tests/scalars/dual.rs`, `tests/test_sensitivities.py`.
 
-use crate::algebra::{Vec3, cross, transposed_product};
-use crate::criterion::{CHANNEL_NAMES, CHANNELS, channels};
+use crate::algebra::{Vec3, cross, product, transposed_product};
+use crate::criterion::{CHANNEL_NAMES, CHANNELS, ROLL};
 use crate::integrate::State;
 use crate::kinematics::{Quaternion, from_euler, normalised, quaternion_product, rotation, to_euler};
 use crate::open_loop::Start;
 use crate::real::Real;
+use crate::real::dual::Valued;
 
 /// The number of nuisance parameters of a trial.
 pub const NUISANCES: usize = 8 + 2 * CHANNELS;
@@ -54,7 +55,8 @@ pub fn nuisance_names() -> Vec<String> {
         "lever_y",
         "lever_z",
     ];
-    let per_channel = ["latency", "bias"].into_iter().flat_map(|kind| CHANNEL_NAMES.map(|c| format!("{kind}_{c}")));
+    let per_channel =
+        ["latency", "bias"].into_iter().flat_map(|kind| CHANNEL_NAMES.map(|c| format!("{kind}_{c}")));
     fixed.into_iter().map(str::to_owned).chain(per_channel).collect()
 }
 
@@ -113,48 +115,81 @@ impl<T: Real> Nuisance<T> {
         Start { state: State { position, attitude, nu }, current: Some(self.current) }
     }
 
-    /// What the channels show of a motion sampled every `dt` seconds.
+    /// What the channels would show without latency and bias.
     #[inline(always)]
-    pub fn shown(&self, states: &[State<T>], dt: f64) -> Vec<[T; CHANNELS]> {
-        let tilt = rotation(&self.tilt);
-        let instant = |state: &State<T>| {
-            let omega = [state.nu[3], state.nu[4], state.nu[5]];
-            let swept = cross(&omega, &self.lever);
-            let mut nu = state.nu;
-            for i in 0..3 {
-                nu[i] += swept[i];
-            }
-            channels(&State {
-                position: crate::algebra::product(&tilt, &state.position),
-                attitude: quaternion_product(&self.tilt, &state.attitude),
-                nu,
-            })
-        };
-        let prompt: Vec<[T; CHANNELS]> = states.iter().map(instant).collect();
-        let late = |k: usize, c: usize| {
-            let latency = self.latency[c];
-            if latency.equals(latency.zero()) || prompt.len() < 2 {
-                return prompt[k][c];
-            }
-            // Linear between samples, and beyond the first and the last.
-            let at = latency.splat(k as f64) - latency * (1.0 / dt);
-            let whole = at.tabulated(|x| (x.floor().clamp(0.0, (prompt.len() - 2) as f64), 0.0));
-            let j = index(whole);
-            let rise = prompt[j + 1][c] - prompt[j][c];
-            let rise = if c < 9 { rise } else { rise.wrap() };
-            (at - whole).mul_add(rise, prompt[j][c])
-        };
-        (0..prompt.len()).map(|k| std::array::from_fn(|c| late(k, c) + self.bias[c])).collect()
+    fn prompt(&self, state: &State<T>) -> State<T> {
+        let omega = [state.nu[3], state.nu[4], state.nu[5]];
+        let swept = cross(&omega, &self.lever);
+        let mut nu = state.nu;
+        for i in 0..3 {
+            nu[i] += swept[i];
+        }
+        let position = product(&rotation(&self.tilt), &state.position);
+        State { position, attitude: quaternion_product(&self.tilt, &state.attitude), nu }
     }
 }
 
-/// The integer that a number of one value holds.
-#[inline(always)]
-fn index<T: Real>(whole: T) -> usize {
-    let seen = std::cell::Cell::new(0.0);
-    whole.tabulated(|x| {
-        seen.set(x);
-        (x, 0.0)
-    });
-    seen.get() as usize
+/// What some channels show of a flight, kept sample by sample.
+pub struct Shown<'a, T> {
+    /// Between motion and channels; nothing when absent.
+    nuisance: Option<&'a Nuisance<T>>,
+    asked: &'a [usize],
+    angles: bool,
+    /// `[sample][channel among those asked for]`.
+    rows: Vec<T>,
+}
+
+impl<'a, T: Real> Shown<'a, T> {
+    /// Nothing yet, of the channels `asked`, for so many samples.
+    #[inline(always)]
+    pub fn new(nuisance: Option<&'a Nuisance<T>>, asked: &'a [usize], samples: usize) -> Self {
+        let angles = asked.iter().any(|&c| c >= ROLL);
+        Self { nuisance, asked, angles, rows: Vec::with_capacity(samples * asked.len()) }
+    }
+
+    /// The next sample.
+    #[inline(always)]
+    pub fn add(&mut self, state: &State<T>) {
+        let state = match self.nuisance {
+            Some(nuisance) => nuisance.prompt(state),
+            None => *state,
+        };
+        let euler = if self.angles { to_euler(&state.attitude) } else { [state.nu[0]; 3] };
+        for &c in self.asked {
+            self.rows.push(match c {
+                0..6 => state.nu[c],
+                6..ROLL => state.position[c - 6],
+                _ => euler[c - ROLL],
+            });
+        }
+    }
+
+    /// `[sample][channel among those asked for]`, samples `dt` seconds apart.
+    #[inline(always)]
+    pub fn finish(self, dt: f64) -> Vec<T>
+    where
+        T: Valued,
+    {
+        let Some(nuisance) = self.nuisance else { return self.rows };
+        let (prompt, width) = (&self.rows, self.asked.len());
+        let samples = prompt.len() / width.max(1);
+        let mut rows = Vec::with_capacity(prompt.len());
+        for k in 0..samples {
+            for (i, &c) in self.asked.iter().enumerate() {
+                let latency = nuisance.latency[c];
+                let mut shown = prompt[k * width + i];
+                if !latency.equals(latency.zero()) && samples > 1 {
+                    // Linear between samples, and beyond the first and the last.
+                    let at = latency.splat(k as f64) - latency * (1.0 / dt);
+                    let j = at.value().floor().clamp(0.0, (samples - 2) as f64);
+                    let from = prompt[j as usize * width + i];
+                    let rise = prompt[(j as usize + 1) * width + i] - from;
+                    let rise = if c < ROLL { rise } else { rise.wrap() };
+                    shown = (at - j).mul_add(rise, from);
+                }
+                rows.push(shown + nuisance.bias[c]);
+            }
+        }
+        rows
+    }
 }

@@ -21,6 +21,7 @@ use crate::current::Current;
 use crate::error::Error;
 use crate::integrate::{State, step};
 use crate::kinematics::rotation;
+use crate::observation::Shown;
 use crate::real::Real;
 use crate::vehicle::{Instant, Vehicle};
 use crate::vehicle_file::Environment;
@@ -59,7 +60,13 @@ pub struct Record {
 impl Record {
     /// The recorded current, and `added` to it, at a fraction of the interval after sample `k`.
     #[inline(always)]
-    fn current<T: Real>(&self, k: usize, fraction: f64, unit: T, added: Option<&Vec3<T>>) -> Option<Current<T>> {
+    fn current<T: Real>(
+        &self,
+        k: usize,
+        fraction: f64,
+        unit: T,
+        added: Option<&Vec3<T>>,
+    ) -> Option<Current<T>> {
         let n = self.current.len();
         if n == 0 && added.is_none() {
             return None;
@@ -129,6 +136,8 @@ pub enum Observer<'a, T> {
     Track(Track<T>),
     /// The criterion only.
     Criterion(Criterion<'a, T>),
+    /// What some channels show.
+    Shown(Shown<'a, T>),
 }
 
 /// A run, sample by sample.
@@ -237,6 +246,7 @@ fn observe<T: Real>(
                 criterion.add(k, state);
             }
         }
+        Observer::Shown(shown) => shown.add(state),
         Observer::Track(track) => {
             let nu_r = match &instant.current {
                 Some(current) => current.relative(&rotation(&state.attitude), &state.nu).0,

@@ -174,6 +174,7 @@ impl Batch<'_> {
         Ok(match observer {
             Observer::Criterion(criterion) => (Track::default(), criterion.sums),
             Observer::Track(track) => (track, [zero; CHANNELS]),
+            Observer::Shown(_) => (Track::default(), [zero; CHANNELS]),
         })
     }
 

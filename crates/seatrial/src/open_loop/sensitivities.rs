@@ -6,12 +6,12 @@
 //! Tests: `tests/scalars/dual.rs`, `tests/test_sensitivities.py` (finite differences, CasADi).
 
 use super::batch::Batch;
-use super::{Observer, Start, Track, fly};
-use crate::criterion::{CHANNELS, Criterion, Loss, channels};
+use super::{Observer, Segment, Start, fly};
+use crate::criterion::{CHANNELS, Criterion, Loss};
 use crate::error::Error;
-use crate::observation::{INITIALS, NUISANCES, Nuisance};
+use crate::observation::{INITIALS, NUISANCES, Nuisance, Shown};
 use crate::real::Real;
-use crate::real::dual::Dual;
+use crate::real::dual::{Dual, Valued};
 use crate::real::lanes::{LANES, level};
 use crate::vehicle::{Structure, Vehicle};
 use fearless_simd::{Level, Simd, SimdBase, f64x8};
@@ -62,22 +62,17 @@ pub struct Gradient {
     pub slopes: Vec<f64>,
 }
 
-/// Shown channels of one flight with the derivatives by up to eight unknowns each.
-struct Shown {
-    rows: Vec<[f64; CHANNELS]>,
-    /// `[sample][channel][unknown of the group]`; the sums of a criterion when there is a loss.
-    partials: Vec<[[f64; LANES]; CHANNELS]>,
-}
-
 struct Work<'a> {
     point: Point<'a>,
     structure: Structure,
-    loss: Option<Loss>,
+    asked: &'a [usize],
     stop: &'a AtomicBool,
 }
 
+const ALL: [usize; CHANNELS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+
 impl Batch<'_> {
-    /// What every segment shows, and the derivatives of some of its channels.
+    /// What every segment shows, and the derivatives of the channels `asked` for.
     ///
     /// # Errors
     /// [`Error::Interrupted`], or a forced instruction set that is not there.
@@ -88,22 +83,18 @@ impl Batch<'_> {
         asked: &[usize],
         stop: &AtomicBool,
     ) -> Result<Vec<Prediction>, Error> {
-        let work = self.work(point, None, stop);
-        if unknowns.is_empty() {
-            let one = |s| Ok(Prediction { rows: self.shown(&work, s)?, jacobian: Vec::new() });
-            return (0..self.segments.len()).into_par_iter().map(one).collect();
-        }
-        let shown = self.differentiate(&work, unknowns)?;
+        let rows = self.predictions(point, stop)?;
+        let work = Work { point, structure: Structure::new(self.description, point.sought), asked, stop };
+        let partials = self.differentiate(&work, unknowns)?;
         let groups = unknowns.len().div_ceil(LANES);
-        Ok(shown
-            .par_chunks(groups)
-            .map(|of_segment| {
-                let rows = of_segment[0].rows.clone();
+        Ok((0..self.segments.len())
+            .into_par_iter()
+            .zip(rows)
+            .map(|(s, rows)| {
                 let mut jacobian = vec![0.0; rows.len() * asked.len() * unknowns.len()];
-                for (at, place) in jacobian.chunks_exact_mut(unknowns.len()).enumerate() {
-                    let (k, c) = (at / asked.len(), asked[at % asked.len()]);
-                    for (group, chunk) in of_segment.iter().zip(place.chunks_mut(LANES)) {
-                        chunk.copy_from_slice(&group.partials[k][c][..chunk.len()]);
+                for (place, row) in jacobian.chunks_exact_mut(unknowns.len().max(1)).enumerate() {
+                    for (group, chunk) in partials[s * groups..].iter().zip(row.chunks_mut(LANES)) {
+                        chunk.copy_from_slice(&group[place][..chunk.len()]);
                     }
                 }
                 Prediction { rows, jacobian }
@@ -123,73 +114,95 @@ impl Batch<'_> {
         stop: &AtomicBool,
     ) -> Result<Vec<Gradient>, Error> {
         self.check_observed()?;
-        let shown = self.differentiate(&self.work(point, Some(loss), stop), unknowns)?;
-        let groups = unknowns.len().div_ceil(LANES).max(1);
-        let of_segment = |parts: &[Shown]| {
-            let mut slopes = vec![0.0; CHANNELS * unknowns.len()];
-            for (c, row) in slopes.chunks_exact_mut(unknowns.len().max(1)).enumerate() {
-                for (part, chunk) in parts.iter().zip(row.chunks_mut(LANES)) {
-                    chunk.copy_from_slice(&part.partials[0][c][..chunk.len()]);
+        let shown = self.sensitivities(point, unknowns, &ALL, stop)?;
+        let one = |(segment, prediction): (&Segment, &Prediction)| {
+            let record = &self.records[segment.record];
+            let (samples, width) = (segment.start..segment.stop, unknowns.len());
+            let mut sums = [0.0; CHANNELS];
+            let mut slopes = vec![0.0; CHANNELS * width];
+            // The slope of the loss by what a channel shows, times what that is by the unknown.
+            for (k, row) in prediction.rows.iter().enumerate().skip(1) {
+                let row = row.map(|value| Dual { value, partials: 1.0 });
+                let mut criterion =
+                    Criterion::new(&record.observed, &record.weight, samples.clone(), loss, row[0].zero());
+                criterion.compare(segment.start + k, &row);
+                for c in 0..CHANNELS {
+                    sums[c] += criterion.sums[c].value;
+                    let slope = criterion.sums[c].partials;
+                    let partials = &prediction.jacobian[(k * CHANNELS + c) * width..][..width];
+                    for (to, partial) in slopes[c * width..][..width].iter_mut().zip(partials) {
+                        *to += slope * partial;
+                    }
                 }
             }
-            Gradient { sums: parts[0].rows[0], slopes }
+            Gradient { sums, slopes }
         };
-        Ok(shown.chunks(groups).map(of_segment).collect())
+        Ok(self.segments.par_iter().zip(&shown).map(one).collect())
     }
 
-    fn work<'a>(&self, point: Point<'a>, loss: Option<Loss>, stop: &'a AtomicBool) -> Work<'a> {
-        Work { point, structure: Structure::new(self.description, point.sought), loss, stop }
-    }
-
-    /// What segment `s` shows, in plain `f64`.
-    fn shown(&self, work: &Work<'_>, s: usize) -> Result<Vec<[f64; CHANNELS]>, Error> {
+    /// What every segment shows, in plain `f64`.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn predictions(
+        &self,
+        point: Point<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Vec<Vec<[f64; CHANNELS]>>, Error> {
+        let structure = Structure::new(self.description, point.sought);
+        let work = Work { point, structure, asked: &ALL, stop };
         let mut values = self.description.coefficients.clone();
-        for (&index, &value) in work.point.sought.iter().zip(work.point.values) {
+        for (&index, &value) in point.sought.iter().zip(point.values) {
             values[index] = value;
         }
-        let nuisance = work.point.nuisance[self.segments[s].record];
-        self.observe(work, &values, &nuisance, &work.point.initial[s], s)
+        (0..self.segments.len())
+            .into_par_iter()
+            .map(|s| {
+                let nuisance = point.nuisance[self.segments[s].record];
+                let shown = self.observe(&work, &values, &nuisance, &point.initial[s], s)?;
+                Ok(shown.as_chunks().0.to_vec())
+            })
+            .collect()
     }
 
-    /// Every segment for every eight unknowns, `[segment][group]` in one row.
-    fn differentiate(&self, work: &Work<'_>, unknowns: &[Unknown]) -> Result<Vec<Shown>, Error> {
+    /// The partials of every segment by every eight unknowns, `[segment][group]` in one row, each
+    /// `[sample, channel asked for][unknown of the group]`.
+    fn differentiate(&self, work: &Work<'_>, unknowns: &[Unknown]) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
         let (name, level) = level()?;
-        let groups: Vec<&[Unknown]> =
-            if unknowns.is_empty() { vec![&[]] } else { unknowns.chunks(LANES).collect() };
+        let groups: Vec<&[Unknown]> = unknowns.chunks(LANES).collect();
         (0..self.segments.len() * groups.len())
             .into_par_iter()
             .map(|task| {
                 let (s, group) = (task / groups.len(), groups[task % groups.len()]);
                 if name == "fallback" {
-                    return self.one_by_one(work, group, s);
+                    self.one_by_one(work, group, s)
+                } else {
+                    on_level(level, self, work, group, s)
                 }
-                on_level(level, self, work, group, s)
             })
             .collect()
     }
 
     /// The derivatives by one unknown after the other: where there are no lanes.
-    fn one_by_one(&self, work: &Work<'_>, unknowns: &[Unknown], s: usize) -> Result<Shown, Error> {
-        let mut all: Option<Shown> = None;
-        for lane in 0..unknowns.len().max(1) {
-            let unit = |wanted: Unknown| if unknowns.get(lane) == Some(&wanted) { 1.0 } else { 0.0 };
+    fn one_by_one(
+        &self,
+        work: &Work<'_>,
+        unknowns: &[Unknown],
+        s: usize,
+    ) -> Result<Vec<[f64; LANES]>, Error> {
+        let mut all = Vec::new();
+        for lane in 0..unknowns.len() {
+            let unit = |wanted: Unknown| if unknowns[lane] == wanted { 1.0 } else { 0.0 };
             let along = |row: usize, i: usize| {
                 unit(Unknown::Direction(row)) * work.point.directions[row * work.point.sought.len() + i]
             };
-            let rows = self.seeded(work, 0.0, (unit, along), unknowns, s)?;
-            let one = gather(&rows, |partials, place| place[0] = *partials);
-            match &mut all {
-                None => all = Some(one),
-                Some(all) => {
-                    for (to, from) in all.partials.iter_mut().zip(&one.partials) {
-                        for c in 0..CHANNELS {
-                            to[c][lane] = from[c][0];
-                        }
-                    }
-                }
+            let shown = self.seeded(work, 0.0, (unit, along), unknowns, s)?;
+            all.resize(shown.len(), [0.0; LANES]);
+            for (to, from) in all.iter_mut().zip(&shown) {
+                to[lane] = from.partials;
             }
         }
-        all.ok_or_else(|| Error::simulation("no flight".to_owned()))
+        Ok(all)
     }
 
     /// The derivatives by up to eight unknowns at once.
@@ -200,16 +213,15 @@ impl Batch<'_> {
         work: &Work<'_>,
         unknowns: &[Unknown],
         s: usize,
-    ) -> Result<Shown, Error> {
+    ) -> Result<Vec<[f64; LANES]>, Error> {
         let unit = |wanted: Unknown| {
             f64x8::from_fn(simd, |lane| if unknowns.get(lane) == Some(&wanted) { 1.0 } else { 0.0 })
         };
         let width = work.point.sought.len();
-        let along = |row: usize, i: usize| {
-            unit(Unknown::Direction(row)) * work.point.directions[row * width + i]
-        };
-        let rows = self.seeded(work, simd.splat_f64x8(0.0), (unit, along), unknowns, s)?;
-        Ok(gather(&rows, |partials, place| *place = (*partials).into()))
+        let along =
+            |row: usize, i: usize| unit(Unknown::Direction(row)) * work.point.directions[row * width + i];
+        let shown = self.seeded(work, simd.splat_f64x8(0.0), (unit, along), unknowns, s)?;
+        Ok(shown.iter().map(|x| x.partials.into()).collect())
     }
 
     /// What segment `s` shows, every unknown seeded with its `unit`; `along(row, i)` is the seed of the
@@ -222,7 +234,7 @@ impl Batch<'_> {
         (unit, along): (impl Fn(Unknown) -> P, impl Fn(usize, usize) -> P),
         unknowns: &[Unknown],
         s: usize,
-    ) -> Result<Vec<[Dual<P>; CHANNELS]>, Error> {
+    ) -> Result<Vec<Dual<P>>, Error> {
         let constant = |value: f64| Dual { value, partials: none };
         let mut values: Vec<Dual<P>> = self.description.coefficients.iter().map(|&x| constant(x)).collect();
         for (i, (&index, &value)) in work.point.sought.iter().zip(work.point.values).enumerate() {
@@ -245,54 +257,29 @@ impl Batch<'_> {
         self.observe(work, &values, &nuisance, &initial, s)
     }
 
-    /// The channels of segment `s`, or the sums of the criterion in their place.
+    /// What segment `s` shows in the channels asked for, sample by sample.
     #[inline(always)]
-    fn observe<T: Real>(
+    fn observe<T: Valued>(
         &self,
         work: &Work<'_>,
         values: &[T],
         nuisance: &[T; NUISANCES],
         initial: &[T; INITIALS],
         s: usize,
-    ) -> Result<Vec<[T; CHANNELS]>, Error> {
+    ) -> Result<Vec<T>, Error> {
         let segment = &self.segments[s];
         let record = &self.records[segment.record];
-        let vehicle =
-            Vehicle::new(self.description, &work.structure, values, record.environment, self.modes);
+        let vehicle = Vehicle::new(self.description, &work.structure, values, record.environment, self.modes);
         // Where nothing stands between motion and channels, they are the plain model's to the last bit.
         let none = initial[0].zero();
         let plain = nuisance.iter().chain(initial).all(|x| x.equals(none));
         let shows = Nuisance::from_row(nuisance);
         let start = if plain { Start::of(segment, none) } else { shows.start(&segment.state, initial) };
-        let mut observer = Observer::Track(Track::default());
+        let shown = Shown::new((!plain).then_some(&shows), work.asked, segment.stop - segment.start);
+        let mut observer = Observer::Shown(shown);
         fly(&vehicle, record, segment, (self.substeps, &start), &mut observer, work.stop)?;
-        let Observer::Track(track) = observer else { return Ok(Vec::new()) };
-        let rows = if plain {
-            track.states.iter().map(channels).collect()
-        } else {
-            shows.shown(&track.states, record.dt)
-        };
-        let Some(loss) = work.loss else { return Ok(rows) };
-        let samples = segment.start..segment.stop;
-        let mut criterion = Criterion::new(&record.observed, &record.weight, samples, loss, none);
-        for (k, row) in rows.iter().enumerate().skip(1) {
-            criterion.compare(segment.start + k, row);
-        }
-        Ok(vec![criterion.sums])
+        Ok(if let Observer::Shown(shown) = observer { shown.finish(record.dt) } else { Vec::new() })
     }
-}
-
-/// Values and partials apart.
-#[inline(always)]
-fn gather<P: Copy>(rows: &[[Dual<P>; CHANNELS]], lay: impl Fn(&P, &mut [f64; LANES])) -> Shown {
-    let partials = rows.iter().map(|row| {
-        let mut laid = [[0.0; LANES]; CHANNELS];
-        for c in 0..CHANNELS {
-            lay(&row[c].partials, &mut laid[c]);
-        }
-        laid
-    });
-    Shown { rows: rows.iter().map(|row| row.map(|x| x.value)).collect(), partials: partials.collect() }
 }
 
 /// Compiles the differentiated flight once per instruction set.
@@ -302,7 +289,7 @@ fn on_level(
     work: &Work<'_>,
     unknowns: &[Unknown],
     s: usize,
-) -> Result<Shown, Error> {
+) -> Result<Vec<[f64; LANES]>, Error> {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     {
         if let Some(simd) = level.as_avx512() {

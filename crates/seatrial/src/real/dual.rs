@@ -19,6 +19,26 @@ pub struct Dual<P> {
     pub partials: P,
 }
 
+/// A number that stands at one place: `f64` and [`Dual`].
+pub trait Valued: Real {
+    /// The value without its derivatives.
+    fn value(self) -> f64;
+}
+
+impl Valued for f64 {
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self
+    }
+}
+
+impl<P: Real> Valued for Dual<P> {
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self.value
+    }
+}
+
 impl<P: Real> Dual<P> {
     /// The function value `value` whose derivative by this number is `slope`.
     #[inline(always)]
