@@ -40,7 +40,13 @@ impl<T: Real> AddedMass<T> {
     pub fn momentum(&self, nu: &Vec6<T>) -> Vec6<T> {
         match self {
             Self::Full(matrix) => product(matrix, nu),
-            Self::Diagonal(d) => std::array::from_fn(|i| d[i] * nu[i]),
+            Self::Diagonal(d) => {
+                let mut momentum = *nu;
+                for i in 0..6 {
+                    momentum[i] = d[i] * nu[i];
+                }
+                momentum
+            }
         }
     }
 

@@ -29,6 +29,17 @@ pub fn add_cross<T: Real>(a: &Vec3<T>, b: &Vec3<T>, c: &Vec3<T>) -> Vec3<T> {
     ]
 }
 
+/// `f` of every component. (The standard `map` is not inlined for wide numbers, which costs dual numbers a
+/// tenth of their speed.)
+#[inline(always)]
+pub fn each<T: Real, const N: usize>(a: &[T; N], f: impl Fn(T) -> T) -> [T; N] {
+    let mut b = *a;
+    for i in 0..N {
+        b[i] = f(a[i]);
+    }
+    b
+}
+
 /// `a · b`.
 #[inline(always)]
 pub fn dot<T: Real, const N: usize>(a: &[T; N], b: &[T; N]) -> T {

@@ -7,7 +7,7 @@
 //! Tests: `tests/laws.rs` (diagonal damping never adds energy, full equals diagonal),
 //! `tests/golden.rs` (LAUV drag).
 
-use crate::algebra::{Mat6, Vec6};
+use crate::algebra::{Mat6, Vec6, each};
 use crate::real::Real;
 
 /// Damping derivatives: force per velocity, and per velocity times its magnitude.
@@ -41,7 +41,7 @@ impl<T: Real> Damping<T> {
                 }
             }
             Self::Full { linear, quadratic } => {
-                let square = nu_r.map(|x| x.abs() * x);
+                let square = each(nu_r, |x| x.abs() * x);
                 for i in 0..6 {
                     for j in 0..6 {
                         sum[i] = quadratic[i][j].mul_add(square[j], linear[i][j].mul_add(nu_r[j], sum[i]));

@@ -7,7 +7,7 @@
 //! Source: Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*, section II.1.
 //! Tests: `tests/laws.rs` (energy drift falls 16-fold when the step is halved).
 
-use crate::algebra::{Vec3, Vec6, product};
+use crate::algebra::{Vec3, Vec6, each, product};
 use crate::kinematics::{Quaternion, quaternion_rate, renormalised, rotation};
 use crate::real::Real;
 use crate::vehicle::{Instant, Mode, Vehicle};
@@ -82,7 +82,7 @@ pub fn step<T: Real>(vehicle: &Vehicle<T>, state: &State<T>, h: f64, instants: &
             sum[i] = slope[i].mul_add(weight, sum[i]);
         }
     }
-    let mut next = State::from_row(&sum.map(Real::flush));
+    let mut next = State::from_row(&each(&sum, Real::flush));
     next.attitude = renormalised(&next.attitude);
     next.replay(vehicle, &instants[2]);
     next

@@ -7,7 +7,7 @@
 //! Source: Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control* (2011), section 2.2.
 //! Tests: `tests/laws.rs` (quaternion and Euler rates agree, round trips, R is a rotation).
 
-use crate::algebra::{Mat3, Vec3, Vec6, dot};
+use crate::algebra::{Mat3, Vec3, Vec6, dot, each};
 use crate::real::Real;
 
 /// A unit quaternion `[w x y z]`, body → NED.
@@ -31,7 +31,7 @@ pub fn rotation<T: Real>(q: &Quaternion<T>) -> Mat3<T> {
 /// `q' = ½ q ⊗ [0, ω]`, ω in the body frame, rad/s.
 #[inline(always)]
 pub fn quaternion_rate<T: Real>(q: &Quaternion<T>, omega: &Vec3<T>) -> Quaternion<T> {
-    let [w, x, y, z] = q.map(|c| c * 0.5);
+    let [w, x, y, z] = each(q, |c| c * 0.5);
     let [p, q, r] = *omega;
     [
         -(x.mul_add(p, y.mul_add(q, z * r))),
@@ -58,7 +58,7 @@ pub fn quaternion_product<T: Real>(a: &Quaternion<T>, b: &Quaternion<T>) -> Quat
 #[inline(always)]
 pub fn normalised<T: Real>(q: &Quaternion<T>) -> Quaternion<T> {
     let scale = q[0].splat(1.0) / dot(q, q).sqrt();
-    q.map(|c| c * scale)
+    each(q, |c| c * scale)
 }
 
 /// The unit quaternion in the direction of `q`, whose length one step has moved off 1 by ε ≪ 1.
@@ -70,7 +70,7 @@ pub fn renormalised<T: Real>(q: &Quaternion<T>) -> Quaternion<T> {
     let first = half_square.splat(1.5) - half_square;
     let second = (half_square * first).neg_mul_add(first, first.splat(1.5));
     let scale = first * second;
-    q.map(|c| c * scale)
+    each(q, |c| c * scale)
 }
 
 /// `q = q_z(ψ) ⊗ q_y(θ) ⊗ q_x(φ)` from roll, pitch and yaw, rad.

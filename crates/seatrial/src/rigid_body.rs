@@ -8,7 +8,7 @@
 //! Source: Fossen (2011), sections 3.2–3.3; Taubert et al. (2014), equations 8, 9, 21.
 //! Tests: `tests/golden.rs` (MSS `rbody`), `tests/laws.rs` (νᵀ C ν = 0).
 
-use crate::algebra::{Mat3, Mat6, Vec3, Vec6, add_cross, cross, product, skew};
+use crate::algebra::{Mat3, Mat6, Vec3, Vec6, add_cross, cross, each, product, skew};
 use crate::real::Real;
 
 /// Mass and inertia about O.
@@ -80,7 +80,7 @@ impl<T: Real> RigidBody<T> {
         // (ω × v) × m r_g.
         match self {
             Self::Principal { m, i_o } => {
-                force = add_cross(&v.map(|x| *m * x), &omega, &force);
+                force = add_cross(&each(&v, |x| *m * x), &omega, &force);
                 moment = add_cross(&[i_o[0] * nu[3], i_o[1] * nu[4], i_o[2] * nu[5]], &omega, &moment);
             }
             Self::General { m, first_moment, i_o } => {
