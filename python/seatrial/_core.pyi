@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from os import PathLike
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["OpenLoop", "Record", "Run", "State", "Vehicle", "simd_level", "simulate_batch"]
+__all__ = ["OpenLoop", "Record", "Run", "State", "Vehicle", "initial_names", "nuisance_names", "simd_level", "simulate_batch"]
 
 @final
 class OpenLoop:
@@ -21,17 +21,34 @@ class OpenLoop:
     XYZKMN, the other axes are frozen; loss: absolute, squared or huber with its knee; substeps per sample.
     """
     def __new__(cls, /, vehicle: Vehicle, records: SupportsGetItem[int, Record], segments: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsIndex, ArrayLike, ArrayLike, ArrayLike]], *, names: SupportsGetItem[int, str] = ..., free: str = "XYZKMN", measured: str = "", loss: str = "absolute", knee: SupportsFloat | SupportsIndex = 1.0, substeps: SupportsIndex = 1) -> OpenLoop: ...
-    def errors(self, /, values: ArrayLike, initial_nu: ArrayLike | None = None, threads: SupportsIndex | None = None) -> NDArray[float64]:
+    def errors(self, /, values: ArrayLike, threads: SupportsIndex | None = None) -> NDArray[float64]:
         """
         Sums over the samples of loss(weight * error), shape (k, segments, 12); infinite where a candidate
         diverged.
 
-        values (k, names); initial_nu (k, 6) is added to the initial velocity of every segment; threads: all
-        when missing.
+        values (k, names); threads: all when missing.
         """
-    def predict(self, /, values: ArrayLike) -> list[NDArray[float64]]:
+    def gradient(self, /, values: ArrayLike, directions: ArrayLike | None = None, *, nuisances: SupportsGetItem[int, str] = ..., initials: SupportsGetItem[int, str] = ..., nuisance: ArrayLike | None = None, initial: ArrayLike | None = None, threads: SupportsIndex | None = None) -> tuple[NDArray[float64], NDArray[float64]]:
         """
-        The simulated channels of every segment, each (samples, 12), for one candidate (names,).
+        The criterion on what the channels show, (segments, 12), and its gradient, (segments, 12, m).
+
+        Parameters as for sensitivities.
+        """
+    def predict(self, /, values: ArrayLike, nuisance: ArrayLike | None = None, initial: ArrayLike | None = None, threads: SupportsIndex | None = None) -> list[NDArray[float64]]:
+        """
+        What the channels of every segment show, each (samples, 12), for one candidate (names,).
+
+        nuisance (records, 32) in the order of nuisance_names and initial (segments, 12) in that of
+        initial_names, both zero when missing.
+        """
+    def sensitivities(self, /, values: ArrayLike, directions: ArrayLike | None = None, *, nuisances: SupportsGetItem[int, str] = ..., initials: SupportsGetItem[int, str] = ..., channels: SupportsGetItem[int, str] | None = None, nuisance: ArrayLike | None = None, initial: ArrayLike | None = None, threads: SupportsIndex | None = None) -> list[tuple[NDArray[float64], NDArray[float64]]]:
+        """
+        What every segment shows and its exact derivatives: per segment ((samples, 12), (samples, channels, m)).
+
+        values (names,); directions (d, names): rows of changes of the coefficients, one per name when missing;
+        nuisances and initials: names of further unknowns. The m columns are directions, nuisances, initials.
+        channels: names of those to differentiate, all when missing. nuisance (records, 32) and initial
+        (segments, 12): values, zero when missing. Derivatives by dual numbers, exact to rounding.
         """
 
 @final
@@ -182,6 +199,14 @@ class Vehicle:
         """
         Measures of the hull in m (length, diameter, height); empty when the file has none.
         """
+    def linearize(self, /, nu: ArrayLike, attitude: ArrayLike, tau: ArrayLike, current: ArrayLike | None = None, *, form: str = "rotation") -> tuple[NDArray[float64], NDArray[float64]]:
+        """
+        A, shape (12, 12), and B, shape (12, 6), of the equation of motion at a velocity, an attitude and a wrench.
+
+        State [p_n, delta, nu] with R = R_0 exp(S(delta)), R_0 held, so that delta' = omega + 1/2 delta x omega;
+        with form="euler" [x y z phi theta psi nu]. nu (6,), attitude (4,) quaternion or (3,) roll, pitch, yaw,
+        tau (6,), current (3,) NED. A = df/dx and B = df/dtau, exact to rounding (dual numbers).
+        """
     @staticmethod
     def load(name_or_path: str | PathLike[str]) -> Vehicle:
         """
@@ -225,6 +250,16 @@ class Vehicle:
 
         Raises VehicleError for an unknown name or an impossible mass matrix.
         """
+
+def initial_names() -> list[str]:
+    """
+    Names of the initial conditions of a segment, in the order of OpenLoop's rows.
+    """
+
+def nuisance_names() -> list[str]:
+    """
+    Names of the nuisance parameters of a trial, in the order of OpenLoop's rows.
+    """
 
 def simd_level() -> str:
     """

@@ -183,6 +183,44 @@ class Stage(Section):
         return {CHANNELS[AXES.index(axis)]: 1.0 for axis in sorted(self.axes.free, key=AXES.index)}
 
 
+def _short_nuisance(entry: Any) -> Any:
+    if entry == "default":
+        return {}
+    return {"sd": entry} if isinstance(entry, int | float) else entry
+
+
+class Nuisance(Section):
+    """A nuisance parameter: how far it may plausibly lie from zero, and whether all trials share it."""
+
+    sd: Positive | None = None
+    shared: bool | None = None
+    trials: tuple[Name, ...] = ()
+
+
+class Polish(Section):
+    """The joint estimate after the stages: every coefficient, trial and nuisance parameter at once."""
+
+    trials: tuple[Name, ...] = ()
+    axes: Axes | None = None
+    coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = {}
+    fixed: tuple[Name, ...] = ()
+    nuisances: dict[str, Annotated[Nuisance, BeforeValidator(_short_nuisance)]] = {}
+    channels: dict[str, Positive] = {}
+    segment_s: Positive = 20.0
+    loss: Literal["squared", "huber"] = "huber"
+    knee: Positive = 3.0
+    start: Literal["smoothed", "estimated"] = "estimated"
+    starts: Count = 1
+    rounds: Annotated[int, Field(strict=True, ge=0)] = 10
+
+    @model_validator(mode="after")
+    def _known_channels(self) -> Polish:
+        for channel in self.channels:
+            if channel not in CHANNELS:
+                raise ValueError(f"unknown channel {channel!r}{nearest(channel, CHANNELS)}")
+        return self
+
+
 class CampaignFile(Section):
     """The whole file."""
 
@@ -199,6 +237,7 @@ class CampaignFile(Section):
     budget: Budget = Budget()
     trials: Annotated[dict[str, TrialSource], Field(min_length=1)]
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
+    polish: Polish | None = None
 
 
 def parse(text: str, source: str) -> CampaignFile:

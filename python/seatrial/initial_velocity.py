@@ -12,6 +12,7 @@ import numpy as np
 from seatrial.campaign_file import AXES
 from seatrial.criterion import Criterion
 from seatrial.search import Array
+from seatrial.segments import StageData
 
 _DIFFERENCE = 1e-3
 _SWEEPS = 5
@@ -31,7 +32,7 @@ def estimate_initial_velocities(criterion: Criterion, candidate: Array, prior: A
         Smoothed velocities, m/s and rad/s.
     """
     axes = [AXES.index(letter) for letter in criterion.stage.axes.free]
-    noise = _noise(criterion)[axes]
+    noise = velocity_noise(criterion.data)[axes]
     residuals = criterion.residuals(candidate)
     slopes = []
     for axis, width in zip(axes, noise, strict=True):
@@ -52,11 +53,11 @@ def estimate_initial_velocities(criterion: Criterion, candidate: Array, prior: A
     criterion.start_at(np.where((after < before)[:, None], moved, criterion.nu))
 
 
-def _noise(criterion: Criterion) -> Array:
+def velocity_noise(data: StageData) -> Array:
     """Standard deviation (6,) of measured about smoothed velocity; without one a tenth of the largest."""
-    largest = np.maximum(criterion.data.largest_speeds(), 1e-3)
+    largest = np.maximum(data.largest_speeds(), 1e-3)
     widths = []
-    for trial in criterion.data.trials:
+    for trial in data.trials:
         difference = trial.observed[:, :6] - trial.smooth_nu(trial.t)[0]
         with np.errstate(invalid="ignore"):
             known = trial.valid[:, :6] & np.isfinite(difference)
