@@ -54,6 +54,14 @@ class _Initial(Section):
     surge_m_s: Number = 0.0
 
 
+class _Current(Section):
+    """Steady current, NED; over ground the vehicle drifts with it from the start."""
+
+    north_m_s: Number = 0.0
+    east_m_s: Number = 0.0
+    down_m_s: Number = 0.0
+
+
 class _RecipeFile(Section):
     """The file of a generated trial."""
 
@@ -64,6 +72,7 @@ class _RecipeFile(Section):
     duration_s: Positive
     rate_hz: Positive = 10.0
     initial: _Initial = _Initial()
+    current: _Current = _Current()
     commands: tuple[dict[str, Number], ...] = ()
 
 

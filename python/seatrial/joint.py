@@ -1,16 +1,10 @@
-"""Joint estimate: all coefficients and nuisance parameters of a campaign, linearised exactly at one point.
-
-The rows are residuals in standard deviations of their channel; the columns are exact derivatives (dual numbers)
-of what the instruments show. Each segment's initial conditions are unknown too; they are projected out of its
-rows, so that what is left is what the segment tells of the rest (variable projection, Golub & Pereyra 1973).
-"""
+"""Joint estimate: all coefficients and nuisance parameters of a campaign over the segments of all its trials."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +13,7 @@ from seatrial import _core
 from seatrial.campaign_file import AXES, Axes, Coefficient, Polish, Stage
 from seatrial.errors import CampaignError, nearest
 from seatrial.initial_velocity import velocity_noise
+from seatrial.linearisation import Linearisation, Piece, Unknown
 from seatrial.nuisance import nuisances, rows
 from seatrial.parameters import coefficients, names, parameters, spread
 from seatrial.recording.columns import CHANNELS
@@ -32,75 +27,6 @@ if TYPE_CHECKING:
 _WIDE = 3.0  # initial velocities are free within three times the sensor's noise
 _ANGLE_SD = 0.02  # rad
 _PLACE_SD = 0.5  # m
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """One number of the joint estimate.
-
-    ``scale`` is its natural size: the width of a coefficient's bounds, the prior standard deviation of a nuisance
-    parameter. A flat prior has ``prior_sd = inf``.
-    """
-
-    name: str
-    kind: Literal["coefficient", "nuisance"]
-    unit: str
-    lower: float
-    upper: float
-    scale: float
-    prior: float
-    prior_sd: float
-
-
-@dataclass(frozen=True)
-class Piece:
-    """One segment at the estimate: times (n,), residuals (n, C) and derivatives (n, C, m).
-
-    Residuals are measured minus shown, derivatives those of what is shown, both in standard deviations of the
-    channel and zero where a sample does not count. ``weight`` (n, C) is the robust loss's weight in [0, 1],
-    ``nu`` (n, 6) the predicted velocity.
-    """
-
-    trial: str
-    t: Array
-    residual: Array
-    counted: NDArray[np.bool_]
-    weight: Array
-    jacobian: Array
-    nu: Array
-
-
-@dataclass(frozen=True)
-class Linearisation:
-    """Residuals and their derivatives at one point of the unknowns.
-
-    ``values`` (m,), ``noise`` (C,) standard deviation of each channel's residual in SI, ``dt`` seconds between
-    samples, one `Piece` per segment, those of a trial in the order of time.
-    """
-
-    unknowns: tuple[Unknown, ...]
-    values: Array
-    channels: tuple[str, ...]
-    noise: Array
-    dt: float
-    pieces: tuple[Piece, ...]
-
-    def information(self) -> Array:
-        """Information (m, m): ``sum J' W J`` and the priors' ``1/sd^2``."""
-        total = np.diag([unknown.prior_sd**-2.0 for unknown in self.unknowns])
-        for piece in self.pieces:
-            rows = piece.jacobian.reshape(-1, len(self.unknowns))
-            total = total + rows.T @ (piece.weight.reshape(-1, 1) * rows)
-        return np.asarray(total)
-
-    def gradient(self) -> Array:
-        """Downhill gradient (m,) of half the cost: ``sum J' W r`` minus the pull of the priors."""
-        away = [(x - u.prior) * u.prior_sd**-2.0 for x, u in zip(self.values, self.unknowns, strict=True)]
-        total = -np.asarray(away, dtype=float)
-        for piece in self.pieces:
-            rows = piece.jacobian.reshape(-1, len(self.unknowns))
-            total = total + rows.T @ (piece.weight * piece.residual).ravel()
-        return np.asarray(total)
 
 
 def joint_stage(campaign: Campaign) -> Stage:
@@ -192,7 +118,10 @@ class Joint:
                 Unknown(p.name, "coefficient", p.unit, p.lower, p.upper, p.upper - p.lower, p.start, math.inf)
                 for p in self.parameters
             ),
-            *(Unknown(n.name, "nuisance", n.unit, -math.inf, math.inf, n.sd, 0.0, n.sd) for n in self.nuisances),
+            *(
+                Unknown(n.name, "nuisance", n.unit, -math.inf, math.inf, n.sd, 0.0, n.sd)
+                for n in self.nuisances
+            ),
         )
         self.start = np.array([*self._start_coefficients(), *np.zeros(len(self.nuisances))])
         self.used = [i for i, weight in enumerate(self.data.weights) if weight > 0]
@@ -274,14 +203,12 @@ class Joint:
             places += range(last, last + len(extra))
             split = inside + len(extra) + len(keys)
             counted = self._observed[index][1][:, :, None]
-            result.append(
-                (
-                    self._apart(index, shown),
-                    np.where(counted, jacobian[:, :, columns], 0.0),
-                    np.where(counted, jacobian[:, :, split:], 0.0),
-                    np.array(places, dtype=np.intp),
-                )
-            )
+            result.append((
+                self._apart(index, shown),
+                np.where(counted, jacobian[:, :, columns], 0.0),
+                np.where(counted, jacobian[:, :, split:], 0.0),
+                np.array(places, dtype=np.intp),
+            ))
         return result
 
     def _start_coefficients(self) -> list[float]:

@@ -1,4 +1,4 @@
-"""Nuisance parameters: what a trial adds to its record, estimated so that the coefficients need not absorb it.
+"""Nuisance parameters: what a trial adds to its record, estimated lest the coefficients absorb it.
 
 A current, a motion-capture frame that was not levelled, the place of the velocity sensor, a late channel, a
 biased one. The core applies them (``observation.rs``); here stands how far each may plausibly lie from zero,
@@ -75,8 +75,8 @@ def nuisances(polish: Polish, trials: Sequence[str], where: str) -> tuple[Nuisan
                 )
         sd, unit, shared = _prior(key)
         chosen = [index for index, name in enumerate(trials) if not entry.trials or name in entry.trials]
-        groups = [tuple(chosen)] if (shared if entry.shared is None else entry.shared) else [(i,) for i in chosen]
-        for group in groups:
+        together = shared if entry.shared is None else entry.shared
+        for group in [tuple(chosen)] if together else [(index,) for index in chosen]:
             label = key if len(group) == len(trials) else f"{', '.join(trials[i] for i in group)}: {key}"
             found.append(Nuisance(label, key, NAMES.index(key), group, unit, entry.sd or sd))
     return tuple(found)

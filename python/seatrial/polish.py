@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial import _core
-from seatrial.joint import Joint, Linearisation, Piece, Unknown
+from seatrial.joint import Joint
+from seatrial.linearisation import Linearisation, Piece, Unknown
 from seatrial.search import Array, Step
 
 _CLOSE = 0.01
@@ -37,8 +38,8 @@ class Polished:
     """What the joint polish found.
 
     ``values`` (m,) of the unknowns, ``initial`` (segments, 12) initial conditions, ``noise`` (C,) standard
-    deviation of each channel's residual, ``cost`` half the sum of squares (robust) and priors in these units,
-    ``start_cost`` the same at the start. ``spread`` (starts, m): where other starts ended, ``costs`` (starts,).
+    deviation of each channel's residual, ``cost`` and ``start_cost`` half the sum of squares (robust) and priors
+    in these units at the end and at the start. ``spread`` (starts, m): where other starts ended, ``costs`` (starts,).
     """
 
     values: Array
@@ -142,9 +143,7 @@ def linearise(
 class _Search:
     """Workspace of one polish."""
 
-    def __init__(
-        self, joint: Joint, fixed: frozenset[int], watch: Callable[[Step], None] | None
-    ) -> None:
+    def __init__(self, joint: Joint, fixed: frozenset[int], watch: Callable[[Step], None] | None) -> None:
         self.joint, self.watch = joint, watch
         self.noise = joint.noise.copy()
         self.unknowns = joint.unknowns
@@ -169,7 +168,7 @@ class _Search:
         if joint.initials:
             initial = initial + self.settled(values, initial)
             self.estimate_noise(joint.residuals(values, initial))
-        start_cost = self.cost(values, initial, centre)
+        before = initial
         rounds, evaluations, converged, interrupted = 0, self.evaluations, False, False
         try:
             while rounds < joint.polish.rounds and not converged:
@@ -187,7 +186,7 @@ class _Search:
             initial=initial,
             noise=self.noise.copy(),
             cost=self.cost(values, initial, centre),
-            start_cost=start_cost,
+            start_cost=self.cost(start, before, centre),
             rounds=rounds,
             evaluations=self.evaluations - evaluations,
             converged=converged,
@@ -271,8 +270,10 @@ class _Search:
         inside = initial[self.initial_places]
         precision = self.joint.initial_sd**-2.0
         normal = own.T @ weighted + np.diag(precision)
-        follow = np.linalg.solve(normal, weighted.T @ rows)
-        toward = np.linalg.solve(normal, weighted.T @ flat - precision * inside)
+        follow: Array = np.asarray(np.linalg.solve(normal, weighted.T @ rows), dtype=float)
+        toward: Array = np.asarray(
+            np.linalg.solve(normal, weighted.T @ flat - precision * inside), dtype=float
+        )
         left = rows - own @ follow
         weighted_rows = weight[:, None] * rows
         downhill = weighted_rows.T @ flat - (weighted_rows.T @ own) @ toward

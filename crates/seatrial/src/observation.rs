@@ -95,8 +95,13 @@ impl<T: Real> Nuisance<T> {
     pub fn start(&self, recorded: &State<f64>, initial: &[T; INITIALS]) -> Start<T> {
         let zero = initial[0].zero();
         let bias = &self.bias;
+        // The recorded attitude turned from its Euler angles to those without bias: at a pitch of ±90° the
+        // angles alone would not give it back.
         let euler = to_euler(&recorded.attitude);
-        let shown: Quaternion<T> = from_euler(&std::array::from_fn(|i| -bias[9 + i] + euler[i]));
+        let [w, x, y, z] = from_euler(&euler);
+        let back = quaternion_product(&recorded.attitude, &[w, -x, -y, -z]);
+        let unbiased: Quaternion<T> = from_euler(&std::array::from_fn(|i| -bias[9 + i] + euler[i]));
+        let shown = quaternion_product(&back.map(|c| zero.splat(c)), &unbiased);
         let [w, x, y, z] = self.tilt;
         let level = quaternion_product(&[w, -x, -y, -z], &shown);
         let turn = [zero.splat(1.0), initial[3] * 0.5, initial[4] * 0.5, initial[5] * 0.5];
@@ -179,13 +184,15 @@ impl<'a, T: Real> Shown<'a, T> {
                 let latency = nuisance.latency[c];
                 let mut shown = prompt[k * width + i];
                 if !latency.equals(latency.zero()) && samples > 1 {
-                    // Linear between samples, and beyond the first and the last.
+                    // Linear between samples, and beyond the first and the last; from the nearest sample, so
+                    // that no latency leaves it as it is to the last bit.
                     let at = latency.splat(k as f64) - latency * (1.0 / dt);
                     let j = at.value().floor().clamp(0.0, (samples - 2) as f64);
-                    let from = prompt[j as usize * width + i];
-                    let rise = prompt[(j as usize + 1) * width + i] - from;
+                    let near = at.value().round().clamp(j, j + 1.0);
+                    let sample = |j: f64| prompt[j as usize * width + i];
+                    let rise = sample(j + 1.0) - sample(j);
                     let rise = if c < ROLL { rise } else { rise.wrap() };
-                    shown = (at - j).mul_add(rise, from);
+                    shown = (at - near).mul_add(rise, sample(near));
                 }
                 rows.push(shown + nuisance.bias[c]);
             }

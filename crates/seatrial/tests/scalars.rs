@@ -1,10 +1,12 @@
-//! All number types agree: lanes of every instruction set of this processor with `f64`, and a
-//! candidate's result depends on nothing but the candidate and the trial.
+//! All number types agree: lanes of every instruction set of this processor with `f64`, dual numbers with
+//! finite differences, and a candidate's result depends on nothing but the candidate and the trial.
 
 #[path = "scalars/candidates.rs"]
 mod candidates;
 #[path = "scalars/criterion.rs"]
 mod criterion;
+#[path = "scalars/dual.rs"]
+mod dual;
 #[path = "scalars/elementary.rs"]
 mod elementary;
 #[path = "scalars/instruction_sets.rs"]

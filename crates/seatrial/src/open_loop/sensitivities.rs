@@ -44,6 +44,16 @@ pub struct Point<'a> {
     pub initial: &'a [[f64; INITIALS]],
 }
 
+impl Point<'_> {
+    /// The change of the sought coefficient `i` along an unknown.
+    fn along(&self, unknown: Unknown, i: usize) -> f64 {
+        match unknown {
+            Unknown::Direction(row) => self.directions[row * self.sought.len() + i],
+            _ => 0.0,
+        }
+    }
+}
+
 /// What a segment shows.
 #[derive(Clone, Debug)]
 pub struct Prediction {
@@ -66,6 +76,9 @@ struct Work<'a> {
     point: Point<'a>,
     structure: Structure,
     asked: &'a [usize],
+    /// No unknown of the whole request lies between motion and channels or in the start: all its groups
+    /// of eight take the same way, so that grouping never changes a bit.
+    coefficients_only: bool,
     stop: &'a AtomicBool,
 }
 
@@ -84,7 +97,9 @@ impl Batch<'_> {
         stop: &AtomicBool,
     ) -> Result<Vec<Prediction>, Error> {
         let rows = self.predictions(point, stop)?;
-        let work = Work { point, structure: Structure::new(self.description, point.sought), asked, stop };
+        let structure = Structure::new(self.description, point.sought);
+        let coefficients_only = unknowns.iter().all(|unknown| matches!(unknown, Unknown::Direction(_)));
+        let work = Work { point, structure, asked, coefficients_only, stop };
         let partials = self.differentiate(&work, unknowns)?;
         let groups = unknowns.len().div_ceil(LANES);
         Ok((0..self.segments.len())
@@ -102,7 +117,8 @@ impl Batch<'_> {
             .collect())
     }
 
-    /// The criterion of every segment on what its channels show, and its gradient.
+    /// The criterion of every segment on what its channels show, infinite where the model diverged, and its
+    /// gradient.
     ///
     /// # Errors
     /// [`Error::Interrupted`], or a forced instruction set that is not there.
@@ -117,15 +133,15 @@ impl Batch<'_> {
         let shown = self.sensitivities(point, unknowns, &ALL, stop)?;
         let one = |(segment, prediction): (&Segment, &Prediction)| {
             let record = &self.records[segment.record];
-            let (samples, width) = (segment.start..segment.stop, unknowns.len());
+            let width = unknowns.len();
             let mut sums = [0.0; CHANNELS];
             let mut slopes = vec![0.0; CHANNELS * width];
             // The slope of the loss by what a channel shows, times what that is by the unknown.
             for (k, row) in prediction.rows.iter().enumerate().skip(1) {
-                let row = row.map(|value| Dual { value, partials: 1.0 });
-                let mut criterion =
-                    Criterion::new(&record.observed, &record.weight, samples.clone(), loss, row[0].zero());
-                criterion.compare(segment.start + k, &row);
+                let (row, at) = (row.map(|value| Dual { value, partials: 1.0 }), segment.start + k);
+                let (observed, weight) = (&record.observed, &record.weight);
+                let mut criterion = Criterion::new(observed, weight, at..at + 1, loss, row[0].zero());
+                criterion.compare(at, &row);
                 for c in 0..CHANNELS {
                     sums[c] += criterion.sums[c].value;
                     let slope = criterion.sums[c].partials;
@@ -135,6 +151,7 @@ impl Batch<'_> {
                     }
                 }
             }
+            let sums = sums.map(|sum| if sum.is_finite() { sum } else { f64::INFINITY });
             Gradient { sums, slopes }
         };
         Ok(self.segments.par_iter().zip(&shown).map(one).collect())
@@ -150,7 +167,7 @@ impl Batch<'_> {
         stop: &AtomicBool,
     ) -> Result<Vec<Vec<[f64; CHANNELS]>>, Error> {
         let structure = Structure::new(self.description, point.sought);
-        let work = Work { point, structure, asked: &ALL, stop };
+        let work = Work { point, structure, asked: &ALL, coefficients_only: true, stop };
         let mut values = self.description.coefficients.clone();
         for (&index, &value) in point.sought.iter().zip(point.values) {
             values[index] = value;
@@ -193,9 +210,7 @@ impl Batch<'_> {
         let mut all = Vec::new();
         for lane in 0..unknowns.len() {
             let unit = |wanted: Unknown| if unknowns[lane] == wanted { 1.0 } else { 0.0 };
-            let along = |row: usize, i: usize| {
-                unit(Unknown::Direction(row)) * work.point.directions[row * work.point.sought.len() + i]
-            };
+            let along = |i: usize| work.point.along(unknowns[lane], i);
             let shown = self.seeded(work, 0.0, (unit, along), unknowns, s)?;
             all.resize(shown.len(), [0.0; LANES]);
             for (to, from) in all.iter_mut().zip(&shown) {
@@ -217,33 +232,30 @@ impl Batch<'_> {
         let unit = |wanted: Unknown| {
             f64x8::from_fn(simd, |lane| if unknowns.get(lane) == Some(&wanted) { 1.0 } else { 0.0 })
         };
-        let width = work.point.sought.len();
-        let along =
-            |row: usize, i: usize| unit(Unknown::Direction(row)) * work.point.directions[row * width + i];
+        let along = |i: usize| {
+            f64x8::from_fn(simd, |lane| {
+                unknowns.get(lane).map_or(0.0, |&unknown| work.point.along(unknown, i))
+            })
+        };
         let shown = self.seeded(work, simd.splat_f64x8(0.0), (unit, along), unknowns, s)?;
         Ok(shown.iter().map(|x| x.partials.into()).collect())
     }
 
-    /// What segment `s` shows, every unknown seeded with its `unit`; `along(row, i)` is the seed of the
-    /// coefficient `i` by a direction.
+    /// What segment `s` shows, every unknown seeded with its `unit`; `along(i)` is the seed of the sought
+    /// coefficient `i`.
     #[inline(always)]
     fn seeded<P: Real>(
         &self,
         work: &Work<'_>,
         none: P,
-        (unit, along): (impl Fn(Unknown) -> P, impl Fn(usize, usize) -> P),
+        (unit, along): (impl Fn(Unknown) -> P, impl Fn(usize) -> P),
         unknowns: &[Unknown],
         s: usize,
     ) -> Result<Vec<Dual<P>>, Error> {
         let constant = |value: f64| Dual { value, partials: none };
         let mut values: Vec<Dual<P>> = self.description.coefficients.iter().map(|&x| constant(x)).collect();
         for (i, (&index, &value)) in work.point.sought.iter().zip(work.point.values).enumerate() {
-            values[index] = constant(value);
-            for unknown in unknowns {
-                if let Unknown::Direction(row) = *unknown {
-                    values[index].partials += along(row, i);
-                }
-            }
+            values[index] = Dual { value, partials: along(i) };
         }
         let mut nuisance = work.point.nuisance[self.segments[s].record].map(constant);
         let mut initial = work.point.initial[s].map(constant);
@@ -272,7 +284,7 @@ impl Batch<'_> {
         let vehicle = Vehicle::new(self.description, &work.structure, values, record.environment, self.modes);
         // Where nothing stands between motion and channels, they are the plain model's to the last bit.
         let none = initial[0].zero();
-        let plain = nuisance.iter().chain(initial).all(|x| x.equals(none));
+        let plain = work.coefficients_only && nuisance.iter().chain(initial).all(|x| x.equals(none));
         let shows = Nuisance::from_row(nuisance);
         let start = if plain { Start::of(segment, none) } else { shows.start(&segment.state, initial) };
         let shown = Shown::new((!plain).then_some(&shows), work.asked, segment.stop - segment.start);

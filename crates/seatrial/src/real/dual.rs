@@ -198,8 +198,9 @@ impl<P: Real> Real for Dual<P> {
     }
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
-        let square = self.value * self.value + x.value * x.value;
-        let scale = if square == 0.0 { 0.0 } else { 1.0 / square };
+        // Infinite at the origin, and so near to it that the square underflows.
+        let scale = 1.0 / (self.value * self.value + x.value * x.value);
+        let scale = if scale.is_infinite() { 0.0 } else { scale };
         let p = self.partials;
         let partials = p.mul_sub(p.splat(x.value * scale), x.partials * (self.value * scale));
         Self { value: self.value.atan2(x.value), partials }

@@ -107,28 +107,6 @@ fn scalar_a_candidate_without_changes_is_the_vehicle_itself() {
 }
 
 #[test]
-fn scalar_an_offset_of_the_initial_velocity_is_another_start() {
-    let trials = Trials::new(10);
-    let values: Vec<f64> = trials.rows.iter().flatten().copied().collect();
-    // Eighths are exact in sums with themselves, and the starts below are the same numbers.
-    let offsets: Vec<[f64; 6]> =
-        (0..10).map(|k| [0.125 * f64::from(k), 0.0, 0.25, 0.0, 0.0, -0.125]).collect();
-    let stop = AtomicBool::new(false);
-    let candidates = trials.candidates(&values);
-    let sums = trials.batch().errors(candidates, Some(&offsets), Loss::Squared, &stop).unwrap();
-    let width = trials.segments.len() * CHANNELS;
-    for (k, offset) in offsets.iter().enumerate() {
-        let mut moved = Trials::new(10);
-        for segment in &mut moved.segments {
-            segment.state.nu = std::array::from_fn(|i| offset[i] + segment.state.nu[i]);
-        }
-        let alone = Candidates { sought: &trials.sought, values: &trials.rows[k], count: 1 };
-        let expected = moved.batch().errors(alone, None, Loss::Squared, &stop).unwrap();
-        assert_eq!(sums[k * width..(k + 1) * width], expected[..], "candidate {k}");
-    }
-}
-
-#[test]
 fn an_interrupted_batch_says_so() {
     let trials = Trials::new(9);
     let values: Vec<f64> = trials.rows.iter().flatten().copied().collect();
