@@ -108,7 +108,8 @@ def test_several_starts_anywhere_in_the_bounds_find_the_same_optimum() -> None:
     sigma = np.sqrt(np.diag(np.linalg.inv(lin.information())))
     # The polish ends when a round promises a tenth of a standard deviation, of all unknowns together.
     assert (spread < 0.5 * sigma).all(), spread / sigma
-    assert np.ptp(found.costs) < 0.1
+    # A unit of the log-likelihood is a standard deviation and a half; the noise is estimated anew on the way.
+    assert np.ptp(found.costs) < 1.0
 
 
 def test_a_current_bends_the_coefficients_unless_it_is_estimated() -> None:

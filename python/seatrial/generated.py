@@ -45,7 +45,7 @@ class _TruthFile(Section):
 
 
 class _Initial(Section):
-    """State at the start, at rest but for surge."""
+    """State at the start, at rest over ground but for surge."""
 
     depth_m: Number = 0.0
     roll_deg: Number = 0.0
@@ -55,7 +55,7 @@ class _Initial(Section):
 
 
 class _Current(Section):
-    """Steady current, NED; over ground the vehicle drifts with it from the start."""
+    """Steady current over ground, NED."""
 
     north_m_s: Number = 0.0
     east_m_s: Number = 0.0
@@ -123,6 +123,10 @@ class Recipe:
         The vehicle that sails it.
     t, commands
         Times in s, shape (n,), and commands {actuator: (n,)}, each in its own unit.
+    initial
+        State at the start, by the recipe's keys.
+    current
+        Steady current (3,), NED, m/s; the log does not tell it.
     """
 
     path: Path
@@ -132,10 +136,17 @@ class Recipe:
     t: Array
     commands: Mapping[str, Array]
     initial: Mapping[str, float]
+    current: Array
 
     @classmethod
-    def load(cls, path: str | Path) -> Recipe:
+    def load(cls, path: str | Path, *, truth: Truth | None = None) -> Recipe:
         """Recipe from its file.
+
+        Parameters
+        ----------
+        path : str or Path
+        truth : Truth, optional
+            Sails it instead of the recipe's own.
 
         Raises
         ------
@@ -144,10 +155,13 @@ class Recipe:
         """
         path = Path(path)
         file = _parse(path, _RecipeFile)
-        truth = Truth.load(path.parent / file.truth)
+        if truth is None:
+            truth = Truth.load(path.parent / file.truth)
         t = np.arange(round(file.duration_s * file.rate_hz)) / file.rate_hz
         commands = _commands(file.commands, truth.vehicle, t, str(path))
-        return cls(path, file.description, file.seed, truth, t, commands, file.initial.model_dump())
+        current = np.array([file.current.north_m_s, file.current.east_m_s, file.current.down_m_s])
+        initial = file.initial.model_dump()
+        return cls(path, file.description, file.seed, truth, t, commands, initial, current)
 
     def run(self) -> Run:
         """What the truth vehicle really did."""
@@ -160,13 +174,22 @@ class Recipe:
             nu=[start["surge_m_s"], 0.0, 0.0, 0.0, 0.0, 0.0],
         )
         commands: dict[str, ArrayLike] = dict(self.commands)
-        return self.truth.vehicle.simulate(self.t, commands, state, max_step=_STEP_S)
+        return self.truth.vehicle.simulate(self.t, commands, state, self.current, max_step=_STEP_S)
 
-    def table(self) -> pl.DataFrame:
-        """What its sensors logged, with canonical columns, and the commands."""
+    def table(self, *, run: Run | None = None, seed: int | None = None) -> pl.DataFrame:
+        """What its sensors logged, with canonical columns, and the commands.
+
+        Parameters
+        ----------
+        run : Run, optional
+            An earlier result of `run`, which no seed changes.
+        seed : int, optional
+            Seed of the sensors' noise and biases; by default the recipe's.
+        """
         import polars as pl
 
-        logged = measure(self.run(), self.truth.sensors, seed=self.seed)
+        sailed = self.run() if run is None else run
+        logged = measure(sailed, self.truth.sensors, seed=self.seed if seed is None else seed)
         return logged.with_columns(pl.Series(f"cmd.{name}", y) for name, y in self.commands.items())
 
     def write_csv(self, path: str | Path) -> None:
