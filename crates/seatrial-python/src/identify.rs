@@ -114,9 +114,15 @@ impl OpenLoop {
         let modes = modes(free, measured).map_err(raised)?;
         let substeps = substeps.max(1);
         let replay = modes.contains(&Mode::Measured);
+        let sought: Vec<usize> =
+            names.iter().map(|n| description.layout.find(n).map_err(refused)).collect::<PyResult<_>>()?;
         let records = records
             .iter()
-            .map(|r| r.inputs.record(&description, replay, substeps).map_err(raised))
+            .map(|r| {
+                let mut record = r.inputs.record(&description, replay, substeps).map_err(raised)?;
+                record.play(&description, &sought, substeps);
+                Ok(record)
+            })
             .collect::<PyResult<Vec<_>>>()?;
         let segments = segments
             .iter()
@@ -149,8 +155,6 @@ impl OpenLoop {
                 )));
             }
         };
-        let sought =
-            names.iter().map(|n| description.layout.find(n).map_err(refused)).collect::<PyResult<_>>()?;
         Ok(Self { description, records, segments, modes, loss, substeps, sought })
     }
 

@@ -4,17 +4,13 @@
 //! (zero-order hold), the current is linear in between. A [`Segment`] is a part of it that starts from
 //! a measured state. One step per stage: `substeps` equal steps per sample.
 //!
-//! Dead time comes first: the limited command record is read `T_t` earlier, and where that is no
-//! multiple of the step, linearly between the steps around it (the mean of the held command over the
-//! step). Lanes with different T_t thus read the shared record at different times.
-//!
 //! Tests: `tests/laws.rs`, `tests/scalars.rs` (lanes equal `f64`, a candidate is alone in its result).
 
 pub mod batch;
 pub mod inputs;
+pub mod motors;
 pub mod sensitivities;
 
-use crate::actuator::motor::{MotorState, MotorStep};
 use crate::algebra::Vec3;
 use crate::criterion::{CHANNELS, Criterion};
 use crate::current::Current;
@@ -25,10 +21,8 @@ use crate::observation::Shown;
 use crate::real::Real;
 use crate::vehicle::{Instant, Vehicle};
 use crate::vehicle_file::Environment;
+use motors::{Motors, Played};
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// How long before a segment the motors start to run, so that the segment meets them as they were.
-const WARM_UP_S: f64 = 3.0;
 
 /// The inputs and measurements of one trial, sampled every `dt` seconds.
 #[derive(Clone, Debug, Default)]
@@ -55,6 +49,8 @@ pub struct Record {
     pub weight: Vec<[f64; CHANNELS]>,
     /// Water and gravity of the trial.
     pub environment: Environment,
+    /// What the motors do, where that is the same for all candidates ([`Record::play`]).
+    pub played: Option<Played>,
 }
 
 impl Record {
@@ -173,18 +169,7 @@ pub fn fly<T: Real>(
     let mut state = start.state;
     let unit = state.nu[0].zero();
     let h = record.dt / substeps as f64;
-    let mut motors = Motors::new(vehicle, record, &segment.motors, substeps, unit);
-    if matches!(segment.motors, MotorStart::Recorded) {
-        let warm = (WARM_UP_S / record.dt).ceil() as usize;
-        motors.settle(segment.start.saturating_sub(warm));
-        for k in segment.start.saturating_sub(warm)..segment.start {
-            for s in 0..substeps {
-                motors.command(k, s);
-                motors.advance();
-                motors.advance();
-            }
-        }
-    }
+    let mut motors = Motors::new(vehicle, record, segment, substeps, unit);
     let mut instants: [Instant<T>; 3] = Default::default();
     for k in segment.start..segment.stop {
         if stop.load(Ordering::Relaxed) {
@@ -195,10 +180,9 @@ pub fn fly<T: Real>(
             instant.tau = tau;
         }
         for s in 0..substeps {
-            motors.command(k, s);
+            motors.begin(k, s);
             // At a sample wrench and voltage change; an ideal motor's signal jumps at any step.
             if s == 0 || motors.any_ideal {
-                motors.measure(k, s as f64 / substeps as f64);
                 motors.thrust(k, &mut instants[0]);
             }
             for (i, instant) in instants.iter_mut().enumerate() {
@@ -218,10 +202,9 @@ pub fn fly<T: Real>(
                     return Ok(());
                 }
             }
-            for half in 0..2 {
-                motors.advance();
-                motors.measure(k, (s as f64 + 0.5 * (half + 1) as f64) / substeps as f64);
-                motors.thrust(k, &mut instants[half + 1]);
+            for half in 1..3 {
+                motors.go_on(k, s, half);
+                motors.thrust(k, &mut instants[half]);
             }
             state = step(vehicle, &state, h, &instants);
             let (first, rest) = instants.split_at_mut(1);
@@ -254,134 +237,7 @@ fn observe<T: Real>(
             };
             track.states.push(*state);
             track.tau.push(vehicle.wrench(instant, &nu_r));
-            track.signals.push(motors.states.iter().map(|m| m.signal).collect());
+            track.signals.push(motors.signals.clone());
         }
-    }
-}
-
-/// The motors of a vehicle at work on a record.
-struct Motors<'a, T> {
-    unit: T,
-    any_ideal: bool,
-    vehicle: &'a Vehicle<T>,
-    record: &'a Record,
-    substeps: usize,
-    half_steps: Vec<MotorStep<T>>,
-    /// Dead time in steps.
-    delays: Vec<T>,
-    targets: Vec<T>,
-    /// The command before the record where it is not the record's first one.
-    before: Vec<T>,
-    states: Vec<MotorState<T>>,
-}
-
-impl<'a, T: Real> Motors<'a, T> {
-    #[inline(always)]
-    fn new(
-        vehicle: &'a Vehicle<T>,
-        record: &'a Record,
-        start: &MotorStart,
-        substeps: usize,
-        unit: T,
-    ) -> Self {
-        let h = record.dt / substeps as f64;
-        let count = vehicle.actuators.len();
-        let mut motors = Self {
-            unit: unit.zero(),
-            any_ideal: vehicle.actuators.iter().any(|actuator| actuator.motor.ideal),
-            vehicle,
-            record,
-            substeps,
-            half_steps: Vec::with_capacity(count),
-            delays: Vec::with_capacity(count),
-            targets: vec![unit; count],
-            before: Vec::new(),
-            states: Vec::with_capacity(count),
-        };
-        for (i, actuator) in vehicle.actuators.iter().enumerate() {
-            motors.half_steps.push(actuator.motor.step(0.5 * h));
-            motors.delays.push(actuator.motor.t_t * (1.0 / h));
-            let state = match start {
-                MotorStart::Recorded => actuator.motor.steady(unit.splat(record.commands[i][0])),
-                MotorStart::Held(signals) => {
-                    let signal = unit.splat(signals[i]);
-                    let ramp = signal / actuator.motor.k_v;
-                    motors.before.push(ramp);
-                    MotorState { ramp, signal }
-                }
-            };
-            motors.states.push(state);
-        }
-        motors
-    }
-
-    /// Sets the motors to the steady state of the command at sample `k`.
-    #[inline(always)]
-    fn settle(&mut self, k: usize) {
-        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
-            let target = self.target(i, k, 0);
-            self.states[i] = actuator.motor.steady(target);
-        }
-    }
-
-    /// The command that reaches motor `i` in step `s` of sample `k`.
-    #[inline(always)]
-    fn target(&self, i: usize, k: usize, s: usize) -> T {
-        let commands = &self.record.commands[i];
-        let held = |step: f64| commands[(step as usize / self.substeps).min(commands.len() - 1)];
-        let delay = self.delays[i];
-        let at = delay.splat((k * self.substeps + s) as f64) - delay;
-        let recorded = at.tabulated(|x| {
-            let whole = x.floor();
-            let (from, to) = (held(whole), held(whole + 1.0));
-            (from + (x - whole) * (to - from), to - from)
-        });
-        let Some(&before) = self.before.get(i) else { return recorded };
-        // The first step of the record is reached in part where the dead time ends within it.
-        let share = (at + 1.0).max(at.zero());
-        let earlier = share.mul_add(recorded - before, before);
-        T::select(at.lt(at.zero()), earlier, recorded)
-    }
-
-    /// Reads the commands of step `s` of sample `k`; ideal motors obey at once.
-    #[inline(always)]
-    fn command(&mut self, k: usize, s: usize) {
-        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
-            self.targets[i] = self.target(i, k, s);
-            if actuator.motor.ideal {
-                self.states[i] = actuator.motor.steady(self.targets[i]);
-            }
-        }
-    }
-
-    /// Moves every motor by half a step.
-    #[inline(always)]
-    fn advance(&mut self) {
-        for i in 0..self.states.len() {
-            self.states[i] = self.half_steps[i].advance(&self.states[i], self.targets[i]);
-        }
-    }
-
-    /// Replaces the signals that were measured, at a fraction of the sample interval.
-    #[inline(always)]
-    fn measure(&mut self, k: usize, fraction: f64) {
-        for (i, measured) in self.record.signals.iter().enumerate() {
-            if let Some(signal) = measured {
-                let next = signal[(k + 1).min(signal.len() - 1)];
-                self.states[i].signal =
-                    self.states[i].signal.splat(signal[k] + fraction * (next - signal[k]));
-            }
-        }
-    }
-
-    /// The thrusts at the present signals.
-    #[inline(always)]
-    fn thrust(&self, k: usize, instant: &mut Instant<T>) {
-        let voltage = self.record.voltage.get(k).copied().unwrap_or(f64::NAN);
-        instant.thrusts.clear();
-        for (actuator, motor) in self.vehicle.actuators.iter().zip(&self.states) {
-            instant.thrusts.push(actuator.characteristic.thrust(motor.signal, voltage));
-        }
-        self.vehicle.sum_inflow_free(instant, self.unit);
     }
 }

@@ -9,11 +9,19 @@ mod criterion;
 mod dual;
 #[path = "scalars/elementary.rs"]
 mod elementary;
+#[path = "scalars/flights.rs"]
+mod flights;
 #[path = "scalars/instruction_sets.rs"]
 mod instruction_sets;
 #[path = "scalars/model.rs"]
 mod model;
+#[path = "scalars/nuisances.rs"]
+mod nuisances;
 #[path = "scalars/population.rs"]
 mod population;
+#[path = "scalars/sensitivities.rs"]
+mod sensitivities;
+#[path = "scalars/tangent.rs"]
+mod tangent;
 #[path = "support/vehicles.rs"]
 mod vehicles;

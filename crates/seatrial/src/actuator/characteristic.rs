@@ -96,10 +96,25 @@ impl<T: Real> Characteristic<T> {
             }
             Shape::Table(table) => {
                 let row = table.row(voltage);
-                Thrust { force: self.factor * signal.tabulated(|s| table.interpolate(&row, s)), ..still }
+                self.scaled(signal.tabulated(|s| table.interpolate(&row, s)))
             }
             Shape::Direct => Thrust { force: self.factor * signal, ..still },
         }
+    }
+}
+
+impl<T: Real> Characteristic<T> {
+    /// The thrust where a measured table says `force`, N.
+    #[inline(always)]
+    pub fn scaled(&self, force: T) -> Thrust<T> {
+        let zero = force.zero();
+        Thrust { force: self.factor * force, force_per_inflow: zero, torque: zero, torque_per_inflow: zero }
+    }
+
+    /// What the measured table says at a signal and a supply voltage (V), N; nothing without a table.
+    pub fn table_force(&self, signal: f64, voltage: f64) -> Option<f64> {
+        let Shape::Table(table) = &self.shape else { return None };
+        Some(table.interpolate(&table.row(voltage), signal).0)
     }
 }
 

@@ -68,6 +68,7 @@ impl Inputs {
                 rho_kg_m3: self.rho.unwrap_or(description.file.environment.rho_kg_m3),
                 g_m_s2: self.g.unwrap_or(description.file.environment.g_m_s2),
             },
+            played: None,
         };
         for (name, values) in &self.commands {
             let k = actuator_index(description, name)?;

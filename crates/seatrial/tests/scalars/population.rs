@@ -3,7 +3,6 @@
 use crate::candidates::Trials;
 use seatrial::Error;
 use seatrial::criterion::{CHANNELS, Loss};
-use seatrial::open_loop::batch::Candidates;
 use std::sync::atomic::AtomicBool;
 
 /// Number of candidates: two full vectors and a part of a third.

@@ -1,0 +1,288 @@
+//! The motors of a vehicle at work on a record: from recorded commands to signals at the start, the middle
+//! and the end of every step.
+//!
+//! Dead time comes first: the limited command record is read `T_t` earlier, and where that is no
+//! multiple of the step, linearly between the steps around it (the mean of the held command over the
+//! step). Lanes with different T_t thus read the shared record at different times.
+//!
+//! In open loop a motor does not feel the vehicle. Where no motor coefficient is sought, all candidates
+//! share its signals and what a measured table makes of them, and they are [played](Record::play) once per
+//! record.
+//!
+//! Tests: `tests/laws/motor.rs`, `tests/scalars.rs`.
+
+use super::{MotorStart, Record, Segment};
+use crate::actuator::motor::{MotorState, MotorStep};
+use crate::coefficients::{HULL, PER_ACTUATOR};
+use crate::description::Description;
+use crate::real::Real;
+use crate::vehicle::{Instant, Mode, Structure, Vehicle};
+
+/// How long before a segment the motors start to run, so that the segment meets them as they were.
+const WARM_UP_S: f64 = 3.0;
+
+/// The offsets of the motor's coefficients among an actuator's: K_v, T_1, T_t and the rate limits.
+const MOTOR: std::ops::Range<usize> = 14..19;
+
+/// Signals of all motors on a record, `[step][start, middle, end][actuator]`, each with the force that a
+/// measured table makes of it.
+#[derive(Clone, Debug)]
+pub struct Played {
+    substeps: usize,
+    actuators: usize,
+    signals: Vec<(f64, Option<f64>)>,
+}
+
+impl Played {
+    #[inline(always)]
+    fn at(&self, k: usize, s: usize, half: usize) -> &[(f64, Option<f64>)] {
+        let first = ((k * self.substeps + s) * 3 + half) * self.actuators;
+        &self.signals[first..first + self.actuators]
+    }
+}
+
+impl Record {
+    /// Runs the motors once for all candidates, where none of the coefficients `sought` belongs to a motor.
+    pub fn play(&mut self, description: &Description, sought: &[usize], substeps: usize) {
+        self.played = None;
+        if sought.iter().any(|&i| i >= HULL && MOTOR.contains(&((i - HULL) % PER_ACTUATOR))) {
+            return;
+        }
+        let structure = Structure::new(description, &[]);
+        let vehicle = Vehicle::new(
+            description,
+            &structure,
+            &description.coefficients,
+            self.environment,
+            [Mode::Frozen; 6],
+        );
+        let actuators = vehicle.actuators.len();
+        let mut signals = Vec::with_capacity(self.len * substeps * 3 * actuators);
+        let mut motors = Motors::from_start(&vehicle, self, substeps);
+        for k in 0..self.len {
+            for s in 0..substeps {
+                motors.begin(k, s);
+                motors.write(k, &mut signals);
+                for half in 1..3 {
+                    motors.go_on(k, s, half);
+                    motors.write(k, &mut signals);
+                }
+            }
+        }
+        self.played = Some(Played { substeps, actuators, signals });
+    }
+}
+
+/// The motors of a vehicle at work on a record.
+pub struct Motors<'a, T> {
+    unit: T,
+    /// Some motor jumps with its command at the start of a step.
+    pub any_ideal: bool,
+    /// Signal per actuator.
+    pub signals: Vec<T>,
+    played: Option<&'a Played>,
+    now: &'a [(f64, Option<f64>)],
+    vehicle: &'a Vehicle<T>,
+    record: &'a Record,
+    substeps: usize,
+    half_steps: Vec<MotorStep<T>>,
+    /// Dead time in steps.
+    delays: Vec<T>,
+    targets: Vec<T>,
+    /// The command before the record where it is not the record's first one.
+    before: Vec<T>,
+    states: Vec<MotorState<T>>,
+}
+
+impl<'a, T: Real> Motors<'a, T> {
+    /// The motors as a segment meets them.
+    #[inline(always)]
+    pub fn new(
+        vehicle: &'a Vehicle<T>,
+        record: &'a Record,
+        segment: &Segment,
+        substeps: usize,
+        unit: T,
+    ) -> Self {
+        let mut motors = Self::at_rest(vehicle, record, &segment.motors, substeps, unit);
+        motors.played = record
+            .played
+            .as_ref()
+            .filter(|played| played.substeps == substeps && matches!(segment.motors, MotorStart::Recorded));
+        if matches!(segment.motors, MotorStart::Recorded) && motors.played.is_none() {
+            let warm = segment.start.saturating_sub((WARM_UP_S / record.dt).ceil() as usize);
+            motors.settle(warm);
+            for k in warm..segment.start {
+                for s in 0..substeps {
+                    motors.command(k, s);
+                    motors.advance();
+                    motors.advance();
+                }
+            }
+        }
+        motors
+    }
+
+    #[inline(always)]
+    fn at_rest(
+        vehicle: &'a Vehicle<T>,
+        record: &'a Record,
+        start: &MotorStart,
+        substeps: usize,
+        unit: T,
+    ) -> Self {
+        let h = record.dt / substeps as f64;
+        let count = vehicle.actuators.len();
+        let mut motors = Self {
+            unit: unit.zero(),
+            any_ideal: vehicle.actuators.iter().any(|actuator| actuator.motor.ideal),
+            signals: vec![unit.zero(); count],
+            played: None,
+            now: &[],
+            vehicle,
+            record,
+            substeps,
+            half_steps: Vec::with_capacity(count),
+            delays: Vec::with_capacity(count),
+            targets: vec![unit; count],
+            before: Vec::new(),
+            states: Vec::with_capacity(count),
+        };
+        for (i, actuator) in vehicle.actuators.iter().enumerate() {
+            motors.half_steps.push(actuator.motor.step(0.5 * h));
+            motors.delays.push(actuator.motor.t_t * (1.0 / h));
+            let state = match start {
+                MotorStart::Recorded => actuator.motor.steady(unit.splat(record.commands[i][0])),
+                MotorStart::Held(signals) => {
+                    let signal = unit.splat(signals[i]);
+                    let ramp = signal / actuator.motor.k_v;
+                    motors.before.push(ramp);
+                    MotorState { ramp, signal }
+                }
+            };
+            motors.states.push(state);
+        }
+        motors
+    }
+
+    /// Sets the motors to the steady state of the command at sample `k`.
+    #[inline(always)]
+    fn settle(&mut self, k: usize) {
+        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
+            let target = self.target(i, k, 0);
+            self.states[i] = actuator.motor.steady(target);
+        }
+    }
+
+    /// The command that reaches motor `i` in step `s` of sample `k`.
+    #[inline(always)]
+    fn target(&self, i: usize, k: usize, s: usize) -> T {
+        let commands = &self.record.commands[i];
+        let held = |step: f64| commands[(step as usize / self.substeps).min(commands.len() - 1)];
+        let delay = self.delays[i];
+        let at = delay.splat((k * self.substeps + s) as f64) - delay;
+        let recorded = at.tabulated(|x| {
+            let whole = x.floor();
+            let (from, to) = (held(whole), held(whole + 1.0));
+            (from + (x - whole) * (to - from), to - from)
+        });
+        let Some(&before) = self.before.get(i) else { return recorded };
+        // The first step of the record is reached in part where the dead time ends within it.
+        let share = (at + 1.0).max(at.zero());
+        let earlier = share.mul_add(recorded - before, before);
+        T::select(at.lt(at.zero()), earlier, recorded)
+    }
+
+    /// The signals at the start of step `s` of sample `k`; ideal motors obey at once.
+    #[inline(always)]
+    pub fn begin(&mut self, k: usize, s: usize) {
+        if self.played.is_none() {
+            self.command(k, s);
+        }
+        self.show(k, s, 0);
+    }
+
+    /// The signals in the middle (`half` = 1) or at the end (2) of step `s` of sample `k`.
+    #[inline(always)]
+    pub fn go_on(&mut self, k: usize, s: usize, half: usize) {
+        if self.played.is_none() {
+            self.advance();
+        }
+        self.show(k, s, half);
+    }
+
+    /// Sets the signals to the motors', or to the measured ones where they replace a motor.
+    #[inline(always)]
+    fn show(&mut self, k: usize, s: usize, half: usize) {
+        if let Some(played) = self.played {
+            self.now = played.at(k, s, half);
+            for (to, (signal, _)) in self.signals.iter_mut().zip(self.now) {
+                *to = self.unit.splat(*signal);
+            }
+            return;
+        }
+        let fraction = (s as f64 + 0.5 * half as f64) / self.substeps as f64;
+        for (i, measured) in self.record.signals.iter().enumerate() {
+            self.signals[i] = match measured {
+                None => self.states[i].signal,
+                Some(signal) => {
+                    let next = signal[(k + 1).min(signal.len() - 1)];
+                    self.unit.splat(signal[k] + fraction * (next - signal[k]))
+                }
+            };
+        }
+    }
+
+    #[inline(always)]
+    fn command(&mut self, k: usize, s: usize) {
+        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
+            self.targets[i] = self.target(i, k, s);
+            if actuator.motor.ideal {
+                self.states[i] = actuator.motor.steady(self.targets[i]);
+            }
+        }
+    }
+
+    /// Moves every motor by half a step.
+    #[inline(always)]
+    fn advance(&mut self) {
+        for i in 0..self.states.len() {
+            self.states[i] = self.half_steps[i].advance(&self.states[i], self.targets[i]);
+        }
+    }
+
+    #[inline(always)]
+    fn voltage(&self, k: usize) -> f64 {
+        self.record.voltage.get(k).copied().unwrap_or(f64::NAN)
+    }
+
+    /// The thrusts at the present signals.
+    #[inline(always)]
+    pub fn thrust(&self, k: usize, instant: &mut Instant<T>) {
+        let voltage = self.voltage(k);
+        instant.thrusts.clear();
+        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
+            instant.thrusts.push(match self.now.get(i) {
+                Some((_, Some(force))) => actuator.characteristic.scaled(self.unit.splat(*force)),
+                _ => actuator.characteristic.thrust(self.signals[i], voltage),
+            });
+        }
+        self.vehicle.sum_inflow_free(instant, self.unit);
+    }
+}
+
+impl<'a> Motors<'a, f64> {
+    /// Appends what the motors do at sample `k`.
+    fn write(&self, k: usize, signals: &mut Vec<(f64, Option<f64>)>) {
+        for (actuator, &signal) in self.vehicle.actuators.iter().zip(&self.signals) {
+            signals.push((signal, actuator.characteristic.table_force(signal, self.voltage(k))));
+        }
+    }
+
+    /// The motors at the beginning of a record.
+    fn from_start(vehicle: &'a Vehicle<f64>, record: &'a Record, substeps: usize) -> Self {
+        let mut motors = Self::at_rest(vehicle, record, &MotorStart::Recorded, substeps, 0.0);
+        motors.settle(0);
+        motors
+    }
+}
