@@ -1,4 +1,4 @@
-"""Joint estimate: all coefficients and nuisance parameters of a campaign over the segments of all its trials."""
+"""Joint estimate: all coefficients and nuisance parameters of a campaign on the segments of its trials."""
 
 from __future__ import annotations
 
@@ -173,8 +173,10 @@ class Joint:
     def slopes(
         self, values: Array, initial: Array, *, extra: Sequence[str] = ()
     ) -> list[tuple[Array, Array, Array, NDArray[np.intp]]]:
-        """Per segment: residuals (n, C), derivatives (n, C, k) by its unknowns, by its initial conditions, and the
-        places (k,) of those unknowns among all (coefficients that are ``extra`` come last). SI.
+        """Per segment: residuals (n, C), derivatives (n, C, k) by unknowns and by initial conditions, SI.
+
+        The fourth entry holds the places (k,) of those unknowns among all; coefficients that are ``extra``
+        come last.
         """
         inside, matrix = len(self.parameters), spread(self.parameters)
         directions = np.zeros((inside + len(extra), matrix.shape[1] + len(extra)))

@@ -1,8 +1,9 @@
-"""Linearisation of a joint estimate: residuals and exact derivatives, which all that judges an estimate reads.
+"""Linearisation of a joint estimate: residuals and exact derivatives, from which an estimate is judged.
 
-The rows are residuals in standard deviations of their channel; the columns are exact derivatives (dual numbers)
-of what the instruments show. Each segment's initial conditions are unknown too; they are projected out of its
-rows, so that what is left is what the segment tells of the rest (variable projection, Golub & Pereyra 1973).
+The rows are residuals in standard deviations of their channel; the columns are exact derivatives (dual
+numbers) of what the instruments show. Each segment's initial conditions are unknown too; they are projected
+out of its rows, so that what is left is what the segment tells of the rest (variable projection, Golub &
+Pereyra 1973).
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from seatrial.search import Array
 class Unknown:
     """One number of the joint estimate.
 
-    ``scale`` is its natural size: the width of a coefficient's bounds, the prior standard deviation of a nuisance
-    parameter. A flat prior has ``prior_sd = inf``.
+    ``scale`` is its natural size: the width of a coefficient's bounds, the prior standard deviation of a
+    nuisance parameter. A flat prior has ``prior_sd = inf``.
     """
 
     name: str
@@ -56,8 +57,8 @@ class Piece:
 class Linearisation:
     """Residuals and their derivatives at one point of the unknowns.
 
-    ``values`` (m,), ``noise`` (C,) standard deviation of each channel's residual in SI, ``dt`` seconds between
-    samples, one `Piece` per segment, those of a trial in the order of time.
+    ``values`` (m,), ``noise`` (C,) standard deviation of each channel's residual in SI, ``dt`` seconds
+    between samples, one `Piece` per segment, those of a trial in the order of time.
     """
 
     unknowns: tuple[Unknown, ...]
