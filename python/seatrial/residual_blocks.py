@@ -3,13 +3,14 @@
 The residuals of tank and sea trials are coloured: neighbouring samples err alike, and a count of samples
 overstates what they tell. Sums over blocks that are long against that memory are nearly independent.
 
-The length is Politis and White's (2004, Econometric Reviews 23:53, with the correction by Patton, Politis and
+The length starts from Politis and White (2004, Econometric Reviews 23:53, corrected by Patton, Politis and
 White 2009, 28:372) for each channel, ``L = (2 G^2 / D)^(1/3) N^(1/3)`` with ``G = sum |k| rho_k`` and
-``D = 4/3 (sum rho_k)^2`` from the flat-top lag window of Politis and Romano (1995); the longest channel counts for
-all. It is no shorter than ``1.3 sqrt(N)``: with a Student factor for the number of blocks longer blocks cover better
-than those of least mean square error (Lazarus, Lewis, Stock and Watson 2018, JBES 36:541).
+``D = 4/3 (sum rho_k)^2`` from the flat-top lag window of Politis and Romano (1995); the longest channel
+counts for all. With a Student factor for the number of blocks, intervals cover better with longer blocks than
+those of least mean square error (Sun, Phillips and Jin 2008, Econometrica 76:175): they are a quarter longer,
+and no shorter than ``1.3 sqrt(N)`` (Lazarus, Lewis, Stock and Watson 2018, JBES 36:541).
 
-Autocorrelations are products of samples at their true distance in time, divided by the number of pairs (Parzen
+Autocorrelations are products of samples at their true distance in time over the number of such pairs (Parzen
 1963), so that a gap between segments neither breaks nor invents a memory.
 """
 
@@ -26,6 +27,7 @@ from seatrial.errors import CampaignError
 from seatrial.linearisation import Linearisation, Piece
 from seatrial.search import Array
 
+_LONGER = 1.25
 _SHORTEST = 1.3
 
 
@@ -63,8 +65,8 @@ class Blocks:
     information
         Second derivative (B, m, m) of half the cost; the priors are not in it.
     coloured
-        Expected covariance (m, m) of the sum of the scores if each channel's errors had its mean square and memory
-        throughout and all scores were slow against that memory.
+        Covariance (m, m) of the sum of the scores if each channel's errors had its mean square and memory
+        throughout and all derivatives were slow against that memory.
     """
 
     score: Array
@@ -83,16 +85,16 @@ def block_length(lin: Linearisation) -> BlockLength:
     counts = np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0, initial=0)
     if not np.any(counts):
         raise CampaignError(
-            "the joint estimate has no sample that counts, so its uncertainty cannot be told; expected at least"
-            " one valid sample of a measured channel inside a segment; check hold_out, segment_s and channels"
+            "the joint estimate has no sample that counts, so its uncertainty cannot be told; expected at"
+            " least one valid sample of a measured channel in a segment; check hold_out, segment_s, channels"
         )
     covered = sum(len(np.unique(places[rows])) for _, places, rows in _places(lin))
-    rho = autocorrelation(lin, max(covered // 4, 1))
+    rho, pairs = _autocorrelation(lin, max(covered // 4, 1))
     memory, wanted = np.ones(len(counts)), np.zeros(len(counts))
     for channel, samples in enumerate(counts):
         if samples > 1:
-            memory[channel], wanted[channel] = _rule(rho[channel], int(samples))
-    longest = max(float(wanted.max()), _SHORTEST * math.sqrt(covered))
+            memory[channel], wanted[channel] = _rule(rho[channel], pairs[channel], int(samples))
+    longest = max(_LONGER * float(wanted.max()), _SHORTEST * math.sqrt(covered))
     samples = int(np.clip(round(longest), 1, max(covered // 4, 1)))
     return BlockLength(samples, samples * lin.dt, memory, wanted, counts / memory)
 
@@ -100,8 +102,13 @@ def block_length(lin: Linearisation) -> BlockLength:
 def autocorrelation(lin: Linearisation, lags: int) -> Array:
     """Autocorrelation (C, lags + 1) of the weighted residuals of each channel over all trials.
 
-    Where segments overlap, their mean counts. A channel without error has none: one at lag zero, else zero.
+    Where segments overlap, their mean counts. Lags without a pair have zero.
     """
+    return _autocorrelation(lin, lags)[0]
+
+
+def _autocorrelation(lin: Linearisation, lags: int) -> tuple[Array, Array]:
+    """Autocorrelation and number of pairs, both (C, lags + 1)."""
     products, pairs = np.zeros((2, lags + 1, len(lin.channels)))
     for pieces, places, _ in _places(lin):
         psi = np.concatenate([piece.weight * piece.residual * piece.counted for piece in pieces])
@@ -115,17 +122,18 @@ def autocorrelation(lin: Linearisation, lags: int) -> Array:
         for into, values in ((products, series), (pairs, seen)):
             power = np.abs(np.fft.rfft(values, size, axis=0)) ** 2
             into[:kept] += np.fft.irfft(power, size, axis=0)[:kept]
-    mean = products / np.maximum(np.rint(pairs), 1.0)
-    rho = (mean / np.where(mean[0] > 0, mean[0], 1.0)).T
-    rho[:, 0] = 1.0
-    return np.asarray(rho)
+    pairs = np.rint(pairs)
+    mean = np.where(pairs > 0, products / np.maximum(pairs, 1.0), 0.0)
+    rho = mean / np.where(mean[0] > 0, mean[0], 1.0)
+    rho[0] = 1.0
+    return rho.T, pairs.T
 
 
 def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
     """Data in blocks of about ``length``; each trial is divided evenly, at least one block per trial.
 
-    A block may span segments that follow each other, never two trials. Its information is ``sum J' psi' J`` with
-    the mean slope ``psi'`` of the robust loss, not its weight: the two differ for all but squared errors.
+    A block may span segments that follow each other, never two trials. Its information is ``sum J' psi' J``
+    with the mean slope ``psi'`` of the robust score, not its weight: they differ for all but squared errors.
     """
     bend, unknowns = _bend(lin), len(lin.unknowns)
     square = np.sum([((p.weight * p.residual * p.counted) ** 2).sum(axis=0) for p in lin.pieces], axis=0)
@@ -166,12 +174,15 @@ def _places(lin: Linearisation) -> Iterator[tuple[list[Piece], NDArray[np.intp],
         yield pieces, places, np.concatenate([piece.counted.any(axis=1) for piece in pieces])
 
 
-def _rule(rho: Array, samples: int) -> tuple[float, float]:
-    """Integrated autocorrelation time and Politis and White's block length of one channel, in samples."""
+def _rule(rho: Array, pairs: Array, samples: int) -> tuple[float, float]:
+    """Integrated autocorrelation time and Politis and White's block length of one channel, in samples.
+
+    The memory ends before the first run of lags that white errors would show.
+    """
     last = len(rho) - 1
     decades = math.log10(samples)
     needed = min(max(5, math.ceil(math.sqrt(decades))), last)
-    small = np.abs(rho[1:]) < 2.0 * math.sqrt(decades / samples)
+    small = np.abs(rho[1:]) < 2.0 * np.sqrt(decades / np.maximum(pairs[1:], 1.0))
     quiet = np.flatnonzero(np.convolve(small, np.ones(needed, int), "valid") == needed)
     if len(quiet) and quiet[0] == 0:
         return 1.0, 0.0
@@ -186,8 +197,8 @@ def _rule(rho: Array, samples: int) -> tuple[float, float]:
 def _bend(lin: Linearisation) -> Array:
     """Mean slope of the robust score over its mean weight (C,): one for squared errors.
 
-    The score ``psi(e) = w(e) e`` is a function of the error alone, so its slope is that between neighbours in the
-    order of ``|e|`` and needs no name of the loss (one inside Huber's knee and zero outside it).
+    The score ``psi(e) = w(e) e`` is a function of the error alone, so its slope is that between neighbours in
+    the order of ``|e|`` and needs no name of the loss (one inside Huber's knee and zero outside it).
     """
     bend = np.ones(len(lin.channels))
     for channel in range(len(lin.channels)):
