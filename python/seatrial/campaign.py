@@ -314,6 +314,9 @@ class _Trials(Mapping[str, "Trial"]):
                 self._read[name] = self._campaign.read(name)
             return self._read[name]
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._campaign._sources  # without reading the trial
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._campaign._sources)
 

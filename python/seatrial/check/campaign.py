@@ -1,4 +1,4 @@
-"""A campaign before it runs: its trials' recordings, its stages' data, what would be refused."""
+"""A campaign before it runs: its trials' recordings, its stages' data, its inputs and scale, refusals."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 from seatrial.errors import SeatrialError
 
 if TYPE_CHECKING:
+    from seatrial.anchor import ScaleReport
     from seatrial.campaign import Campaign
+    from seatrial.inputs import InputJudgement
     from seatrial.recording.report import RecordingReport
 
 __all__ = ["CampaignCheck", "StageOutline", "check_campaign"]
@@ -29,12 +31,18 @@ class StageOutline:
 
 @dataclass(frozen=True)
 class CampaignCheck:
-    """Recording reports by trial, stages in the order of their run, and what stops the campaign."""
+    """Recording reports by trial, stages in the order of their run, and what stops the campaign.
+
+    ``inputs`` and ``scale`` say what the inputs can tell and what the scale of all forces rests on; None
+    where a problem is found before.
+    """
 
     name: str
     vehicle: str
     reports: dict[str, RecordingReport]
     stages: tuple[StageOutline, ...]
+    inputs: InputJudgement | None
+    scale: ScaleReport | None
     problems: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -44,6 +52,8 @@ class CampaignCheck:
             "vehicle": self.vehicle,
             "trials": {name: report.to_dict() for name, report in self.reports.items()},
             "stages": [vars(stage) for stage in self.stages],
+            "inputs": self.inputs.to_dict() if self.inputs else None,
+            "scale": self.scale.to_dict() if self.scale else None,
             "problems": list(self.problems),
         }
 
@@ -57,6 +67,8 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
     >>> check_campaign(st.Campaign.load("examples/cwolf/campaign.toml")).problems  # doctest: +SKIP
     ()
     """
+    from seatrial.anchor import judge_scale
+    from seatrial.inputs import judge_inputs
     from seatrial.stage import plan
 
     reports: dict[str, RecordingReport] = {}
@@ -67,8 +79,10 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         except SeatrialError as error:
             problems.append(str(error))
     stages: tuple[StageOutline, ...] = ()
+    inputs, scale = None, None
     if not problems:
         try:
+            inputs, scale = judge_inputs(campaign), judge_scale(campaign)
             stages = tuple(
                 StageOutline(
                     name=one.stage.name,
@@ -83,4 +97,6 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
             )
         except SeatrialError as error:
             problems.append(str(error))
-    return CampaignCheck(campaign.name, campaign.vehicle.name, reports, stages, tuple(problems))
+    return CampaignCheck(
+        campaign.name, campaign.vehicle.name, reports, stages, inputs, scale, tuple(problems)
+    )

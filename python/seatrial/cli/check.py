@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from seatrial.check import VehicleCheck
     from seatrial.check.campaign import CampaignCheck
+    from seatrial.inputs import InputJudgement
 
 
 def check(
@@ -131,7 +132,7 @@ def _print_campaign(console: Console, found: CampaignCheck) -> None:
                 stage.name,
                 ", ".join(stage.trials),
                 stage.free,
-                ", ".join(stage.coefficients),
+                str(len(stage.coefficients)),
                 str(stage.segments),
                 str(stage.samples),
                 f"{1e3 * stage.step_s:.3g}",
@@ -140,5 +141,35 @@ def _print_campaign(console: Console, found: CampaignCheck) -> None:
         ]
         head = ["stage", "trials", "free", "coefficients", "segments", "samples", "step, ms"]
         console.print()
-        console.print(table("Stages in the order of their run", head, rows, left=4))
-        console.print("Ready to identify.")
+        console.print(table("Stages in the order of their run", head, rows, left=3))
+        for stage in found.stages:
+            console.print(f"{stage.name}: {', '.join(stage.coefficients)}", soft_wrap=True, markup=False)
+        console.print()
+    if found.inputs is not None:
+        _print_inputs(console, found.inputs)
+    if found.scale is not None:
+        console.print("Scale of all forces", style="bold")
+        _print_sentences(console, found.scale.sentences())
+    if not found.problems:
+        console.print("\nReady to identify.")
+
+
+def _print_inputs(console: Console, found: InputJudgement) -> None:
+    from seatrial.cli.console import table
+
+    if found.drives:
+        rows = [
+            [one.actuator, one.group, f"{one.rms_n:.3g}", f"{100.0 * one.ahead:.0f}"] for one in found.drives
+        ]
+        head = ["actuator", "group", "thrust about its mean, N", "impulse ahead, %"]
+        console.print(table("Inputs over what is fitted", head, rows, left=2))
+    else:
+        console.print("Inputs over what is fitted", style="bold")
+    _print_sentences(console, found.sentences())
+    console.print()
+
+
+def _print_sentences(console: Console, sentences: list[str]) -> None:
+    for sentence in sentences:
+        style = "yellow" if sentence.startswith("WARNING") else None
+        console.print(f"- {sentence}", soft_wrap=True, markup=False, style=style)
