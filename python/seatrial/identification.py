@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.parameters import actuator_groups
-from seatrial.recording.columns import CHANNELS
+from seatrial.parameters import Parameter, actuator_groups
 from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
 from seatrial.stage import StageResult
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.anchor import ScaleReport
     from seatrial.campaign import Campaign
+    from seatrial.certainty import Certainty
+    from seatrial.identifiability import Identifiability
     from seatrial.score import Score
 
 _AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -24,9 +26,11 @@ _AT_BOUND = 0.005
 
 @dataclass(frozen=True)
 class Estimate:
-    """One coefficient: from where it started, where it may lie, where it came to lie.
+    """One coefficient: from where it started, where it may lie, where it came to lie, how sure that is.
 
     ``at_bound`` is "lower" or "upper" where the estimate lies within 0.5 % of the box at a bound, else None.
+    ``sigma`` is its standard deviation, ``interval`` the 95 % interval, ``verdict`` "identifiable", "weak" or
+    "not identifiable"; None where the coefficient is not in the joint estimate.
     """
 
     name: str
@@ -38,6 +42,9 @@ class Estimate:
     at_bound: str | None
     stage: str
     parameter: str
+    sigma: float | None = None
+    interval: tuple[float, float] | None = None
+    verdict: str | None = None
 
     @property
     def factor(self) -> float | None:
@@ -59,6 +66,13 @@ class Identification:
         An `Estimate` per coefficient: start value, estimate, bounds, bound hit or not.
     stages
         A `StageResult` per stage that ran: costs, history, segments, step.
+    certainty
+        A `Certainty`: joint estimate, standard deviations, what the data tell, what the model lacks; None
+        where the stages were interrupted or the trials cannot be judged jointly.
+    before
+        Sentences on what the data cannot tell, known before the search.
+    scale
+        A `ScaleReport`: what the absolute scale of all forces rests on, and what the anchors say of it.
     scores
         "fit" (the training part of every trial in a stage) and, where something is held out, "hold_out";
         each holds a `Score` per trial and one pooled under "all", for ten seconds ahead ("ahead") and for a
@@ -75,6 +89,9 @@ class Identification:
     vehicle: Vehicle
     coefficients: tuple[Estimate, ...]
     stages: tuple[StageResult, ...]
+    certainty: Certainty | None
+    before: tuple[str, ...]
+    scale: ScaleReport
     scores: Mapping[str, Mapping[str, Mapping[str, Score]]]
     notes: tuple[str, ...]
     facts: Mapping[str, Any]
@@ -83,9 +100,27 @@ class Identification:
 
     def summary(self) -> str:
         """Text that a control engineer reads: stages, coefficients, what they mean, scores, advice."""
-        parts = [self._stage_table(), self._coefficient_table(), self._meaning()]
-        parts += [self._score_table(), self._advice()]
-        return "\n\n".join(part for part in parts if part)
+        from seatrial.identification_text import summary
+
+        return summary(self)
+
+    @property
+    def identifiability(self) -> Identifiability | None:
+        """What the data tell and what they cannot; None without a joint estimate."""
+        return None if self.certainty is None else self.certainty.identifiability
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviations of the jointly estimated coefficients in their units; infinite if undetermined."""
+        return {row.name: row.sigma for row in self.coefficients if row.sigma is not None}
+
+    def score_rows(self) -> Iterator[dict[str, Any]]:
+        """A row per part, kind, trial and channel of the scores."""
+        for part, kinds in self.scores.items():
+            for kind, row in kinds.items():
+                for trial, score in row.items():
+                    for channel, one in score.items():
+                        yield {"part": part, "kind": kind, "trial": trial, "channel": channel} | asdict(one)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the trials as plain numbers, texts, lists and dicts."""
@@ -97,6 +132,9 @@ class Identification:
             "coefficients": [asdict(row) | {"factor": row.factor} for row in self.coefficients],
             "derived": derived(self.vehicle),
             "stages": [stage.to_dict() for stage in self.stages],
+            "before": list(self.before),
+            "scale": self.scale.to_dict(),
+            "certainty": None if self.certainty is None else self.certainty.to_dict(),
             "scores": {
                 part: {
                     kind: {name: score.to_dict() for name, score in row.items()} for kind, row in of.items()
@@ -133,7 +171,7 @@ class Identification:
             [{"stage": stage.name} | asdict(step) for stage in self.stages for step in stage.history],
             infer_schema_length=None,
         )
-        scores = pl.DataFrame(list(self._score_rows()), infer_schema_length=None)
+        scores = pl.DataFrame(list(self.score_rows()), infer_schema_length=None)
         files: dict[str, str | bytes] = {
             RUN_FILE: to_json(self.facts),
             "campaign.toml": self.campaign.text,
@@ -148,87 +186,6 @@ class Identification:
             if not stage.interrupted:
                 files[directory.stage_name(stage.name)] = to_json(stage.to_dict())
         return directory.publish(files)
-
-    def _stage_table(self) -> str:
-        rows = [
-            (
-                stage.name + (" (interrupted)" if stage.interrupted else " (kept)" if stage.reused else ""),
-                ", ".join(stage.trials),
-                f"{stage.start_cost:.4g}",
-                f"{stage.cost:.4g}",
-                f"{stage.evaluations}",
-                f"{1e3 * stage.step_s:.3g} ms",
-                f"{stage.wall_s:.1f} s",
-            )
-            for stage in self.stages
-        ]
-        head = ("Stage", "trials", "cost at start", "best", "candidates", "step", "time")
-        return _table(head, rows)
-
-    def _coefficient_table(self) -> str:
-        rows = [
-            (
-                row.name,
-                row.unit,
-                f"{row.start:.4g}",
-                f"{row.estimate:.4g}",
-                "" if row.factor is None else f"{row.factor:.3g}",
-                f"[{row.lower + 0.0:.4g}, {row.upper + 0.0:.4g}]"
-                + (f" at {row.at_bound}" if row.at_bound else ""),
-                row.stage,
-            )
-            for row in self._distinct()
-        ]
-        return _table(("Coefficient", "unit", "start", "estimate", "factor", "bounds", "stage"), rows)
-
-    def _distinct(self) -> tuple[Estimate, ...]:
-        """Rows with one for the equal coefficients of an actuator group, under the group's name."""
-        names = {row.name for row in self.coefficients}
-        rows: dict[tuple[str, float], Estimate] = {}
-        for row in self.coefficients:
-            name = row.name if row.parameter in names else row.parameter
-            rows.setdefault((name, row.estimate), replace(row, name=name))
-        return tuple(rows.values())
-
-    def _meaning(self) -> str:
-        return _table(
-            ("Quantity", "value"), [(name, f"{value:.4g}") for name, value in derived(self.vehicle).items()]
-        )
-
-    def _score_rows(self) -> Iterator[dict[str, Any]]:
-        for part, kinds in self.scores.items():
-            for kind, row in kinds.items():
-                for trial, score in row.items():
-                    for channel, one in score.items():
-                        yield {"part": part, "kind": kind, "trial": trial, "channel": channel} | asdict(one)
-
-    def _score_table(self) -> str:
-        titles = {"ahead": "10 s ahead", "free": "free run"}
-        scored = {row["channel"] for row in self._score_rows()}
-        channels = [channel for channel in CHANNELS if channel in scored]
-        rows = []
-        for part, kinds in self.scores.items():
-            for kind, per_trial in kinds.items():
-                for trial, score in per_trial.items():
-                    cells = (f"{score.r2[c]:.3f}" if c in score.r2 else "" for c in channels)
-                    rows.append((f"R2 {part.replace('_', ' ')}, {titles[kind]}", trial, *cells))
-        return _table(("Score", "trial", *channels), rows) if rows else ""
-
-    def _advice(self) -> str:
-        lines = [
-            f"{row.name} lies at its {row.at_bound} bound: widen it if the value makes sense; otherwise the"
-            " data of its stage cannot tell this coefficient"
-            for row in self._distinct()
-            if row.at_bound
-        ]
-        lines += self.notes
-        if self.interrupted:
-            lines.append(
-                "Interrupted: the best so far is shown"
-                + (f"; not run: {', '.join(self.not_run)}" if self.not_run else "")
-                + ". Run again with the same run directory to go on"
-            )
-        return "\n".join(lines)
 
 
 def derived(vehicle: Vehicle) -> dict[str, float]:
@@ -255,49 +212,70 @@ def derived(vehicle: Vehicle) -> dict[str, float]:
     return found
 
 
-def estimates(campaign: Campaign, stages: tuple[StageResult, ...]) -> tuple[Estimate, ...]:
-    """Rows for every coefficient that a stage set; the last stage that set it counts."""
-    initial, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
+def estimates(
+    campaign: Campaign, stages: tuple[StageResult, ...], certainty: Certainty | None = None
+) -> tuple[Estimate, ...]:
+    """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it."""
     rows: dict[str, Estimate] = {}
     for stage in stages:
         for parameter in campaign.parameters[stage.name]:
-            value = stage.estimates[parameter.name]
-            near = _AT_BOUND * (parameter.upper - parameter.lower)
-            for member, factor in parameter.members:
-                lower, upper = sorted((factor * parameter.lower, factor * parameter.upper))
-                at_bound = None
-                if value - parameter.lower < near:
-                    at_bound = "lower" if factor > 0 else "upper"
-                elif parameter.upper - value < near:
-                    at_bound = "upper" if factor > 0 else "lower"
-                start = (
-                    stage.starts[parameter.name] * factor
-                    if parameter.start_given
-                    else initial.get(member, 0.0)
-                )
-                rows[member] = Estimate(
-                    name=member,
-                    unit=info[member]["unit"],
-                    start=start,
-                    estimate=factor * value,
-                    lower=lower,
-                    upper=upper,
-                    at_bound=at_bound,
-                    stage=stage.name,
-                    parameter=parameter.name,
-                )
+            value, start = stage.estimates[parameter.name], stage.starts[parameter.name]
+            rows |= _rows(campaign, parameter, value, start=start, stage=stage.name)
+    for parameter in () if certainty is None else certainty.parameters:
+        known = certainty.of(parameter.name) if certainty is not None else None
+        if known is not None:
+            moved = certainty is not None and certainty.polished.rounds > 0
+            before = rows.get(parameter.members[0][0])
+            rows |= _rows(
+                campaign,
+                parameter,
+                known["estimate"],
+                start=parameter.start,
+                stage=before.stage if before is not None and not moved else "joint polish",
+                known=known,
+            )
     return tuple(rows.values())
 
 
-def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    """Text table with aligned columns; empty without rows."""
-    if not rows:
-        return ""
-    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in [head, *rows]
-    ]
-    return "\n".join(line.rstrip() for line in lines)
+def _rows(
+    campaign: Campaign,
+    parameter: Parameter,
+    value: float,
+    *,
+    start: float,
+    stage: str,
+    known: Mapping[str, Any] | None = None,
+) -> dict[str, Estimate]:
+    """A row per coefficient that a parameter sets."""
+    initial, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
+    near = _AT_BOUND * (parameter.upper - parameter.lower)
+    rows = {}
+    for member, factor in parameter.members:
+        lower, upper = sorted((factor * parameter.lower, factor * parameter.upper))
+        at_bound = None
+        if value - parameter.lower < near:
+            at_bound = "lower" if factor > 0 else "upper"
+        elif parameter.upper - value < near:
+            at_bound = "upper" if factor > 0 else "lower"
+        interval = None
+        if known is not None:
+            ends = sorted((factor * known["lower"], factor * known["upper"]))
+            interval = (ends[0], ends[1])
+        rows[member] = Estimate(
+            name=member,
+            unit=info[member]["unit"],
+            start=start * factor if parameter.start_given else initial.get(member, 0.0),
+            estimate=factor * value,
+            lower=lower,
+            upper=upper,
+            at_bound=at_bound,
+            stage=stage,
+            parameter=parameter.name,
+            sigma=None if known is None else abs(factor) * known["sigma"],
+            interval=interval,
+            verdict=None if known is None else known["verdict"],
+        )
+    return rows
 
 
 def _parquet(frame: Any) -> bytes:

@@ -1,6 +1,6 @@
 """Identification of a campaign: the public function.
 
-The work is in `seatrial.stage_order`, loaded at the call: `import seatrial` stays light.
+The work is in `seatrial.conduct`, loaded at the call: `import seatrial` stays light.
 """
 
 from __future__ import annotations
@@ -60,6 +60,6 @@ def identify(
     >>> fit = st.identify(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
     >>> print(fit.summary())  # doctest: +SKIP
     """
-    from seatrial.stage_order import run
+    from seatrial.conduct import conduct
 
-    return run(campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
+    return conduct(campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads)

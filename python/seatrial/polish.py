@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -48,12 +49,25 @@ class Polished:
     spread: Array
     costs: Array
 
+    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
+        """The polish as plain numbers, values by the unknowns' names."""
+        kept = ("cost", "start_cost", "rounds", "evaluations", "converged", "interrupted", "wall_s")
+        return {key: getattr(self, key) for key in kept} | {
+            "values": dict(zip(names, self.values.tolist(), strict=True)),
+            "noise": self.noise.tolist(),
+            "starts": [
+                {"cost": cost, "values": dict(zip(names, row, strict=True))}
+                for cost, row in zip(self.costs.tolist(), self.spread.tolist(), strict=True)
+            ],
+        }
+
 
 def polish(
     joint: Joint,
     *,
     start: Array | None = None,
     fixed: Sequence[int] = (),
+    rounds: int | None = None,
     watch: Callable[[Step], None] | None = None,
 ) -> Polished:
     """Joint estimate from a start, and from others around it where the campaign asks for several.
@@ -65,12 +79,15 @@ def polish(
         By default the joint estimate's own start.
     fixed : sequence of int
         Places of unknowns that keep their start value (for a profile).
+    rounds : int, optional
+        Rounds at most; by default the campaign's. None is taken with zero: the start is judged.
     watch : callable, optional
         Called after every round; it may raise KeyboardInterrupt.
     """
     began = time.monotonic()
     first = joint.start if start is None else np.asarray(start, dtype=float)
-    search = _Descent(joint, frozenset(fixed), watch)
+    limit = joint.polish.rounds if rounds is None else rounds
+    search = _Descent(joint, frozenset(fixed), limit, watch)
     found = [search.run(first)]
     generator = np.random.default_rng(joint.campaign.seed)
     for _ in range(joint.polish.starts - 1):
@@ -125,8 +142,10 @@ def linearise(
 class _Descent:
     """Workspace of one polish from one start or several."""
 
-    def __init__(self, joint: Joint, fixed: frozenset[int], watch: Callable[[Step], None] | None) -> None:
-        self.joint, self.watch = joint, watch
+    def __init__(
+        self, joint: Joint, fixed: frozenset[int], limit: int, watch: Callable[[Step], None] | None
+    ) -> None:
+        self.joint, self.limit, self.watch = joint, limit, watch
         self.rounds = GaussNewton(joint, fixed)
         self.began = time.monotonic()
 
@@ -144,7 +163,7 @@ class _Descent:
         before = initial
         rounds, evaluations, converged, interrupted = 0, self.rounds.evaluations, False, False
         try:
-            while rounds < joint.polish.rounds and not converged:
+            while rounds < self.limit and not converged:
                 rounds += 1
                 values, initial, promised = self.rounds.round(values, initial, centre)
                 noise = self.rounds.noise.copy()
@@ -190,7 +209,7 @@ class _Descent:
                 Step(
                     "polish",
                     rounds,
-                    self.joint.polish.rounds,
+                    self.limit,
                     self.rounds.evaluations,
                     self.rounds.cost(values, initial, centre),
                     time.monotonic() - self.began,

@@ -12,7 +12,8 @@ class Progress:
     """State of an identification after one batch of candidates of one stage.
 
     ``best`` is that stage's best cost, ``fraction`` the share of all stages' work that is done and ``left_s``
-    the time left, s, if every search uses its whole budget.
+    the time left, s, if every search uses its whole budget. ``notes`` are sentences to show at once: what the
+    data cannot tell, known before the search.
     """
 
     stage: str
@@ -26,3 +27,4 @@ class Progress:
     fraction: float
     elapsed_s: float
     left_s: float
+    notes: tuple[str, ...] = ()

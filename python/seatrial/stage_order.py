@@ -4,67 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import platform
+import math
 import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import astuple, replace
-from datetime import UTC, datetime
 from importlib import metadata
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from seatrial import _core
 from seatrial.campaign import Campaign
-from seatrial.hold_out import part_scores
-from seatrial.identification import Identification, estimates
 from seatrial.progress import Progress
 from seatrial.run_directory import RunDirectory, to_json
 from seatrial.search import Step
-from seatrial.stage import StagePlan, StageResult, plan, run_stage
+from seatrial.stage import StagePlan, StageResult, run_stage
 
-__all__ = ["run"]
-
-
-def run(
-    campaign: Campaign,
-    *,
-    run_dir: str | Path | None,
-    progress: Callable[[Progress], None] | None,
-    resume: bool,
-    threads: int | None,
-) -> Identification:
-    """Identification of the campaign's vehicle: every stage run, the result judged."""
-    began = time.monotonic()
-    started = datetime.now(UTC).isoformat(timespec="seconds")
-    plans = plan(campaign)  # refuses a bad campaign before a folder appears
-    directory = None if run_dir is None else RunDirectory(run_dir)
-    work = _Run(campaign, plans, directory, progress=progress, resume=resume, threads=threads)
-    stages = work.stages()
-    vehicle = campaign.vehicle
-    for stage in stages:
-        vehicle = vehicle.with_coefficients(stage.coefficients)
-    judged = part_scores(campaign, vehicle)
-    fit = Identification(
-        campaign=campaign,
-        vehicle=vehicle,
-        coefficients=estimates(campaign, stages),
-        stages=stages,
-        scores=judged.scores,
-        notes=judged.missing,
-        facts=_facts(campaign) | {"started_utc": started, "wall_s": time.monotonic() - began},
-        interrupted=work.stop.is_set(),
-        not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
-    )
-    if directory is not None:
-        fit.publish(directory)
-    return fit
+__all__ = ["StageOrder"]
 
 
-class _Run:
+class StageOrder:
     """Workspace of one identification: one thread per running stage, the caller's thread directs them."""
 
     def __init__(
@@ -100,7 +60,7 @@ class _Run:
                 with contextlib.suppress(queue.Empty):
                     step = self.steps.get(timeout=0.5)
                     if step is not None and self.progress is not None and not self.stop.is_set():
-                        self.progress(self._state(*step))
+                        self.progress(self.state(*step))
                 for plan in [plan for plan in running if plan.stage.name in self.outcomes]:
                     running.remove(plan)
                     self._finish(self.outcomes[plan.stage.name])
@@ -160,21 +120,22 @@ class _Run:
             self.outcomes[name] = error
         self.steps.put(None)
 
-    def _state(self, plan: StagePlan, step: Step) -> Progress:
+    def state(self, plan: StagePlan, step: Step | None) -> Progress:
+        """Progress of the whole after a step of a stage, or before the first one."""
         planned = {p.stage.name: p.work for p in self.plans}
         for name, result in self.results.items():
             if result.reused:
                 planned[name] = 0.0
-        done = sum(planned[name] for name in self.results) + plan.done(step)
-        fraction = min(done / max(sum(planned.values()), done), 1.0)
+        done = sum(planned[name] for name in self.results) + (plan.done(step) if step else 0.0)
+        fraction = min(done / max(sum(planned.values()), done, 1.0), 1.0)
         elapsed = time.monotonic() - self.began
         return Progress(
             stage=plan.stage.name,
-            phase=step.phase,
-            generation=step.generation,
-            generations=step.generations,
-            evaluations=step.evaluations,
-            best=step.best,
+            phase=step.phase if step else "starting",
+            generation=step.generation if step else 0,
+            generations=step.generations if step else plan.generations,
+            evaluations=step.evaluations if step else 0,
+            best=step.best if step else math.inf,
             stages_done=len(self.results),
             stages=len(self.plans),
             fraction=fraction,
@@ -188,7 +149,7 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: 
     data = plan.data
     digest = hashlib.sha256()
     described = {
-        "version": _version("seatrial"),
+        "version": version("seatrial"),
         "stage": plan.stage.model_dump(),
         "inputs": [campaign.input_of(name) for name in plan.stage.trials],
         "vehicle": vehicle.to_toml(),
@@ -212,24 +173,8 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: 
     return digest.hexdigest()
 
 
-def _facts(campaign: Campaign) -> dict[str, Any]:
-    """What a run rests on: versions, machine, seed, SIMD level, hashes of the inputs."""
-    return {
-        "campaign": campaign.name,
-        "seed": campaign.seed,
-        "simd": _core.simd_level(),
-        "versions": {name: _version(name) for name in ("seatrial", "numpy", "scipy", "cma", "polars")}
-        | {"python": platform.python_version()},
-        "platform": platform.platform(),
-        "sha256": {
-            "campaign": hashlib.sha256(campaign.text.encode()).hexdigest(),
-            "vehicle": hashlib.sha256(campaign.vehicle.to_toml().encode()).hexdigest(),
-        }
-        | {f"trial {name}": campaign.file_hash(name) for name in campaign.trials},
-    }
-
-
-def _version(package: str) -> str:
+def version(package: str) -> str:
+    """Version of an installed package."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from seatrial.progress import Progress
+    from seatrial.progress import Progress as State
 
 _PIPED_WIDTH = 118
 _LINE_EVERY_S = 5.0
@@ -65,7 +65,7 @@ def list_figures(console: Console, written: Sequence[Path]) -> None:
 
 
 @contextmanager
-def identification_progress(*, quiet: bool = False) -> Iterator[Callable[[Progress], None]]:
+def identification_progress(*, quiet: bool = False) -> Iterator[Callable[[State], None]]:
     """Callback for `seatrial.identify.identify` that shows stage, generation, best cost and time left.
 
     A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
@@ -82,14 +82,22 @@ def identification_progress(*, quiet: bool = False) -> Iterator[Callable[[Progre
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), TaskProgressColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("reading the trials", total=1.0)
-        yield lambda state: bar.update(task, completed=state.fraction, description=_words(state))
+
+        def show(state: State) -> None:
+            for note in state.notes:
+                bar.console.print(f"before the search: {note}", soft_wrap=True, markup=False, highlight=False)
+            bar.update(task, completed=state.fraction, description=_words(state))
+
+        yield show
 
 
-def _lines() -> Callable[[Progress], None]:
+def _lines() -> Callable[[State], None]:
     last = time.monotonic()
 
-    def show(state: Progress) -> None:
+    def show(state: State) -> None:
         nonlocal last
+        for note in state.notes:
+            print(f"before the search: {note}", file=sys.stderr, flush=True)
         if time.monotonic() - last >= _LINE_EVERY_S:
             last = time.monotonic()
             print(f"{100 * state.fraction:3.0f} %  {_words(state)}", file=sys.stderr, flush=True)
@@ -97,7 +105,7 @@ def _lines() -> Callable[[Progress], None]:
     return show
 
 
-def _words(state: Progress) -> str:
+def _words(state: State) -> str:
     left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
     return (
         f"{state.stage} [{state.stages_done + 1}/{state.stages}]: {state.phase},"

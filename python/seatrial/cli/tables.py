@@ -10,6 +10,7 @@ import numpy as np
 from seatrial.cli.console import table
 from seatrial.hold_out import POOLED
 from seatrial.identification import derived
+from seatrial.identification_text import advice, distinct, plus_minus
 from seatrial.recording.columns import DEGREE
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ def print_identification(
 ) -> None:
     """Print coefficients, scores, what they mean, and advice; the truth is known for generated trials."""
     console.print(coefficients(fit, truth))
+    if (trials := nuisances(fit)) is not None:
+        console.print(trials)
     console.print(stages(fit))
     if (scores := held_out(fit)) is not None:
         console.print(scores)
@@ -36,24 +39,29 @@ def print_identification(
 
 
 def coefficients(fit: Identification, truth: Mapping[str, float] | None = None) -> Table:
-    """Coefficient, unit, (truth,) start, estimate, factor, bound hit, stage."""
-    head = ["coefficient", "unit", *(["truth"] if truth else []), "start", "estimate", "factor"]
-    head += [*(["error"] if truth else []), "bound", "stage"]
+    """Coefficient, unit, (truth,) start, estimate ± standard deviation, verdict, bound hit, stage."""
+    head = ["coefficient", "unit", *(["truth"] if truth else []), "start", "estimate"]
+    head += [*(["error"] if truth else []), "verdict", "bound", "stage"]
     rows = []
-    for row in fit.coefficients:
+    for row in distinct(fit):
         cells = [row.name, row.unit]
         if truth:
             cells.append(f"{truth.get(row.name, 0.0):.4g}")
-        cells += [
-            f"{row.start:.4g}",
-            f"{row.estimate:.4g}",
-            "" if row.factor is None else f"{row.factor:.3g}",
-        ]
+        cells += [f"{row.start:.4g}", plus_minus(row.estimate, row.sigma)]
         if truth:
             true = truth.get(row.name, 0.0)
             cells.append(f"{100.0 * (row.estimate / true - 1.0):+.1f} %" if true else "")
-        rows.append([*cells, f"at {row.at_bound}" if row.at_bound else "", row.stage])
+        verdict = "" if row.verdict == "identifiable" else row.verdict or ""
+        rows.append([*cells, verdict, f"at {row.at_bound}" if row.at_bound else "", row.stage])
     return table(f"{fit.vehicle.name}: identified coefficients", head, rows, left=2)
+
+
+def nuisances(fit: Identification) -> Table | None:
+    """What the trials added to their records, estimated with the coefficients."""
+    found = [] if fit.certainty is None else fit.certainty.nuisances()
+    rows = [[row["name"], row["unit"], plus_minus(row["estimate"], row["sigma"])] for row in found]
+    head = ["nuisance parameter", "unit", "estimate"]
+    return table("Trials: what the coefficients need not absorb", head, rows, left=2) if rows else None
 
 
 def stages(fit: Identification) -> Table:
@@ -70,6 +78,15 @@ def stages(fit: Identification) -> Table:
         ]
         for stage in fit.stages
     ]
+    if fit.certainty is not None and fit.certainty.polished.rounds:
+        polished = fit.certainty.polished
+        cells = [
+            "joint polish",
+            f"{polished.start_cost:.4g}",
+            f"{polished.cost:.4g}",
+            str(polished.evaluations),
+        ]
+        rows.append([*cells, "", "", f"{polished.wall_s:.1f} s"])
     head = ["stage", "cost at start", "best", "candidates", "samples", "step", "time"]
     return table("Stages (cost: mean weighted error in standard deviations)", head, rows)
 
@@ -99,29 +116,11 @@ def meaning(fit: Identification) -> Table:
     return table("What the coefficients mean", ["quantity", "value"], rows)
 
 
-def advice(fit: Identification) -> list[str]:
-    """Sentences about bounds that were hit, what could not be scored, what did not run."""
-    lines = [
-        f"{row.name} lies at its {row.at_bound} bound: widen it if the value makes sense, otherwise the data"
-        f" of stage {row.stage!r} cannot tell it"
-        for row in fit.coefficients
-        if row.at_bound
-    ]
-    lines += fit.notes
-    if fit.interrupted:
-        lines.append("interrupted: the best so far is shown" + _not_run(fit))
-    return lines
-
-
 def number(value: float) -> str:
     """A score in three decimals; what is far below zero in short."""
     if not np.isfinite(value):
         return "none" if np.isnan(value) else "diverged"
     return f"{value:.3f}" if value > -10.0 else f"{value:.0f}"
-
-
-def _not_run(fit: Identification) -> str:
-    return f"; not run: {', '.join(fit.not_run)}" if fit.not_run else ""
 
 
 def _pooled(scores: Mapping[str, Score]) -> Score | None:
