@@ -9,6 +9,8 @@ import os
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import derivatives
+from benchmarks.derivatives import Derivatives
 from benchmarks.footprint import Memory, import_time, memory
 from benchmarks.speed import Speed, measure
 from seatrial import _core
@@ -16,9 +18,9 @@ from seatrial import _core
 Row = tuple[str, float, str, str]
 
 
-def rows(speed: Speed, footprint: Memory, import_s: float, heavy: list[str]) -> list[Row]:
+def rows(speed: Speed, exact: Derivatives, footprint: Memory, import_s: float, heavy: list[str]) -> list[Row]:
     """Return the claims: what is compared, the figure found, its format and what is aimed at."""
-    rate = speed.rates
+    rate, slope = speed.rates, exact.rates
     return [
         ("hull and hydrodynamics / FMA peak", speed.fraction("hull"), ".0%", "≥ 50 %"),
         ("whole CWolf chain with criterion / FMA peak", speed.fraction("chain"), ".0%", "≥ 30 %"),
@@ -29,6 +31,26 @@ def rows(speed: Speed, footprint: Memory, import_s: float, heavy: list[str]) -> 
         ("chain, every candidate its own dead times / chain", rate["dead times"] / rate["chain"], ".2f", ""),
         ("trajectory apart from CasADi C, any state in SI", speed.apart_casadi, ".1e", "≤ 1e-9"),
         ("trajectory apart from textbook, any state in SI", speed.apart_textbook, ".1e", "≤ 1e-9"),
+        (
+            "exact sensitivities / central differences, plain numbers",
+            slope["exact"] / slope["central differences"],
+            ".1f",
+            "",
+        ),
+        (
+            "exact sensitivities / central differences in lanes, which give the criterion alone",
+            slope["exact"] / slope["central differences in lanes"],
+            ".1f",
+            "",
+        ),
+        (
+            "exact sensitivities / CasADi C, forward, eight unknowns",
+            slope["exact, eight unknowns"] / slope["CasADi forward"],
+            ".1f",
+            "",
+        ),
+        ("sensitivities apart from CasADi's, relative", exact.apart_casadi, ".1e", "≤ 1e-9"),
+        ("sensitivities apart from central differences, relative", exact.apart_differences, ".1e", ""),
         (
             "peak memory of a batch / its trajectories",
             footprint.growth / footprint.trajectories,
@@ -51,10 +73,16 @@ def main() -> None:
         import_s, heavy = import_time()
         footprint = memory()
         speed = measure(rounds=arguments.rounds)
-    found = rows(speed, footprint, import_s, heavy)
+        exact = derivatives.measure(rounds=arguments.rounds)
+    found = rows(speed, exact, footprint, import_s, heavy)
     if arguments.json:
-        figures = {name: value for name, value, _, _ in found}
-        print(json.dumps({"ratios": figures, "steps_per_s": speed.rates, "peak_per_s": speed.peak}, indent=1))
+        figures = {
+            "ratios": {name: value for name, value, _, _ in found},
+            "steps_per_s": speed.rates,
+            "steps_times_unknowns_per_s": exact.rates,
+            "peak_per_s": speed.peak,
+        }
+        print(json.dumps(figures, indent=1))
         return
     ratios = Table("ratio", "found", "aim", title=f"{_core.simd_level()}, {os.cpu_count()} cores")
     for name, value, form, aim in found:
@@ -68,6 +96,10 @@ def main() -> None:
         rates.add_row(name, f"{rate:,.0f}", f"{counted:.0f}", f"{rate * counted / 1e9:.1f}")
     rates.add_row("FMA peak of one core", "", "", f"{speed.peak / 1e9:.1f}")
     console.print(rates)
+    slopes = Table("derivatives, one core", "steps × unknowns/s")
+    for name, rate in sorted(exact.rates.items(), key=lambda item: -item[1]):
+        slopes.add_row(name, f"{rate:,.0f}")
+    console.print(slopes)
 
 
 if __name__ == "__main__":

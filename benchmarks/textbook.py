@@ -173,18 +173,26 @@ def acceleration(
 
 
 def thruster_wrench(model: Model, nu_r: Array, actual: ArrayLike, voltage: float | None) -> Array:
-    """Return tau (6,) of all thrusters in the body frame (N, N m) at their ``actual`` values (own units)."""
+    """Return tau (6,) of all thrusters in the body frame (N, N m) at their ``actual`` values (own units).
+
+    The wash of the other groups takes ``loss`` of a thrust per newton that they push without inflow.
+    """
+    values = [float(value) for value in np.asarray(actual, dtype=float)]
+
+    def pushed(thruster: Thruster, value: float, inflow: float) -> tuple[float, float]:
+        ratio = model.density_ratio
+        return force_and_torque(thruster, value, inflow=inflow, voltage=voltage, density_ratio=ratio)
+
+    still = [abs(pushed(t, value, 0.0)[0]) for t, value in zip(model.thrusters, values, strict=True)]
     tau = np.zeros(6)
-    for thruster, value in zip(model.thrusters, np.asarray(actual, dtype=float), strict=True):
-        thrust, torque = force_and_torque(
-            thruster,
-            float(value),
-            inflow=thruster.inflow(nu_r),
-            voltage=voltage,
-            density_ratio=model.density_ratio,
+    for thruster, value in zip(model.thrusters, values, strict=True):
+        thrust, torque = pushed(thruster, value, thruster.inflow(nu_r))
+        others = sum(
+            size for t, size in zip(model.thrusters, still, strict=True) if t.group != thruster.group
         )
-        tau += thruster.wrench * thrust
-        tau[3:] += thruster.direction * torque
+        left = max(1.0 - thruster.loss * others, 0.0)
+        tau += left * thruster.wrench * thrust
+        tau[3:] += left * thruster.direction * torque
     return tau
 
 

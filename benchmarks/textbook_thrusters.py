@@ -86,6 +86,9 @@ class Thruster:
     gain: float = 1.0
     wake: float = 0.0
     thrust_deduction: float = 0.0
+    astern_ratio: float = 1.0
+    loss: float = 0.0
+    group: str = ""
     # Of a force of one newton along d, and d itself; zero where the wrench has no force.
     unit_wrench: Array = field(init=False)
     direction: Array = field(init=False)
@@ -253,6 +256,8 @@ def force_and_torque(
     """
     c, signal = thruster.characteristic, float(thruster.signal(value))
     scale = thruster.gain * (1.0 if isinstance(c, Newton) else density_ratio)
+    if thrust(c, signal, V_a=0.0, voltage=voltage) < 0.0:
+        scale *= thruster.astern_ratio
     V_a = (1.0 - thruster.wake) * inflow
     force = scale * (1.0 - thruster.thrust_deduction) * thrust(c, signal, V_a=V_a, voltage=voltage)
     if not isinstance(c, Quadratic):

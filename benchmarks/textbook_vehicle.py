@@ -161,6 +161,9 @@ def thruster(
         gain=own.get("gain", 0.0),
         wake=own.get("w", 0.0),
         thrust_deduction=own.get("t", 0.0),
+        astern_ratio=own.get("astern_ratio", 1.0),
+        loss=own.get("loss", 0.0),
+        group=entry.get("group", entry["name"]),
     )
 
 

@@ -48,13 +48,17 @@ class Workload:
         """The coefficients that vary: all that the vehicle has."""
         return list(coefficient_values(self.parameters))
 
+    def own(self) -> Array:
+        """Return the vehicle's own values of ``names`` (coefficients,)."""
+        return np.array(list(coefficient_values(self.parameters).values()))
+
     def candidates(self, count: int, *, dead_times: bool = True) -> Array:
         """Return ``count`` candidates (count, coefficients) within 5 % of the vehicle's own."""
-        own = coefficient_values(self.parameters)
-        spread = np.random.default_rng(5).uniform(0.95, 1.05, size=(count, len(own)))
+        names = self.names()
+        spread = np.random.default_rng(5).uniform(0.95, 1.05, size=(count, len(names)))
         if not dead_times:
-            spread[:, [name.endswith(DEAD_TIME) for name in own]] = 1.0
-        values: Array = spread * np.array(list(own.values()))
+            spread[:, [name.endswith(DEAD_TIME) for name in names]] = 1.0
+        values: Array = spread * self.own()
         return values
 
     def open_loop(self) -> _core.OpenLoop:

@@ -196,7 +196,8 @@ impl OpenLoop {
     /// values (names,); directions (d, names): rows of changes of the coefficients, one per name when missing;
     /// nuisances and initials: names of further unknowns. The m columns are directions, nuisances, initials.
     /// channels: names of those to differentiate, all when missing. nuisance (records, 32) and initial
-    /// (segments, 12): values, zero when missing. Derivatives by dual numbers, exact to rounding.
+    /// (segments, 12): values, zero when missing. Derivatives by dual numbers, exact to rounding; where a
+    /// function has a corner (|x| at 0, a latency or dead time of whole steps), that of one side or zero.
     #[pyo3(signature = (values, directions = None, *, nuisances = Vec::new(), initials = Vec::new(), channels = None, nuisance = None, initial = None, threads = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn sensitivities(
@@ -326,8 +327,9 @@ impl Place {
 /// The place of a name among the known ones.
 fn named<N: AsRef<str>>(what: &str, name: &str, known: &[N]) -> PyResult<usize> {
     known.iter().position(|k| k.as_ref() == name).ok_or_else(|| {
-        let near = nearest(name, known.iter().map(AsRef::as_ref));
-        refused(format!("{what}: unknown name \"{name}\"{near}"))
+        let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
+        let near = nearest(name, known.iter().copied());
+        refused(format!("{what}: expected {}, found \"{name}\"{near}", known.join(", ")))
     })
 }
 

@@ -17,7 +17,7 @@ pub mod motor;
 
 use crate::algebra::Vec6;
 use crate::real::Real;
-use characteristic::Characteristic;
+use characteristic::{Characteristic, Thrust};
 use motor::Motor;
 
 /// One thruster.
@@ -33,6 +33,12 @@ pub struct Actuator<T> {
     pub torque: Option<Vec6<T>>,
     /// Direction of the inflow, `u_a = inflow · ν_r`.
     pub inflow: Vec6<T>,
+    /// Further factor on the thrust astern, where it is not one or is sought.
+    pub astern_ratio: Option<T>,
+    /// Share of the thrust that is lost per newton of the other groups' thrust, where there is such a loss.
+    pub loss: Option<T>,
+    /// Index of the group.
+    pub group: usize,
 }
 
 impl<T: Real> Actuator<T> {
@@ -49,5 +55,34 @@ impl<T: Real> Actuator<T> {
             }
         }
         sum
+    }
+
+    /// A thrust with the ratio of its direction.
+    #[inline(always)]
+    pub fn directed(&self, thrust: Thrust<T>) -> Thrust<T> {
+        let Some(ratio) = self.astern_ratio else { return thrust };
+        let zero = ratio.zero();
+        thrust.times(T::select(thrust.force.lt(zero), ratio, zero.splat(1.0)))
+    }
+}
+
+/// Takes from each thrust what the wash of the other groups costs it:
+/// `F_i (1 − loss_i Σ_j |F_j|)`, j over the actuators of other groups, never below zero.
+#[inline(always)]
+pub fn interact<T: Real>(actuators: &[Actuator<T>], thrusts: &mut [Thrust<T>]) {
+    if actuators.iter().all(|actuator| actuator.loss.is_none()) {
+        return;
+    }
+    let alone: Vec<T> = thrusts.iter().map(|thrust| thrust.force.abs()).collect();
+    for (actuator, thrust) in actuators.iter().zip(thrusts) {
+        let Some(loss) = actuator.loss else { continue };
+        let mut others = loss.zero();
+        for (other, force) in actuators.iter().zip(&alone) {
+            if other.group != actuator.group {
+                others += *force;
+            }
+        }
+        let left = loss.neg_mul_add(others, loss.splat(1.0)).max(loss.zero());
+        *thrust = thrust.times(left);
     }
 }

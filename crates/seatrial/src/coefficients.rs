@@ -59,7 +59,7 @@ const RIGID: [(&str, &str, &str); 14] = [
 ];
 
 /// Coefficients of an actuator: name, unit, meaning. `<c>` is the command's unit.
-pub const ACTUATOR: [(&str, &str, &str); 22] = [
+pub const ACTUATOR: [(&str, &str, &str); 24] = [
     ("gain", "1", "factor on the thrust"),
     ("p1_ahead", "N s2", "thrust per |n| n ahead, n in rev/s"),
     ("p1_astern", "N s2", "thrust per |n| n astern, n in rev/s"),
@@ -82,10 +82,18 @@ pub const ACTUATOR: [(&str, &str, &str); 22] = [
     ("lever_K", "m", "roll moment about O per newton of thrust"),
     ("lever_M", "m", "pitch moment about O per newton of thrust"),
     ("lever_N", "m", "yaw moment about O per newton of thrust"),
+    ("astern_ratio", "1", "further factor on the thrust astern"),
+    ("loss", "1/N", "share of the thrust lost per newton of the other groups' thrust"),
 ];
 
 /// Offset of `lever_K` in [`ACTUATOR`]; two more follow.
 pub const LEVERS: usize = 19;
+
+/// Offset of `astern_ratio` in [`ACTUATOR`].
+pub const ASTERN_RATIO: usize = 22;
+
+/// Offset of `loss` in [`ACTUATOR`].
+pub const LOSS: usize = 23;
 
 /// Number of coefficients per actuator.
 pub const PER_ACTUATOR: usize = ACTUATOR.len();

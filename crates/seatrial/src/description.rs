@@ -127,6 +127,12 @@ impl Description {
         Ok(description)
     }
 
+    /// Index of the first actuator in the group of actuator `k`.
+    pub fn group(&self, k: usize) -> usize {
+        let name = |i: usize| &self.actuators[i].thruster.group;
+        (0..k).find(|&i| name(i) == name(k)).unwrap_or(k)
+    }
+
     /// The same vehicle with other values of some coefficients.
     ///
     /// # Errors

@@ -17,6 +17,8 @@ mod instruction_sets;
 mod model;
 #[path = "scalars/nuisances.rs"]
 mod nuisances;
+#[path = "scalars/played_motors.rs"]
+mod played_motors;
 #[path = "scalars/population.rs"]
 mod population;
 #[path = "scalars/sensitivities.rs"]

@@ -29,6 +29,19 @@ pub struct Thrust<T> {
     pub torque_per_inflow: T,
 }
 
+impl<T: Real> Thrust<T> {
+    /// Thrust and torque times a factor.
+    #[inline(always)]
+    pub fn times(&self, factor: T) -> Self {
+        Self {
+            force: self.force * factor,
+            force_per_inflow: self.force_per_inflow * factor,
+            torque: self.torque * factor,
+            torque_per_inflow: self.torque_per_inflow * factor,
+        }
+    }
+}
+
 /// The shape of a characteristic.
 #[derive(Clone)]
 pub enum Shape<T> {

@@ -19,6 +19,8 @@ impl Description {
         if index >= names::HULL {
             return match names::ACTUATOR[(index - names::HULL) % names::PER_ACTUATOR].0 {
                 "gain" => Some((0.2, 2.0)),
+                "astern_ratio" => Some((0.5, 1.5)),
+                "loss" => Some((0.0, 0.02)),
                 "T_1" | "T_t" => Some((0.0, 1.0)),
                 "w" | "t" => Some((0.0, 0.5)),
                 "K_V" => Some((0.8, 1.2)),

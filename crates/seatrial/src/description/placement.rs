@@ -58,7 +58,8 @@ impl ActuatorDescription {
     /// [`names::ACTUATOR`].
     pub(super) fn uses(&self, offset: usize) -> bool {
         match names::ACTUATOR[offset].0 {
-            "gain" | "t" | "K_V" | "T_1" | "T_t" | "lever_K" | "lever_M" | "lever_N" => true,
+            "gain" | "t" | "K_V" | "T_1" | "T_t" | "lever_K" | "lever_M" | "lever_N" | "astern_ratio"
+            | "loss" => true,
             "p1_ahead" | "p1_astern" | "p2" | "w" | "q1" | "q2" => self.kind() == "quadratic",
             "n_acc" | "n_dec" => self.rate_limited,
             _ => self.kind() == "polynomial",
@@ -111,6 +112,7 @@ pub(super) fn place(
         set(name, *lever);
     }
     set("gain", 1.0);
+    set("astern_ratio", 1.0);
     set("K_V", motor.k_v);
     set("T_1", motor.t_1_s);
     set("T_t", motor.t_t_s);

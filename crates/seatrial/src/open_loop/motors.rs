@@ -12,6 +12,7 @@
 //! Tests: `tests/laws/motor.rs`, `tests/scalars.rs`.
 
 use super::{MotorStart, Record, Segment};
+use crate::actuator::interact;
 use crate::actuator::motor::{MotorState, MotorStep};
 use crate::coefficients::{HULL, PER_ACTUATOR};
 use crate::description::Description;
@@ -262,11 +263,13 @@ impl<'a, T: Real> Motors<'a, T> {
         let voltage = self.voltage(k);
         instant.thrusts.clear();
         for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
-            instant.thrusts.push(match self.now.get(i) {
+            let thrust = match self.now.get(i) {
                 Some((_, Some(force))) => actuator.characteristic.scaled(self.unit.splat(*force)),
                 _ => actuator.characteristic.thrust(self.signals[i], voltage),
-            });
+            };
+            instant.thrusts.push(actuator.directed(thrust));
         }
+        interact(&self.vehicle.actuators, &mut instant.thrusts);
         self.vehicle.sum_inflow_free(instant, self.unit);
     }
 }

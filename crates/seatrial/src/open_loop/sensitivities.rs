@@ -3,7 +3,13 @@
 //!
 //! Every (segment, eight unknowns) pair is a task of its own, so that threads never change a result.
 //!
-//! Tests: `tests/scalars/dual.rs`, `tests/test_sensitivities.py` (finite differences, CasADi).
+//! The model has corners, where one of the derivatives beside them counts: a dead time or a latency of whole
+//! steps, knots of a measured table, the ends of a rate limit; |x| at zero has derivative zero. Behind a rate
+//! limit a dead time matters only near the end of a step: a jump of the command that arrives within one
+//! starts the same ramp.
+//!
+//! Tests: `tests/scalars/sensitivities.rs`, `tests/test_sensitivities.py` (finite differences),
+//! `tests/test_casadi_derivatives.py`.
 
 use super::batch::Batch;
 use super::{Observer, Segment, Start, fly};

@@ -30,6 +30,8 @@ pub struct Structure {
     inflow: Vec<bool>,
     torque: Vec<bool>,
     lag: Vec<bool>,
+    astern_ratio: Vec<bool>,
+    loss: Vec<bool>,
 }
 
 impl Structure {
@@ -52,7 +54,13 @@ impl Structure {
             bias: (names::BIAS..names::HULL).any(present),
             inflow: actuators.clone().map(|k| any(k, &[3, 7])).collect(),
             torque: actuators.clone().map(|k| any(k, &[6, 7])).collect(),
-            lag: actuators.map(|k| any(k, &[15])).collect(),
+            lag: actuators.clone().map(|k| any(k, &[15])).collect(),
+            astern_ratio: actuators
+                .clone()
+                .map(|k| description.layout.actuator(k) + names::ASTERN_RATIO)
+                .map(|i| description.coefficients[i] != 1.0 || sought.contains(&i))
+                .collect(),
+            loss: actuators.map(|k| any(k, &[names::LOSS])).collect(),
         }
     }
 }
@@ -234,5 +242,8 @@ fn actuator<T: Real>(
         wrench,
         torque: structure.torque[k].then(|| [0.0, 0.0, 0.0, dx, dy, dz].map(splat)),
         inflow,
+        astern_ratio: structure.astern_ratio[k].then(|| c(names::ASTERN_RATIO)),
+        loss: structure.loss[k].then(|| c(names::LOSS)),
+        group: description.group(k),
     }
 }

@@ -2,7 +2,8 @@
 
 use crate::vehicles::{attitude, cases, distance, velocity};
 use proptest::prelude::*;
-use seatrial::kinematics::{euler_rate, from_euler, quaternion_rate, rotation, to_euler};
+use seatrial::algebra::product;
+use seatrial::kinematics::{euler_rate, from_euler, quaternion_product, quaternion_rate, rotation, to_euler};
 use seatrial::real::Real;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -68,8 +69,30 @@ proptest! {
         // Central difference: rates up to 15 rad/s cubed times step²/6, and rounding 1e-16/step.
         prop_assert!(distance(&quotient, &exact) < 1e-7);
         let r = rotation(&from_euler(&angles));
-        let velocity = seatrial::algebra::product(&r, &[nu[0], nu[1], nu[2]]);
+        let velocity = product(&r, &[nu[0], nu[1], nu[2]]);
         prop_assert!(distance(&velocity, &[rate[0], rate[1], rate[2]]) < 1e-14);
+    }
+
+    #[test]
+    fn law_a_product_of_quaternions_is_one_rotation_after_the_other(a in attitude(), b in attitude()) {
+        let found = rotation(&quaternion_product(&a, &b));
+        for k in 0..3 {
+            let axis = std::array::from_fn(|i| f64::from(u8::from(i == k)));
+            let expected = product(&rotation(&a), &product(&rotation(&b), &axis));
+            // A few dozen roundings of numbers up to one.
+            prop_assert!(distance(&[found[0][k], found[1][k], found[2][k]], &expected) < 4e-15);
+        }
+        let [w, x, y, z] = a;
+        let none = quaternion_product(&a, &[w, -x, -y, -z]);
+        prop_assert!(distance(&none, &[1.0, 0.0, 0.0, 0.0]) < 1e-15);
+        prop_assert_eq!(quaternion_product(&a, &[1.0, 0.0, 0.0, 0.0]), a);
+    }
+
+    #[test]
+    fn law_the_quaternion_rate_is_half_a_product(q in attitude(), nu in velocity(1.0, 1.0)) {
+        let half = quaternion_product(&q, &[0.0, 0.5 * nu[3], 0.5 * nu[4], 0.5 * nu[5]]);
+        // Two orders of three products.
+        prop_assert!(distance(&half, &quaternion_rate(&q, &[nu[3], nu[4], nu[5]])) < 1e-15);
     }
 
     #[test]

@@ -1,8 +1,10 @@
-//! Every instruction set of this processor gives the same population, forced by `SEATRIAL_SIMD`.
+//! Every instruction set of this processor gives the same population and the same derivatives, forced by
+//! `SEATRIAL_SIMD`.
 //!
-//! The variable is read by the process, so this test starts itself once per level.
+//! The variable is read by the process, so these tests start themselves once per level.
 
 use crate::candidates::Trials;
+use crate::flights::{Flights, NAMES};
 use seatrial::criterion::{CHANNELS, Loss};
 use seatrial::real::lanes::{SIMD_VARIABLE, available_levels, level};
 use std::process::Command;
@@ -37,11 +39,27 @@ fn population_of_this_process() {
     }
 }
 
-/// What the process prints under a value of the variable.
-fn print_of(variable: &str) -> String {
+#[test]
+#[ignore = "started by the tests below, once per instruction set"]
+fn derivatives_of_this_process() {
+    println!("\nlevel {}", level().expect("an available level").0);
+    for name in NAMES {
+        let flights = Flights::disturbed(name);
+        let unknowns = flights.unknowns();
+        for segment in flights.sensitivities(&unknowns, &[0, 3, 7, 11]) {
+            // The end of the flight has seen all of it.
+            for x in &segment.jacobian[segment.jacobian.len() - 4 * unknowns.len()..] {
+                println!("bits {:016x}", x.to_bits());
+            }
+        }
+    }
+}
+
+/// What a test prints in a process of its own, under a value of the variable.
+fn print_of(test: &str, variable: &str) -> String {
     let this = std::env::current_exe().expect("the path of this test");
     let output = Command::new(this)
-        .args(["--exact", "instruction_sets::population_of_this_process", "--ignored", "--nocapture"])
+        .args(["--exact", &format!("instruction_sets::{test}"), "--ignored", "--nocapture"])
         .env(SIMD_VARIABLE, variable)
         .output()
         .expect("this test starts itself");
@@ -55,16 +73,28 @@ fn numbers(print: &str) -> Vec<f64> {
     bits.map(|hex| f64::from_bits(u64::from_str_radix(hex, 16).expect("hexadecimal"))).collect()
 }
 
+/// The numbers that a test prints on every instruction set, the fallback's last.
+fn on_every_level(test: &str) -> Vec<(&'static str, Vec<f64>)> {
+    let numbers = |(name, _)| {
+        let print = print_of(test, name);
+        assert!(print.contains(&format!("level {name}\n")), "{name} was not in force: {print}");
+        (name, numbers(&print))
+    };
+    available_levels().into_iter().map(numbers).collect()
+}
+
+/// Asserts that all levels with fused products gave the same numbers, bit by bit: both fuse the same ones.
+fn fused_ones_equal(found: &[(&str, Vec<f64>)]) {
+    let fused: Vec<&Vec<f64>> =
+        found.iter().filter(|(name, _)| ["avx512", "avx2"].contains(name)).map(|(_, x)| x).collect();
+    for pair in fused.windows(2) {
+        assert!(pair[0].iter().zip(pair[1]).all(|(a, b)| a.to_bits() == b.to_bits()));
+    }
+}
+
 #[test]
 fn scalar_instruction_sets_agree() {
-    let populations: Vec<(&str, Vec<f64>)> = available_levels()
-        .into_iter()
-        .map(|(name, _)| {
-            let print = print_of(name);
-            assert!(print.contains(&format!("level {name}\n")), "{name} was not in force: {print}");
-            (name, numbers(&print))
-        })
-        .collect();
+    let populations = on_every_level("population_of_this_process");
     let criteria = COUNT * 3 * CHANNELS;
     let (_, reference) = populations.last().expect("the fallback is always there");
     assert_eq!(reference.len(), criteria + COUNT * 3 * 19);
@@ -81,17 +111,26 @@ fn scalar_instruction_sets_agree() {
             assert!((a - b).abs() <= 1e-9 * (1.0 + b.abs()), "{name}, number {i}: {a} against {b}");
         }
     }
-    let fused: Vec<&Vec<f64>> =
-        populations.iter().filter(|(name, _)| ["avx512", "avx2"].contains(name)).map(|(_, x)| x).collect();
-    for pair in fused.windows(2) {
-        // Bit by bit: both fuse the same products.
-        assert!(pair[0].iter().zip(pair[1]).all(|(a, b)| a.to_bits() == b.to_bits()));
+    fused_ones_equal(&populations);
+}
+
+#[test]
+fn scalar_derivatives_of_all_instruction_sets_agree() {
+    let found = on_every_level("derivatives_of_this_process");
+    let (_, reference) = found.last().expect("the fallback is always there");
+    assert!(reference.len() > 3 * 2 * 4 * 150);
+    for (name, numbers) in &found {
+        for (i, (a, b)) in numbers.iter().zip(reference).enumerate() {
+            // Rounding over 60 steps: the partials' fused products are the only difference.
+            assert!((a - b).abs() <= 1e-10 * (1.0 + b.abs()), "{name}, number {i}: {a} against {b}");
+        }
     }
+    fused_ones_equal(&found);
 }
 
 #[test]
 fn an_unknown_instruction_set_is_refused() {
-    let print = print_of("avx1024");
+    let print = print_of("population_of_this_process", "avx1024");
     for part in ["refused", SIMD_VARIABLE, "avx1024", "fallback", "unset"] {
         assert!(print.contains(part), "expected {part:?} in {print:?}");
     }

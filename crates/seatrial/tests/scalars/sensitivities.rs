@@ -101,13 +101,13 @@ fn scalar_gradients_of_the_criterion_are_finite_differences() {
             gradient(&flights, &unknowns, loss).into_iter().flat_map(|segment| segment.slopes).collect();
         for (j, &unknown) in unknowns.iter().enumerate() {
             let size = size(&mut flights, unknown);
-            let expected = flights.quotient(unknown, 1e-7 * size, |flights| {
+            let expected = flights.quotient(unknown, 1e-6 * size, |flights| {
                 gradient(flights, &[], loss).iter().flat_map(|segment| segment.sums).collect()
             });
             for (at, expected) in expected.iter().enumerate() {
                 let apart = (found[at * unknowns.len() + j] - expected).abs() * size;
-                // Rounding of sums up to 300: 5e-14/1e-7. No residual changes its sign within the step.
-                assert!(apart < 1e-5 * (1.0 + expected.abs() * size), "{loss:?}, {unknown:?}: {apart:e}");
+                // Rounding of sums up to 300 over 60 steps: 1e-12/1e-6. No residual changes its sign within the step.
+                assert!(apart < 2e-6 * (1.0 + expected.abs() * size), "{loss:?}, {unknown:?}: {apart:e}");
             }
         }
     }
@@ -259,9 +259,10 @@ fn scalar_a_vehicle_at_rest_answers_to_its_unknowns() {
     let column = |name: &str| flights.description.layout.find(name).expect("a known name");
     let of_u = |k: usize, name: &str| shown[0].jacobian[k * CHANNELS * unknowns.len() + column(name)];
     for k in 0..n {
-        // (m − X_udot) u' = X_0 + X_u u from rest; RK4 of steps of 0.0125 time constants: 1e-12.
+        // (m − X_udot) u' = X_0 + X_u u from rest; 80 steps of RK4 of 0.0125 time constants, each off by
+        // 0.0125⁵/120 of the end value 1/30.
         let expected = (1.0 - (-30.0 / 120.0 * 0.1 * k as f64).exp()) / 30.0;
-        assert!((of_u(k, "X_0") - expected).abs() < 1e-12, "{k}");
+        assert!((of_u(k, "X_0") - expected).abs() < 7e-12, "{k}");
         assert_eq!(of_u(k, "X_u"), 0.0);
         assert_eq!(of_u(k, "X_uu"), 0.0);
     }

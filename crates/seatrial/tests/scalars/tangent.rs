@@ -15,6 +15,7 @@ use seatrial::linearize::{Form, Tangent, linearize};
 use seatrial::vehicle::{Instant, Vehicle};
 
 /// Where the tangent is taken.
+#[derive(Clone, Copy, Debug)]
 struct Point {
     attitude: Quaternion<f64>,
     nu: Vec6<f64>,
