@@ -12,7 +12,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from seatrial.cli import check, demo, identify, new, score, simulate
+from seatrial.cli import check, coverage, demo, identify, new, plan, score, simulate
 from seatrial.cli.console import complain
 from seatrial.errors import SeatrialError
 
@@ -76,8 +76,10 @@ app.command("demo")(demo.demo)
 app.command("new")(new.new)
 app.command("check")(check.check)
 app.command("simulate")(simulate.simulate)
+app.command("plan")(plan.plan)
 app.command("identify")(identify.identify)
 app.command("score")(score.score)
+app.command("coverage")(coverage.coverage)
 
 
 def main() -> None:

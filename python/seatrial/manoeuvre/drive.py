@@ -14,23 +14,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.campaign_file import AXES
-from seatrial.check.actuators import NOMINAL_V, bollard, command, largest
+from seatrial.check.actuators import NOMINAL_V, command, settling_s, voltage_for
 from seatrial.check.plausibility import commanded_rows
+from seatrial.errors import VehicleError
 from seatrial.parameters import actuator_groups
 from seatrial.search import Array
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["MOTIONS", "Drive", "Thrusters"]
+__all__ = ["AHEAD", "MOTIONS", "Drive", "Thrusters"]
 
 MOTIONS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 """The motion along or about the axis of each letter."""
 
+AHEAD = {"slow": 0.12, "half": 0.35, "full": 0.75}
+"""Thrust ahead as a share of the largest, by the engine telegraph's words."""
+
 _PURE = 0.5  # a pattern drives an axis if this share of its wrench lies in that row
+_PURER = 0.02  # all together are a drive of their own where they push that much purer than a group
 _PARALLEL = 0.99
 _WEAK = 0.02  # singular values below this share of the largest command nothing in practice
-_SHARES = np.linspace(0.0, 1.0, 21) ** 0.5  # about even in thrust, which grows with the square
+_POINTS, _PER_POINT = 100, 8
 _DIGITS = {"rpm": 1, "us": 1, "N": 2}
 
 
@@ -38,12 +43,14 @@ _DIGITS = {"rpm": 1, "us": 1, "N": 2}
 class Drive:
     """Thrusts (actuators,) in N of one actuator group for a wrench of one along an axis, N or N m.
 
-    ``group`` is empty where all actuators work together.
+    ``group`` is "all" where all actuators work together. ``purity`` is the share of its wrench, with moments
+    taken at half the hull's length, that lies in the axis: one where it pushes nothing else.
     """
 
     axis: str
     group: str
     thrusts: tuple[float, ...]
+    purity: float
 
     @property
     def motion(self) -> str:
@@ -88,36 +95,50 @@ class Thrusters:
         self.drives = _drives(vehicle, self._matrix)
 
     def drives_of(self, axis: str) -> list[Drive]:
-        """Drives of the axis of this letter, the strongest first."""
-        found = [drive for drive in self.drives if drive.axis == axis]
-        return sorted(found, key=lambda drive: -self.reach(drive))
+        """Drives of the axis of this letter, the purest first."""
+        return sorted((drive for drive in self.drives if drive.axis == axis), key=lambda drive: -drive.purity)
 
-    def reach(self, drive: Drive, bias: Array | None = None) -> float:
-        """Largest wrench along the drive's axis, N or N m, in both senses, besides thrusts (actuators,)."""
+    def reach(self, drive: Drive, besides: Array | None = None) -> tuple[float, float]:
+        """Largest wrenches against and along the drive's axis, N or N m, besides thrusts (actuators,)."""
         pattern = np.array(drive.thrusts)
-        held = np.zeros(len(pattern)) if bias is None else bias
-        room = np.minimum(self.upper - held, held - self.lower)
-        used = np.abs(pattern) > 1e-9
-        return max(float((room[used] / np.abs(pattern[used])).min(initial=np.inf)), 0.0)
+        held = np.zeros(len(pattern)) if besides is None else besides
+        return self._room(-pattern, held), self._room(pattern, held)
 
-    def push(self, drive: Drive, level: Array, bias: Array | None = None) -> Array:
+    def push(self, drive: Drive, level: Array, besides: Array | None = None, *, even: bool = True) -> Array:
         """Thrusts (n, actuators) in N for levels (n,) from -1 to 1 of what the drive reaches.
 
-        Without thrusts besides, +1 and -1 are the largest in their own sense: a propeller is weaker astern.
+        Even, +1 and -1 push equally hard; otherwise each is the largest in its own sense, and a propeller is
+        weaker astern.
         """
-        pattern, level = np.array(drive.thrusts), np.asarray(level, dtype=float)
-        if bias is not None:
-            return np.outer(level * self.reach(drive, bias), pattern)
-        ends = [self._one_sided(pattern), self._one_sided(-pattern)]
-        return np.outer(np.where(level > 0.0, level * ends[0], level * ends[1]), pattern)
+        against, along = self.reach(drive, besides)
+        if even:
+            against = along = min(against, along)
+        level = np.asarray(level, dtype=float)
+        return np.outer(level * np.where(level > 0.0, along, against), drive.thrusts)
+
+    def ahead(self, word: str) -> Array:
+        """Thrusts (actuators,) in N for a word of the engine telegraph: "slow", "half" or "full" ahead.
+
+        Raises
+        ------
+        VehicleError
+            Another word, or nothing drives the vehicle ahead.
+        """
+        surge = self.drives_of("X")
+        if not surge or word not in AHEAD:
+            reason = f"expected one of {', '.join(AHEAD)}" if surge else "nothing drives this vehicle ahead"
+            raise VehicleError(f"ahead {word!r}: {reason}")
+        return np.asarray(self.push(surge[0], np.array([AHEAD[word]]), even=False)[0])
 
     def commands(self, thrusts: Array) -> dict[str, Array]:
         """Commands {actuator: (n,)} in their own units for thrusts (n, actuators), held within the limits."""
-        found = {}
-        for name, (force, share), wanted in zip(self.names, self._curves, thrusts.T, strict=True):
-            shares = np.where(np.abs(wanted) < 1e-9, 0.0, np.interp(wanted, force, share))
-            values = np.array([command(self._facts[name], float(s)) for s in shares])
-            found[name] = np.round(values, _DIGITS.get(str(self._facts[name]["unit"]), 4))
+        found: dict[str, Array] = {}
+        for name, (force, values), wanted in zip(self.names, self._curves, thrusts.T, strict=True):
+            neutral = float(self._facts[name]["neutral"])
+            given = np.where(np.abs(wanted) < 1e-9, neutral, np.interp(wanted, force, values))
+            found[name] = np.asarray(
+                np.round(given, _DIGITS.get(str(self._facts[name]["unit"]), 4)), dtype=float
+            )
         return found
 
     def trim(self) -> Array:
@@ -127,46 +148,41 @@ class Thrusters:
         if not heave:
             return none
         needed = -float(np.asarray(self.vehicle.forces(np.zeros(6), (0.0, 0.0, 0.0))["restoring"])[2])
-        return none if abs(needed) > 0.5 * self.reach(heave[0]) else needed * np.array(heave[0].thrusts)
+        return none if abs(needed) > 0.5 * min(self.reach(heave[0])) else needed * np.array(heave[0].thrusts)
 
-    def _one_sided(self, pattern: Array) -> float:
-        """Largest factor with which a pattern stays inside the limits."""
+    def _room(self, pattern: Array, held: Array) -> float:
+        """Largest factor with which a pattern added to thrusts stays inside the limits."""
         used = np.abs(pattern) > 1e-9
-        ends = np.where(pattern > 0.0, self.upper, self.lower)[used] / pattern[used]
+        ends = (np.where(pattern > 0.0, self.upper, self.lower) - held)[used] / pattern[used]
         return max(float(ends.min(initial=np.inf)), 0.0)
 
     def _curve(self, name: str) -> tuple[Array, Array]:
-        """Thrust in N, strictly rising, and the share of the largest command that gives it, motor settled."""
+        """Thrust in N, strictly rising, and the command that gives it, motor settled."""
         facts = self._facts[name]
         wrench = np.asarray(facts["wrench"], dtype=float)
         row = int(np.argmax(np.abs(wrench)))
-        shares = np.concatenate([-_SHARES[:0:-1], _SHARES])
-        force = np.array([
-            bollard(self.vehicle, {name: command(facts, float(s))}, voltage_v=self.voltage_v)[row] / wrench[row]
-            for s in shares
-        ])
-        force[len(_SHARES) - 1] = 0.0
-        keep = np.zeros(len(shares), dtype=bool)
-        keep[len(_SHARES) - 1] = True
-        for sign, order in ((1.0, range(len(_SHARES), len(shares))), (-1.0, range(len(_SHARES) - 2, -1, -1))):
+        shares = np.linspace(-1.0, 1.0, 2 * _POINTS + 1)
+        # One run with the vehicle held: every command stands until the motor follows it.
+        hold = settling_s(self.vehicle)
+        t = np.arange(_PER_POINT * len(shares)) * hold / _PER_POINT
+        commands = np.array([command(facts, float(share)) for share in shares])
+        run = self.vehicle.simulate(
+            t,
+            {name: np.repeat(commands, _PER_POINT)},
+            free="",
+            voltage=voltage_for(self.vehicle, t, self.voltage_v),
+            max_step=hold,
+        )
+        force = np.asarray(run.tau)[_PER_POINT - 1 :: _PER_POINT, row] / wrench[row]
+        keep = [_POINTS]
+        for order in (range(_POINTS + 1, len(shares)), range(_POINTS - 1, -1, -1)):
             last = 0.0
             for k in order:
-                if sign * force[k] > last + 1e-9:
-                    keep[k], last = True, sign * force[k]
-        return force[keep], shares[keep]
-
-
-def neutral(vehicle: Vehicle) -> dict[str, float]:
-    """Command without thrust of every actuator, in its own unit."""
-    facts = vehicle.actuator_info()
-    return {name: float(facts[name]["neutral"]) for name in vehicle.actuators}
-
-
-def strongest(vehicle: Vehicle, name: str) -> tuple[float, float]:
-    """Least and greatest command of an actuator, in its own unit."""
-    facts = vehicle.actuator_info()[name]
-    ends = [float(facts["neutral"]) + sign * largest(facts, sign) for sign in (-1.0, 1.0)]
-    return ends[0], ends[1]
+                if (k - _POINTS) * force[k] > 0.0 and abs(force[k]) > last + 1e-9:
+                    keep.append(k)
+                    last = abs(float(force[k]))
+        keep.sort()
+        return np.where(np.arange(len(shares)) == _POINTS, 0.0, force)[keep], commands[keep]
 
 
 def _drives(vehicle: Vehicle, matrix: Array) -> tuple[Drive, ...]:
@@ -179,21 +195,22 @@ def _drives(vehicle: Vehicle, matrix: Array) -> tuple[Drive, ...]:
     scaled = matrix / scale[:, None]
     places = {name: k for k, name in enumerate(vehicle.actuators)}
     groups = [(group, [places[name] for name in names]) for group, names in actuator_groups(vehicle).items()]
-    everything = ("", list(places.values()))
+    everything = ("all", list(places.values()))
     found: list[Drive] = []
     for group, members in [*(groups if len(groups) > 1 else []), everything]:
         accepted: list[Array] = []
         tried = [_pattern(scaled, rows, members, axis) for axis in rows]
         for purity, axis, pattern in sorted(tried, key=lambda entry: (-entry[0], AXES.index(entry[1]))):
-            if purity < _PURE or (not group and any(drive.axis == axis for drive in found)):
+            rival = max((drive.purity for drive in found if drive.axis == axis), default=_PURE)
+            if purity < _PURE or (group == "all" and purity < rival + _PURER):
                 continue
             unit = pattern / np.linalg.norm(pattern)
             if any(abs(unit @ other) > _PARALLEL for other in accepted):
                 continue
             accepted.append(unit)
             pushed = float(matrix[AXES.index(axis)] @ pattern)
-            found.append(Drive(axis, group, tuple(float(x) for x in pattern / pushed)))
-    order = [group for group, _ in groups] + [""]
+            found.append(Drive(axis, group, tuple(float(x) for x in pattern / pushed), purity))
+    order = [*(group for group, _ in groups), "all"]
     return tuple(sorted(found, key=lambda drive: (order.index(drive.group), AXES.index(drive.axis))))
 
 
@@ -203,6 +220,6 @@ def _pattern(scaled: Array, rows: list[str], members: list[int], axis: str) -> t
     inverse = np.linalg.pinv(scaled[np.ix_(places, members)], rcond=_WEAK)
     thrusts = np.zeros(scaled.shape[1])
     thrusts[members] = inverse[:, rows.index(axis)]
-    size = np.linalg.norm(scaled[:, members] @ thrusts[members])
+    size = float(np.linalg.norm(scaled[:, members] @ thrusts[members]))
     along = float(scaled[AXES.index(axis)] @ thrusts)
     return (along / size if size > 1e-9 else 0.0), axis, thrusts

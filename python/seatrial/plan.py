@@ -1,0 +1,292 @@
+"""Plan: which trial to sail next, so that the weakest standard deviations shrink most.
+
+Every manoeuvre that fits into the given room is flown on the model at its present coefficients; its Fisher
+information is added to what is known (bounds, recorded trials), and the sum of the relative standard
+deviations that is left ranks it. Trials after the first are chosen greedily. A standard deviation is taken
+relative to the coefficient's value, which counts as no less than a tenth and no more than the whole of its
+bounds' width.
+
+Source: Goodwin & Payne, *Dynamic System Identification* (1977), chapter 6; Fedorov, *Theory of Optimal
+Experiments* (1972): A-optimal design. A model that is wrong gives a plan that is only good: plan again after
+each trial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial._core import Vehicle
+from seatrial.campaign import Campaign
+from seatrial.check.actuators import NOMINAL_V
+from seatrial.errors import CampaignError, SeatrialError, nearest
+from seatrial.information import covariance
+from seatrial.manoeuvre import known
+from seatrial.manoeuvre.definition import Manoeuvre
+from seatrial.manoeuvre.fisher import Instruments, information
+from seatrial.manoeuvre.forecast import Limits, forecast, uneven
+from seatrial.manoeuvre.proposals import Proposal, proposals
+from seatrial.parameters import Parameter
+from seatrial.planned import Change, Plan, Ranked
+from seatrial.search import Array
+
+if TYPE_CHECKING:
+    from seatrial.identification import Identification
+    from seatrial.linearisation import Linearisation
+
+__all__ = ["plan"]
+
+_LEAST_SHARE, _LARGEST_SHARE = 0.1, 1.0
+_ALIKE = 1.01  # of trials that are as good within a per cent, the one that needs the least area
+
+Progress = Callable[[float, str], None]
+
+
+def plan(
+    what: Vehicle | Campaign | Identification,
+    *,
+    coefficients: Sequence[str] | None = None,
+    budget_s: float = 180.0,
+    count: int = 3,
+    limits: Limits | None = None,
+    instruments: Instruments | None = None,
+    candidates: Iterable[Manoeuvre] | None = None,
+    recorded: Linearisation | None = None,
+    use_recorded: bool = True,
+    voltage_v: float = NOMINAL_V,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Plan:
+    """Plan of the next trials for a vehicle, a campaign or what it identified.
+
+    Parameters
+    ----------
+    what : Vehicle, Campaign or Identification
+        Of a campaign, its parameters with their bounds are sought and its recorded trials count; of an
+        identification too, at the identified coefficients. Of a vehicle, the coefficients of its hull,
+        ``B`` and ``z_b`` are sought, within their default bounds.
+    coefficients : sequence of str, optional
+        Those whose standard deviations count; the others stay unknown. All by default.
+    budget_s : float
+        Time for one trial, s. What is shorter is repeated, with its pauses.
+    count : int
+        Number of trials to plan.
+    limits : Limits, optional
+        Depth, area and tilt.
+    instruments : Instruments, optional
+        By default as good as the residuals of an identification's trials, otherwise `Instruments.on_board`.
+    candidates : iterable of Manoeuvre, optional
+        By default all of `seatrial.manoeuvre.proposals` that fit into the limits.
+    recorded : Linearisation, optional
+        What the recorded trials tell; by default that of the campaign's trials.
+    use_recorded : bool
+        Whether recorded trials count; if not, only the bounds are known.
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+    threads : int, optional
+        Threads of the core; the plan does not depend on it.
+    progress : callable, optional
+        Called with the fraction that is done and what is being done.
+
+    Raises
+    ------
+    SeatrialError
+        Nothing fits into the limits, an unknown coefficient, a trial that cannot be read.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.plan import plan
+    >>> found = plan(st.Vehicle.load("cwolf"), coefficients=["K_p", "K_pp"], budget_s=30.0, count=1)
+    >>> found.sequence[0].manoeuvre.kind
+    'free decay'
+    """
+    tell = progress or (lambda fraction, words: None)
+    if not (np.isfinite(budget_s) and budget_s >= 10.0):
+        raise CampaignError(f"budget: expected at least 10 s for a trial, found {budget_s:g} s")
+    if count < 1:
+        raise CampaignError(f"count: expected at least one trial to plan, found {count}")
+    names = list(coefficients or ())
+    vehicle, campaign = _split(what)
+    sought = known.of_vehicle(vehicle, names) if campaign is None else known.of_campaign(campaign, names)
+    counting = _counting(sought, names)
+
+    tell(0.0, "what the recorded trials tell" if campaign else "what fits into the limits")
+    given = instruments or Instruments.on_board()
+    if recorded is None and campaign is not None and use_recorded:
+        recorded = _linearised(campaign, vehicle, None if what is not campaign else given, threads)
+    if recorded is not None and instruments is None and what is not campaign:
+        given = known.seen_by(recorded)
+    prior = known.prior_information(sought)
+    if recorded is not None and use_recorded:
+        prior = prior + known.recorded_information(recorded, sought, given)
+
+    tell(0.1, "what fits into the limits")
+    fitting, refused = _fitting(vehicle, candidates, budget_s, limits, voltage_v)
+    if not fitting:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in list(refused.items())[:3])
+        raise CampaignError(
+            f"{vehicle.name}: no manoeuvre fits into the limits ({reasons}); give more room or time"
+        )
+    told: list[Array] = []
+    for index, one in enumerate(fitting):
+        tell(0.2 + 0.8 * index / len(fitting), one.manoeuvre.name)
+        run = information(vehicle, one.manoeuvre, sought, given, voltage_v=voltage_v, threads=threads)
+        told.append(one.manoeuvre.repeats(budget_s) * run)
+
+    values = np.array([_value(vehicle, parameter) for parameter in sought])
+    size = np.array([_size(parameter, value) for parameter, value in zip(sought, values, strict=True)])
+    judge = _Judge(sought, values, size, counting, budget_s)
+    sequence, after = judge.greedy(prior, fitting, told, count)
+    stairs = [k for k, one in enumerate(fitting) if one.manoeuvre.kind == "staircase"]
+    climbed, _ = judge.greedy(prior, [fitting[k] for k in stairs], [told[k] for k in stairs], count)
+    ranking = sorted(
+        (judge.ranked(prior, one, own) for one, own in zip(fitting, told, strict=True)), key=lambda r: r.score
+    )
+    return Plan(
+        vehicle=vehicle.name,
+        budget_s=float(budget_s),
+        coefficients=tuple(judge.change(i, prior, after) for i in range(len(sought)) if counting[i]),
+        score_before=judge.score(prior),
+        ranking=tuple(ranking),
+        sequence=sequence,
+        staircases_score=climbed[-1].score if climbed else None,
+        refused=refused,
+        instruments=given,
+        recorded=recorded is not None and use_recorded,
+    )
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """Standard deviations and scores from information matrices (m, m) of the sought parameters."""
+
+    sought: tuple[Parameter, ...]
+    values: Array
+    size: Array
+    counting: Array
+    budget_s: float
+
+    def sigma(self, total: Array) -> Array:
+        """Standard deviations (m,) in the parameters' units."""
+        return np.sqrt(np.diag(covariance(total)))
+
+    def score(self, total: Array) -> float:
+        """Sum of the relative standard deviations that count."""
+        return float((self.sigma(total) / self.size)[self.counting].sum())
+
+    def change(self, index: int, before: Array, after: Array) -> Change:
+        """What becomes of one coefficient's standard deviation."""
+        parameter = self.sought[index]
+        return Change(
+            name=parameter.name,
+            unit=parameter.unit,
+            value=float(self.values[index]),
+            relative_to=float(self.size[index]),
+            before=float(self.sigma(before)[index]),
+            after=float(self.sigma(after)[index]),
+        )
+
+    def ranked(self, before: Array, one: Proposal, own: Array) -> Ranked:
+        """A trial with what it leaves and the coefficients that gain, the greatest gain first."""
+        after = before + own
+        gain = (self.sigma(before) - self.sigma(after)) / self.size
+        order = [int(i) for i in np.argsort(-gain, kind="stable") if self.counting[i]]
+        return Ranked(
+            manoeuvre=one.manoeuvre,
+            forecast=one.forecast,
+            amplitude=one.amplitude,
+            repeats=one.manoeuvre.repeats(self.budget_s),
+            score=self.score(after),
+            gains=tuple(self.change(i, before, after) for i in order),
+        )
+
+    def greedy(
+        self, prior: Array, fitting: Sequence[Proposal], told: Sequence[Array], count: int
+    ) -> tuple[tuple[Ranked, ...], Array]:
+        """Trials one after the other, each the best after those before; and the information at the end."""
+        chosen: list[Ranked] = []
+        total = prior
+        for _ in range(count if fitting else 0):
+            scores = np.array([self.score(total + own) for own in told])
+            alike = np.flatnonzero(scores <= _ALIKE * scores.min())
+            best = min(map(int, alike), key=lambda k: _area(fitting[k]))
+            chosen.append(self.ranked(total, fitting[best], told[best]))
+            total = total + told[best]
+        return tuple(chosen), total
+
+
+def _split(what: Vehicle | Campaign | Identification) -> tuple[Vehicle, Campaign | None]:
+    if isinstance(what, Vehicle):
+        return what, None
+    return (what.vehicle, what) if isinstance(what, Campaign) else (what.vehicle, what.campaign)
+
+
+def _counting(sought: Sequence[Parameter], names: Sequence[str]) -> Array:
+    """Mask (m,) of the coefficients whose standard deviations count."""
+    known_names = [parameter.name for parameter in sought]
+    for name in names:
+        if name not in known_names:
+            raise CampaignError(f"coefficients: unknown name {name!r}{nearest(name, known_names)}")
+    return np.array([not names or parameter.name in names for parameter in sought])
+
+
+def _fitting(
+    vehicle: Vehicle,
+    candidates: Iterable[Manoeuvre] | None,
+    budget_s: float,
+    limits: Limits | None,
+    voltage_v: float,
+) -> tuple[list[Proposal], dict[str, str]]:
+    """Candidates within limits and time, and why the others are not."""
+    if candidates is None:
+        return proposals(vehicle, duration_s=budget_s, limits=limits, voltage_v=voltage_v)
+    other, found, refused = uneven(vehicle), [], {}
+    for manoeuvre in candidates:
+        seen = forecast(manoeuvre, vehicle, other, limits=limits, voltage_v=voltage_v)
+        if seen.excess is not None:
+            refused[manoeuvre.name] = seen.excess
+        elif manoeuvre.repeats(budget_s) < 1:
+            refused[manoeuvre.name] = f"it takes {manoeuvre.duration_s:.0f} s"
+        else:
+            found.append(Proposal(manoeuvre, seen))
+    return found, refused
+
+
+def _linearised(
+    campaign: Campaign, vehicle: Vehicle, instruments: Instruments | None, threads: int | None
+) -> Linearisation:
+    """What the campaign's trials tell; the noise is the instruments' where the model is not yet fitted."""
+    from seatrial.joint import Joint
+    from seatrial.polish import linearise
+
+    try:
+        joint = Joint(campaign, vehicle, threads=threads)
+        if instruments is None:
+            return linearise(joint, joint.start)
+        own = zip(joint.channels, joint.noise, strict=True)
+        noise = np.array([instruments.noise.get(channel, float(size)) for channel, size in own])
+        return linearise(joint, joint.start, noise=noise)
+    except SeatrialError as error:
+        raise type(error)(
+            f"{error}\nTo plan without recorded trials: use_recorded=False, on the command line --no-recorded"
+        ) from None
+
+
+def _area(one: Proposal) -> float:
+    return one.forecast.along_m * one.forecast.across_m
+
+
+def _value(vehicle: Vehicle, parameter: Parameter) -> float:
+    """The vehicle's value of a parameter."""
+    name, factor = parameter.members[0]
+    return float(vehicle.coefficients().get(name, 0.0)) / factor
+
+
+def _size(parameter: Parameter, value: float) -> float:
+    """What a standard deviation is relative to: the value, from a tenth of the bounds' width to all of it."""
+    width = parameter.upper - parameter.lower
+    return float(np.clip(abs(value), _LEAST_SHARE * width, _LARGEST_SHARE * width))
