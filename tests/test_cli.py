@@ -306,7 +306,7 @@ def test_interrupted_identification_keeps_the_best_so_far(tmp_path: Path) -> Non
     process.send_signal(signal.SIGINT)
     output, complaint = process.communicate(timeout=120.0)
     assert process.returncode == 130, complaint
-    assert "interrupted: the best so far is shown" in output
+    assert "Interrupted: the best so far is shown" in output
     known = json.loads((tmp_path / "run" / "identification.json").read_text())
     assert known["interrupted"]
     assert known["coefficients"]

@@ -43,7 +43,7 @@ def conduct(
     before, notes = _before(campaign, threads)
     directory = None if run_dir is None else RunDirectory(run_dir)
     order = StageOrder(campaign, plans, directory, progress=progress, resume=resume, threads=threads)
-    if progress is not None:
+    if progress is not None and before:
         progress(replace(order.state(plans[0], None), notes=before))
     stages = order.stages()
     vehicle = campaign.vehicle

@@ -39,15 +39,16 @@ def print_identification(
 
 
 def coefficients(fit: Identification, truth: Mapping[str, float] | None = None) -> Table:
-    """Coefficient, unit, (truth,) start, estimate ± standard deviation, verdict, bound hit, stage."""
-    head = ["coefficient", "unit", *(["truth"] if truth else []), "start", "estimate"]
+    """Coefficient, unit, (truth,) start, estimate ± standard deviation, factor, verdict, bound, stage."""
+    head = ["coefficient", "unit", *(["truth"] if truth else []), "start", "estimate", "factor"]
     head += [*(["error"] if truth else []), "verdict", "bound", "stage"]
     rows = []
     for row in distinct(fit):
         cells = [row.name, row.unit]
         if truth:
             cells.append(f"{truth.get(row.name, 0.0):.4g}")
-        cells += [f"{row.start:.4g}", plus_minus(row.estimate, row.sigma)]
+        factor = "" if row.factor is None else f"{row.factor:.3g}"
+        cells += [f"{row.start:.4g}", plus_minus(row.estimate, row.sigma), factor]
         if truth:
             true = truth.get(row.name, 0.0)
             cells.append(f"{100.0 * (row.estimate / true - 1.0):+.1f} %" if true else "")
