@@ -12,15 +12,20 @@ import numpy as np
 from seatrial.campaign_file import AXES
 from seatrial.linearisation import Linearisation
 from seatrial.parameters import VELOCITIES, actuator_groups
+from seatrial.residuals import block_numbers
+from seatrial.score_test import score_tests
 from seatrial.search import Array
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.joint import Joint
 
 OF_AN_AXIS = re.compile(rf"([{AXES}])_(0|[{VELOCITIES}]dot|[{VELOCITIES}]{{1,2}})")
 """A coefficient of a force: the force's letter, and what it is proportional to."""
 
-_OF_A_GROUP = ("gain", "K_V", "T_1", "T_t", "p1_ahead", "p1_astern", "p2", "w", "t")
+_AT_ONCE = 3e7
+_STRONGEST = 40
+_COARSE = 40
 _OF_ONE = re.compile(r".+\.(gain|lever_[KMN])")
 
 
@@ -64,9 +69,10 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
             continue
         if name.partition(".")[0] not in actuators or _OF_ONE.fullmatch(name):
             found.append(Candidate(name, (name,)))
-    for group, members in groups.items():
-        for suffix in _OF_A_GROUP:
-            own = tuple(f"{member}.{suffix}" for member in members)
+    for group, own_actuators in groups.items():
+        of_first = [name.partition(".")[2] for name in known if name.startswith(f"{own_actuators[0]}.")]
+        for suffix in (suffix for suffix in of_first if not suffix.startswith("lever_")):
+            own = tuple(f"{member}.{suffix}" for member in own_actuators)
             single = len(own) == 1 and _OF_ONE.fullmatch(own[0])
             equal = len({present.get(name, 0.0) for name in own}) == 1
             if equal and not single and all(name in known and name not in fixed for name in own):
@@ -84,10 +90,45 @@ def columns_of(lin: Linearisation, tried: Sequence[Candidate]) -> list[Array]:
     return [np.asarray(piece.jacobian @ mix) for piece in lin.pieces]
 
 
+def members(tried: Iterable[Candidate]) -> list[str]:
+    """Coefficients of the candidates, each once."""
+    return list(dict.fromkeys(member for candidate in tried for member in candidate.members))
+
+
 def fitted_places(lin: Linearisation, tried: Sequence[Candidate]) -> list[int]:
     """Places of the unknowns that are no candidate's."""
     held = {member for candidate in tried for member in candidate.members}
     return [i for i, unknown in enumerate(lin.unknowns) if unknown.name not in held]
+
+
+def strongest(
+    joint: Joint, values: Array, tried: tuple[Candidate, ...], *, initial: Array | None, noise: Array | None
+) -> tuple[Candidate, ...]:
+    """The candidates of the largest gains, all if the derivatives by all of them fit into memory.
+
+    Parameters
+    ----------
+    joint : Joint
+    values : ndarray, shape (m,)
+        The estimate.
+    tried : tuple of Candidate
+    initial, noise : ndarray, optional
+        As for `seatrial.polish.linearise`.
+    """
+    from seatrial.polish import linearise
+
+    rows = joint.data.samples * len(joint.channels)
+    fits = max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
+    if len(tried) <= fits:
+        return tried
+    gains = np.zeros(len(tried))
+    for first in range(0, len(tried), fits):
+        part = tried[first : first + fits]
+        lin = linearise(joint, values, initial=initial, noise=noise, extra=members(part))
+        block = block_numbers(lin, rows * lin.dt / len(joint.channels) / _COARSE)
+        tests = score_tests(lin, columns_of(lin, part), fitted=fitted_places(lin, part), block=block)
+        gains[first : first + len(part)] = tests.results().gain
+    return tuple(tried[place] for place in np.argsort(-gains, kind="stable")[:_STRONGEST])
 
 
 def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) -> str:

@@ -14,12 +14,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from seatrial.candidate_terms import Candidate, candidates, columns_of, fitted_places
+from seatrial.candidate_terms import Candidate, candidates, columns_of, fitted_places, members, strongest
 from seatrial.linearisation import Linearisation
 from seatrial.missing_terms import Suggestion, independent_blocks, missing_terms
 from seatrial.parameters import names
-from seatrial.residual_signals import FollowedSignal, followed_signals, motion_signals, recorded_signals
+from seatrial.residual_signals import (
+    FollowedSignal,
+    followed_signals,
+    motion_signals,
+    recorded_signals,
+    with_predicted_velocity,
+)
 from seatrial.residuals import Autocorrelation, autocorrelations
 from seatrial.score_test import score_tests
 from seatrial.search import Array
@@ -31,8 +38,6 @@ __all__ = ["Criticism", "Suggestion", "criticise", "criticise_joint"]
 
 _EXCESS = 1.5
 _UNLIKELY = 0.01
-_AT_ONCE = 3e7
-_STRONGEST = 40
 _INTERVALS = (
     "intervals are about the best model in the class, and whether a change is for the better is for the"
     " hold-out score alone to judge"
@@ -124,34 +129,19 @@ def criticise(
     level : float
         False discovery rate of suggestions, and of signals.
     """
-    correlations = autocorrelations(lin, sensor_noise=sensor_noise)
-    block, length = independent_blocks(lin, tried)
-    fitted = fitted_places(lin, tried)
-    suggestions = missing_terms(lin, tried, block=block, info=info, tested=tested, level=level)
+    first = _first(lin, tried, info=info, tested=tested, level=level)
     by_name = {candidate.name: candidate.members for candidate in tried}
-    suggested = {member for one in suggestions for member in by_name[one.name]}
+    suggested = {member for one in first.suggestions for member in by_name[one.name]}
     found = followed_signals(
         lin,
         motion_signals(lin) | dict(signals or {}),
-        fitted=[*fitted, *(i for i, unknown in enumerate(lin.unknowns) if unknown.name in suggested)],
-        block=block,
+        fitted=[i for i, u in enumerate(lin.unknowns) if i in first.fitted or u.name in suggested],
+        block=first.block,
         known=info or (),
         level=level,
     )
-    alike: tuple[str, ...] = ()
-    if tried:
-        testable = score_tests(lin, columns_of(lin, tried), fitted=fitted, block=block).testable
-        alike = tuple(one.name for one, good in zip(tried, testable, strict=True) if not good)
-    return Criticism(
-        autocorrelations=correlations,
-        suggestions=suggestions,
-        signals=found,
-        tested=max(tested or 0, len(tried)) - len(alike),
-        indistinguishable=alike,
-        block_s=length,
-        structural=bool(suggestions or found),
-        warning=_warning(correlations, suggestions, found),
-    )
+    correlations = autocorrelations(lin, sensor_noise=sensor_noise)
+    return _criticism(first, correlations, first.suggestions, found)
 
 
 def criticise_joint(
@@ -162,6 +152,7 @@ def criticise_joint(
     noise: Array | None = None,
     sensor_noise: Mapping[str, float] | None = None,
     level: float = 0.05,
+    refits: int = 3,
 ) -> Criticism:
     """Criticism of a joint estimate: every coefficient of the vehicle is tried, and every recorded signal.
 
@@ -176,6 +167,9 @@ def criticise_joint(
         Standard deviations of the channels' residuals; by default they are estimated.
     sensor_noise, level
         As in `criticise`.
+    refits : int
+        The first suggestions that are freed in turn and estimated again before one leads
+        (`seatrial.refitting`); each takes some rounds of a polish. With zero all numbers are of first order.
 
     Examples
     --------
@@ -186,37 +180,79 @@ def criticise_joint(
     >>> print(criticise_joint(joint, polish(joint).values))  # doctest: +SKIP
     """
     from seatrial.polish import linearise
+    from seatrial.refitting import refitted
 
-    tried = candidates(joint.vehicle, names(joint.parameters), free=joint.stage.axes.free)
-    rows = joint.data.samples * len(joint.channels)
-    # The derivatives of a long campaign by all coefficients do not fit into memory: the weak ones go first.
-    fits = max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
-    strongest, gains, blind = tried, np.zeros(len(tried)), []
-    if len(tried) > fits:
-        for first in range(0, len(tried), fits):
-            part = tried[first : first + fits]
-            lin = linearise(joint, values, initial=initial, noise=noise, extra=_members(part))
-            initial_fitted = range(len(joint.unknowns))
-            block = [np.full(len(piece.t), index) for index, piece in enumerate(lin.pieces)]
-            tests = score_tests(lin, columns_of(lin, part), fitted=initial_fitted, block=block)
-            gains[first : first + len(part)] = tests.results().gain
-            blind += [one.name for one, good in zip(part, tests.testable, strict=True) if not good]
-        strongest = tuple(tried[place] for place in np.argsort(-gains, kind="stable")[:_STRONGEST])
-    lin = linearise(joint, values, initial=initial, noise=noise, extra=_members(strongest))
+    info = joint.vehicle.coefficient_info()
     trials = {name: joint.campaign.trials[name] for name in joint.data.names}
-    return criticise(
-        lin,
-        tried=strongest,
-        signals=recorded_signals(lin, trials),
-        info=joint.vehicle.coefficient_info(),
-        sensor_noise=sensor_noise,
-        tested=len(tried) - len(blind),
+    tried = candidates(joint.vehicle, names(joint.parameters), free=joint.stage.axes.free)
+    held = strongest(joint, values, tried, initial=initial, noise=noise)
+    lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
+    first = _first(lin, held, info=info, tested=len(tried), level=level)
+    suggestions, last = first.suggestions, lin
+    if suggestions and refits:
+        followed = refitted(joint, values, suggestions, held, tested=len(tried), level=level, refits=refits)
+        suggestions, last, held = followed.suggestions, followed.lin, followed.tried
+    freed = {member for one in suggestions for c in held if c.name == one.name for member in c.members}
+    fitted = set(fitted_places(last, held)) | {i for i, u in enumerate(last.unknowns) if u.name in freed}
+    last = with_predicted_velocity(last, trials)
+    found = followed_signals(
+        last,
+        motion_signals(last) | recorded_signals(last, trials),
+        fitted=sorted(fitted),
+        block=first.block,
+        known=info,
         level=level,
     )
+    return _criticism(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
 
 
-def _members(tried: Sequence[Candidate]) -> list[str]:
-    return list(dict.fromkeys(member for candidate in tried for member in candidate.members))
+@dataclass(frozen=True)
+class _First:
+    """Suggestions of first order and what they rest on."""
+
+    suggestions: tuple[Suggestion, ...]
+    fitted: tuple[int, ...]
+    block: Sequence[NDArray[np.intp]]
+    block_s: float
+    tested: int
+    indistinguishable: tuple[str, ...]
+
+
+def _first(
+    lin: Linearisation,
+    tried: Sequence[Candidate],
+    *,
+    info: Mapping[str, Mapping[str, Any]] | None,
+    tested: int | None,
+    level: float,
+) -> _First:
+    block, length = independent_blocks(lin, tried)
+    fitted = fitted_places(lin, tried)
+    alike: tuple[str, ...] = ()
+    if tried:
+        testable = score_tests(lin, columns_of(lin, tried), fitted=fitted, block=block).testable
+        alike = tuple(one.name for one, good in zip(tried, testable, strict=True) if not good)
+    count = max(tested or 0, len(tried)) - len(alike)
+    suggestions = missing_terms(lin, tried, block=block, info=info, tested=count, level=level)
+    return _First(suggestions, tuple(fitted), block, length, count, alike)
+
+
+def _criticism(
+    first: _First,
+    correlations: tuple[Autocorrelation, ...],
+    suggestions: tuple[Suggestion, ...],
+    signals: tuple[FollowedSignal, ...],
+) -> Criticism:
+    return Criticism(
+        autocorrelations=correlations,
+        suggestions=suggestions,
+        signals=signals,
+        tested=first.tested,
+        indistinguishable=first.indistinguishable,
+        block_s=first.block_s,
+        structural=bool(suggestions or signals),
+        warning=_warning(correlations, suggestions, signals),
+    )
 
 
 def _warning(

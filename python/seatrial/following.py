@@ -68,8 +68,8 @@ class HoldOutChange:
         }
 
 
-def suggested_bounds(campaign: Campaign, suggestion: Suggestion) -> tuple[float, float]:
-    """Bounds for a suggested coefficient, its unit.
+def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]) -> tuple[float, float]:
+    """Bounds for a suggested coefficient, in its unit; ``info`` is that of ``Vehicle.coefficient_info()``.
 
     They hold the present value and the estimate, and beyond either four sigma or the distance between the
     two, whichever is more: the estimate is of first order. The vehicle's default bounds cut them where both
@@ -78,7 +78,7 @@ def suggested_bounds(campaign: Campaign, suggestion: Suggestion) -> tuple[float,
     present, value = suggestion.present, suggestion.value
     room = max(_SIGMAS * suggestion.sigma, abs(value - present))
     lower, upper = _outwards(min(present, value) - room, -1), _outwards(max(present, value) + room, 1)
-    facts = campaign.vehicle.coefficient_info().get(suggestion.name, {})
+    facts = info.get(suggestion.name, {})
     least, most = facts.get("lower"), facts.get("upper")
     if least is not None and most is not None and least <= min(present, value) <= max(present, value) <= most:
         lower, upper = max(lower, float(least)), min(upper, float(most))
@@ -96,7 +96,7 @@ def followed_text(campaign: Campaign, suggestion: Suggestion) -> str:
     CampaignError
         The file is laid out such that the line cannot be added safely; the message gives it.
     """
-    lower, upper = suggested_bounds(campaign, suggestion)
+    lower, upper = suggested_bounds(suggestion, campaign.vehicle.coefficient_info())
     name = suggestion.name
     key = f'"{name}"' if "." in name else name
     entry = f"{key} = [{lower!r}, {upper!r}]"

@@ -106,6 +106,7 @@ def missing_terms(
     tests = score_tests(lin, columns, fitted=fitted, block=block)
     count = max(tested or 0, int(tests.testable.sum()))
     open_ = tests.testable.copy()
+    place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
     leaders: list[int] = []
     found: list[Suggestion] = []
     while len(found) < most:
@@ -117,23 +118,27 @@ def missing_terms(
             break
         best = int(significant[np.argmax(results.gain[significant])])
         rivals = np.flatnonzero(open_ & (results.p < _APART))
-        group = sorted([best, *_alternatives(tests, best, rivals)], key=lambda place: -results.gain[place])
+        group = sorted([best, *_alternatives(tests, best, rivals)], key=lambda rival: -results.gain[rival])
         leader = group[0]
         channel = _channel(
             lin, columns, fitted=fitted, leaders=leaders, leader=leader, name=tried[leader].name
         )
-        found.append(
-            _suggestion(
-                lin,
-                [tried[place] for place in group],
-                channel=channel,
-                step=float(results.step[leader]),
-                sigma=float(results.sigma[leader]),
-                gain=100.0 * float(results.gain[leader]),
-                p=float(adjusted[group].min()),
-                info=info or {},
-            )
+        own = place[tried[leader].members[0]]
+        present = float(lin.values[own])
+        suggestion = Suggestion(
+            name=tried[leader].name,
+            unit=lin.unknowns[own].unit,
+            alternatives=tuple(tried[rival].name for rival in group[1:]),
+            channel=channel,
+            follows=signal_of(tried[leader].name, info),
+            present=present,
+            value=present + float(results.step[leader]),
+            sigma=float(results.sigma[leader]),
+            gain=100.0 * float(results.gain[leader]),
+            p=float(adjusted[group].min()),
+            sentence="",
         )
+        found.append(worded(suggestion))
         open_[group] = False
         leaders.append(leader)
         tests = tests.beside(leader)
@@ -209,40 +214,16 @@ def _channel(
     return lin.channels[int(np.argmax(energy))]
 
 
-def _suggestion(
-    lin: Linearisation,
-    group: Sequence[Candidate],
-    *,
-    channel: str,
-    step: float,
-    sigma: float,
-    gain: float,
-    p: float,
-    info: Mapping[str, Mapping[str, Any]],
-) -> Suggestion:
-    place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
-    first = place[group[0].members[0]]
-    unit, present = lin.unknowns[first].unit, float(np.asarray(lin.values)[first])
-    names = [candidate.name for candidate in group]
-    follows = signal_of(names[0], info)
+def worded(one: Suggestion) -> Suggestion:
+    """The suggestion with the sentence that its numbers make."""
+    names = (one.name, *one.alternatives)
     choice = " or ".join(names[:_NAMED])
     if len(names) > _NAMED:
         choice += f" (or one of {len(names) - _NAMED} more that look alike)"
-    value = present + step
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    chance = "p < 1e-6" if one.p < 1e-6 else f"p = {one.p:.1g}"
     sentence = (
-        f"{channel} residual follows {follows}: free {choice}; {names[0]} would be {value:.3g} ± {sigma:.2g}"
-        f"{'' if unit == '1' else ' ' + unit}, the cost would fall by {gain:.2g} % (p = {max(p, 1e-6):.1g})"
+        f"{one.channel} residual follows {one.follows}: free {choice}; {one.name} would be {one.value:.3g} ±"
+        f" {one.sigma:.2g}{unit}, the cost would fall by {one.gain:.2g} % ({chance})"
     )
-    return Suggestion(
-        name=names[0],
-        unit=unit,
-        alternatives=tuple(names[1:]),
-        channel=channel,
-        follows=follows,
-        present=present,
-        value=value,
-        sigma=sigma,
-        gain=gain,
-        p=p,
-        sentence=sentence,
-    )
+    return replace(one, sentence=sentence)

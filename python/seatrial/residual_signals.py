@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.campaign_file import AXES
-from seatrial.linearisation import Linearisation
+from seatrial.linearisation import Linearisation, Piece
 from seatrial.parameters import VELOCITIES
 from seatrial.score_test import ScoreTests, false_discovery, score_tests
 from seatrial.search import Array
@@ -69,6 +69,23 @@ class FollowedSignal:
         return asdict(self) | {"lag_s": self.lag_s if math.isfinite(self.lag_s) else None}
 
 
+def with_predicted_velocity(lin: Linearisation, trials: Mapping[str, Trial]) -> Linearisation:
+    """The linearisation with the model's own velocity in the channels that it shows.
+
+    A measured velocity carries the noise of the very sensor whose residual is to follow it.
+    """
+    pieces = []
+    for piece in lin.pieces:
+        observed, nu = trials[piece.trial].observed[_samples(piece, trials)], piece.nu.copy()
+        for place, channel in enumerate(lin.channels):
+            if channel in VELOCITIES:
+                axis = VELOCITIES.index(channel)
+                shown = observed[:, axis] - lin.noise[place] * piece.residual[:, place]
+                nu[:, axis] = np.where(piece.counted[:, place], shown, nu[:, axis])
+        pieces.append(replace(piece, nu=nu))
+    return replace(lin, pieces=tuple(pieces))
+
+
 def motion_signals(lin: Linearisation) -> dict[str, list[Array]]:
     """Per name the signal (n,) of each segment: velocities, their rates, moduli and products, SI."""
     nu = [piece.nu for piece in lin.pieces]
@@ -90,7 +107,7 @@ def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[st
     raw: dict[str, list[Array]] = {}
     for index, piece in enumerate(lin.pieces):
         trial = trials[piece.trial]
-        at = np.clip(np.round((piece.t - trial.t[0]) / trial.dt).astype(int), 0, len(trial.t) - 1)
+        at = _samples(piece, trials)
         own = {f"command {name}": signal for name, signal in trial.commands.items()}
         if trial.voltage is not None:
             own["voltage"] = trial.voltage
@@ -112,8 +129,8 @@ def followed_signals(
     block: Sequence[NDArray[np.intp]],
     known: Collection[str] = (),
     level: float = 0.05,
-    least_r2: float = 0.01,
-    most: int = 3,
+    least_r2: float = 0.02,
+    most: int = 2,
 ) -> tuple[FollowedSignal, ...]:
     """Signals that the residuals follow, the one that explains most of its channel first.
 
@@ -182,26 +199,16 @@ def _leaders(
     return found
 
 
-def _own_noise(channel: str, signal: str) -> bool:
-    """Whether the signal, taken as it is, repeats the noise of the channel's own sensor."""
-    return channel in signal.replace("|", "").split()
-
-
 def _columns(
     lin: Linearisation, signals: Mapping[str, Sequence[Array]], channel: str
 ) -> tuple[list[tuple[str, float]], list[Array]]:
     """Signals and lags (k,) and what the channel would show of them, (n, C, k) per segment."""
-    place, names = lin.channels.index(channel), list(signals)
-    direct = [name for name in names if not _own_noise(channel, name)]
-    labels = [(name, lag) for lag in LAGS_S for name in (names if lag > 0.0 else direct)]
+    place, labels = lin.channels.index(channel), [(name, lag) for lag in LAGS_S for name in signals]
     found = []
     for index, piece in enumerate(lin.pieces):
         counted = piece.counted[:, place]
-        shown = []
-        for lag in LAGS_S:
-            chosen = names if lag > 0.0 else direct
-            values = np.stack([np.asarray(signals[name][index], dtype=float) for name in chosen], axis=1)
-            shown.append(_lagged(values, lag, lin.dt, counted) if lag > 0.0 else values)
+        values = np.stack([np.asarray(of[index], dtype=float) for of in signals.values()], axis=1)
+        shown = [_lagged(values, lag, lin.dt, counted) if lag > 0.0 else values for lag in LAGS_S]
         column = np.zeros((len(piece.t), len(lin.channels), len(labels)))
         column[:, place] = np.where(counted[:, None], np.concatenate(shown, axis=1), 0.0)
         found.append(column)
@@ -221,6 +228,13 @@ def _lagged(signal: Array, lag: float, dt: float, counted: NDArray[np.bool_]) ->
     if size > 0.0:
         response = response - np.outer(decay, decay[counted] @ response[counted] / size)
     return np.asarray(response)
+
+
+def _samples(piece: Piece, trials: Mapping[str, Trial]) -> NDArray[np.intp]:
+    """Places of a segment's samples in its trial."""
+    trial = trials[piece.trial]
+    places = np.round((piece.t - trial.t[0]) / trial.dt).astype(np.intp)
+    return np.asarray(np.clip(places, 0, len(trial.t) - 1), dtype=np.intp)
 
 
 def _power(lin: Linearisation) -> dict[str, float]:
