@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seatrial._core import State, Vehicle
-from seatrial.anchor import implied, judge_scale
-from seatrial.anchor_factors import added_mass_factor
 from seatrial.campaign import Campaign
 from seatrial.campaign_file import Anchor
 from seatrial.check.actuators import bollard
 from seatrial.errors import CampaignError
-from seatrial.homogeneity import homogeneity, homogeneous_direction, ratios, scaled
+from seatrial.scale.anchor import implied, judge_scale
+from seatrial.scale.anchor_factors import added_mass_factor
+from seatrial.scale.homogeneity import homogeneity, homogeneous_direction, ratios, scaled
 
 VEHICLES = [*Vehicle.names(), str(Path(__file__).parent / "every_term.toml")]
 CENTRES = {f"{axis}_{centre}" for axis in "xyz" for centre in "gb"}

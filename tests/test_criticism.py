@@ -11,14 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial._core import Vehicle
-from seatrial.candidate_terms import Candidate, candidates, signal_of
-from seatrial.criticism import criticise
+from seatrial.criticism.candidate_terms import Candidate, candidates, signal_of
+from seatrial.criticism.criticise import criticise
+from seatrial.criticism.missing_terms import independent_blocks, missing_terms
+from seatrial.criticism.residual_signals import motion_signals, recorded_signals
+from seatrial.criticism.residuals import autocorrelations, block_length, block_numbers
+from seatrial.criticism.score_test import score_tests
 from seatrial.linearisation import Linearisation, Piece, Unknown
-from seatrial.missing_terms import independent_blocks, missing_terms
 from seatrial.plot.model_criticism import model_criticism
-from seatrial.residual_signals import motion_signals, recorded_signals
-from seatrial.residuals import autocorrelations, block_length, block_numbers
-from seatrial.score_test import score_tests
 from seatrial.trial import Trial
 from tests.linear_trials import memory
 

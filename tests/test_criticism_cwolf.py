@@ -10,7 +10,7 @@ import pytest
 
 from seatrial._core import State, Vehicle
 from seatrial.campaign import Campaign
-from seatrial.criticism import Criticism, criticise_joint
+from seatrial.criticism.criticise import Criticism, criticise_joint
 from seatrial.joint import Joint
 from seatrial.polish import polish
 from tests.linear_trials import memory

@@ -15,11 +15,17 @@ from hypothesis import strategies as st
 
 from seatrial._core import State, Vehicle
 from seatrial.campaign import Campaign
+from seatrial.criticism.following import (
+    follow,
+    followed_text,
+    hold_out_change,
+    suggested_bounds,
+    try_suggestion,
+)
+from seatrial.criticism.missing_terms import Suggestion
 from seatrial.errors import CampaignError
-from seatrial.following import follow, followed_text, hold_out_change, suggested_bounds, try_suggestion
 from seatrial.identification import Identification
 from seatrial.identify import identify
-from seatrial.missing_terms import Suggestion
 from seatrial.score import ChannelScore, Score
 
 HEAD = """# The campaign of a summer.

@@ -12,8 +12,8 @@ import pytest
 
 from seatrial._core import Vehicle
 from seatrial.campaign import Campaign
+from seatrial.certainty.identifiability import Identifiability, judge, warnings_before
 from seatrial.generated import Truth
-from seatrial.identifiability import Identifiability, judge, warnings_before
 from seatrial.joint import Joint
 from seatrial.linearisation import Linearisation
 from seatrial.polish import linearise

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from seatrial._core import Vehicle
 from seatrial.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.combinations import dependence
-from seatrial.inputs import judge_inputs, thrusts, trained
+from seatrial.scale.combinations import dependence
+from seatrial.scale.inputs import judge_inputs, thrusts, trained
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"

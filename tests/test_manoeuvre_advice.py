@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from seatrial._core import Vehicle
-from seatrial.excitation import manoeuvre, role
-from seatrial.manoeuvre_advice import inseparable
+from seatrial.certainty.excitation import manoeuvre, role
+from seatrial.certainty.manoeuvre_advice import inseparable
 
 NAMES = Vehicle.load("cwolf").coefficient_info()
 

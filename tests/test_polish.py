@@ -1,4 +1,4 @@
-"""Joint polish: what it recovers from far starts, with nuisance parameters, outliers and bounds, and how it ends."""
+"""Joint polish: what it recovers from far starts, with nuisances, outliers and bounds, and how it ends."""
 
 from __future__ import annotations
 
@@ -175,7 +175,8 @@ def test_an_interrupt_keeps_the_best_so_far() -> None:
             raise KeyboardInterrupt
 
     found = polish(one, watch=stop)
-    assert found.interrupted and not found.converged
+    assert found.interrupted
+    assert not found.converged
     assert found.cost < found.start_cost
 
 

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.block_bootstrap import bootstrap
+from seatrial.certainty.block_bootstrap import bootstrap
+from seatrial.certainty.information_criteria import information_criteria
+from seatrial.certainty.profile import profile
+from seatrial.certainty.residual_blocks import autocorrelation, block_length, blocks
+from seatrial.certainty.uncertainty import Uncertainty, covariance, interval_table
 from seatrial.errors import CampaignError
-from seatrial.information_criteria import information_criteria
 from seatrial.linearisation import Linearisation
-from seatrial.profile import profile
-from seatrial.residual_blocks import autocorrelation, block_length, blocks
 from seatrial.run_directory import to_json
-from seatrial.uncertainty import Uncertainty, covariance, interval_table
 from tests.linear_trials import Array, Design, errors, estimates, flat, one, trials, with_column
 
 SEEDS = 300

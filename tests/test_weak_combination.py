@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.excitation import role
-from seatrial.identifiability import Identifiability, judge
-from seatrial.information import covariance, eliminate, singular
+from seatrial.certainty.excitation import role
+from seatrial.certainty.identifiability import Identifiability, judge
+from seatrial.certainty.information import covariance, eliminate, singular
+from seatrial.certainty.weak_combination import ABSENT, WEAK, weak_groups
 from seatrial.linearisation import Linearisation, Piece, Unknown
-from seatrial.weak_combination import ABSENT, WEAK, weak_groups
 
 Array = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from seatrial import _core
-from seatrial.anchor import judge_scale
 from seatrial.campaign import Campaign
-from seatrial.certainty import Certainty, certainty, conditioning
+from seatrial.certainty.assessment import Certainty, certainty, conditioning
 from seatrial.errors import CampaignError, TrialError
 from seatrial.hold_out import part_scores
 from seatrial.identification import Identification, estimates
 from seatrial.progress import Progress
 from seatrial.run_directory import RunDirectory
+from seatrial.scale.anchor import judge_scale
 from seatrial.search import Step
 from seatrial.stage import plan
 from seatrial.stage_order import StageOrder, version

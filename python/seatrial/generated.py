@@ -80,10 +80,16 @@ class _RecipeFile(Section):
 class Truth:
     """A truth vehicle: the one behind generated trials, and the sensors that it carries."""
 
+    description: str
     vehicle: Vehicle
     base: Vehicle
     changed: tuple[str, ...]
     sensors: Mapping[str, Sensor]
+
+    @property
+    def sailed(self) -> tuple[str, Mapping[str, Sensor]]:
+        """What makes two truths the same one: the vehicle's file and the sensors."""
+        return self.vehicle.to_toml(), self.sensors
 
     @classmethod
     def load(cls, path: str | Path) -> Truth:
@@ -108,7 +114,7 @@ class Truth:
                 raise VehicleError(f"{path}: factors: unknown coefficient {name!r}{nearest(name, known)}")
         changed = {name: factor * known[name] for name, factor in file.factors.items()} | file.values
         sensors = {kind: Sensor.parse(kind, table, str(path)) for kind, table in file.sensors.items()}
-        return cls(base.with_coefficients(changed), base, tuple(changed), sensors)
+        return cls(file.description, base.with_coefficients(changed), base, tuple(changed), sensors)
 
 
 @dataclass(frozen=True)

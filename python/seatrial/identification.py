@@ -14,10 +14,10 @@ from seatrial.stage import StageResult
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.anchor import ScaleReport
     from seatrial.campaign import Campaign
-    from seatrial.certainty import Certainty
-    from seatrial.identifiability import Identifiability
+    from seatrial.certainty.assessment import Certainty
+    from seatrial.certainty.identifiability import Identifiability
+    from seatrial.scale.anchor import ScaleReport
     from seatrial.score import Score
 
 _AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -111,7 +111,7 @@ class Identification:
 
     @property
     def sigma(self) -> dict[str, float]:
-        """Standard deviations of the jointly estimated coefficients in their units; infinite if undetermined."""
+        """Standard deviations of the jointly estimated coefficients, SI; infinite if undetermined."""
         return {row.name: row.sigma for row in self.coefficients if row.sigma is not None}
 
     def score_rows(self) -> Iterator[dict[str, Any]]:

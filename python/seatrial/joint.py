@@ -13,7 +13,7 @@ from seatrial import _core
 from seatrial.campaign_file import AXES, Axes, Coefficient, Polish, Stage
 from seatrial.errors import CampaignError, nearest
 from seatrial.initial_velocity import velocity_noise
-from seatrial.linearisation import Linearisation, Piece, Unknown
+from seatrial.linearisation import Unknown
 from seatrial.nuisance import nuisances, rows
 from seatrial.parameters import coefficients, names, parameters, spread
 from seatrial.recording.columns import CHANNELS

@@ -21,9 +21,9 @@ import numpy as np
 
 from seatrial._core import Vehicle
 from seatrial.campaign import Campaign
+from seatrial.certainty.information import covariance
 from seatrial.check.actuators import NOMINAL_V
 from seatrial.errors import CampaignError, SeatrialError, nearest
-from seatrial.information import covariance
 from seatrial.manoeuvre import known
 from seatrial.manoeuvre.definition import Manoeuvre
 from seatrial.manoeuvre.fisher import Instruments, information

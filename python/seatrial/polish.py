@@ -31,9 +31,9 @@ class Polished:
     """What the joint polish found.
 
     ``values`` (m,) of the unknowns, ``initial`` (segments, 12) initial conditions, ``noise`` (C,) standard
-    deviation of each channel's residual, ``cost`` and ``start_cost`` half the robust sum of squares and priors
-    in these units, at the end and at the start. ``spread`` (starts, m) is where the starts ended, ``costs``
-    (starts,) the negative log-likelihood there.
+    deviation of each channel's residual, ``cost`` and ``start_cost`` half the robust sum of squares and
+    priors in these units, at the end and at the start. ``spread`` (starts, m) is where the starts ended,
+    ``costs`` (starts,) the negative log-likelihood there.
     """
 
     values: Array

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Run
 
-__all__ = ["KINDS", "Kind", "Sensor", "measure"]
+__all__ = ["KINDS", "Kind", "Sensor", "biases", "measure"]
 
 Array = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def measure(run: Run, sensors: Mapping[str, Sensor], *, seed: int) -> pl.DataFra
     t = np.asarray(run.t)
     table = pl.DataFrame({"t_s": np.round(t, 6)})
     for kind, sensor in sensors.items():
-        random = np.random.default_rng([seed, zlib.crc32(kind.encode())])
+        random = _generator(kind, seed)
         columns, truth = _truth(run, kind, t - sensor.latency_s)
         logged = truth + random.normal(0.0, sensor.bias, truth.shape[1])
         logged += random.normal(0.0, sensor.noise, truth.shape)
@@ -127,6 +127,28 @@ def measure(run: Run, sensors: Mapping[str, Sensor], *, seed: int) -> pl.DataFra
             pl.Series(name, np.round(cells[:, k], 6), nan_to_null=True) for k, name in enumerate(columns)
         )
     return table
+
+
+def biases(sensors: Mapping[str, Sensor], *, seed: int) -> dict[str, float]:
+    """Offset of each channel that `measure` adds with this seed, SI; late or rounded samples keep it.
+
+    Examples
+    --------
+    >>> list(biases({"depth": Sensor(bias=0.1)}, seed=1))
+    ['z']
+    """
+    found = {}
+    for kind, sensor in sensors.items():
+        columns, unit = KINDS[kind].columns, KINDS[kind].unit
+        offsets = _generator(kind, seed).normal(0.0, sensor.bias, len(columns))
+        for column, offset in zip(columns, offsets, strict=True):
+            si = np.deg2rad(offset) if unit.startswith("deg") else offset
+            found[column.removesuffix(f"_{unit}")] = float(si)
+    return found
+
+
+def _generator(kind: str, seed: int) -> np.random.Generator:
+    return np.random.default_rng([seed, zlib.crc32(kind.encode())])
 
 
 def _truth(run: Run, kind: str, t: Array) -> tuple[tuple[str, ...], Array]:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 from seatrial.errors import SeatrialError
 
 if TYPE_CHECKING:
-    from seatrial.anchor import ScaleReport
     from seatrial.campaign import Campaign
-    from seatrial.inputs import InputJudgement
     from seatrial.recording.report import RecordingReport
+    from seatrial.scale.anchor import ScaleReport
+    from seatrial.scale.inputs import InputJudgement
 
 __all__ = ["CampaignCheck", "StageOutline", "check_campaign"]
 
@@ -67,8 +67,8 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
     >>> check_campaign(st.Campaign.load("examples/cwolf/campaign.toml")).problems  # doctest: +SKIP
     ()
     """
-    from seatrial.anchor import judge_scale
-    from seatrial.inputs import judge_inputs
+    from seatrial.scale.anchor import judge_scale
+    from seatrial.scale.inputs import judge_inputs
     from seatrial.stage import plan
 
     reports: dict[str, RecordingReport] = {}

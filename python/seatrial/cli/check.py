@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from seatrial.check import VehicleCheck
     from seatrial.check.campaign import CampaignCheck
-    from seatrial.inputs import InputJudgement
+    from seatrial.scale.inputs import InputJudgement
 
 
 def check(

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial import _core
+from seatrial.certainty.information import eliminate
 from seatrial.check.actuators import NOMINAL_V, voltage_for
 from seatrial.errors import CampaignError, SimulationError, nearest
-from seatrial.information import eliminate
 from seatrial.manoeuvre.forecast import simulated
 from seatrial.parameters import Parameter, names, spread
 from seatrial.recording.columns import CHANNELS, DEGREE

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.campaign_file import Axes, Coefficient, Stage
+from seatrial.certainty.information import eliminate
 from seatrial.errors import CampaignError
-from seatrial.information import eliminate
 from seatrial.manoeuvre.fisher import Instruments
 from seatrial.parameters import Parameter
 from seatrial.parameters import parameters as parsed

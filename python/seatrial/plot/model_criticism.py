@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from seatrial.criticism import Criticism
-    from seatrial.residuals import Autocorrelation
+    from seatrial.criticism.criticise import Criticism
+    from seatrial.criticism.residuals import Autocorrelation
 
 __all__ = ["model_criticism"]
 

@@ -1,0 +1,188 @@
+"""`seatrial coverage`: how often intervals hold the truth of generated trials."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from seatrial.coverage import Coverage, CoverageProgress, CoverageRow
+
+_LINE_EVERY_S = 5.0
+
+
+def coverage(
+    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML) whose trials are all generated.")],
+    seeds: Annotated[int, typer.Option(min=1, help="Repetitions.")] = 50,
+    first: Annotated[int, typer.Option(min=0, help="Seed of the first repetition.")] = 1,
+    truth: Annotated[
+        Path | None, typer.Option(help="Truth file that sails all trials instead of the recipes' own.")
+    ] = None,
+    criticised: Annotated[
+        int, typer.Option(min=0, help="Repetitions in which the model criticism is asked as well.")
+    ] = 5,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME of the campaign by default.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option(help="Reuse repetitions that an earlier run finished from the same inputs.")
+    ] = True,
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Count how often the 95 % intervals hold the truth, over repetitions with other noise and biases.
+
+    Ctrl-C keeps what is done; the same command goes on from there.
+    """
+    from seatrial.campaign import Campaign
+    from seatrial.cli.console import output, print_json
+    from seatrial.coverage import coverage as covered
+    from seatrial.generated import Truth
+
+    loaded = Campaign.load(campaign)
+    named = loaded.name if truth is None else f"{loaded.name}-{truth.stem}"
+    folder = out or Path("runs") / named
+    with _progress(quiet=json) as progress:
+        found = covered(
+            loaded,
+            seeds=seeds,
+            first=first,
+            truth=None if truth is None else Truth.load(truth),
+            criticised=criticised,
+            run_dir=folder,
+            progress=progress,
+            resume=resume,
+            threads=threads,
+        )
+    if json:
+        print_json(found.to_dict() | {"run_directory": str(folder)})
+    else:
+        print_coverage(output(), found)
+    if found.interrupted:
+        raise typer.Exit(130)
+    if found.failures:
+        raise typer.Exit(1)
+
+
+def print_coverage(console: Console, found: Coverage) -> None:
+    """Print the table of a coverage run and what follows from it."""
+    from seatrial.cli.console import table
+
+    if found.rows:
+        console.print(_table(found))
+    scores = found.hold_out()
+    if any(scores.values()):
+        channels = list(next(iter(scores.values())))
+        body = [[name, *(f"{of[channel]:.3f}" for channel in channels)] for name, of in scores.items()]
+        console.print(table("Held-out trials, R2 ten seconds ahead, mean", ["vehicle", *channels], body))
+    for line in _sentences(found):
+        console.print(f"- {line}", soft_wrap=True, markup=False)
+
+
+def _table(found: Coverage) -> Table:
+    from seatrial.cli.console import table
+
+    head = ["unknown", "unit", "truth", "mean", "bias/sd", "sigma", "scatter", "inside", "verdict"]
+    title = f"{found.campaign}: 95 % intervals over {len(found.draws)} repetitions"
+    return table(title, head, [_cells(row) for row in found.rows], left=2)
+
+
+def _cells(row: CoverageRow) -> list[str]:
+    """Bias is over its standard error; digits follow sigma."""
+    digits = 4
+    if math.isfinite(row.sigma) and row.sigma > 0.0 and row.mean:
+        digits = max(math.floor(math.log10(abs(row.mean))) - math.floor(math.log10(row.sigma)) + 2, 3)
+
+    def number(value: float, places: int = digits) -> str:
+        return "" if math.isnan(value) else f"{value:#.{places}g}".rstrip(".")
+
+    often = row.verdicts[row.verdict]
+    verdict = row.verdict if often == row.n else f"{row.verdict} {often}/{row.n}"
+    return [
+        row.name,
+        row.unit,
+        number(row.truth) or "drawn",
+        number(row.mean) if math.isfinite(row.truth) else "",
+        number(row.bias_t, 2),
+        number(row.sigma, 2),
+        number(row.scatter, 2),
+        f"{row.inside}/{row.n}",
+        verdict,
+    ]
+
+
+def _sentences(found: Coverage) -> list[str]:
+    from seatrial.coverage.resailing import unmodelled
+
+    total, lines = len(found.draws), []
+    if found.outside:
+        lines.append(
+            f"the truth is outside the model class: {unmodelled(found.outside)}; the coefficients have no"
+            " right value, judge the model by its hold-out alone"
+        )
+    lines += [
+        f"{one.name} held at {one.value:.4g} {one.unit} instead of {one.estimate:.4g}: the log-likelihood"
+        f" ratio is {2.0 * one.rise:.2f}, {'above' if one.contradicted else 'below'} 3.84 of 95 %"
+        for one in found.held
+    ]
+    if found.criticised:
+        lines.append(f"the model criticism warns in {found.warned} of {found.criticised} repetitions")
+        warned = next((one for one in found.draws if one.criticism), None)
+        if warned is not None and warned.criticism:
+            lines += [f"seed {warned.seed}: {text}" for text in warned.criticism]
+    slow = [one.seed for one in found.draws if not one.converged]
+    if slow:
+        lines.append(f"not converged within the rounds of the polish: seeds {', '.join(map(str, slow))}")
+    lines += [f"FAILED: {text}" for text in found.failures]
+    if found.interrupted:
+        lines.append(f"interrupted after {total} of {found.asked} repetitions; run again to go on")
+    return lines
+
+
+@contextmanager
+def _progress(*, quiet: bool) -> Iterator[Callable[[CoverageProgress], None]]:
+    """Callback that shows repetitions and time left: a bar on a terminal, now and then a line elsewhere."""
+    if quiet:
+        yield lambda _: None
+        return
+    if not sys.stderr.isatty():
+        yield _lines()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("sailing the trials", total=None)
+        yield lambda state: bar.update(
+            task, completed=state.done, total=state.asked, description=_words(state)
+        )
+
+
+def _lines() -> Callable[[CoverageProgress], None]:
+    last = time.monotonic()
+
+    def show(state: CoverageProgress) -> None:
+        nonlocal last
+        if time.monotonic() - last >= _LINE_EVERY_S:
+            last = time.monotonic()
+            print(f"{state.done} of {state.asked}  {_words(state)}", file=sys.stderr, flush=True)
+
+    return show
+
+
+def _words(state: CoverageProgress) -> str:
+    if math.isnan(state.left_s):
+        return state.phase
+    left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
+    return f"{state.phase}, about {left} left"

@@ -1,0 +1,286 @@
+"""Model criticism: what the residuals say against the model, and what to do about it.
+
+Three questions. Do the residuals look like the sensors' noise (`seatrial.criticism.residuals`)? Which
+coefficient that is held should be free (`seatrial.criticism.missing_terms`)? Which other signal do they
+follow beside all that (`seatrial.criticism.residual_signals`)? A model that leaves structure is not true,
+so its intervals are about the best model in its class; whether a suggested term is worth having is for the
+hold-out score to say (`seatrial.criticism.following`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.criticism.candidate_terms import (
+    Candidate,
+    candidates,
+    columns_of,
+    fitted_places,
+    members,
+    strongest,
+)
+from seatrial.criticism.missing_terms import Suggestion, independent_blocks, missing_terms
+from seatrial.criticism.residual_signals import (
+    FollowedSignal,
+    followed_signals,
+    motion_signals,
+    recorded_signals,
+    with_predicted_velocity,
+)
+from seatrial.criticism.residuals import Autocorrelation, autocorrelations
+from seatrial.criticism.score_test import score_tests
+from seatrial.linearisation import Linearisation
+from seatrial.parameters import names
+from seatrial.search import Array
+
+if TYPE_CHECKING:
+    from seatrial.joint import Joint
+
+__all__ = ["Criticism", "Suggestion", "criticise", "criticise_joint"]
+
+_EXCESS = 1.5
+_UNLIKELY = 0.01
+_INTERVALS = (
+    "intervals are about the best model in the class, and whether a change is for the better is for the"
+    " hold-out score alone to judge"
+)
+
+
+@dataclass(frozen=True)
+class Criticism:
+    """What the residuals say against the model; printed, sentences.
+
+    Attributes
+    ----------
+    autocorrelations
+        An `Autocorrelation` per channel.
+    suggestions
+        Coefficients to free, the one that gains most first; follow one at a time.
+    signals
+        Signals that the residuals follow beside what is fitted and suggested.
+    tested
+        Number of coefficients that were tried.
+    indistinguishable
+        Coefficients that could not be tried: the data cannot tell them from what is fitted, or do not show
+        them at all.
+    block_s
+        Length of the blocks behind the standard deviations, s.
+    structural
+        Whether a term or signal was found, so that the truth lies outside the model class.
+    warning
+        The sentence that says so; None where the residuals look like noise.
+    """
+
+    autocorrelations: tuple[Autocorrelation, ...]
+    suggestions: tuple[Suggestion, ...]
+    signals: tuple[FollowedSignal, ...]
+    tested: int
+    indistinguishable: tuple[str, ...]
+    block_s: float
+    structural: bool
+    warning: str | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers, texts, lists and dicts."""
+        return {
+            "warning": self.warning,
+            "structural": self.structural,
+            "suggestions": [one.to_dict() for one in self.suggestions],
+            "signals": [one.to_dict() for one in self.signals],
+            "tested": self.tested,
+            "indistinguishable": list(self.indistinguishable),
+            "block_s": self.block_s,
+            "autocorrelations": [one.to_dict() for one in self.autocorrelations],
+        }
+
+    def __str__(self) -> str:
+        lines = [] if self.warning is None else [self.warning]
+        lines += [f"{rank}. {one.sentence}" for rank, one in enumerate(self.suggestions, 1)]
+        lines += [one.sentence for one in self.signals]
+        if not self.suggestions:
+            lines.append(f"None of the {self.tested} coefficients that were tried is missing")
+        return "\n".join(lines)
+
+
+def criticise(
+    lin: Linearisation,
+    *,
+    tried: Sequence[Candidate] = (),
+    signals: Mapping[str, Sequence[Array]] | None = None,
+    info: Mapping[str, Mapping[str, Any]] | None = None,
+    sensor_noise: Mapping[str, float] | None = None,
+    tested: int | None = None,
+    level: float = 0.05,
+) -> Criticism:
+    """Criticism of a model by its residuals.
+
+    Parameters
+    ----------
+    lin : Linearisation
+        At the estimate; its unknowns include the coefficients that are tried, which count as not fitted.
+    tried : sequence of Candidate
+        Coefficients that might be missing (`seatrial.criticism.missing_terms.candidates`).
+    signals : mapping, optional
+        Name to one array (n,) per segment: recorded signals besides those of the motion.
+    info : mapping, optional
+        ``Vehicle.coefficient_info()``: what the vehicle knows, for the words.
+    sensor_noise : mapping, optional
+        Standard deviation per channel, SI, where it is known; otherwise the white part of the residual.
+    tested : int, optional
+        Number of coefficients tried in all, if more than are given here.
+    level : float
+        False discovery rate of suggestions, and of signals.
+    """
+    first = _first(lin, tried, info=info, tested=tested, level=level)
+    by_name = {candidate.name: candidate.members for candidate in tried}
+    suggested = {member for one in first.suggestions for member in by_name[one.name]}
+    found = followed_signals(
+        lin,
+        motion_signals(lin) | dict(signals or {}),
+        fitted=[i for i, u in enumerate(lin.unknowns) if i in first.fitted or u.name in suggested],
+        block=first.block,
+        known=info or (),
+        level=level,
+    )
+    correlations = autocorrelations(lin, sensor_noise=sensor_noise)
+    return _criticism(first, correlations, first.suggestions, found)
+
+
+def criticise_joint(
+    joint: Joint,
+    values: Array,
+    *,
+    initial: Array | None = None,
+    noise: Array | None = None,
+    sensor_noise: Mapping[str, float] | None = None,
+    level: float = 0.05,
+    refits: int = 3,
+) -> Criticism:
+    """Criticism of a joint estimate: every coefficient of the vehicle is tried, and every recorded signal.
+
+    Parameters
+    ----------
+    joint : Joint
+    values : ndarray, shape (m,)
+        The estimate.
+    initial : ndarray, shape (segments, 12), optional
+        Initial conditions of the segments; by default they are found.
+    noise : ndarray, shape (C,), optional
+        Standard deviations of the channels' residuals; by default they are estimated.
+    sensor_noise, level
+        As in `criticise`.
+    refits : int
+        The first suggestions that are freed in turn and estimated again before one leads
+        (`seatrial.criticism.refitting`); each takes some rounds of a polish. With zero all numbers are of
+        first order.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.joint import Joint
+    >>> from seatrial.polish import polish
+    >>> joint = Joint(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
+    >>> print(criticise_joint(joint, polish(joint).values))  # doctest: +SKIP
+    """
+    from seatrial.criticism.refitting import refitted
+    from seatrial.polish import linearise
+
+    info = joint.vehicle.coefficient_info()
+    trials = {name: joint.campaign.trials[name] for name in joint.data.names}
+    tried = candidates(joint.vehicle, names(joint.parameters), free=joint.stage.axes.free)
+    held = strongest(joint, values, tried, initial=initial, noise=noise)
+    lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
+    first = _first(lin, held, info=info, tested=len(tried), level=level)
+    suggestions, last = first.suggestions, lin
+    if suggestions and refits:
+        followed = refitted(joint, values, suggestions, held, tested=len(tried), level=level, refits=refits)
+        suggestions, last, held = followed.suggestions, followed.lin, followed.tried
+    freed = {member for one in suggestions for c in held if c.name == one.name for member in c.members}
+    fitted = set(fitted_places(last, held)) | {i for i, u in enumerate(last.unknowns) if u.name in freed}
+    last = with_predicted_velocity(last, trials)
+    found = followed_signals(
+        last,
+        motion_signals(last) | recorded_signals(last, trials),
+        fitted=sorted(fitted),
+        block=first.block,
+        known=info,
+        level=level,
+    )
+    return _criticism(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
+
+
+@dataclass(frozen=True)
+class _First:
+    """Suggestions of first order and what they rest on."""
+
+    suggestions: tuple[Suggestion, ...]
+    fitted: tuple[int, ...]
+    block: Sequence[NDArray[np.intp]]
+    block_s: float
+    tested: int
+    indistinguishable: tuple[str, ...]
+
+
+def _first(
+    lin: Linearisation,
+    tried: Sequence[Candidate],
+    *,
+    info: Mapping[str, Mapping[str, Any]] | None,
+    tested: int | None,
+    level: float,
+) -> _First:
+    block, length = independent_blocks(lin, tried)
+    fitted = fitted_places(lin, tried)
+    alike: tuple[str, ...] = ()
+    if tried:
+        testable = score_tests(lin, columns_of(lin, tried), fitted=fitted, block=block).testable
+        alike = tuple(one.name for one, good in zip(tried, testable, strict=True) if not good)
+    count = max(tested or 0, len(tried)) - len(alike)
+    suggestions = missing_terms(lin, tried, block=block, info=info, tested=count, level=level)
+    return _First(suggestions, tuple(fitted), block, length, count, alike)
+
+
+def _criticism(
+    first: _First,
+    correlations: tuple[Autocorrelation, ...],
+    suggestions: tuple[Suggestion, ...],
+    signals: tuple[FollowedSignal, ...],
+) -> Criticism:
+    return Criticism(
+        autocorrelations=correlations,
+        suggestions=suggestions,
+        signals=signals,
+        tested=first.tested,
+        indistinguishable=first.indistinguishable,
+        block_s=first.block_s,
+        structural=bool(suggestions or signals),
+        warning=_warning(correlations, suggestions, signals),
+    )
+
+
+def _warning(
+    correlations: Sequence[Autocorrelation],
+    suggestions: Sequence[Suggestion],
+    signals: Sequence[FollowedSignal],
+) -> str | None:
+    """Sentence about a truth outside the model class, None where the residuals look like noise."""
+    coloured = [one for one in correlations if one.excess > _EXCESS and one.p < _UNLIKELY]
+    if not (coloured or suggestions or signals):
+        return None
+    evidence = [
+        f"{one.channel} residual {one.excess:.2g} times the noise, remembered for {one.correlation_s:.2g} s"
+        for one in coloured
+    ]
+    if suggestions:
+        evidence.append(f"missing {', '.join(one.name for one in suggestions)}")
+    followed = [f"{one.channel} follows {one.signal}" for one in signals]
+    evidence += followed[:3]
+    where = "The truth lies outside the model class"
+    if not (suggestions or signals):
+        where += " or the sensors' noise is not white"
+    return f"{where} ({'; '.join(evidence)}): {_INTERVALS}"

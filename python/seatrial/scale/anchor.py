@@ -1,0 +1,288 @@
+"""What an absolute anchor implies for an identified vehicle: a sanity check, printed.
+
+An identified vehicle is right up to one factor on all forces (`seatrial.scale.homogeneity`). The factor of
+an anchor (`seatrial.scale.anchor_factors`) turns it into true values: thrust gains, added masses, net
+weight, height of the centre of gravity. What cannot be is said. Without an anchor one is asked for.
+
+Source: Fossen (2011), section 4.1.2 (righting moment), equation 7.9.
+Tests: ``tests/test_anchor.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.campaign_file import Anchor
+from seatrial.scale.anchor_factors import MOTIONS, Factor, ballast_factor, bollard_factor, dry_mass_factor
+from seatrial.scale.gain_options import groups_of
+from seatrial.scale.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.campaign import Campaign
+
+__all__ = ["Implied", "ScaleReport", "implied", "judge_scale"]
+
+_GAINS = (0.2, 1.5)
+"""Plausible thrust over a bollard table: mounting, wake and voltage drop cost much, nothing adds half."""
+
+_NET_SHARE = 0.05
+"""Of the weight: a submerged vehicle is trimmed to a few tenths of a per cent."""
+
+_UNSTATED = 0.1
+"""An anchor without standard deviation is taken to be good to ten per cent when anchors are compared."""
+
+
+@dataclass(frozen=True)
+class Implied:
+    """What an anchor implies for an identified vehicle.
+
+    Attributes
+    ----------
+    factor
+        True over identified forces.
+    mass_kg
+        Mass beside which added mass is told, and by which the centre of gravity is placed: dry mass and water
+        where they are given, else the vehicle's m.
+    apparent_kg
+        True mass plus added mass in surge, sway and heave.
+    gains
+        True thrust over that of the campaign's vehicle, per group, or per actuator where they differ.
+    net_weight_n
+        True ``W - B``.
+    centre_height_m, file_height_m
+        Centre of gravity below the centre of buoyancy, as implied and in the campaign's vehicle.
+    """
+
+    factor: Factor
+    mass_kg: float
+    apparent_kg: dict[str, float]
+    gains: dict[str, float]
+    net_weight_n: float
+    centre_height_m: float
+    file_height_m: float
+    g: float
+
+    @property
+    def added_kg(self) -> dict[str, float]:
+        """True added mass in surge, sway and heave."""
+        return {motion: mass - self.mass_kg for motion, mass in self.apparent_kg.items()}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about what cannot be."""
+        if not math.isfinite(self.factor.value):
+            return ("the anchor contradicts the vehicle: its answer has the other sign; check its signs",)
+        found = [
+            f"added mass in {motion} would be {mass:.3g} kg, negative: anchor or apparent mass is wrong"
+            for motion, mass in self.added_kg.items()
+            if mass < 0.0
+        ]
+        found += self.thrust_warnings
+        if self.centre_height_m <= 0.0:
+            found.append("the centre of gravity would lie above the centre of buoyancy: check z_g, z_b, B")
+        if abs(self.net_weight_n) > _NET_SHARE * self.mass_kg * self.g:
+            share = 100.0 * self.net_weight_n / (self.mass_kg * self.g)
+            found.append(f"net weight would be {share:+.2g} % of the weight: check B and m")
+        return tuple(found)
+
+    @property
+    def thrust_warnings(self) -> list[str]:
+        """The sentence about gains that no bollard table is wrong by."""
+        least, most = _GAINS
+        odd = [f"{name} {gain:.2g}" for name, gain in self.gains.items() if not least <= gain <= most]
+        if not odd:
+            return []
+        return [
+            f"thrust gains outside {least:g} to {most:g}: {', '.join(odd)}; check characteristic, supply"
+            " voltage and anchor"
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The consequences as plain data for JSON."""
+        return asdict(self) | {"added_kg": self.added_kg, "warnings": list(self.warnings)}
+
+    def sentences(self, *, identified: bool = True) -> list[str]:
+        """The factor, what follows from it, what cannot be; before an identification of the thrust alone."""
+        said = [f"{self.factor.anchor} ({self.factor.assumption}): {_factor_words(self.factor, identified)}"]
+        if not identified:
+            return said + [f"WARNING {text}" for text in self.thrust_warnings]
+        if math.isfinite(self.factor.value):
+            gains = ", ".join(f"{name} {gain:.2g}" for name, gain in self.gains.items())
+            added = ", ".join(f"{motion} {mass:.3g}" for motion, mass in self.added_kg.items())
+            side = "below" if self.centre_height_m > 0.0 else "above"
+            said.append(
+                f"It implies thrust gains {gains or '(no thruster)'}; added mass {added} kg beside"
+                f" {self.mass_kg:.4g} kg; net weight {self.net_weight_n:+.2g} N; centre of gravity"
+                f" {1e3 * abs(self.centre_height_m):.3g} mm {side} that of buoyancy"
+                f" (vehicle file: {1e3 * self.file_height_m:.3g} mm)"
+            )
+        return said + [f"WARNING {text}" for text in self.warnings]
+
+
+@dataclass(frozen=True)
+class ScaleReport:
+    """The scale of all forces: what it rests on, what the anchors imply, coefficients free of it.
+
+    Attributes
+    ----------
+    homogeneity
+        The homogeneous direction of the campaign.
+    implied
+        One per anchor: of an identified vehicle all, before that bollard pulls only.
+    waiting
+        Anchors that are judged once the vehicle is identified.
+    ratios
+        What trials tell whatever the scale, over the mean thrust factor; empty before the identification.
+    identified
+        Whether it is an identified vehicle that was judged.
+    """
+
+    homogeneity: Homogeneity
+    implied: tuple[Implied, ...]
+    waiting: tuple[str, ...]
+    ratios: dict[str, float]
+    identified: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as plain data for JSON."""
+        return {
+            "homogeneity": self.homogeneity.to_dict(),
+            "implied": [one.to_dict() for one in self.implied],
+            "waiting": list(self.waiting),
+            "ratios": self.ratios,
+            "sentences": self.sentences(),
+        }
+
+    def sentences(self) -> list[str]:
+        """What the scale rests on, what the anchors imply; where there is none, a request for one."""
+        said = self.homogeneity.sentences()
+        for one in self.implied:
+            said += one.sentences(identified=self.identified)
+        said += self._disagreement()
+        if self.waiting:
+            said.append(f"Judged after the identification: {', '.join(self.waiting)}")
+        if not self.implied and not self.waiting:
+            said.append(
+                "No absolute anchor is given; one is needed for true values. Give it under [anchor]: bollard"
+                " (a pull at rest under known commands), ballast (a known weight, and the sinking, the angle"
+                " or the commands that answer it) or dry_mass (beside an assumed added mass)"
+            )
+        if self.ratios:
+            told = ", ".join(f"{name} {value:.4g}" for name, value in self.ratios.items())
+            said.append(f"Over the thrust gain, whatever the scale: {told}")
+        return said
+
+    def _disagreement(self) -> list[str]:
+        known = [one.factor for one in self.implied if math.isfinite(one.factor.value)]
+        if len(known) < 2:
+            return []
+        lower = max(min(one.lower, one.value * (1.0 - _UNSTATED)) for one in known)
+        upper = min(max(one.upper, one.value * (1.0 + _UNSTATED)) for one in known)
+        values = " and ".join(f"{one.anchor.lower()} {one.value:.2g}" for one in known)
+        if lower <= upper:
+            return [f"The anchors agree: {values}"]
+        return [f"WARNING the anchors disagree: {values}; one of them, or what it assumes, is wrong"]
+
+
+def judge_scale(campaign: Campaign, vehicle: Vehicle | None = None) -> ScaleReport:
+    """Judgement of a campaign's scale.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    vehicle : Vehicle, optional
+        The identified one; without it only bollard pulls are judged, on the thrust of the vehicle file.
+
+    Raises
+    ------
+    CampaignError
+        An anchor names an unknown actuator, commands without force or a hull without measures.
+    """
+    direction, anchor = homogeneity(campaign), campaign.file.anchor
+    if vehicle is None:
+        every = implied(campaign.vehicle, anchor)  # refuses here what could not be judged later
+        waiting = [one.factor.anchor for one in every[len(anchor.bollard) :]]
+        return ScaleReport(direction, every[: len(anchor.bollard)], tuple(waiting), {}, False)
+    known = implied(vehicle, anchor, reference=campaign.vehicle)
+    return ScaleReport(direction, known, (), ratios(vehicle, campaign.vehicle), True)
+
+
+def implied(vehicle: Vehicle, anchor: Anchor, *, reference: Vehicle | None = None) -> tuple[Implied, ...]:
+    """What every anchor implies for a vehicle: bollard pulls first, ballasts, then the dry mass.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The identified one.
+    anchor : Anchor
+        The ``[anchor]`` section of a campaign.
+    reference : Vehicle, optional
+        Thrust gains are relative to its thrust; to the vehicle's own without its gains when omitted.
+
+    Raises
+    ------
+    CampaignError
+        An anchor names an unknown actuator, commands without force or a hull without measures.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.campaign_file import Anchor
+    >>> [one] = implied(st.Vehicle.load("cwolf"), Anchor.model_validate({"dry_mass": {"mass_kg": 135.0}}))
+    >>> round(one.factor.value, 2)
+    1.0
+    """
+    factors = [bollard_factor(vehicle, pull) for pull in anchor.bollard]
+    factors += [ballast_factor(vehicle, ballast) for ballast in anchor.ballast]
+    dry, values = anchor.dry_mass, vehicle.coefficients()
+    if dry is not None:
+        factors.append(dry_mass_factor(vehicle, dry))
+    if not factors:
+        return ()
+    mass = dry.mass_kg + dry.water_kg if dry is not None else values["m"]
+    gains = {name: values.get(f"{name}.gain", 0.0) for name in vehicle.actuators}
+    thrust = gains if reference is None else thrust_factors(vehicle, reference)
+    file = (reference or vehicle).coefficients()
+    height = file.get("z_g", 0.0) - file.get("z_b", 0.0)
+    return tuple(_implied(vehicle, factor, mass, thrust, height) for factor in factors)
+
+
+def _implied(
+    vehicle: Vehicle, factor: Factor, mass: float, thrust: Mapping[str, float], file_height_m: float
+) -> Implied:
+    values, g = vehicle.coefficients(), vehicle.environment()["g"]
+    weight, buoyancy = values["m"] * g, values.get("B", 0.0)
+    righting = weight * values.get("z_g", 0.0) - buoyancy * values.get("z_b", 0.0)
+    diagonal, s = np.asarray(vehicle.mass_matrix()).diagonal(), factor.value
+    gains: dict[str, float] = {}
+    for group, members in groups_of(vehicle).items():
+        own = {name: s * thrust[name] for name in members if name in thrust}
+        alike = own and max(own.values()) - min(own.values()) <= 1e-6 * abs(max(own.values()))
+        gains |= {group: max(own.values())} if alike else own
+    return Implied(
+        factor=factor,
+        mass_kg=mass,
+        apparent_kg={motion: float(s * diagonal[i]) for i, motion in enumerate(MOTIONS.values())},
+        gains=gains,
+        net_weight_n=s * (weight - buoyancy),
+        centre_height_m=s * righting / (mass * g),
+        file_height_m=file_height_m,
+        g=g,
+    )
+
+
+def _factor_words(factor: Factor, identified: bool) -> str:
+    if not math.isfinite(factor.value):
+        return "no factor"
+    size = f"{factor.value:.2g}"
+    if factor.upper > factor.lower:
+        size += f" ({factor.lower:.2g} to {factor.upper:.2g})"
+    return (
+        f"true forces are {size} of the identified" if identified else f"true thrust is {size} of the file's"
+    )

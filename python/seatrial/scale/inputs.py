@@ -1,0 +1,280 @@
+"""Inputs judged first: which combinations of actuators a campaign drives, which thrust gains that can tell.
+
+The thrust f_k(t) of every actuator without inflow, behind limits and lag, over what the campaign fits. Its
+columns about their means (a constant thrust cannot be told from a bias force), each over its own root mean
+square, have singular values: a small one is a combination ``sum c_k f_k`` that never changes.
+
+A gain error dg makes the wrench error ``sum b_k dg_k f_k``, b_k being the wrench of actuator k per newton.
+Where the f_k are independent, every row of the wrench by itself tells every gain that acts in it. Where they
+are not, gains differ only by what they couple into other axes, and an offset centre, a lever or off-diagonal
+damping of the hull says that as well. So then: one gain per group and direction, or one per axis.
+
+Source: Golub & Van Loan, *Matrix Computations* (2013), section 2.4 (singular values), 5.5 (rank deficiency).
+Tests: ``tests/test_inputs.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.campaign_file import AXES
+from seatrial.errors import SimulationError, TrialError
+from seatrial.scale.combinations import Dependence, dependence
+from seatrial.scale.gain_options import Drive, GainOption, centred, groups_of, offered, per_axis, per_group
+from seatrial.search import Array
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.campaign import Campaign
+    from seatrial.trial import Trial
+
+__all__ = ["InputJudgement", "judge_inputs", "trained"]
+
+_ROW_USED = 0.02
+"""Below this share of the largest a row of the wrench is not driven; moments count per half hull length."""
+
+
+@dataclass(frozen=True)
+class InputJudgement:
+    """The inputs of a campaign, judged before anything is fitted.
+
+    Attributes
+    ----------
+    drives
+        Per actuator, in the vehicle's order; empty where the logged wrench is the only input.
+    thrusts
+        Singular values and hardly driven combinations of the thrusts.
+    rows_rms
+        Root mean square of every row of the wrench about its mean, N and N m.
+    rows
+        Singular values and hardly driven combinations of the rows that are driven.
+    options
+        Ways to free thrust gains.
+    offered
+        Keys of the gains that may be freed: single ones where the inputs tell them apart, else by group and
+        direction.
+    freed
+        Gains that the campaign frees singly although they cannot be told apart.
+    """
+
+    drives: tuple[Drive, ...]
+    thrusts: Dependence
+    rows_rms: dict[str, float]
+    rows: Dependence
+    options: tuple[GainOption, ...]
+    offered: tuple[str, ...]
+    freed: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The judgement as plain data for JSON."""
+        return asdict(self) | {"sentences": self.sentences()}
+
+    def sentences(self) -> list[str]:
+        """What the inputs tell, for a control engineer."""
+        said = [*self._thrust_sentences(), *self._gain_sentences(), *self._row_sentences()]
+        return said or [
+            "No input moves in what is fitted: nothing but free decays and drift can be identified"
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _thrust_sentences(self) -> list[str]:
+        if not self.drives:
+            return []
+        driven = len(self.thrusts.singular_values) - self.thrusts.lost
+        said = [
+            f"Thrust: {len(self.drives)} actuators, {driven} independent combinations driven"
+            f" (singular values {', '.join(_rounded(x) for x in self.thrusts.singular_values)})"
+        ]
+        if self.thrusts.still:
+            said.append(f"Never change their thrust: {_and(self.thrusts.still)}")
+        return said + self.thrusts.sentences()
+
+    def _gain_sentences(self) -> list[str]:
+        said: list[str] = []
+        lost = self.thrusts.involved
+        if lost:
+            said.append(
+                f"Single thrust gains of {_and(lost)} cannot be told apart by these inputs: what differs"
+                " between them shows only as coupling of the axes, which offset centres, levers and"
+                " off-diagonal damping imitate"
+            )
+        if self.offered:
+            axis = next((o for o in self.options if o.kind == "axis" and o.told_apart and lost), None)
+            said.append(
+                f"Gains that may be freed, but for those that the scale rests on: {_keys(self.offered)}"
+                + (f"; or per axis, levers with relative bounds: {_keys(axis.names)}" if axis else "")
+            )
+        if self.freed:
+            said.append(
+                f"The campaign frees {_keys(self.freed)} one by one: expect wide standard deviations,"
+                " or free the group's gain"
+            )
+        return said
+
+    def _row_sentences(self) -> list[str]:
+        rows = ", ".join(
+            f"{row} {rms:.2g} {'N' if row in 'XYZ' else 'N m'}"
+            for row, rms in self.rows_rms.items()
+            if row not in self.rows.still
+        )
+        if not rows:
+            return []
+        still = f"; hardly driven: {_and(self.rows.still)}" if self.rows.still else ""
+        together = [
+            f"{_and([name for name, _ in one.parts])} of the wrench move only together"
+            for one in self.rows.combinations
+        ]
+        return [f"Wrench, root mean square: {rows}{still}", *together]
+
+
+def trained(campaign: Campaign) -> tuple[str, ...]:
+    """Names of the trials that a campaign fits, in the order of its file."""
+    stages = {name for stage in campaign.stages for name in stage.trials}
+    polish = set(campaign.file.polish.trials) if campaign.file.polish else set()
+    return tuple(name for name in campaign.trials if name in stages | polish)
+
+
+def judge_inputs(campaign: Campaign) -> InputJudgement:
+    """Judgement of a campaign's inputs over the training parts of its trials.
+
+    Parameters
+    ----------
+    campaign : Campaign
+
+    Raises
+    ------
+    CampaignError, TrialError, SimulationError
+        A trial cannot be read or lacks the input that the campaign drives the model with.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
+    >>> judge_inputs(campaign).thrusts.combinations[0].words  # doctest: +SKIP
+    'SbU - SbL - PU + PL'
+    """
+    vehicle = campaign.vehicle
+    parts = [_inputs(campaign, name) for name in trained(campaign)]
+    lever = np.array([1.0, 1.0, 1.0, *[max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)] * 3])
+    wrench, weight = _joined([(part.sum(axis=1), dt) for part, dt, _ in parts])
+    rows_rms = dict(zip(AXES, map(float, np.linalg.norm(centred(wrench, weight), axis=0)), strict=True))
+    rows = dependence(centred(wrench / lever, weight), AXES, weak=_ROW_USED)
+    by_actuator = [(part, dt) for part, dt, logged in parts if not logged]
+    if not by_actuator or not vehicle.actuators:
+        return InputJudgement((), Dependence((), (), (), ()), rows_rms, rows, (), (), ())
+    each, weight = _joined(by_actuator)
+    thrust = thrusts(vehicle, each)
+    drives = _drives(vehicle, thrust, weight)
+    found = dependence(centred(thrust, weight), vehicle.actuators)
+    single = tuple(f"{name}.gain" for name in vehicle.actuators)
+    return InputJudgement(
+        drives=drives,
+        thrusts=found,
+        rows_rms=rows_rms,
+        rows=rows,
+        options=(
+            GainOption("single", single, found.singular_values, not found.lost and not found.still),
+            per_group(vehicle, each / lever, thrust, weight, drives),
+            per_axis(vehicle, each / lever, weight, rows),
+        ),
+        offered=offered(vehicle, drives, found),
+        freed=_freed(campaign, found.involved),
+    )
+
+
+def thrusts(vehicle: Vehicle, each: Array) -> Array:
+    """Thrust (n, actuators), N, from the wrench of every actuator by itself (n, actuators, 6)."""
+    matrix = np.asarray(vehicle.allocation_matrix()).T.copy()
+    # A reaction torque turns about the thruster's axis: the force alone tells the thrust, where there is one.
+    matrix[:, 3:] *= np.linalg.norm(matrix[:, :3], axis=1, keepdims=True) < 1e-9
+    return np.asarray(np.einsum("nki,ki->nk", each, matrix) / (matrix**2).sum(axis=1))
+
+
+def _inputs(campaign: Campaign, name: str) -> tuple[Array, float, bool]:
+    """Wrench of every actuator without inflow (n, actuators, 6) over what is fitted, its step, logged or not.
+
+    A logged wrench stands in place of the actuators, as (n, 1, 6).
+    """
+    trial, kind = campaign.trials[name], campaign.input_of(name)
+    training = ~campaign.held_out(name)
+    if kind not in trial.inputs:
+        raise TrialError(f"{name}: input {kind} is not recorded; map its columns or choose another input")
+    if kind == "tau" and trial.tau is not None:
+        return np.nan_to_num(trial.tau[training])[:, None, :], trial.dt, True
+    try:
+        each = _flown(campaign.vehicle, trial, measured=kind == "measured")
+    except SimulationError as error:
+        raise SimulationError(f"{name}: {error}") from None
+    return each[training], trial.dt, False
+
+
+def _flown(vehicle: Vehicle, trial: Trial, *, measured: bool) -> Array:
+    """Wrench of every actuator by itself (n, actuators, 6): the vehicle held, one gain at a time not zero."""
+    from seatrial._core import simulate_batch
+
+    if measured:  # a logged signal is behind the motor
+        motor = {"K_V": 1.0, "T_1": 0.0, "T_t": 0.0, "n_acc": 1e9, "n_dec": 1e9}
+        present = vehicle.coefficients()
+        passing = {f"{name}.{key}": value for name in vehicle.actuators for key, value in motor.items()}
+        vehicle = vehicle.with_coefficients({key: value for key, value in passing.items() if key in present})
+    values = vehicle.coefficients()
+    gains = np.diag([values.get(f"{name}.gain", 0.0) for name in vehicle.actuators])
+    run = simulate_batch(
+        vehicle,
+        {f"{name}.gain": gains[k] for k, name in enumerate(vehicle.actuators)},
+        trial.t,
+        dict(trial.measured if measured else trial.commands),
+        free="",
+        voltage=trial.voltage,
+        max_step=trial.dt,
+        rho=trial.rho,
+        g=trial.g,
+    )
+    return np.asarray(run.tau).transpose(1, 0, 2)
+
+
+def _drives(vehicle: Vehicle, thrust: Array, weight: Array) -> tuple[Drive, ...]:
+    total, ahead = weight @ np.abs(thrust), weight @ np.clip(thrust, 0.0, None)
+    groups = {name: group for group, names in groups_of(vehicle).items() for name in names}
+    rms = np.linalg.norm(centred(thrust, weight), axis=0)
+    return tuple(
+        Drive(name, groups[name], float(rms[k]), float(ahead[k] / total[k]) if total[k] > 0.0 else 0.0)
+        for k, name in enumerate(vehicle.actuators)
+    )
+
+
+def _freed(campaign: Campaign, lost: Sequence[str]) -> tuple[str, ...]:
+    """Gains of single actuators, of those that cannot be told apart, that the campaign frees."""
+    found = []
+    for parameter in (one for stage in campaign.stages for one in campaign.parameters[stage.name]):
+        thrust = [name.split(".")[0] for name, _ in parameter.members if name.endswith(_THRUST)]
+        if len(set(thrust)) == 1 and set(thrust) <= set(lost):
+            found.append(parameter.name)
+    return tuple(dict.fromkeys(found))
+
+
+_THRUST = (".gain", ".p1_ahead", ".p1_astern")
+
+
+def _joined(parts: Sequence[tuple[Array, float]]) -> tuple[Array, Array]:
+    """Signals of all trials one after the other, and the share (n,) of each sample in their duration."""
+    weight = np.concatenate([np.full(len(part), dt) for part, dt in parts])
+    return np.concatenate([part for part, _ in parts]), weight / weight.sum()
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.2g}" if value >= 1e-4 else "0"
+
+
+def _keys(names: Iterable[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def _and(names: Sequence[str]) -> str:
+    return ", ".join(names[:-1]) + f" and {names[-1]}" if len(names) > 1 else names[0]
