@@ -154,7 +154,7 @@ def test_thrusters_driven_one_by_one_have_gains_of_their_own(tmp_path: Path) -> 
 def test_thrusters_driven_together_have_one_gain(tmp_path: Path) -> None:
     columns = {"cmd.port": steps(1), "cmd.starboard": steps(1)}
     found = judge_inputs(campaign(tmp_path, columns, coefficients='"port.gain" = [0.5, 2.0]'))
-    assert found.offered == ("main.gain",)
+    assert found.offered == ("main.gain", "main.astern_ratio")
     assert found.freed == ("port.gain",)
     assert found.rows.still == ("Y", "Z", "K", "M", "N")
     assert "port, starboard move only together: +1 +1" in str(found)
@@ -258,7 +258,8 @@ def test_eight_gains_of_beluga_cannot_be_told_apart() -> None:
         "thruster_0 - thruster_3 - thruster_4 + thruster_7",
         "thruster_1 - thruster_2 + thruster_5 - thruster_6",
     }
-    assert found.offered == ("horizontal.gain", "vertical.gain")
+    keys = ("gain", "astern_ratio")
+    assert found.offered == tuple(f"{group}.{key}" for group in ("horizontal", "vertical") for key in keys)
     assert found.freed == tuple(f"thruster_{k}.gain" for k in (1, 2, 5, 6))
     axis = next(option for option in found.options if option.kind == "axis")
     assert axis.told_apart

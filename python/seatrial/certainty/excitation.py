@@ -38,6 +38,8 @@ _PARTS = {
     "lever_K": "lever",
     "lever_M": "lever",
     "lever_N": "lever",
+    "astern_ratio": "ratio",
+    "loss": "wash",
 }
 _DERIVATIVES = (
     (re.compile(r"([XYZKMN])_([uvwpqr])dot"), "added mass"),
@@ -82,7 +84,8 @@ class Role:
     """What a coefficient is: ``kind``, ``force`` letters that it makes, ``velocities`` that must move.
 
     ``kind`` is mass, inertia, added mass, gravity (its centre), buoyancy, buoyancy centre, linear, quadratic,
-    lift, bias, thrust, inflow, torque, motor, lever or other; ``part`` is the name behind the ``actuator``.
+    lift, bias, thrust, inflow, torque, motor, lever, ratio, wash or other; ``part`` is the name behind the
+    ``actuator``.
     """
 
     name: str
@@ -145,6 +148,10 @@ def manoeuvre(one: Role) -> str:
     if one.kind == "thrust":
         _, _, side = one.part.partition("_")
         return f"run {who} {side or 'both ways'} in steps over its range, or on the bench (bollard test)"
+    if one.kind == "ratio":
+        return f"run {who} ahead and astern in the same steps"
+    if one.kind == "wash":
+        return f"run steps of {who} with the other groups at rest and at work"
     if one.kind == "inflow":
         return f"run steps of revolutions of {who} at several speeds through the water"
     if one.kind == "torque":

@@ -65,16 +65,19 @@ def groups_of(vehicle: Vehicle) -> dict[str, list[str]]:
 def _group_keys(vehicle: Vehicle, group: str, drives: Iterable[Drive]) -> dict[str, float]:
     """Keys of a group's gains with the sign of the thrust that each acts on, 0 for both.
 
-    A quadratic characteristic has a factor per direction; a table, a regression and a direct thrust have one.
+    A quadratic characteristic has a factor per direction; a table, a regression and a direct thrust have one,
+    and a ratio of the thrust astern.
     """
     facts, names = vehicle.actuator_info(), groups_of(vehicle)[group]
     own = [drive for drive in drives if drive.group == group and drive.rms_n > 0.0]
     if not own:
         return {}
     ahead = float(np.mean([drive.ahead for drive in own]))
-    if any(facts[name]["characteristic"] != "quadratic" for name in names):
+    quadratic = all(facts[name]["characteristic"] == "quadratic" for name in names)
+    if not (quadratic or _USED <= ahead <= 1.0 - _USED):
         return {f"{group}.gain": 0.0}
-    both = {f"{group}.p1_ahead": (1.0, ahead), f"{group}.p1_astern": (-1.0, 1.0 - ahead)}
+    keys = ("p1_ahead", "p1_astern") if quadratic else ("gain", "astern_ratio")
+    both = {f"{group}.{keys[0]}": (1.0, ahead), f"{group}.{keys[1]}": (-1.0, 1.0 - ahead)}
     return {key: sign for key, (sign, share) in both.items() if share >= _USED}
 
 

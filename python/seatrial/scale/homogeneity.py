@@ -107,7 +107,7 @@ class Homogeneity:
 def homogeneous_direction(vehicle: Vehicle) -> tuple[str, ...]:
     """Names of the coefficients that scaled together change no motion under the same commands.
 
-    A thruster's thrust and torque are scaled by its gain.
+    A thruster's thrust and torque are scaled by its gain; `scaled` divides its loss per newton.
 
     Examples
     --------
@@ -124,9 +124,9 @@ def homogeneous_direction(vehicle: Vehicle) -> tuple[str, ...]:
 def scaled(vehicle: Vehicle, factor: float) -> Vehicle:
     """Vehicle with the homogeneous direction scaled: it moves alike under the same commands."""
     values = vehicle.coefficients()
-    return vehicle.with_coefficients({
-        name: factor * values[name] for name in homogeneous_direction(vehicle) if name in values
-    })
+    together = {name: factor * values[name] for name in homogeneous_direction(vehicle) if name in values}
+    per_newton = {name: value / factor for name, value in values.items() if name.endswith(".loss")}
+    return vehicle.with_coefficients(together | per_newton)
 
 
 def thrust_factors(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
