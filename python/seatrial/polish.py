@@ -32,8 +32,8 @@ class Polished:
 
     ``values`` (m,) of the unknowns, ``initial`` (segments, 12) initial conditions, ``noise`` (C,) standard
     deviation of each channel's residual, ``cost`` and ``start_cost`` half the robust sum of squares and
-    priors in these units, at the end and at the start. ``spread`` (starts, m) is where the starts ended,
-    ``costs`` (starts,) the negative log-likelihood there.
+    priors in these units, at the end and at the start, over the ``samples`` that count in all channels.
+    ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
     """
 
     values: Array
@@ -41,6 +41,7 @@ class Polished:
     noise: Array
     cost: float
     start_cost: float
+    samples: int
     rounds: int
     evaluations: int
     converged: bool
@@ -49,9 +50,14 @@ class Polished:
     spread: Array
     costs: Array
 
+    def rms(self, cost: float) -> float:
+        """Root mean square residual in its standard deviation, outliers bounded, that a cost stands for."""
+        return float(np.sqrt(2.0 * cost / max(self.samples, 1)))
+
     def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
         """The polish as plain numbers, values by the unknowns' names."""
-        kept = ("cost", "start_cost", "rounds", "evaluations", "converged", "interrupted", "wall_s")
+        kept = ("cost", "start_cost", "samples", "rounds", "evaluations")
+        kept += ("converged", "interrupted", "wall_s")
         return {key: getattr(self, key) for key in kept} | {
             "values": dict(zip(names, self.values.tolist(), strict=True)),
             "noise": self.noise.tolist(),
@@ -179,6 +185,7 @@ class _Descent:
             noise=self.rounds.noise.copy(),
             cost=self.rounds.cost(values, initial, centre),
             start_cost=self.rounds.cost(start, before, centre),
+            samples=sum(int(joint.counted(i).sum()) for i in range(len(joint.data.segments))),
             rounds=rounds,
             evaluations=self.rounds.evaluations - evaluations,
             converged=converged,

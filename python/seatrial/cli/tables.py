@@ -82,9 +82,9 @@ def stages(fit: Identification) -> Table:
     if fit.certainty is not None and fit.certainty.polished.rounds:
         polished = fit.certainty.polished
         cells = [
-            "joint polish",
-            f"{polished.start_cost:.4g}",
-            f"{polished.cost:.4g}",
+            "joint polish (rms in sd of the residual)",
+            f"{polished.rms(polished.start_cost):.4g}",
+            f"{polished.rms(polished.cost):.4g}",
             str(polished.evaluations),
         ]
         rows.append([*cells, "", "", f"{polished.wall_s:.1f} s"])
