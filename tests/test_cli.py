@@ -193,7 +193,8 @@ def test_identify_reuses_finished_stages_and_prints_json(starter: Path, here: Pa
     assert [stage["reused"] for stage in again["stages"]] == [True, True]
     assert again["coefficients"] == first["coefficients"]
     names = {Path(path).stem for path in again["figures"]}
-    assert names == {"vehicle", "characteristic", "convergence", "trial_straight", "trial_zigzag"}
+    expected = {"vehicle", "characteristic", "convergence", "intervals", "criticism"}
+    assert names == expected | {"trial_straight", "trial_zigzag"}
     assert all(Path(path).is_file() for path in again["figures"])
     fresh = json.loads(call(*arguments, "--no-resume", "--no-figures").stdout)
     assert [stage["reused"] for stage in fresh["stages"]] == [False, False]

@@ -56,8 +56,8 @@ class Polished:
 
     def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
         """The polish as plain numbers, values by the unknowns' names."""
-        kept = ("cost", "start_cost", "samples", "rounds", "evaluations")
-        kept += ("converged", "interrupted", "wall_s")
+        costs = ("cost", "start_cost", "samples")
+        kept = (*costs, "rounds", "evaluations", "converged", "interrupted", "wall_s")
         return {key: getattr(self, key) for key in kept} | {
             "values": dict(zip(names, self.values.tolist(), strict=True)),
             "noise": self.noise.tolist(),

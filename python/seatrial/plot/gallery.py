@@ -1,4 +1,4 @@
-"""The figures of an identification: every trial measured against simulated, convergence, the vehicle."""
+"""The figures of an identification: vehicle, convergence, certainty, criticism, every trial."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from seatrial.campaign_file import AXES
 from seatrial.errors import TrialError
 from seatrial.plot.characteristic_curve import characteristic
 from seatrial.plot.comparison import measured_against_simulated
+from seatrial.plot.intervals import intervals
+from seatrial.plot.model_criticism import model_criticism
 from seatrial.plot.search_history import convergence
 from seatrial.plot.style import save, tidy
 from seatrial.plot.views import three_views
@@ -49,6 +51,9 @@ def _figures(fit: Identification) -> Iterator[tuple[str, Figure]]:
         yield "characteristic", characteristic(fit.vehicle)
     if fit.stages:
         yield "convergence", convergence(fit.stages)
+    if fit.certainty is not None:
+        yield "intervals", intervals(fit.certainty)
+        yield "criticism", model_criticism(fit.certainty.criticism)
     for trial in fit.campaign.trials:
         try:
             yield f"trial_{trial}", trial_figure(fit, trial)
