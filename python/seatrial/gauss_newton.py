@@ -185,13 +185,18 @@ class GaussNewton:
         return total + 0.5 * float((inside**2).sum() + (((values - centre) / self.prior_sd) ** 2).sum())
 
     def estimate_noise(self, residuals: Sequence[Array]) -> None:
-        """Set the channels' noise to the residuals' standard deviation, by the median of their size."""
-        data = self.joint.data
+        """Set the channels' noise to the residuals' standard deviation; of Huber's loss by their median size."""
+        data, squared = self.joint.data, self.joint.polish.loss == "squared"
         for column, channel in enumerate(self.joint.used):
             counted = [self.joint.counted(i)[:, column] for i in range(len(residuals))]
             sizes = np.concatenate([np.abs(r[c, column]) for r, c in zip(residuals, counted, strict=True)])
             sizes = sizes[np.isfinite(sizes)]
-            noise = 1.4826 * float(np.median(sizes)) if len(sizes) else math.inf
+            if not len(sizes):
+                noise = math.inf
+            elif squared:
+                noise = math.sqrt(float(np.mean(sizes**2)))
+            else:
+                noise = 1.4826 * float(np.median(sizes))
             floor = _NOISE_FLOOR * data.scale[channel]
             self.noise[column] = max(noise, floor) / math.sqrt(data.weights[channel])
 

@@ -182,5 +182,7 @@ def certainty(
         uncertainty=found,
         identifiability=judge(lin, sigma),
         criteria=information_criteria(lin),
-        criticism=criticise_joint(joint, polished.values, initial=polished.initial, noise=polished.noise),
+        criticism=criticise_joint(
+            joint, polished.values, initial=polished.initial, noise=polished.noise, refits=0
+        ),
     )

@@ -17,7 +17,7 @@ Autocorrelations are products of samples at their true distance in time over the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,7 +132,9 @@ def _autocorrelation(lin: Linearisation, lags: int) -> tuple[Array, Array]:
 def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
     """Data in blocks of about ``length``; each trial is divided evenly, at least one block per trial.
 
-    A block may span segments that follow each other, never two trials. Its information is ``sum J' psi' J``
+    A block may span segments that follow each other, never two trials. A segment is divided only where it
+    holds two blocks or more: its initial conditions were fitted to all of it, so that what its parts say is
+    not independent. A block's information is ``sum J' psi' J``
     with the mean slope ``psi'`` of the robust score, not its weight: they differ for all but squared errors.
     """
     bend, unknowns = _bend(lin), len(lin.unknowns)
@@ -144,8 +146,8 @@ def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
         covered = np.unique(places[rows])
         if not len(covered):
             continue
-        number = max(1, round(len(covered) / length.samples))
-        block = np.searchsorted(covered, places) * number // len(covered)
+        block = _divided(pieces, length.samples)
+        number = int(block[-1]) + 1
         scores, matrices = np.zeros((number, unknowns)), np.zeros((number, unknowns, unknowns))
         first = 0
         for piece in pieces:
@@ -161,6 +163,21 @@ def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
         score.append(scores)
         information.append(matrices)
     return Blocks(np.concatenate(score), np.concatenate(information), coloured)
+
+
+def _divided(pieces: Sequence[Piece], length: int) -> NDArray[np.intp]:
+    """Block of each row of a trial's segments, from 0 on."""
+    counts = [piece.counted.any(axis=1) for piece in pieces]
+    total = sum(int(counted.sum()) for counted in counts)
+    part, parts = [], 0
+    for counted in counts:
+        inside = int(counted.sum())
+        split = max(1, inside // length if len(pieces) > 1 else round(inside / length))
+        done = np.minimum(np.cumsum(counted), max(inside - 1, 0))
+        part.append(parts + done * split // max(inside, 1))
+        parts += split
+    number = max(1, min(parts, round(total / length)))
+    return np.asarray(np.concatenate(part) * number // parts)
 
 
 def _places(lin: Linearisation) -> Iterator[tuple[list[Piece], NDArray[np.intp], NDArray[np.bool_]]]:
