@@ -178,7 +178,8 @@ def test_a_suggestion_that_is_true_is_kept(tmp_path: Path) -> None:
     assert "X_u" in (best.name, *best.alternatives)
     second, change = try_suggestion(made, best, before=first, threads=1)
     assert change.verdict == "keep"
-    # Noise of 0.004 m/s on speeds of 0.3 m/s.
-    assert change.r2["u"][1] > 0.999
+    # Noise of 0.004 m/s on speeds of 0.3 m/s leaves 2e-4; the suggestion is of first order, so it leads by an
+    # alternative that looks alike.
+    assert change.r2["u"][1] > 0.998
     assert second.certainty is not None
     assert not second.certainty.criticism.suggestions

@@ -185,7 +185,7 @@ class GaussNewton:
         return total + 0.5 * float((inside**2).sum() + (((values - centre) / self.prior_sd) ** 2).sum())
 
     def estimate_noise(self, residuals: Sequence[Array]) -> None:
-        """Set the channels' noise to the residuals' standard deviation; of Huber's loss by their median size."""
+        """Set the noise to the residuals' standard deviation, with Huber's loss by their median size."""
         data, squared = self.joint.data, self.joint.polish.loss == "squared"
         for column, channel in enumerate(self.joint.used):
             counted = [self.joint.counted(i)[:, column] for i in range(len(residuals))]
