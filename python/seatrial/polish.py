@@ -19,8 +19,9 @@ from seatrial.joint import Joint
 from seatrial.linearisation import Linearisation
 from seatrial.search import Array, Step
 
-_CLOSE = 0.01
-"""A round that promises less than this many units of twice the log-likelihood ends the polish."""
+_CLOSE = 0.1
+"""A round that gains less than this many units of twice the log-likelihood ends the polish: a step of a third
+of a standard deviation in all unknowns together."""
 
 _SETTLE = 3
 _SPREAD = 0.1
