@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.campaign_file import Anchor
+from seatrial.errors import CampaignError
 from seatrial.scale.anchor_factors import MOTIONS, Factor, ballast_factor, bollard_factor, dry_mass_factor
 from seatrial.scale.gain_options import groups_of
 from seatrial.scale.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
@@ -206,7 +207,10 @@ def judge_scale(campaign: Campaign, vehicle: Vehicle | None = None) -> ScaleRepo
     """
     direction, anchor = homogeneity(campaign), campaign.file.anchor
     if vehicle is None:
-        every = implied(campaign.vehicle, anchor)  # refuses here what could not be judged later
+        try:
+            every = implied(campaign.vehicle, anchor)  # refuses here what could not be judged later
+        except CampaignError as error:
+            raise CampaignError(f"{campaign.source}: {error}") from None
         waiting = [one.factor.anchor for one in every[len(anchor.bollard) :]]
         return ScaleReport(direction, every[: len(anchor.bollard)], tuple(waiting), {}, False)
     known = implied(vehicle, anchor, reference=campaign.vehicle)
