@@ -113,3 +113,17 @@ class Criterion:
             scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
             found.append(error / scale)
         return found
+
+    def slopes(self, candidate: Array, initials: Sequence[str]) -> list[Array]:
+        """Derivatives (n_i, 12, k) of what segments show by initial conditions, scaled as residuals."""
+        values = candidate @ self.spread
+        found = []
+        shown = self.open_loop.sensitivities(
+            values, np.zeros((0, len(values))), initials=initials, threads=self.threads
+        )
+        for piece, (_, jacobian) in zip(self.data.segments, shown, strict=True):
+            counted = self.data.counted[piece.trial][piece.start : piece.stop].copy()
+            counted[0] = False
+            scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
+            found.append(np.where(counted[:, :, None], jacobian / scale[:, None], 0.0))
+        return found

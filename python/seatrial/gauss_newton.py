@@ -161,7 +161,8 @@ class GaussNewton:
 
     def settled(self, values: Array, initial: Array) -> Array:
         """Change (segments, 12) towards better initial conditions at fixed values."""
-        locals_, _, _ = self.differentiated(values, initial)
+        slopes = self.joint.slopes(values, initial, starts_only=True)
+        locals_ = [self._eliminated(*found, initial[index])[0] for index, found in enumerate(slopes)]
         return self.followed(locals_, np.zeros_like(initial), np.zeros(len(self.unknowns)))
 
     def weight(self, residual: Array) -> Array:

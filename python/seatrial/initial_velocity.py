@@ -11,10 +11,10 @@ import numpy as np
 
 from seatrial.campaign_file import AXES
 from seatrial.criterion import Criterion
+from seatrial.recording.columns import CHANNELS
 from seatrial.search import Array
 from seatrial.segments import StageData
 
-_DIFFERENCE = 1e-3
 _SWEEPS = 5
 _FLOOR = 0.1
 _LEAST_NOISE = 0.03  # of the largest speed: a sensor that repeats its samples looks better than it is
@@ -34,17 +34,11 @@ def estimate_initial_velocities(criterion: Criterion, candidate: Array, prior: A
     axes = [AXES.index(letter) for letter in criterion.stage.axes.free]
     noise = velocity_noise(criterion.data)[axes]
     residuals = criterion.residuals(candidate)
-    slopes = []
-    for axis, width in zip(axes, noise, strict=True):
-        shift = np.zeros(6)
-        shift[axis] = _DIFFERENCE * width
-        ahead = criterion.residuals(candidate, criterion.started(criterion.nu + shift))
-        astern = criterion.residuals(candidate, criterion.started(criterion.nu - shift))
-        slopes.append([(a - b) / (2 * _DIFFERENCE) for a, b in zip(ahead, astern, strict=True)])
+    slopes = criterion.slopes(candidate, [f"initial_{CHANNELS[axis]}" for axis in axes])
     mean, thinning = _spread(residuals)
     moved = criterion.nu.copy()
     for index, residual in enumerate(residuals):
-        jacobian = np.stack([slope[index] for slope in slopes], axis=-1).reshape(-1, len(axes))
+        jacobian = -(slopes[index] * noise).reshape(-1, len(axes))
         away = (criterion.nu[index] - prior[index])[axes] / noise
         delta = _correction(residual, jacobian, mean, thinning, away)
         moved[index, axes] += delta * noise

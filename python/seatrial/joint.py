@@ -171,26 +171,28 @@ class Joint:
         return [self._apart(index, rows_) for index, rows_ in enumerate(shown)]
 
     def slopes(
-        self, values: Array, initial: Array, *, extra: Sequence[str] = ()
+        self, values: Array, initial: Array, *, extra: Sequence[str] = (), starts_only: bool = False
     ) -> list[tuple[Array, Array, Array, NDArray[np.intp]]]:
         """Per segment: residuals (n, C), derivatives (n, C, k) by unknowns and by initial conditions, SI.
 
         The fourth entry holds the places (k,) of those unknowns among all; coefficients that are ``extra``
-        come last.
+        come last. With ``starts_only`` there are none (k = 0), which saves most of the work.
         """
-        inside, matrix = len(self.parameters), spread(self.parameters)
+        count, matrix = len(self.parameters), spread(self.parameters)
+        inside = 0 if starts_only else count
         directions = np.zeros((inside + len(extra), matrix.shape[1] + len(extra)))
-        directions[:inside, : matrix.shape[1]] = matrix
+        directions[:inside, : matrix.shape[1]] = matrix[:inside]
         directions[inside:, matrix.shape[1] :] = np.eye(len(extra))
         fixed = self.vehicle.coefficients()
-        keys = tuple(dict.fromkeys(nuisance.key for nuisance in self.nuisances))
+        sought = () if starts_only else self.nuisances
+        keys = tuple(dict.fromkeys(nuisance.key for nuisance in sought))
         found = self._loop(tuple(extra)).sensitivities(
-            [*(values[:inside] @ matrix), *(fixed.get(name, 0.0) for name in extra)],
+            [*(values[:count] @ matrix), *(fixed.get(name, 0.0) for name in extra)],
             directions,
             nuisances=keys,
             initials=self.initials,
             channels=self.channels,
-            nuisance=rows(self.nuisances, values[inside:], len(self.records)),
+            nuisance=rows(self.nuisances, values[count:], len(self.records)),
             initial=initial,
             threads=self.threads,
         )
@@ -198,7 +200,7 @@ class Joint:
         result = []
         for index, (shown, jacobian) in enumerate(found):
             trial = self.data.segments[index].trial
-            owner = {n.key: inside + at for at, n in enumerate(self.nuisances) if trial in n.trials}
+            owner = {n.key: count + at for at, n in enumerate(sought) if trial in n.trials}
             columns = [*range(inside), *(inside + len(extra) + keys.index(key) for key in owner)]
             places = [*range(inside), *owner.values()]
             columns += range(inside, inside + len(extra))
