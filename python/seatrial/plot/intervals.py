@@ -41,8 +41,10 @@ def intervals(certainty: Certainty) -> Figure:
         relative = [100.0 * part[places] / size for part in (found.sigma, found.naive)]
         _deviations(left, names, *relative, verdicts=certainty.identifiability.verdicts)
         _correlations(figure, right, names, found.correlation[np.ix_(places, places)])
-        panel_title(left, "Standard deviations", f"blocks of {found.block_s:.3g} s")
+        panel_title(left, "Standard deviations")
+        left.set_xlabel(f"% of the estimate, blocks of {found.block_s:.3g} s")
         panel_title(right, "Correlations")
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 
 
@@ -59,17 +61,13 @@ def _deviations(
             axes.plot(shown[mine], rows[mine], "o", color=colour, markersize=4.0, label=verdict)
     axes.set_xscale("log")
     axes.set_yticks(rows, names)
-    axes.set_ylim(-0.8, len(names) - 0.2)
-    axes.set_xlabel("standard deviation, % of the estimate")
-    axes.legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, handletextpad=0.2, columnspacing=1.0
-    )
+    axes.set_ylim(-0.5, len(names) - 0.5)  # the rows of the matrix beside it
 
 
 def _correlations(figure: Figure, axes: Axes, names: list[str], matrix: np.ndarray) -> None:
     image = axes.imshow(matrix, vmin=-1.0, vmax=1.0, cmap="RdBu_r", aspect="auto")
-    axes.set_xticks(range(len(names)), names, rotation=90)
-    axes.set_yticks(range(len(names)), names)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=min(7.0, 210.0 / len(names)))
+    axes.set_yticks([])
     axes.grid(visible=False)
     bar = figure.colorbar(image, ax=axes, shrink=0.6, pad=0.02)
     bar.outline.set_visible(False)
