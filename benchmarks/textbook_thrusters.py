@@ -33,10 +33,16 @@ class Quadratic:
 
 @dataclass(frozen=True, kw_only=True)
 class Polynomial:
-    """|F| = a0 + a1 |n| + a11 |n|^2 (36), one set per direction, n in the own unit; F = 0 at n = 0."""
+    """|F| = a0 + a1 |n| + a11 |n|^2 (36), one set per direction, n in the own unit; F = 0 at n = 0.
+
+    Inflow and torque as in `Quadratic`, where the own unit is rpm.
+    """
 
     ahead: tuple[float, float, float]
     astern: tuple[float, float, float]
+    p2: float = 0.0
+    q1: float = 0.0
+    q2: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +230,8 @@ def thrust(characteristic: Characteristic, signal: float, *, V_a: float, voltage
         return float(p1 * abs(n) * n + characteristic.p2 * abs(n) * V_a)
     if isinstance(characteristic, Polynomial):
         a0, a1, a11 = characteristic.ahead if signal > 0.0 else characteristic.astern
-        return float(np.sign(signal) * (a0 + a1 * abs(signal) + a11 * signal**2))
+        bollard = np.sign(signal) * (a0 + a1 * abs(signal) + a11 * signal**2)
+        return float(bollard + characteristic.p2 * abs(signal / 60.0) * V_a)
     if isinstance(characteristic, Table):
         return bilinear(characteristic, signal, voltage)
     return float(signal)
@@ -260,7 +267,7 @@ def force_and_torque(
         scale *= thruster.astern_ratio
     V_a = (1.0 - thruster.wake) * inflow
     force = scale * (1.0 - thruster.thrust_deduction) * thrust(c, signal, V_a=V_a, voltage=voltage)
-    if not isinstance(c, Quadratic):
+    if not isinstance(c, Quadratic | Polynomial):
         return force, 0.0
     n = signal / 60.0
     # The hull's suction takes thrust, not torque: no deduction here.

@@ -184,7 +184,8 @@ def characteristic(shape: Mapping[str, Any], own: Mapping[str, float]) -> Charac
             names = ("p1_ahead", "p1_astern", "p2", "q1", "q2")
             return Quadratic(**{name: own.get(name, 0.0) for name in names})
         case "polynomial":
-            return Polynomial(ahead=side("ahead"), astern=side("astern"))
+            flow = {name: own.get(name, 0.0) for name in ("p2", "q1", "q2")}
+            return Polynomial(ahead=side("ahead"), astern=side("astern"), **flow)
         case "table":
             axes = {
                 name: np.array(shape.get(name, []), dtype=float)

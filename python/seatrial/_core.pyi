@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from os import PathLike
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["OpenLoop", "Record", "Run", "State", "Vehicle", "initial_names", "nuisance_names", "simd_level", "simulate_batch"]
+__all__ = ["OpenLoop", "Record", "Run", "State", "Vehicle", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
 
 @final
 class OpenLoop:
@@ -255,6 +255,42 @@ class Vehicle:
 def initial_names() -> list[str]:
     """
     Names of the initial conditions of a segment, in the order of OpenLoop's rows.
+    """
+
+def motor_response(t: ArrayLike, command: ArrayLike, at: ArrayLike, *, K_V: SupportsFloat | SupportsIndex = 1.0, T_1: SupportsFloat | SupportsIndex = 0.0, T_t: SupportsFloat | SupportsIndex = 0.0, maximum: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., minimum: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., dead_band: bool = False, n_acc: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., n_dec: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ...) -> NDArray[float64]:
+    """
+    Signal (m,) of a motor at any times, exact in continuous time, in the unit of the command.
+
+    Static limits, rate limit, dead time and the lag ``K_V e^(-T_t s) / (T_1 s + 1)`` (Taubert et al. 2014,
+    equation 34) in closed form; before ``t[0]`` the motor has settled at the first command.
+
+    Parameters
+    ----------
+    t : (n,)
+        Times in s from which the commands hold, increasing.
+    command : (n,)
+        Distance from neutral, positive ahead (rpm, us or N).
+    at : (m,)
+        Times in s of the response, in any order.
+    K_V, T_1, T_t : float
+        Gain, time constant in s and dead time in s.
+    maximum, minimum : (float, float)
+        Static limits ahead and astern, positive magnitudes.
+    dead_band : bool
+        Whether a command below the minimum gives zero instead of the minimum.
+    n_acc, n_dec : (float, float)
+        Rate limits ahead and astern in unit/s while the magnitude grows and while it shrinks.
+
+    Raises
+    ------
+    SimulationError
+        Times that do not increase, lengths that differ, or a parameter without meaning.
+
+    Examples
+    --------
+    >>> from seatrial._core import motor_response
+    >>> motor_response([0.0, 1.0], [0.0, 1000.0], [1.0, 1.6], T_1=0.5, T_t=0.1).round(1).tolist()
+    [0.0, 632.1]
     """
 
 def nuisance_names() -> list[str]:

@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 mod convert;
 mod error;
 mod identify;
+mod motor;
 mod simulate;
 mod vehicle;
 
@@ -13,6 +14,8 @@ mod vehicle;
 mod _core {
     #[pymodule_export]
     use crate::identify::{OpenLoop, Record, all_nuisance_names, initial_names};
+    #[pymodule_export]
+    use crate::motor::motor_response;
     #[pymodule_export]
     use crate::simulate::{Run, State, simd_level, simulate_batch};
     #[pymodule_export]

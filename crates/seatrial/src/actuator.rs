@@ -14,6 +14,7 @@
 
 pub mod characteristic;
 pub mod motor;
+pub mod response;
 
 use crate::algebra::Vec6;
 use crate::real::Real;

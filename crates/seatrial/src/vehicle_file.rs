@@ -130,16 +130,8 @@ pub enum BelowMinimum {
 pub enum CharacteristicTable {
     /// `F = p1 |n| n + p2 |n| V_a`, n in rev/s; `p1 = α1 ρ d⁴` and `p2 = α2 ρ d³` when α and d are given.
     Quadratic(Quadratic),
-    /// `F = a0 + a1 s + a11 s²` of the signal's magnitude in the command's unit, N.
-    Polynomial {
-        /// a0, a1, a11 ahead.
-        ahead: [f64; 3],
-        /// a0, a1, a11 astern (magnitudes).
-        astern: [f64; 3],
-        /// Electrical power per |n|³, W/(rev/s)³, where the command is in rpm.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        power_w_s3: Option<f64>,
-    },
+    /// `F = a0 + a1 s + a11 s² + p2 |n| V_a` of the signal's magnitude s in the command's unit, N.
+    Polynomial(Polynomial),
     /// Measured thrust over signal and supply voltage.
     Table {
         /// Signals, in the command's unit, from `neutral`, strictly increasing.
@@ -190,6 +182,41 @@ pub struct Quadratic {
     pub q2: f64,
     /// Electrical power per |n|³, W/(rev/s)³.
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub power_w_s3: Option<f64>,
+}
+
+/// The second-order regression of a bollard test, and what it cannot measure; all but the regression only
+/// where the command is in rpm.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Polynomial {
+    /// a0, a1, a11 ahead.
+    pub ahead: [f64; 3],
+    /// a0, a1, a11 astern (magnitudes).
+    pub astern: [f64; 3],
+    /// Thrust per |n| V_a, N s²/m (negative), n in rev/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub p2: Option<f64>,
+    /// α2 (negative), instead of p2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alpha2: Option<f64>,
+    /// Diameter of the propeller, m, for α2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diameter_m: Option<f64>,
+    /// Wake fraction w.
+    #[serde(default)]
+    pub wake: f64,
+    /// Thrust deduction fraction t.
+    #[serde(default)]
+    pub thrust_deduction: f64,
+    /// Reaction torque per |n| n, N m s².
+    #[serde(default)]
+    pub q1: f64,
+    /// Reaction torque per |n| V_a, N s².
+    #[serde(default)]
+    pub q2: f64,
+    /// Electrical power per |n|³, W/(rev/s)³.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power_w_s3: Option<f64>,
 }
 

@@ -14,6 +14,8 @@ mod kinematics;
 mod locked_axes;
 #[path = "laws/motor.rs"]
 mod motor;
+#[path = "laws/response.rs"]
+mod response;
 #[path = "laws/structure.rs"]
 mod structure;
 #[path = "support/vehicles.rs"]

@@ -3,7 +3,8 @@
 //! * Quadratic: `F = p1 |n| n + p2 |n| V_a`, n in rev/s, `V_a = (1 − w) u_a`, `p1 = α1 ρ d⁴` (different
 //!   ahead and astern), `p2 = α2 ρ d³`; reaction torque `Q = q1 |n| n + q2 |n| V_a`.
 //! * Polynomial: `F = a0 + a1 s + a11 s²` of the signal's magnitude per direction, no thrust at zero: the
-//!   second-order regression of a bollard test.
+//!   second-order regression of a bollard test; with the inflow term and the torque of the quadratic one,
+//!   which no bollard test measures, where the signal is in rpm.
 //! * Table: measured thrust over signal and supply voltage, bilinear.
 //! * Direct: the signal is the thrust in newtons.
 //!
@@ -49,23 +50,48 @@ pub enum Shape<T> {
     Quadratic {
         /// p1 (1 − t) ahead and astern, N s².
         p1: [T; 2],
-        /// p2 (1 − w)(1 − t), N s²/m.
-        p2: T,
-        /// q1, N m s², and q2 (1 − w), N s², where there is a reaction torque.
-        torque: Option<[T; 2]>,
-        /// Any of p2, q2 given or sought.
-        inflow: bool,
+        /// What depends on the water that flows past.
+        flow: FlowTerms<T>,
     },
-    /// `F = a0 + a1 s + a11 s²`, coefficients ahead and astern.
-    Polynomial([[T; 3]; 2]),
+    /// `F = a0 + a1 s + a11 s² + p2 |n| V_a`, s the signal's magnitude.
+    Polynomial {
+        /// a0, a1, a11 times (1 − t) ahead.
+        ahead: [T; 3],
+        /// a0, a1, a11 times (1 − t) astern.
+        astern: [T; 3],
+        /// What depends on the water that flows past; the signal is then in rpm.
+        flow: FlowTerms<T>,
+    },
     /// Measured.
     Table(Arc<Table>),
     /// The signal is the thrust.
     Direct,
 }
 
-/// Shape and factor: `gain`; `gain (1 − t)` where there is no reaction torque, times the density ratio
-/// for a measured table.
+/// The terms of a propeller that a bollard test does not measure.
+#[derive(Clone, Copy)]
+pub struct FlowTerms<T> {
+    /// p2 (1 − w)(1 − t), N s²/m.
+    pub p2: T,
+    /// q1, N m s², and q2 (1 − w), N s², where there is a reaction torque.
+    pub torque: Option<[T; 2]>,
+    /// Any of p2, q2 given or sought.
+    pub inflow: bool,
+}
+
+impl<T: Real> FlowTerms<T> {
+    /// A thrust without inflow, N, with the terms at `strength` = factor |n| and `n`, rev/s.
+    #[inline(always)]
+    fn on(&self, force: T, strength: T, n: T) -> Thrust<T> {
+        let zero = n.zero();
+        let (torque, torque_per_inflow) =
+            self.torque.map_or((zero, zero), |[q1, q2]| (q1 * (strength * n), q2 * strength));
+        Thrust { force, force_per_inflow: self.p2 * strength, torque, torque_per_inflow }
+    }
+}
+
+/// Shape and factor: `gain`; `gain (1 − t)` for a measured table and a commanded thrust, for the former times
+/// the density ratio.
 #[derive(Clone)]
 pub struct Characteristic<T> {
     /// Shape of the curve.
@@ -78,7 +104,7 @@ impl<T: Real> Characteristic<T> {
     /// Whether thrust depends on the inflow.
     #[inline(always)]
     pub fn has_inflow(&self) -> bool {
-        matches!(self.shape, Shape::Quadratic { inflow: true, .. })
+        matches!(&self.shape, Shape::Quadratic { flow, .. } | Shape::Polynomial { flow, .. } if flow.inflow)
     }
 
     /// Thrust at a signal (in the command's unit) and a supply voltage (V).
@@ -88,24 +114,20 @@ impl<T: Real> Characteristic<T> {
         let astern = signal.lt(zero);
         let still = Thrust { force: zero, force_per_inflow: zero, torque: zero, torque_per_inflow: zero };
         match &self.shape {
-            Shape::Quadratic { p1, p2, torque, .. } => {
+            Shape::Quadratic { p1, flow } => {
                 let n = signal * (1.0 / 60.0);
-                let magnitude = n.abs();
                 let pull = T::select(astern, p1[1], p1[0]);
-                let strength = self.factor * magnitude;
-                let square = strength * n;
-                let (torque, torque_per_inflow) =
-                    torque.map_or((zero, zero), |[q1, q2]| (q1 * square, q2 * strength));
-                Thrust { force: pull * square, force_per_inflow: *p2 * strength, torque, torque_per_inflow }
+                let strength = self.factor * n.abs();
+                flow.on(pull * (strength * n), strength, n)
             }
-            Shape::Polynomial(coefficients) => {
-                let [a0, a1, a11]: [T; 3] =
-                    std::array::from_fn(|i| T::select(astern, coefficients[1][i], coefficients[0][i]));
+            Shape::Polynomial { ahead: f, astern: b, flow } => {
+                let [a0, a1, a11]: [T; 3] = std::array::from_fn(|i| T::select(astern, b[i], f[i]));
                 let s = signal.abs();
                 let magnitude = a11.mul_add(s, a1).mul_add(s, a0);
                 let force = T::select(astern, -magnitude, magnitude);
-                let running = zero.lt(s);
-                Thrust { force: self.factor * T::select(running, force, zero), ..still }
+                let force = self.factor * T::select(zero.lt(s), force, zero);
+                let n = signal * (1.0 / 60.0);
+                flow.on(force, self.factor * n.abs(), n)
             }
             Shape::Table(table) => {
                 let row = table.row(voltage);

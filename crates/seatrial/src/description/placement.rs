@@ -6,7 +6,9 @@ use crate::algebra::{Vec3, Vec6};
 use crate::allocation::wrench_per_newton;
 use crate::coefficients as names;
 use crate::error::nearest;
-use crate::vehicle_file::{BelowMinimum, CharacteristicTable, MotorTable, Quadratic, Thruster, VehicleFile};
+use crate::vehicle_file::{
+    BelowMinimum, CharacteristicTable, CommandUnit, MotorTable, Polynomial, Quadratic, Thruster, VehicleFile,
+};
 use std::sync::Arc;
 
 /// The parts of an actuator that no candidate changes.
@@ -39,7 +41,7 @@ impl ActuatorDescription {
     pub fn kind(&self) -> &'static str {
         match self.characteristic {
             CharacteristicTable::Quadratic(_) => "quadratic",
-            CharacteristicTable::Polynomial { .. } => "polynomial",
+            CharacteristicTable::Polynomial(_) => "polynomial",
             CharacteristicTable::Table { .. } => "table",
             CharacteristicTable::Direct => "direct",
         }
@@ -49,7 +51,7 @@ impl ActuatorDescription {
     pub fn power(&self) -> Option<f64> {
         match &self.characteristic {
             CharacteristicTable::Quadratic(q) => q.power_w_s3,
-            CharacteristicTable::Polynomial { power_w_s3, .. } => *power_w_s3,
+            CharacteristicTable::Polynomial(p) => p.power_w_s3,
             _ => None,
         }
     }
@@ -60,7 +62,12 @@ impl ActuatorDescription {
         match names::ACTUATOR[offset].0 {
             "gain" | "t" | "K_V" | "T_1" | "T_t" | "lever_K" | "lever_M" | "lever_N" | "astern_ratio"
             | "loss" => true,
-            "p1_ahead" | "p1_astern" | "p2" | "w" | "q1" | "q2" => self.kind() == "quadratic",
+            "p1_ahead" | "p1_astern" => self.kind() == "quadratic",
+            "p2" | "w" | "q1" | "q2" => match self.kind() {
+                "quadratic" => true,
+                "polynomial" => self.thruster.command == CommandUnit::Rpm,
+                _ => false,
+            },
             "n_acc" | "n_dec" => self.rate_limited,
             _ => self.kind() == "polynomial",
         }
@@ -140,10 +147,22 @@ pub(super) fn place(
                 set(name, value);
             }
         }
-        CharacteristicTable::Polynomial { ahead, astern, .. } => {
+        CharacteristicTable::Polynomial(p) => {
             for (i, name) in ["a0", "a1", "a11"].iter().enumerate() {
-                set(&format!("{name}_ahead"), ahead[i]);
-                set(&format!("{name}_astern"), astern[i]);
+                set(&format!("{name}_ahead"), p.ahead[i]);
+                set(&format!("{name}_astern"), p.astern[i]);
+            }
+            let p2 = inflow_factor(p, file.environment.rho_kg_m3)?;
+            for (name, value) in
+                [("p2", p2), ("w", p.wake), ("t", p.thrust_deduction), ("q1", p.q1), ("q2", p.q2)]
+            {
+                if value != 0.0 && name != "t" && thruster.command != CommandUnit::Rpm {
+                    return Err(format!(
+                        "characteristic \"{}\": inflow and reaction torque follow revolutions; they need command = \"rpm\"",
+                        thruster.characteristic
+                    ));
+                }
+                set(name, value);
             }
         }
         CharacteristicTable::Table { signal, voltage_v, force_n } => {
@@ -172,6 +191,16 @@ pub(super) fn place(
         characteristic: characteristic.clone(),
         rate_limited: rate.is_some(),
     })
+}
+
+/// p2 of a regression as given or from α2 and the diameter.
+fn inflow_factor(p: &Polynomial, rho: f64) -> Result<f64, String> {
+    match (p.p2, p.alpha2, p.diameter_m) {
+        (Some(p2), None, None) => Ok(p2),
+        (None, Some(alpha2), Some(d)) => Ok(alpha2 * rho * d.powi(3)),
+        (None, None, _) => Ok(0.0),
+        _ => Err("characteristic: expected either p2, or alpha2 and diameter_m, or none of them".into()),
+    }
 }
 
 /// `[p1 ahead, p1 astern, p2]` as given or from α and the diameter.

@@ -6,7 +6,7 @@
 
 use super::{Inverse, Mode, Vehicle};
 use crate::actuator::Actuator;
-use crate::actuator::characteristic::{Characteristic, Shape};
+use crate::actuator::characteristic::{Characteristic, FlowTerms, Shape};
 use crate::actuator::motor::Motor;
 use crate::added_mass::AddedMass;
 use crate::algebra::{Mat6, restricted_inverse};
@@ -213,20 +213,24 @@ fn actuator<T: Real>(
     // Thrust deduction is a pressure on the hull: the propeller's torque does not feel it.
     let (gain, deduction) = (c(0), one - c(5));
     let factor = gain * deduction;
+    let flow = FlowTerms {
+        p2: c(3) * inside * deduction,
+        torque: structure.torque[k].then(|| [c(6), c(7) * inside]),
+        inflow: structure.inflow[k],
+    };
     use crate::vehicle_file::CharacteristicTable as Kind;
     let (shape, factor) = match (&described.characteristic, &described.table) {
-        (Kind::Quadratic(_), _) => (
-            Shape::Quadratic {
-                p1: [c(1) * deduction, c(2) * deduction],
-                p2: c(3) * inside * deduction,
-                torque: structure.torque[k].then(|| [c(6), c(7) * inside]),
-                inflow: structure.inflow[k],
+        (Kind::Quadratic(_), _) => {
+            (Shape::Quadratic { p1: [c(1) * deduction, c(2) * deduction], flow }, gain)
+        }
+        (Kind::Polynomial(_), _) => (
+            Shape::Polynomial {
+                ahead: [c(8) * deduction, c(9) * deduction, c(10) * deduction],
+                astern: [c(11) * deduction, c(12) * deduction, c(13) * deduction],
+                flow,
             },
             gain,
         ),
-        (Kind::Polynomial { .. }, _) => {
-            (Shape::Polynomial([[c(8), c(9), c(10)], [c(11), c(12), c(13)]]), factor)
-        }
         (_, Some(table)) => (Shape::Table(table.clone()), factor * density),
         _ => (Shape::Direct, factor),
     };

@@ -2,12 +2,12 @@
 
 use crate::vehicles::{cases, load, moving, velocity, with};
 use proptest::prelude::*;
-use seatrial::actuator::characteristic::{Characteristic, Shape, Table, Thrust};
+use seatrial::actuator::characteristic::{Characteristic, FlowTerms, Shape, Table, Thrust};
 use seatrial::algebra::{cross, dot};
 use seatrial::allocation::wrench_per_newton;
 use seatrial::description::Description;
 use seatrial::vehicle::{Instant, Mode, Structure, Vehicle};
-use seatrial::vehicle_file::{CharacteristicTable, Environment};
+use seatrial::vehicle_file::{CharacteristicTable, Environment, Polynomial};
 use std::sync::Arc;
 
 /// Strictly increasing numbers from a start and steps.
@@ -98,7 +98,8 @@ proptest! {
         (q1, q2) in (-0.01_f64..0.01, -0.01_f64..0.01),
         inflow in -3.0_f64..3.0,
     ) {
-        let shape = Shape::Quadratic { p1: [ahead, astern], p2, torque: Some([q1, q2]), inflow: true };
+        let flow = FlowTerms { p2, torque: Some([q1, q2]), inflow: true };
+        let shape = Shape::Quadratic { p1: [ahead, astern], flow };
         let thrust = Characteristic { shape, factor: 0.9 }.thrust(n, f64::NAN);
         let rev = n / 60.0;
         let pull = if n < 0.0 { astern } else { ahead };
@@ -113,7 +114,8 @@ proptest! {
     #[test]
     fn law_polynomial_thrust_is_odd_and_zero_at_rest(a in proptest::array::uniform3(-1.0..1.0), n in 1.0..2000.0) {
         let thrust = |s: f64| {
-            let shape = Shape::Polynomial([a, a]);
+            let flow = FlowTerms { p2: 0.0, torque: None, inflow: false };
+            let shape = Shape::Polynomial { ahead: a, astern: a, flow };
             Characteristic { shape, factor: 1.0 }.thrust(s, f64::NAN).force
         };
         prop_assert_eq!(thrust(n), -thrust(-n));
@@ -121,6 +123,24 @@ proptest! {
         let expected = a[0] + a[1] * n + a[2] * n * n;
         // Rounding of up to 4e6.
         prop_assert!((thrust(n) - expected).abs() < 2e-9);
+    }
+
+    #[test]
+    fn law_a_polynomial_with_only_a_square_is_the_quadratic(
+        n in -2000.0_f64..2000.0,
+        (ahead, astern, p2) in (0.01_f64..0.1, 0.01_f64..0.1, -0.6_f64..0.0),
+        (q1, q2) in (-0.01_f64..0.01, -0.01_f64..0.01),
+    ) {
+        let flow = FlowTerms { p2, torque: Some([q1, q2]), inflow: true };
+        // p1 is per (rev/s)², a11 per rpm².
+        let a11 = |p1: f64| [0.0, 0.0, p1 / 3600.0];
+        let polynomial = Shape::Polynomial { ahead: a11(ahead), astern: a11(astern), flow };
+        let [square, regression] = [Shape::Quadratic { p1: [ahead, astern], flow }, polynomial]
+            .map(|shape| parts(&Characteristic { shape, factor: 0.9 }.thrust(n, f64::NAN)));
+        for (a, b) in square.iter().zip(regression) {
+            // Rounding.
+            prop_assert!((a - b).abs() <= 1e-14 * a.abs(), "{square:?} {regression:?}");
+        }
     }
 
     #[test]
@@ -190,7 +210,8 @@ fn law_thrust_and_torque_follow_the_density() {
     let cwolf = with(&load("cwolf"), &[("SbU.q1", 0.003), ("SbU.q2", -0.02)]);
     let mut polynomial = load("cwolf").file;
     let (ahead, astern) = ([1.0, 0.02, 1e-5], [0.5, 0.01, 2e-5]);
-    let regression = CharacteristicTable::Polynomial { ahead, astern, power_w_s3: None };
+    let terms = Polynomial { ahead, astern, p2: Some(-0.5), q1: 0.003, q2: -0.02, ..Polynomial::default() };
+    let regression = CharacteristicTable::Polynomial(terms);
     polynomial.characteristics.insert("stern".into(), regression);
     let mut direct = load("cwolf").file;
     direct.characteristics.insert("stern".into(), CharacteristicTable::Direct);
