@@ -97,6 +97,8 @@ def align(
                 f"{abs(found.seconds):.3f} s (+/- {found.deviation:.3f} s) {late} against the pose; removed",
             )
             aligned[name] = sensor.earlier(found.seconds)
+            if name == "velocity" and "water velocity" in signals:  # one instrument, one delay
+                aligned["water velocity"] = signals["water velocity"].earlier(found.seconds)
         else:
             report.add(
                 "info",

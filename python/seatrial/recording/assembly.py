@@ -13,6 +13,7 @@ from seatrial.recording.report import RecordingReport
 from seatrial.recording.resampling import GAP, held, linear
 from seatrial.recording.signal import Signal
 from seatrial.recording.smoothing import spline
+from seatrial.recording.water_current import add_current
 from seatrial.rotation import body_rates, matrix, to_euler
 
 __all__ = ["assemble"]
@@ -52,7 +53,7 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
     if absent.any():
         missing = " ".join(channel for channel, gone in zip(CHANNELS, absent, strict=True) if gone)
         report.add("info", "channels", f"not recorded: {missing}")
-    return {
+    parts = {
         "observed": observed,
         "valid": valid,
         "position": filled[:, 6:9],
@@ -65,6 +66,14 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         "current": _vector(signals, t, "current", ("north", "east", "down")),
         "water": _vector(signals, t, "water velocity", ("u_water", "v_water", "w_water")),
     }
+    if "water velocity" in signals and "current" not in signals and "velocity" in signals:
+        known = [linear(signals[name], t)[1] for name in ("velocity", "water velocity")]
+        whole = [k.shape[1] == 3 for k in known]
+        if all(whole) and "attitude" in signals:
+            ground, water = (np.logical_and.reduce(k, axis=1) for k in known)
+            upright = np.logical_and.reduce(valid[:, 9:], axis=1)
+            add_current(parts, t, np.asarray(ground & upright), np.asarray(water), report)
+    return parts
 
 
 def _derive(
