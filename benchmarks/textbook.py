@@ -26,6 +26,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from benchmarks.textbook_fins import Fin, fin_wrench
 from benchmarks.textbook_kinematics import quaternion_rate, rotation, skew
 from benchmarks.textbook_thrusters import Thruster, at_half_steps, force_and_torque, motor_response
 
@@ -55,10 +56,17 @@ class Model:
     thrusters: tuple[Thruster, ...]
     # Ratio of the water's density to the one that the coefficients hold for: it scales the thrusts.
     density_ratio: float
+    rho: float = 1025.0
+    fins: tuple[Fin, ...] = ()
     M: Array = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "M", self.M_RB + self.M_A)
+
+    @property
+    def drives(self) -> tuple[Thruster, ...]:
+        """Motors of the thrusters, then servos of the fins: the order of commands and actual values."""
+        return (*self.thrusters, *(fin.servo for fin in self.fins))
 
 
 @dataclass(frozen=True)
@@ -172,12 +180,13 @@ def acceleration(
     return result
 
 
-def thruster_wrench(model: Model, nu_r: Array, actual: ArrayLike, voltage: float | None) -> Array:
-    """Return tau (6,) of all thrusters in the body frame (N, N m) at their ``actual`` values (own units).
+def actuator_wrench(model: Model, nu_r: Array, actual: ArrayLike, voltage: float | None) -> Array:
+    """Return tau (6,) of thrusters and fins, body frame (N, N m), at their ``actual`` values (own units).
 
     The wash of the other groups takes ``loss`` of a thrust per newton that they push without inflow.
     """
-    values = [float(value) for value in np.asarray(actual, dtype=float)]
+    every = [float(value) for value in np.asarray(actual, dtype=float)]
+    values, deflections = every[: len(model.thrusters)], every[len(model.thrusters) :]
 
     def pushed(thruster: Thruster, value: float, inflow: float) -> tuple[float, float]:
         ratio = model.density_ratio
@@ -193,6 +202,8 @@ def thruster_wrench(model: Model, nu_r: Array, actual: ArrayLike, voltage: float
         left = max(1.0 - thruster.loss * others, 0.0)
         tau += left * thruster.wrench * thrust
         tau[3:] += left * thruster.direction * torque
+    for fin, value in zip(model.fins, deflections, strict=True):
+        tau += fin_wrench(fin, float(fin.servo.signal(value)), nu_r, model.rho)
     return tau
 
 
@@ -244,10 +255,10 @@ def simulate(
     t = np.asarray(t, dtype=float)
     n, dt = len(t), float(t[1] - t[0])
     h = dt / substeps
-    names = [thruster.name for thruster in model.thrusters]
+    names = [thruster.name for thruster in model.drives]
     u = np.empty((2 * substeps * (n - 1) + 1, len(names)))
     jumps: dict[int, Array] = {}
-    for i, thruster in enumerate(model.thrusters):
+    for i, thruster in enumerate(model.drives):
         if measured_actuators is not None and thruster.name in measured_actuators:
             u[:, i] = at_half_steps(measured_actuators[thruster.name], substeps)
             continue
@@ -279,7 +290,7 @@ def simulate(
 
     def wrench(x: Array, k: int, half: int, signals: Array) -> Array:
         nu_c, _ = current_in_body(rotation(x[3:7]), x[10:], v_c_half[half], np.zeros(3))
-        acting: Array = outside[k] + thruster_wrench(model, x[7:] - nu_c, signals, supply(k))
+        acting: Array = outside[k] + actuator_wrench(model, x[7:] - nu_c, signals, supply(k))
         return acting
 
     def rate(x: Array, k: int, half: int, signals: Array) -> Array:

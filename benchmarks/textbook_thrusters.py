@@ -76,7 +76,7 @@ class Thruster:
     name: str
     wrench: Array
     characteristic: Characteristic
-    unit: Literal["rpm", "us", "N"] = "rpm"
+    unit: Literal["rpm", "us", "N", "rad"] = "rpm"
     neutral: float = 0.0
     reversed: bool = False
     maximum_ahead: float = np.inf

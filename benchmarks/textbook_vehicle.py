@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from benchmarks.textbook import FORCES, Model, rigid_body_mass
+from benchmarks.textbook_fins import Fin
 from benchmarks.textbook_thrusters import (
     Characteristic,
     Newton,
@@ -31,10 +32,11 @@ LIFT_TERMS = ("Y_uv", "Y_ur", "Z_uw", "Z_uq", "M_uw", "M_uq", "N_uv", "N_ur")
 
 @dataclass(frozen=True)
 class Parameters:
-    """A vehicle: flat coefficients in SI, thrusters, density (kg/m3) and gravity (m/s2) they hold for."""
+    """A vehicle: flat coefficients in SI, actuators, density (kg/m3) and gravity (m/s2) they hold for."""
 
     coefficients: Mapping[str, float]
     thrusters: Sequence[Thruster] = ()
+    fins: Sequence[Fin] = ()
     rho: float = 1025.0
     g: float = 9.81
 
@@ -81,6 +83,8 @@ def build(parameters: Parameters, *, rho: float | None = None, g: float | None =
         bias=np.array([c.get(f"{force}_0", 0.0) for force in FORCES]),
         thrusters=tuple(parameters.thrusters),
         density_ratio=density_ratio,
+        rho=rho,
+        fins=tuple(parameters.fins),
     )
 
 
@@ -119,6 +123,7 @@ def from_file(file: Mapping[str, Any], coefficients: Mapping[str, float]) -> Par
     return Parameters(
         coefficients={name: value for name, value in coefficients.items() if "." not in name},
         thrusters=[thruster(file, entry, coefficients) for entry in file.get("thrusters", [])],
+        fins=[fin(file, entry, coefficients) for entry in file.get("fins", [])],
         rho=environment.get("rho_kg_m3", 1025.0),
         g=environment.get("g_m_s2", 9.81),
     )
@@ -128,13 +133,7 @@ def thruster(
     file: Mapping[str, Any], entry: Mapping[str, Any], coefficients: Mapping[str, float]
 ) -> Thruster:
     """Return one thruster of a parsed vehicle file."""
-    name = entry["name"]
-    prefix = f"{name}."
-    own = {k.removeprefix(prefix): v for k, v in coefficients.items() if k.startswith(prefix)}
-    motor = file.get("motors", {}).get(entry.get("motor"), {})
-    ahead = {
-        side: motor.get(f"{side}_ahead", limit) for side, limit in (("maximum", np.inf), ("minimum", 0.0))
-    }
+    own = own_coefficients(entry["name"], coefficients)
     if "wrench_per_newton" in entry:
         wrench = np.array(entry["wrench_per_newton"], dtype=float)
     else:
@@ -142,28 +141,61 @@ def thruster(
         wrench = wrench_per_newton(entry["position_m"], direction / np.linalg.norm(direction))
     wrench[3:] = [own.get(f"lever_{axis}", 0.0) for axis in "KMN"]
     return Thruster(
-        name=name,
         wrench=wrench,
         characteristic=characteristic(file["characteristics"][entry["characteristic"]], own),
         unit=entry["command"],
-        neutral=entry.get("neutral", 0.0),
-        reversed=entry.get("reversed", False),
-        maximum_ahead=ahead["maximum"],
-        maximum_astern=motor.get("maximum_astern", ahead["maximum"]),
-        minimum_ahead=ahead["minimum"],
-        minimum_astern=motor.get("minimum_astern", ahead["minimum"]),
-        below_minimum=motor.get("below_minimum", "lift"),
-        n_acc=own.get("n_acc", np.inf),
-        n_dec=own.get("n_dec", np.inf),
-        K_V=own.get("K_V", 0.0),
-        T_1=own.get("T_1", 0.0),
-        T_t=own.get("T_t", 0.0),
+        **drive(file, entry, own),
         gain=own.get("gain", 0.0),
         wake=own.get("w", 0.0),
         thrust_deduction=own.get("t", 0.0),
         astern_ratio=own.get("astern_ratio", 1.0),
         loss=own.get("loss", 0.0),
         group=entry.get("group", entry["name"]),
+    )
+
+
+def own_coefficients(name: str, coefficients: Mapping[str, float]) -> dict[str, float]:
+    """Return the coefficients of one actuator by their short names."""
+    prefix = f"{name}."
+    return {k.removeprefix(prefix): v for k, v in coefficients.items() if k.startswith(prefix)}
+
+
+def drive(file: Mapping[str, Any], entry: Mapping[str, Any], own: Mapping[str, float]) -> dict[str, Any]:
+    """Return name, neutral, limits and dynamics of an actuator's motor or servo."""
+    motor = file.get("motors", {}).get(entry.get("motor"), {})
+    ahead = {
+        side: motor.get(f"{side}_ahead", limit) for side, limit in (("maximum", np.inf), ("minimum", 0.0))
+    }
+    return {
+        "name": entry["name"],
+        "neutral": entry.get("neutral", 0.0),
+        "reversed": entry.get("reversed", False),
+        "maximum_ahead": ahead["maximum"],
+        "maximum_astern": motor.get("maximum_astern", ahead["maximum"]),
+        "minimum_ahead": ahead["minimum"],
+        "minimum_astern": motor.get("minimum_astern", ahead["minimum"]),
+        "below_minimum": motor.get("below_minimum", "lift"),
+        "n_acc": own.get("n_acc", np.inf),
+        "n_dec": own.get("n_dec", np.inf),
+        "K_V": own.get("K_V", 0.0),
+        "T_1": own.get("T_1", 0.0),
+        "T_t": own.get("T_t", 0.0),
+    }
+
+
+def fin(file: Mapping[str, Any], entry: Mapping[str, Any], coefficients: Mapping[str, float]) -> Fin:
+    """Return one fin of a parsed vehicle file."""
+    own = own_coefficients(entry["name"], coefficients)
+    chord, normal = (np.array(entry[key], dtype=float) for key in ("chord", "normal"))
+    servo = Thruster(wrench=np.zeros(6), characteristic=Newton(), unit="rad", **drive(file, entry, own))
+    return Fin(
+        servo=servo,
+        place=np.array(entry["position_m"], dtype=float),
+        chord=chord / np.linalg.norm(chord),
+        normal=normal / np.linalg.norm(normal),
+        area=entry["area_m2"],
+        gain=own.get("gain", 0.0),
+        **{name: own.get(name, 0.0) for name in ("C_La", "C_Lmax", "C_D0", "C_D90", "k_i")},
     )
 
 

@@ -32,7 +32,8 @@ KINDS = {
         "m I_x I_xy y_g y_b B Y_pdot X_w Y_rr Z_uq X_0 screw.gain screw.p1_ahead screw.p1_astern screw.p2 "
         "screw.q1 screw.q2 screw.w screw.t screw.K_V screw.T_1 screw.T_t screw.n_acc screw.n_dec ducted.T_1 "
         "regression.a0_ahead regression.a1_ahead regression.a11_ahead regression.a0_astern "
-        "regression.a1_astern regression.a11_astern regression.T_t jet.gain jet.T_t jet.T_1 jet.lever_K"
+        "regression.a1_astern regression.a11_astern regression.T_t jet.gain jet.T_t jet.T_1 jet.lever_K "
+        "rudder.gain rudder.C_La rudder.C_D0 rudder.C_D90 rudder.k_i rudder.T_1 rudder.n_acc"
     ),
 }
 
@@ -46,6 +47,9 @@ class Flights:
 
     def __init__(self, name: str, names: list[str] | None = None, **options: Any) -> None:
         self.vehicle = vehicle(name)
+        # Stall is a corner of a fin's lift.
+        fins = [n for n, info in self.vehicle.actuator_info().items() if info["kind"] == "fin"]
+        self.vehicle = self.vehicle.with_coefficients({f"{n}.C_Lmax": 9.0 for n in fins})
         self.names = KINDS[name].split() if names is None else names
         rng = np.random.default_rng(7)
         own = self.vehicle.coefficients()
@@ -79,7 +83,7 @@ class Flights:
         t = np.arange(n) * DT
         commands: dict[str, Any] = {}
         for name, info in self.vehicle.actuator_info().items():
-            limit = {"rpm": 1300.0, "us": 390.0, "N": 30.0}[info["unit"]]
+            limit = {"rpm": 1300.0, "us": 390.0, "N": 30.0, "rad": 0.4}[info["unit"]]
             commands[name] = info["neutral"] + np.repeat(rng.uniform(-limit, limit, size=9), 5)[:n]
         weight = rng.uniform(0.0, 2.0, size=(n, 12))
         weight[10:14] = 0.0

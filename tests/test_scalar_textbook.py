@@ -11,7 +11,7 @@ import pytest
 import seatrial as st
 from benchmarks import textbook as tb
 from benchmarks import textbook_kinematics as kin
-from benchmarks.textbook_thrusters import static_limits
+from benchmarks.textbook_thrusters import static_limits, wrench_per_newton
 from benchmarks.textbook_vehicle import build, from_vehicle
 from seatrial import _core
 
@@ -42,7 +42,7 @@ def commands(v: st.Vehicle, n: int, seed: int) -> dict[str, Any]:
     rng = np.random.default_rng(seed)
     found = {}
     for name, info in v.actuator_info().items():
-        limit = {"rpm": 2200.0, "us": 420.0, "N": 30.0}[info["unit"]]
+        limit = {"rpm": 2200.0, "us": 420.0, "N": 30.0, "rad": 0.9}[info["unit"]]
         levels = rng.uniform(-limit, limit, size=n // 5 + 1) * rng.choice([0.0, 0.04, 1.0], size=n // 5 + 1)
         found[name] = info["neutral"] + np.repeat(levels, 5)[:n]
     return found
@@ -95,7 +95,9 @@ def test_scalar_textbook_matrices(name: str) -> None:
     v = vehicle(name)
     model = build(from_vehicle(v))
     close(v.mass_matrix(), model.M, AGREEMENT)
-    close(v.allocation_matrix(), np.column_stack([t.wrench for t in model.thrusters]), AGREEMENT)
+    columns = [thruster.wrench for thruster in model.thrusters]
+    columns += [wrench_per_newton(fin.place, fin.normal) for fin in model.fins]
+    close(v.allocation_matrix(), np.column_stack(columns), AGREEMENT)
 
 
 @VEHICLES
@@ -251,5 +253,5 @@ def test_scalar_textbook_prediction_with_measured_axes_and_actuators(measured: s
 
 def steady(v: st.Vehicle, name: str, command: float) -> float:
     """The actual value under a command that has lasted."""
-    (thruster,) = [t for t in from_vehicle(v).thrusters if t.name == name]
-    return float(thruster.command(thruster.K_V * static_limits(thruster, command)))
+    (drive,) = [d for d in build(from_vehicle(v)).drives if d.name == name]
+    return float(drive.command(drive.K_V * static_limits(drive, command)))

@@ -134,7 +134,7 @@ impl Run {
     fn actuators(&self) -> BTreeMap<String, Array> {
         let described = self.description.actuators.iter().enumerate();
         described
-            .map(|(i, a)| (a.thruster.name.clone(), self.array(|track, k| [a.command(track.signals[k][i])])))
+            .map(|(i, a)| (a.name.clone(), self.array(|track, k| [a.command(track.signals[k][i])])))
             .collect()
     }
 }

@@ -109,7 +109,7 @@ impl Vehicle {
     /// Names of the actuators in the order of the allocation matrix's columns.
     #[getter]
     fn actuators(&self) -> Vec<String> {
-        self.description.actuators.iter().map(|a| a.thruster.name.clone()).collect()
+        self.description.actuators.iter().map(|a| a.name.clone()).collect()
     }
 
     /// Rows of the wrench that the vehicle can command, among X Y Z K M N.

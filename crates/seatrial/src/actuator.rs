@@ -10,9 +10,10 @@
 //!
 //! Source: Taubert et al. (2014), equations 34, 35, 39–47; Fossen (2011), section 9.
 //! Tests: `tests/laws.rs` (chain against its analytic answer), `tests/test_scalar_textbook.py`.
-//! Fins, with deflection limits and lift in all quadrants, will be the sibling `actuator/fin.rs`.
+//! A [`fin`] turns its signal, a deflection, into lift and drag.
 
 pub mod characteristic;
+pub mod fin;
 pub mod motor;
 pub mod response;
 

@@ -58,9 +58,9 @@ const RIGID: [(&str, &str, &str); 14] = [
     ("B", "N", "buoyancy"),
 ];
 
-/// Coefficients of an actuator: name, unit, meaning. `<c>` is the command's unit.
-pub const ACTUATOR: [(&str, &str, &str); 24] = [
-    ("gain", "1", "factor on the thrust"),
+/// Coefficients of an actuator: name, unit, meaning. `<c>` is the command's unit. The last five are a fin's.
+pub const ACTUATOR: [(&str, &str, &str); 29] = [
+    ("gain", "1", "factor on the thrust, of a fin on lift and drag"),
     ("p1_ahead", "N s2", "thrust per |n| n ahead, n in rev/s"),
     ("p1_astern", "N s2", "thrust per |n| n astern, n in rev/s"),
     ("p2", "N s2/m", "thrust per |n| V_a"),
@@ -84,6 +84,11 @@ pub const ACTUATOR: [(&str, &str, &str); 24] = [
     ("lever_N", "m", "yaw moment about O per newton of thrust"),
     ("astern_ratio", "1", "further factor on the thrust astern"),
     ("loss", "1/N", "share of the thrust lost per newton of the other groups' thrust"),
+    ("C_La", "1/rad", "slope of the fin's lift coefficient"),
+    ("C_Lmax", "1", "largest lift coefficient of the fin"),
+    ("C_D0", "1", "drag coefficient of the fin in line with the flow"),
+    ("C_D90", "1", "further drag coefficient of the fin across the flow"),
+    ("k_i", "1", "induced drag of the fin per squared lift coefficient, 1/(pi e aspect ratio)"),
 ];
 
 /// Offset of `lever_K` in [`ACTUATOR`]; two more follow.
@@ -94,6 +99,9 @@ pub const ASTERN_RATIO: usize = 22;
 
 /// Offset of `loss` in [`ACTUATOR`].
 pub const LOSS: usize = 23;
+
+/// Offset of `C_La` in [`ACTUATOR`]; four more follow.
+pub const FIN: usize = 24;
 
 /// Number of coefficients per actuator.
 pub const PER_ACTUATOR: usize = ACTUATOR.len();
@@ -140,6 +148,11 @@ impl Layout {
     /// The number of coefficients.
     pub fn len(&self) -> usize {
         HULL + PER_ACTUATOR * self.actuators.len()
+    }
+
+    /// The number of actuators.
+    pub fn actuators(&self) -> usize {
+        self.actuators.len()
     }
 
     /// Never: the hull is always there.

@@ -10,8 +10,8 @@ use crate::algebra::{Vec6, pivots};
 use crate::coefficients::{self as names, FORCES, Layout, MASS, Scaling, added_mass, linear, quadratic};
 use crate::error::Error;
 use crate::vehicle_file::VehicleFile;
-pub use placement::ActuatorDescription;
-use placement::place;
+pub use placement::{ActuatorDescription, Effect};
+use placement::{place, place_fin};
 use std::collections::BTreeMap;
 
 /// The embedded vehicles.
@@ -72,26 +72,33 @@ impl Description {
         if let Some(complaint) = file.geometry.as_ref().and_then(crate::geometry::Geometry::complaint) {
             return Err(fail(complaint));
         }
-        let thruster_names: Vec<String> = file.thrusters.iter().map(|t| t.name.clone()).collect();
-        for (k, name) in thruster_names.iter().enumerate() {
-            if name.is_empty() || name.contains('.') || thruster_names[..k].contains(name) {
+        let thrusters = file.thrusters.iter().map(|t| &t.name);
+        let actuator_names: Vec<String> =
+            thrusters.chain(file.fins.iter().map(|f| &f.name)).cloned().collect();
+        for (k, name) in actuator_names.iter().enumerate() {
+            if name.is_empty() || name.contains('.') || actuator_names[..k].contains(name) {
+                let (list, k) = match k.checked_sub(file.thrusters.len()) {
+                    None => ("thrusters", k),
+                    Some(k) => ("fins", k),
+                };
                 return Err(fail(format!(
-                    "thrusters[{k}].name: expected a unique name without a dot, found \"{name}\""
+                    "{list}[{k}].name: expected a unique name without a dot, found \"{name}\""
                 )));
             }
         }
-        let layout = Layout::new(thruster_names);
+        let layout = Layout::new(actuator_names);
         let mut coefficients = vec![0.0; layout.len()];
-        let actuators = file
-            .thrusters
-            .iter()
-            .enumerate()
-            .map(|(k, thruster)| {
-                let values = &mut coefficients[layout.actuator(k)..][..names::PER_ACTUATOR];
-                place(&file, thruster, values)
-                    .map_err(|m| fail(format!("thruster \"{}\": {m}", thruster.name)))
-            })
-            .collect::<Result<Vec<_>, Error>>()?;
+        let mut actuators = Vec::with_capacity(layout.actuators());
+        let mut slots = coefficients[names::HULL..].chunks_exact_mut(names::PER_ACTUATOR);
+        let mut slot = || slots.next().expect("as many slots as actuators");
+        for thruster in &file.thrusters {
+            let placed = place(&file, thruster, slot());
+            actuators.push(placed.map_err(|m| fail(format!("thruster \"{}\": {m}", thruster.name)))?);
+        }
+        for fin in &file.fins {
+            let placed = place_fin(&file, fin, slot());
+            actuators.push(placed.map_err(|m| fail(format!("fin \"{}\": {m}", fin.name)))?);
+        }
 
         let tabulated = coefficients.clone();
         let mut given: Vec<Option<&str>> = vec![None; layout.len()];
@@ -129,7 +136,7 @@ impl Description {
 
     /// Index of the first actuator in the group of actuator `k`.
     pub fn group(&self, k: usize) -> usize {
-        let name = |i: usize| &self.actuators[i].thruster.group;
+        let name = |i: usize| &self.actuators[i].group;
         (0..k).find(|&i| name(i) == name(k)).unwrap_or(k)
     }
 
@@ -200,9 +207,7 @@ impl Description {
 
     /// The command unit of the actuator that owns coefficient `index`.
     pub fn command_unit(&self, index: usize) -> &'static str {
-        index
-            .checked_sub(names::HULL)
-            .map_or("", |i| self.actuators[i / names::PER_ACTUATOR].thruster.command.as_str())
+        index.checked_sub(names::HULL).map_or("", |i| self.actuators[i / names::PER_ACTUATOR].unit.as_str())
     }
 
     /// Whether the equation of motion of this vehicle reads the coefficient.
@@ -265,7 +270,7 @@ impl Description {
                 if wrong {
                     return Err(format!(
                         "coefficient {}.{name}: expected a {} number, found {value}",
-                        actuator.thruster.name,
+                        actuator.name,
                         if name.starts_with('T') { "non-negative" } else { "positive" }
                     ));
                 }

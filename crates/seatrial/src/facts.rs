@@ -1,7 +1,7 @@
 //! What can be said about a vehicle besides its motion, as plain values by name, for reports.
 
 use crate::coefficients::HULL;
-use crate::description::Description;
+use crate::description::{Description, Effect};
 use std::collections::BTreeMap;
 
 /// A plain value.
@@ -28,20 +28,27 @@ impl From<Option<f64>> for Value {
     }
 }
 
-/// Group, unit and limits of the command, place, wrench per newton and power of an actuator.
+/// Group, unit and limits of the command, place, wrench per newton and power of an actuator; area (m²) and chord
+/// of a fin, whose wrench is per newton along its normal.
 pub fn actuator(d: &Description, k: usize) -> Facts {
     let a = &d.actuators[k];
     let text = |x: &str| Value::Text(x.to_owned());
     let [(maximum_ahead, maximum_astern), (minimum_ahead, minimum_astern)] =
         [a.limits.maximum, a.limits.minimum].map(|l| (Value::Number(l[0]), Value::Number(l[1])));
-    let needs_voltage = a.table.as_ref().is_some_and(|table| table.needs_voltage());
+    let needs_voltage = a.table().is_some_and(|table| table.needs_voltage());
+    let fin = match &a.effect {
+        Effect::Fin(fin) => Some(fin),
+        Effect::Thrust(..) => None,
+    };
     BTreeMap::from([
-        ("kind", text("thruster")),
-        ("group", text(&a.thruster.group)),
-        ("unit", text(a.thruster.command.as_str())),
-        ("neutral", Value::Number(a.thruster.neutral)),
-        ("reversed", Value::Flag(a.thruster.reversed)),
-        ("position", a.thruster.position_m.map_or(Value::None, |p| Value::Vector(p.to_vec()))),
+        ("kind", text(if fin.is_some() { "fin" } else { "thruster" })),
+        ("group", text(&a.group)),
+        ("unit", text(a.unit.as_str())),
+        ("neutral", Value::Number(a.neutral)),
+        ("reversed", Value::Flag(a.reversed)),
+        ("position", a.position.map_or(Value::None, |p| Value::Vector(p.to_vec()))),
+        ("chord", fin.map_or(Value::None, |f| Value::Vector(f.chord.to_vec()))),
+        ("area", fin.map(|f| f.area_m2).into()),
         ("direction", Value::Vector(a.direction.to_vec())),
         ("wrench", Value::Vector(d.wrench(k).to_vec())),
         ("maximum_ahead", maximum_ahead),

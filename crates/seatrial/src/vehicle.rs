@@ -13,6 +13,8 @@ mod assembly;
 
 use crate::actuator::Actuator;
 use crate::actuator::characteristic::Thrust;
+use crate::actuator::fin::{Deflection, Fin};
+use crate::actuator::motor::Motor;
 use crate::added_mass::AddedMass;
 use crate::algebra::{Mat3, Mat6, Vec6, dot, product};
 use crate::current::Current;
@@ -51,6 +53,8 @@ pub struct Vehicle<T> {
     pub bias: Option<Vec6<T>>,
     /// Thrusters.
     pub actuators: Vec<Actuator<T>>,
+    /// Movable fins, which follow the thrusters in the order of commands and signals.
+    pub fins: Vec<Fin<T>>,
     /// `M = M_RB + M_A`.
     pub mass_matrix: Mat6<T>,
     /// Modes of the degrees of freedom.
@@ -69,8 +73,10 @@ enum Inverse<T> {
 /// What acts on the vehicle at one instant.
 #[derive(Clone)]
 pub struct Instant<T> {
-    /// Thrust of each actuator.
+    /// Thrust of each thruster.
     pub thrusts: Vec<Thrust<T>>,
+    /// Deflection of each fin.
+    pub deflections: Vec<Deflection<T>>,
     /// Wrench from outside and of the thrusts that no inflow changes, once summed ([`Vehicle::sum_inflow_free`]).
     pub inflow_free: Option<Vec6<T>>,
     /// Wrench from outside the actuators, N and N m.
@@ -83,7 +89,14 @@ pub struct Instant<T> {
 
 impl<T> Default for Instant<T> {
     fn default() -> Self {
-        Self { thrusts: Vec::new(), inflow_free: None, tau: [0.0; 6], current: None, measured: [[0.0; 6]; 2] }
+        Self {
+            thrusts: Vec::new(),
+            deflections: Vec::new(),
+            inflow_free: None,
+            tau: [0.0; 6],
+            current: None,
+            measured: [[0.0; 6]; 2],
+        }
     }
 }
 
@@ -116,7 +129,7 @@ impl<T: Real> Vehicle<T> {
             nu_r = relative;
             f = add(&f, &self.added_mass.momentum(&nu_c_rate));
         }
-        f = self.inflow(&instant.thrusts, &nu_r, &f);
+        f = self.inflow(instant, &nu_r, &f);
         f = self.rigid_body.add_coriolis(nu, &f);
         f = self.added_mass.add_coriolis(&nu_r, &f);
         f = self.damping.add(&nu_r, &f);
@@ -151,10 +164,19 @@ impl<T: Real> Vehicle<T> {
         add(&self.inverse.times(&rest), &given)
     }
 
-    /// The wrench of all thrusts and from outside at the relative velocity `nu_r`, N and N m.
+    /// The motor or servo of actuator `i`, thrusters first.
+    #[inline(always)]
+    pub fn motor(&self, i: usize) -> &Motor<T> {
+        match self.actuators.get(i) {
+            Some(thruster) => &thruster.motor,
+            None => &self.fins[i - self.actuators.len()].servo,
+        }
+    }
+
+    /// The wrench of all actuators and from outside at the relative velocity `nu_r`, N and N m.
     #[inline(always)]
     pub fn wrench(&self, instant: &Instant<T>, nu_r: &Vec6<T>) -> Vec6<T> {
-        self.inflow(&instant.thrusts, nu_r, &self.inflow_free(instant, nu_r[0].zero()))
+        self.inflow(instant, nu_r, &self.inflow_free(instant, nu_r[0].zero()))
     }
 
     /// Sums what no inflow changes: four stages read it, it is worth summing once.
@@ -177,11 +199,14 @@ impl<T: Real> Vehicle<T> {
         sum
     }
 
-    /// `tau` + wrench of the thrusts that the inflow changes.
+    /// `tau` + wrench of the fins and of the thrusts that the inflow changes.
     #[inline(always)]
-    fn inflow(&self, thrusts: &[Thrust<T>], nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
+    fn inflow(&self, instant: &Instant<T>, nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
         let mut sum = *tau;
-        for (actuator, thrust) in self.actuators.iter().zip(thrusts) {
+        for (fin, deflection) in self.fins.iter().zip(&instant.deflections) {
+            sum = fin.add(*deflection, nu_r, &sum);
+        }
+        for (actuator, thrust) in self.actuators.iter().zip(&instant.thrusts) {
             if actuator.characteristic.has_inflow() {
                 let u_a = dot(&actuator.inflow, nu_r);
                 let force = thrust.force_per_inflow.mul_add(u_a, thrust.force);

@@ -268,7 +268,7 @@ fn built_in_vehicles_survive_a_round_trip() {
         let copy = again(&description);
         assert_eq!(copy.coefficients, description.coefficients, "{name}");
         for (a, b) in copy.actuators.iter().zip(&description.actuators) {
-            assert_eq!((a.limits, a.wrench, &a.table), (b.limits, b.wrench, &b.table), "{name}");
+            assert_eq!((a.limits, a.wrench, a.table()), (b.limits, b.wrench, b.table()), "{name}");
         }
         assert_eq!(again(&copy).filled_file(), copy.filled_file());
     }

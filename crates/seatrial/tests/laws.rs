@@ -6,6 +6,8 @@ mod characteristic;
 mod current;
 #[path = "laws/energy.rs"]
 mod energy;
+#[path = "laws/fin.rs"]
+mod fin;
 #[path = "laws/integration.rs"]
 mod integration;
 #[path = "laws/kinematics.rs"]

@@ -1,57 +1,87 @@
-//! A thruster as written: placed on the vehicle, its motor and characteristic found, its coefficients read.
+//! A thruster or fin as written: placed on the vehicle, its motor and characteristic found, its coefficients
+//! read.
 
 use crate::actuator::characteristic::Table;
+use crate::actuator::fin::lift_slope;
 use crate::actuator::motor::Limits;
 use crate::algebra::{Vec3, Vec6};
 use crate::allocation::wrench_per_newton;
 use crate::coefficients as names;
 use crate::error::nearest;
 use crate::vehicle_file::{
-    BelowMinimum, CharacteristicTable, CommandUnit, MotorTable, Polynomial, Quadratic, Thruster, VehicleFile,
+    BelowMinimum, CharacteristicTable, CommandUnit, FinTable, MotorTable, Polynomial, Quadratic, Thruster,
+    VehicleFile,
 };
 use std::sync::Arc;
 
 /// The parts of an actuator that no candidate changes.
 #[derive(Clone, Debug)]
 pub struct ActuatorDescription {
-    /// The thruster as written.
-    pub thruster: Thruster,
+    /// Name, unique.
+    pub name: String,
+    /// Group for tied coefficients and reports.
+    pub group: String,
+    /// Unit of the command.
+    pub unit: CommandUnit,
+    /// Command without effect, in the command's unit.
+    pub neutral: f64,
+    /// Whether a command above neutral acts against the direction.
+    pub reversed: bool,
+    /// Place, m from O, where it is known.
+    pub position: Option<Vec3<f64>>,
     /// Static limits of the signal.
     pub limits: Limits,
-    /// Wrench about O per newton, as written; [`Description::wrench`](super::Description::wrench) is in use.
+    /// Wrench about O per newton along the direction, as written;
+    /// [`Description::wrench`](super::Description::wrench) is in use.
     pub wrench: Vec6<f64>,
-    /// Direction of thrust and inflow; zero when the wrench has no linear part.
+    /// Direction of thrust and inflow, of a fin its normal; zero when the wrench has no linear part.
     pub direction: Vec3<f64>,
-    /// The measured table, where that is its characteristic.
-    pub table: Option<Arc<Table>>,
-    /// The characteristic as written.
-    pub characteristic: CharacteristicTable,
+    /// What the signal does to the water.
+    pub effect: Effect,
     /// Whether the motor has a rate limit.
     pub rate_limited: bool,
+}
+
+/// What an actuator's signal does to the water.
+#[derive(Clone, Debug)]
+pub enum Effect {
+    /// Thrust by a characteristic as written; the measured table, where that is the characteristic.
+    Thrust(CharacteristicTable, Option<Arc<Table>>),
+    /// Lift and drag of a fin as written.
+    Fin(FinTable),
 }
 
 impl ActuatorDescription {
     /// The signal of a command: distance from neutral, positive ahead.
     pub fn signal(&self, command: f64) -> f64 {
-        let distance = command - self.thruster.neutral;
-        if self.thruster.reversed { -distance } else { distance }
+        let distance = command - self.neutral;
+        if self.reversed { -distance } else { distance }
     }
 
     /// The name of its characteristic's kind, as in the file.
     pub fn kind(&self) -> &'static str {
-        match self.characteristic {
-            CharacteristicTable::Quadratic(_) => "quadratic",
-            CharacteristicTable::Polynomial(_) => "polynomial",
-            CharacteristicTable::Table { .. } => "table",
-            CharacteristicTable::Direct => "direct",
+        match self.effect {
+            Effect::Thrust(CharacteristicTable::Quadratic(_), _) => "quadratic",
+            Effect::Thrust(CharacteristicTable::Polynomial(_), _) => "polynomial",
+            Effect::Thrust(CharacteristicTable::Table { .. }, _) => "table",
+            Effect::Thrust(CharacteristicTable::Direct, _) => "direct",
+            Effect::Fin(_) => "fin",
+        }
+    }
+
+    /// The measured table, where that is its characteristic.
+    pub fn table(&self) -> Option<&Table> {
+        match &self.effect {
+            Effect::Thrust(_, table) => table.as_deref(),
+            Effect::Fin(_) => None,
         }
     }
 
     /// Electrical power per |n|³, W/(rev/s)³, where it is known.
     pub fn power(&self) -> Option<f64> {
-        match &self.characteristic {
-            CharacteristicTable::Quadratic(q) => q.power_w_s3,
-            CharacteristicTable::Polynomial(p) => p.power_w_s3,
+        match &self.effect {
+            Effect::Thrust(CharacteristicTable::Quadratic(q), _) => q.power_w_s3,
+            Effect::Thrust(CharacteristicTable::Polynomial(p), _) => p.power_w_s3,
             _ => None,
         }
     }
@@ -59,23 +89,74 @@ impl ActuatorDescription {
     /// Whether its characteristic or motor reads the coefficient at an offset of
     /// [`names::ACTUATOR`].
     pub(super) fn uses(&self, offset: usize) -> bool {
+        let fin = matches!(self.effect, Effect::Fin(_));
         match names::ACTUATOR[offset].0 {
-            "gain" | "t" | "K_V" | "T_1" | "T_t" | "lever_K" | "lever_M" | "lever_N" | "astern_ratio"
-            | "loss" => true,
+            "gain" | "K_V" | "T_1" | "T_t" => true,
+            _ if fin || offset >= names::FIN => fin && (offset >= names::FIN || self.limits_rate(offset)),
+            "t" | "lever_K" | "lever_M" | "lever_N" | "astern_ratio" | "loss" => true,
             "p1_ahead" | "p1_astern" => self.kind() == "quadratic",
             "p2" | "w" | "q1" | "q2" => match self.kind() {
                 "quadratic" => true,
-                "polynomial" => self.thruster.command == CommandUnit::Rpm,
+                "polynomial" => self.unit == CommandUnit::Rpm,
                 _ => false,
             },
-            "n_acc" | "n_dec" => self.rate_limited,
+            _ if self.limits_rate(offset) => true,
+            "n_acc" | "n_dec" => false,
             _ => self.kind() == "polynomial",
         }
     }
 
+    fn limits_rate(&self, offset: usize) -> bool {
+        self.rate_limited && matches!(names::ACTUATOR[offset].0, "n_acc" | "n_dec")
+    }
+
     /// The command of a signal.
     pub fn command(&self, signal: f64) -> f64 {
-        self.thruster.neutral + if self.thruster.reversed { -signal } else { signal }
+        self.neutral + if self.reversed { -signal } else { signal }
+    }
+}
+
+/// A motor's limits, and its coefficients written; whether it limits the rate.
+fn drive(
+    file: &VehicleFile,
+    motor: Option<&String>,
+    set: &mut dyn FnMut(&str, f64),
+) -> Result<(Limits, bool), String> {
+    let ideal = MotorTable { k_v: 1.0, ..MotorTable::default() };
+    let motor = match motor {
+        None => &ideal,
+        Some(name) => file.motors.get(name).ok_or_else(|| unknown("motor", name, file.motors.keys()))?,
+    };
+    set("K_V", motor.k_v);
+    set("T_1", motor.t_1_s);
+    set("T_t", motor.t_t_s);
+    let rate = motor.n_acc_per_s.or(motor.n_dec_per_s);
+    if let Some(rate) = rate {
+        set("n_acc", rate);
+        set("n_dec", motor.n_dec_per_s.unwrap_or(rate));
+    }
+    let ahead = motor.maximum_ahead.unwrap_or(f64::INFINITY);
+    let limits = Limits {
+        maximum: [ahead, motor.maximum_astern.unwrap_or(ahead)],
+        minimum: [motor.minimum_ahead, motor.minimum_astern.unwrap_or(motor.minimum_ahead)],
+        dead_band: motor.below_minimum == BelowMinimum::Zero,
+    };
+    if limits.maximum.iter().chain(&limits.minimum).any(|x| x.is_nan() || *x < 0.0) {
+        return Err("motor: limits are positive magnitudes in both directions".into());
+    }
+    Ok((limits, rate.is_some()))
+}
+
+/// The message for a name that the file does not define.
+fn unknown<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a String>) -> String {
+    format!("{kind}: no [{kind}s.{name}] in the file{}", nearest(name, known.map(String::as_str)))
+}
+
+/// Writes a coefficient of an actuator by its name.
+fn writer(values: &mut [f64]) -> impl FnMut(&str, f64) {
+    |name, value| {
+        let offset = names::ACTUATOR.iter().position(|(n, _, _)| *n == name);
+        values[offset.expect("a name of the table of coefficients")] = value;
     }
 }
 
@@ -90,44 +171,27 @@ pub(super) fn place(
         (None, None, Some(wrench)) => *wrench,
         _ => return Err("expected either position_m and direction, or wrench_per_newton".into()),
     };
+    if thruster.command == CommandUnit::Radian {
+        return Err(
+            "command: a thruster takes \"rpm\", \"us\" or \"N\"; radians are a fin's, under [[fins]]".into(),
+        );
+    }
     if wrench.iter().any(|x| !x.is_finite()) {
         return Err(format!("expected finite numbers for its place, found {wrench:?}"));
     }
     let length = wrench[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
     let direction = std::array::from_fn(|i| if length > 0.0 { wrench[i] / length } else { 0.0 });
-    let find = |kind: &str, name: &str, known: Vec<&String>| {
-        format!(
-            "{kind}: no [{kind}s.{name}] in the file{}",
-            nearest(name, known.into_iter().map(String::as_str))
-        )
-    };
-    let ideal = MotorTable { k_v: 1.0, ..MotorTable::default() };
-    let motor = match &thruster.motor {
-        None => &ideal,
-        Some(name) => {
-            file.motors.get(name).ok_or_else(|| find("motor", name, file.motors.keys().collect()))?
-        }
-    };
-    let characteristic = file.characteristics.get(&thruster.characteristic).ok_or_else(|| {
-        find("characteristic", &thruster.characteristic, file.characteristics.keys().collect())
-    })?;
-    let mut set = |name: &str, value: f64| {
-        let offset = names::ACTUATOR.iter().position(|(n, _, _)| *n == name);
-        values[offset.expect("a name of the table above")] = value;
-    };
+    let mut set = writer(values);
+    let (limits, rate_limited) = drive(file, thruster.motor.as_ref(), &mut set)?;
+    let characteristic = file
+        .characteristics
+        .get(&thruster.characteristic)
+        .ok_or_else(|| unknown("characteristic", &thruster.characteristic, file.characteristics.keys()))?;
     for (name, lever) in ["lever_K", "lever_M", "lever_N"].iter().zip(&wrench[3..]) {
         set(name, *lever);
     }
     set("gain", 1.0);
     set("astern_ratio", 1.0);
-    set("K_V", motor.k_v);
-    set("T_1", motor.t_1_s);
-    set("T_t", motor.t_t_s);
-    let rate = motor.n_acc_per_s.or(motor.n_dec_per_s);
-    if let Some(rate) = rate {
-        set("n_acc", rate);
-        set("n_dec", motor.n_dec_per_s.unwrap_or(rate));
-    }
     let mut table = None;
     match characteristic {
         CharacteristicTable::Quadratic(q) => {
@@ -173,23 +237,73 @@ pub(super) fn place(
         }
         CharacteristicTable::Direct => {}
     }
-    let ahead = motor.maximum_ahead.unwrap_or(f64::INFINITY);
-    let limits = Limits {
-        maximum: [ahead, motor.maximum_astern.unwrap_or(ahead)],
-        minimum: [motor.minimum_ahead, motor.minimum_astern.unwrap_or(motor.minimum_ahead)],
-        dead_band: motor.below_minimum == BelowMinimum::Zero,
-    };
-    if limits.maximum.iter().chain(&limits.minimum).any(|x| x.is_nan() || *x < 0.0) {
-        return Err("motor: limits are positive magnitudes in both directions".into());
-    }
     Ok(ActuatorDescription {
-        thruster: thruster.clone(),
+        name: thruster.name.clone(),
+        group: thruster.group.clone(),
+        unit: thruster.command,
+        neutral: thruster.neutral,
+        reversed: thruster.reversed,
+        position: thruster.position_m,
         limits,
         wrench,
         direction,
-        table,
-        characteristic: characteristic.clone(),
-        rate_limited: rate.is_some(),
+        effect: Effect::Thrust(characteristic.clone(), table),
+        rate_limited,
+    })
+}
+
+/// Resolves a fin's servo and writes its coefficients.
+pub(super) fn place_fin(
+    file: &VehicleFile,
+    fin: &FinTable,
+    values: &mut [f64],
+) -> Result<ActuatorDescription, String> {
+    for (key, value, least) in [
+        ("area_m2", fin.area_m2, f64::MIN_POSITIVE),
+        ("aspect_ratio", fin.aspect_ratio, f64::MIN_POSITIVE),
+        ("oswald", fin.oswald, f64::MIN_POSITIVE),
+        ("C_L_max", fin.c_l_max, f64::MIN_POSITIVE),
+        ("C_D_0", fin.c_d_0, 0.0),
+        ("C_D_90", fin.c_d_90, 0.0),
+    ] {
+        if !(value.is_finite() && value >= least) {
+            let kind = if least > 0.0 { "positive" } else { "non-negative" };
+            return Err(format!("{key}: expected a {kind} number, found {value}"));
+        }
+    }
+    let wrench = wrench_per_newton(&fin.position_m, &fin.normal).map_err(|m| format!("normal: {m}"))?;
+    let chord = wrench_per_newton(&fin.position_m, &fin.chord).map_err(|m| format!("chord: {m}"))?;
+    let cosine: f64 = (0..3).map(|i| wrench[i] * chord[i]).sum();
+    if cosine.abs() > 1e-3 {
+        return Err(format!(
+            "normal: expected at right angles to chord, found {:.1} degrees between them",
+            cosine.acos().to_degrees()
+        ));
+    }
+    let mut set = writer(values);
+    let (limits, rate_limited) = drive(file, fin.motor.as_ref(), &mut set)?;
+    set("gain", 1.0);
+    set("astern_ratio", 1.0);
+    set("C_La", fin.c_l_alpha.unwrap_or_else(|| lift_slope(fin.aspect_ratio)));
+    set("C_Lmax", fin.c_l_max);
+    set("C_D0", fin.c_d_0);
+    set("C_D90", fin.c_d_90);
+    set("k_i", 1.0 / (std::f64::consts::PI * fin.oswald * fin.aspect_ratio));
+    for (name, lever) in ["lever_K", "lever_M", "lever_N"].iter().zip(&wrench[3..]) {
+        set(name, *lever);
+    }
+    Ok(ActuatorDescription {
+        name: fin.name.clone(),
+        group: fin.group.clone(),
+        unit: CommandUnit::Radian,
+        neutral: fin.neutral,
+        reversed: fin.reversed,
+        position: Some(fin.position_m),
+        limits,
+        wrench,
+        direction: [wrench[0], wrench[1], wrench[2]],
+        effect: Effect::Fin(fin.clone()),
+        rate_limited,
     })
 }
 

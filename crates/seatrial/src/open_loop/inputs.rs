@@ -75,7 +75,7 @@ impl Inputs {
             let values = series(&format!("commands[\"{name}\"]"), values, n, false)?;
             let actuator = &description.actuators[k];
             record.commands[k] = values.iter().map(|&c| actuator.limits.apply(actuator.signal(c))).collect();
-            if self.voltage.is_empty() && actuator.table.as_ref().is_some_and(|t| t.needs_voltage()) {
+            if self.voltage.is_empty() && actuator.table().is_some_and(|t| t.needs_voltage()) {
                 return Err(Error::simulation(format!(
                     "voltage: the thrust of {name} depends on the supply voltage; give it in V, shape ({n},)"
                 )));
@@ -150,7 +150,7 @@ pub fn uniform_step(t: &[f64]) -> Result<f64, Error> {
 /// # Errors
 /// The known names, and the nearest one.
 pub fn actuator_index(description: &Description, name: &str) -> Result<usize, Error> {
-    let known: Vec<&str> = description.actuators.iter().map(|a| a.thruster.name.as_str()).collect();
+    let known: Vec<&str> = description.actuators.iter().map(|a| a.name.as_str()).collect();
     known.iter().position(|n| *n == name).ok_or_else(|| {
         Error::simulation(format!(
             "unknown actuator \"{name}\"; {} has {}{}",

@@ -57,7 +57,7 @@ impl Record {
             self.environment,
             [Mode::Frozen; 6],
         );
-        let actuators = vehicle.actuators.len();
+        let actuators = description.actuators.len();
         let mut signals = Vec::with_capacity(self.len * substeps * 3 * actuators);
         let mut motors = Motors::from_start(&vehicle, self, substeps);
         for k in 0..self.len {
@@ -133,10 +133,10 @@ impl<'a, T: Real> Motors<'a, T> {
         unit: T,
     ) -> Self {
         let h = record.dt / substeps as f64;
-        let count = vehicle.actuators.len();
+        let count = vehicle.actuators.len() + vehicle.fins.len();
         let mut motors = Self {
             unit: unit.zero(),
-            any_ideal: vehicle.actuators.iter().any(|actuator| actuator.motor.ideal),
+            any_ideal: (0..count).any(|i| vehicle.motor(i).ideal),
             signals: vec![unit.zero(); count],
             played: None,
             now: &[],
@@ -149,14 +149,15 @@ impl<'a, T: Real> Motors<'a, T> {
             before: Vec::new(),
             states: Vec::with_capacity(count),
         };
-        for (i, actuator) in vehicle.actuators.iter().enumerate() {
-            motors.half_steps.push(actuator.motor.step(0.5 * h));
-            motors.delays.push(actuator.motor.t_t * (1.0 / h));
+        for i in 0..count {
+            let motor = vehicle.motor(i);
+            motors.half_steps.push(motor.step(0.5 * h));
+            motors.delays.push(motor.t_t * (1.0 / h));
             let state = match start {
-                MotorStart::Recorded => actuator.motor.steady(unit.splat(record.commands[i][0])),
+                MotorStart::Recorded => motor.steady(unit.splat(record.commands[i][0])),
                 MotorStart::Held(signals) => {
                     let signal = unit.splat(signals[i]);
-                    let ramp = signal / actuator.motor.k_v;
+                    let ramp = signal / motor.k_v;
                     motors.before.push(ramp);
                     MotorState { ramp, signal }
                 }
@@ -169,9 +170,9 @@ impl<'a, T: Real> Motors<'a, T> {
     /// Sets the motors to the steady state of the command at sample `k`.
     #[inline(always)]
     fn settle(&mut self, k: usize) {
-        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
+        for i in 0..self.states.len() {
             let target = self.target(i, k, 0);
-            self.states[i] = actuator.motor.steady(target);
+            self.states[i] = self.vehicle.motor(i).steady(target);
         }
     }
 
@@ -236,10 +237,11 @@ impl<'a, T: Real> Motors<'a, T> {
 
     #[inline(always)]
     fn command(&mut self, k: usize, s: usize) {
-        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
+        for i in 0..self.states.len() {
             self.targets[i] = self.target(i, k, s);
-            if actuator.motor.ideal {
-                self.states[i] = actuator.motor.steady(self.targets[i]);
+            let motor = self.vehicle.motor(i);
+            if motor.ideal {
+                self.states[i] = motor.steady(self.targets[i]);
             }
         }
     }
@@ -257,7 +259,7 @@ impl<'a, T: Real> Motors<'a, T> {
         self.record.voltage.get(k).copied().unwrap_or(f64::NAN)
     }
 
-    /// The thrusts at the present signals.
+    /// The thrusts and deflections at the present signals.
     #[inline(always)]
     pub fn thrust(&self, k: usize, instant: &mut Instant<T>) {
         let voltage = self.voltage(k);
@@ -270,6 +272,10 @@ impl<'a, T: Real> Motors<'a, T> {
             instant.thrusts.push(actuator.directed(thrust));
         }
         interact(&self.vehicle.actuators, &mut instant.thrusts);
+        instant.deflections.clear();
+        for signal in &self.signals[self.vehicle.actuators.len()..] {
+            instant.deflections.push(signal.sin_cos());
+        }
         self.vehicle.sum_inflow_free(instant, self.unit);
     }
 }
@@ -277,8 +283,10 @@ impl<'a, T: Real> Motors<'a, T> {
 impl<'a> Motors<'a, f64> {
     /// Appends what the motors do at sample `k`.
     fn write(&self, k: usize, signals: &mut Vec<(f64, Option<f64>)>) {
-        for (actuator, &signal) in self.vehicle.actuators.iter().zip(&self.signals) {
-            signals.push((signal, actuator.characteristic.table_force(signal, self.voltage(k))));
+        for (i, &signal) in self.signals.iter().enumerate() {
+            let thruster = self.vehicle.actuators.get(i);
+            let table = thruster.and_then(|t| t.characteristic.table_force(signal, self.voltage(k)));
+            signals.push((signal, table));
         }
     }
 

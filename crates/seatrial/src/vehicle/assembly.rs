@@ -6,18 +6,20 @@
 
 use super::{Inverse, Mode, Vehicle};
 use crate::actuator::Actuator;
-use crate::actuator::characteristic::{Characteristic, FlowTerms, Shape};
+use crate::actuator::characteristic::{Characteristic, FlowTerms, Shape, Table};
+use crate::actuator::fin::Fin;
 use crate::actuator::motor::Motor;
 use crate::added_mass::AddedMass;
 use crate::algebra::{Mat6, restricted_inverse};
 use crate::coefficients::{self as names, added_mass, linear, quadratic};
 use crate::damping::Damping;
-use crate::description::Description;
+use crate::description::{ActuatorDescription, Description, Effect};
 use crate::lift::Lift;
 use crate::real::Real;
 use crate::restoring::Restoring;
 use crate::rigid_body::RigidBody;
-use crate::vehicle_file::Environment;
+use crate::vehicle_file::{CharacteristicTable as Kind, Environment, FinTable};
+use std::sync::Arc;
 
 /// Which terms are there: zero ones are left out, unless a coefficient of theirs is sought.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -147,11 +149,18 @@ impl<T: Real> Vehicle<T> {
         for i in 0..6 {
             bias[i] = c(names::BIAS + i);
         }
-        let mut actuators = Vec::with_capacity(description.actuators.len());
-        for k in 0..description.actuators.len() {
+        let mut actuators = Vec::with_capacity(description.file.thrusters.len());
+        let mut fins = Vec::with_capacity(description.file.fins.len());
+        for (k, described) in description.actuators.iter().enumerate() {
             let base = description.layout.actuator(k);
             let density = rho / description.file.environment.rho_kg_m3;
-            actuators.push(actuator(description, structure, k, |i| c(base + i), density));
+            match &described.effect {
+                Effect::Thrust(characteristic, table) => {
+                    let shape = (characteristic, table.as_ref());
+                    actuators.push(actuator(description, structure, k, shape, |i| c(base + i), density));
+                }
+                Effect::Fin(table) => fins.push(fin(structure, k, described, table, |i| c(base + i), rho)),
+            }
         }
         Self {
             rigid_body,
@@ -161,6 +170,7 @@ impl<T: Real> Vehicle<T> {
             restoring,
             bias: structure.bias.then_some(bias),
             actuators,
+            fins,
             mass_matrix,
             modes,
             inverse: inverse(structure, &mass_matrix, &modes.map(|mode| mode == Mode::Free)),
@@ -192,6 +202,7 @@ fn actuator<T: Real>(
     description: &Description,
     structure: &Structure,
     k: usize,
+    (characteristic, table): (&Kind, Option<&Arc<Table>>),
     c: impl Fn(usize) -> T,
     density: f64,
 ) -> Actuator<T> {
@@ -218,8 +229,7 @@ fn actuator<T: Real>(
         torque: structure.torque[k].then(|| [c(6), c(7) * inside]),
         inflow: structure.inflow[k],
     };
-    use crate::vehicle_file::CharacteristicTable as Kind;
-    let (shape, factor) = match (&described.characteristic, &described.table) {
+    let (shape, factor) = match (characteristic, table) {
         (Kind::Quadratic(_), _) => {
             (Shape::Quadratic { p1: [c(1) * deduction, c(2) * deduction], flow }, gain)
         }
@@ -235,13 +245,7 @@ fn actuator<T: Real>(
         _ => (Shape::Direct, factor),
     };
     Actuator {
-        motor: Motor {
-            k_v: c(14),
-            t_1: c(15),
-            t_t: c(16),
-            rate: described.rate_limited.then(|| [c(17), c(18)]),
-            ideal: !(described.rate_limited || structure.lag[k]),
-        },
+        motor: motor(structure, k, described, &c),
         characteristic: Characteristic { shape, factor },
         wrench,
         torque: structure.torque[k].then(|| [0.0, 0.0, 0.0, dx, dy, dz].map(splat)),
@@ -249,5 +253,47 @@ fn actuator<T: Real>(
         astern_ratio: structure.astern_ratio[k].then(|| c(names::ASTERN_RATIO)),
         loss: structure.loss[k].then(|| c(names::LOSS)),
         group: description.group(k),
+    }
+}
+
+/// The motor of actuator `k`.
+#[inline(always)]
+fn motor<T: Real>(
+    structure: &Structure,
+    k: usize,
+    described: &ActuatorDescription,
+    c: impl Fn(usize) -> T,
+) -> Motor<T> {
+    Motor {
+        k_v: c(14),
+        t_1: c(15),
+        t_t: c(16),
+        rate: described.rate_limited.then(|| [c(17), c(18)]),
+        ideal: !(described.rate_limited || structure.lag[k]),
+    }
+}
+
+/// The constants of fin `k`; `c` reads its coefficients by their offset.
+#[inline(always)]
+fn fin<T: Real>(
+    structure: &Structure,
+    k: usize,
+    described: &ActuatorDescription,
+    table: &FinTable,
+    c: impl Fn(usize) -> T,
+    rho: f64,
+) -> Fin<T> {
+    let length = crate::algebra::dot(&table.chord, &table.chord).sqrt();
+    Fin {
+        servo: motor(structure, k, described, &c),
+        chord: table.chord.map(|x| x / length),
+        normal: described.direction,
+        place: table.position_m,
+        half_rho_area: c(0) * (0.5 * rho * table.area_m2),
+        c_la: c(names::FIN),
+        c_lmax: c(names::FIN + 1),
+        c_d0: c(names::FIN + 2),
+        c_d90: c(names::FIN + 3),
+        k_i: c(names::FIN + 4),
     }
 }

@@ -166,9 +166,7 @@ proptest! {
         let thrusts: Vec<_> = vehicle.actuators.iter().map(|a| a.characteristic.thrust(n, f64::NAN)).collect();
         let mut wrench = [0.0; 6];
         for (k, actuator) in description.actuators.iter().enumerate() {
-            let thruster = &actuator.thruster;
-            let per_newton =
-                wrench_per_newton(&thruster.position_m.unwrap(), &thruster.direction.unwrap()).unwrap();
+            let per_newton = wrench_per_newton(&actuator.position.unwrap(), &actuator.direction).unwrap();
             let force = thrusts[k].force + thrusts[k].force_per_inflow * dot(&per_newton, &nu);
             for i in 0..6 {
                 wrench[i] += per_newton[i] * force;

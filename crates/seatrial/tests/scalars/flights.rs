@@ -54,13 +54,14 @@ pub fn vehicle(name: &str) -> Description {
 pub fn inputs(description: &Description) -> Inputs {
     let n = 51;
     let commands = description.actuators.iter().enumerate().map(|(i, actuator)| {
-        let amplitude = match actuator.thruster.command.as_str() {
+        let amplitude = match actuator.unit.as_str() {
             "us" => 390.0,
             "N" => 30.0,
+            "rad" => 0.4,
             _ => 1400.0,
         };
-        let level = |k: usize| actuator.thruster.neutral + amplitude * noise(1 + 97 * i + k / 5);
-        (actuator.thruster.name.clone(), (0..n).map(level).collect())
+        let level = |k: usize| actuator.neutral + amplitude * noise(1 + 97 * i + k / 5);
+        (actuator.name.clone(), (0..n).map(level).collect())
     });
     Inputs {
         t: times(n, 0.1),
