@@ -14,7 +14,8 @@ from seatrial.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.errors import TrialError, VehicleError
 from seatrial.generated import Recipe, Truth
-from seatrial.sensors import KINDS, Sensor, measure
+from seatrial.sensors import KINDS, Sensor, measure, parse_sensors, sensor_file
+from seatrial.sensors.sensor_file import load_sensors
 from seatrial.trial import Trial
 
 CWOLF = Path(__file__).parent.parent / "examples" / "cwolf"
@@ -75,6 +76,39 @@ def test_the_same_seed_gives_the_same_log_whatever_other_sensors_there_are(run: 
     assert not alone["z_m"].equals(measure(run, {"depth": Sensor(noise=0.02)}, seed=6)["z_m"])
 
 
+def test_golden_a_log_of_sensors_in_step_is_what_it_was(run: Run) -> None:
+    # Published figures rest on these numbers: a sensor without a time base, place or drop-outs of its own
+    # draws as it did when it knew none of them.
+    table = measure(
+        run,
+        {
+            "dvl": Sensor(noise=0.01, bias=0.003, quantum=0.001, rate_hz=5.0, latency_s=0.25),
+            "gyro": Sensor(noise=0.1, bias=0.02),
+            "attitude": Sensor(noise=0.2, quantum=0.1, rate_hz=2.0),
+            "depth": Sensor(noise=0.02, bias=0.1, quantum=0.01),
+            "position": Sensor(noise=0.3, rate_hz=1.0),
+            "revolutions": Sensor(noise=3.0, quantum=1.0),
+        },
+        seed=11,
+    )
+    frozen = {
+        "u_m_s": [0.008, 0.041, 1.124],
+        "w_m_s": [-0.006, -0.009, -0.06],
+        "p_deg_s": [0.045422, 0.234164, 1.258121],
+        "r_deg_s": [0.171409, 0.493138, 3.042944],
+        "pitch_deg": [-0.1, -0.9, -21.7],
+        "yaw_deg": [0.0, 0.3, -94.3],
+        "z_m": [0.07, 0.06, 73.47],
+        "x_m": [0.334551, 0.37759, -25.765844],
+        "y_m": [-0.186013, -0.692245, 19.303025],
+        "meas.PU": [-3.0, 1070.0, 1103.0],
+        "meas.VTS": [3.0, -3.0, -1.0],
+    }
+    for name, values in frozen.items():
+        # The motion of 199 s repeats on any processor to better than the last digit's rounding.
+        np.testing.assert_allclose(column(table, name)[[0, 10, 1990]], values, atol=2e-6)
+
+
 def test_revolutions_are_logged_behind_the_motor(run: Run) -> None:
     table = measure(run, {"revolutions": Sensor()}, seed=1)
     # Command 1100 rpm from the start: the lag keeps the first samples below, the end reaches it.
@@ -89,12 +123,48 @@ def test_revolutions_are_logged_behind_the_motor(run: Run) -> None:
         ("gyro", {"noise_deg_s": -0.1}, "expected a positive number, found -0.1"),
         ("depth", {"rate_hz": 0}, "expected a positive number, found 0"),
         ("depth", {"noise_m": "1 cm"}, "expected a positive number, found '1 cm'"),
+        ("dvl", {"jitter_s": -0.1}, "key jitter_s: expected a positive number, found -0.1"),
+        ("dvl", {"max_range_m": 0.0}, "key max_range_m: expected a positive number, found 0.0"),
+        ("dvl_water", {"max_range_m": 50.0}, 'unknown key "max_range_m"'),
+        ("gps", {"position_m": [0.0, 1.0]}, "expected [forward, starboard, down] from O in m"),
+        ("gps", {"position_m": [0.0, 1.0, "up"]}, "found [0.0, 1.0, 'up']"),
+        ("gps", {"position_m": 0.5}, "found 0.5"),
+        ("load_cell", {"noise_m": 0.5}, 'did you mean "noise_n"?'),
     ],
 )
 def test_a_wrong_sensor_is_refused(kind: str, table: dict[str, object], words: str) -> None:
     with pytest.raises(TrialError, match="sensors") as refusal:
         Sensor.parse(kind, table)
     assert words in str(refusal.value)
+
+
+def test_two_sensors_of_one_column_are_refused() -> None:
+    with pytest.raises(TrialError, match="sensors position and gps both log x_m; leave one of them out"):
+        parse_sensors({"position": {}, "gps": {}})
+
+
+def test_every_kind_can_be_noisy_biased_and_rounded() -> None:
+    for kind, facts in KINDS.items():
+        keys = {f"{name}_{facts.unit}": 0.5 for name in ("noise", "bias", "quantum")}
+        assert Sensor.parse(kind, keys) == Sensor(noise=0.5, bias=0.5, quantum=0.5)
+
+
+@pytest.mark.parametrize("name", Vehicle.names())
+def test_typical_sensors_suit_any_vehicle(name: str) -> None:
+    vehicle = Vehicle.load(name)
+    sensors = load_sensors("typical", vehicle)
+    assert {"dvl", "dvl_water", "gyro", "attitude", "depth", "gps"} <= set(sensors)
+    facts = vehicle.actuator_info().values()
+    assert ("voltage" in sensors) == any(actuator["needs_voltage"] for actuator in facts)
+    assert ("revolutions" in sensors) == any(actuator["unit"] == "rpm" for actuator in facts)
+
+
+def test_typical_sensors_say_where_each_number_comes_from() -> None:
+    path = Path(sensor_file.__file__).with_name("typical.toml")
+    numbers = [line for line in path.read_text().splitlines() if " = " in line and line[0] not in "#df"]
+    assert len(numbers) > 40
+    for line in numbers:
+        assert "# assumed" in line or "# VideoRay" in line, line
 
 
 def test_cwolfs_truth_differs_from_the_built_in_vehicle_by_ten_to_forty_per_cent() -> None:

@@ -52,6 +52,22 @@ class Environment(Section):
     g_m_s2: Positive | None = None
 
 
+Place = tuple[Number, Number, Number]
+
+
+class Places(Section):
+    """Where sensors sit, m forward, starboard and down of O."""
+
+    velocity_m: Place | None = None
+    position_m: Place | None = None
+    depth_m: Place | None = None
+
+    def over(self, other: Places) -> dict[str, Place]:
+        """Places by sensor, with what is absent here taken from the other ones."""
+        found = other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)
+        return {key.removesuffix("_m"): place for key, place in found.items()}
+
+
 class TrialSource(Section):
     """One recording: where it is, how it is read, what of it is held out."""
 
@@ -60,6 +76,7 @@ class TrialSource(Section):
     columns: dict[str, Any] = {}
     rate_hz: Positive | None = None
     environment: Environment = Environment()
+    places: Places = Places()
     hold_out: bool = False
     hold_out_s: tuple[Interval, ...] = ()
     input: Input | None = None
@@ -289,7 +306,9 @@ class CampaignFile(Section):
     vehicle: Name
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     description: str = ""
+    bench: Name | None = None
     environment: Environment = Environment()
+    places: Places = Places()
     reader: str | None = None
     rate_hz: Positive | None = None
     input: Input = "commands"

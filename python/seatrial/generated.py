@@ -11,69 +11,27 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, ValidationError
 
-from seatrial.campaign_file import Name, Number, Positive, Section
 from seatrial.errors import TrialError, VehicleError, nearest
-from seatrial.sensors import Sensor, measure
+from seatrial.recipe_file import RecipeFile, TruthFile, read_as
+from seatrial.sensors import Conditions, Sensor, measure, parse_sensors
+from seatrial.sensors.fine_run import held, times
+from seatrial.sensors.stamps import finer
 
 if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Run, Vehicle
 
-__all__ = ["Recipe", "Truth"]
+__all__ = ["Recipe", "Truth", "write_generated"]
 
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01
-
-
-class _TruthFile(Section):
-    """The file of a truth vehicle: factors on, or values instead of, coefficients; sensors by kind."""
-
-    format: Literal[1]
-    vehicle: Name
-    description: str = ""
-    factors: dict[str, Number] = Field(default_factory=dict)
-    values: dict[str, Number] = Field(default_factory=dict)
-    sensors: dict[str, dict[str, Any]] = Field(default_factory=dict)
-
-
-class _Initial(Section):
-    """State at the start, at rest over ground but for surge."""
-
-    depth_m: Number = 0.0
-    roll_deg: Number = 0.0
-    pitch_deg: Number = 0.0
-    yaw_deg: Number = 0.0
-    surge_m_s: Number = 0.0
-
-
-class _Current(Section):
-    """Steady current over ground, NED."""
-
-    north_m_s: Number = 0.0
-    east_m_s: Number = 0.0
-    down_m_s: Number = 0.0
-
-
-class _RecipeFile(Section):
-    """The file of a generated trial."""
-
-    format: Literal[1]
-    description: str
-    truth: Name
-    seed: Annotated[int, Field(strict=True, ge=0)]
-    duration_s: Positive
-    rate_hz: Positive = 10.0
-    initial: _Initial = _Initial()
-    current: _Current = _Current()
-    commands: tuple[dict[str, Number], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,16 +63,36 @@ class Truth:
         from seatrial._core import Vehicle
 
         path = Path(path)
-        file = _parse(path, _TruthFile)
+        file = read_as(TruthFile, path)
         beside = file.vehicle.endswith(".toml")
         base = Vehicle.load(path.parent / file.vehicle if beside else file.vehicle)
+        if file.vehicle_file:
+            base = _overlaid(base, file.vehicle_file, str(path))
         known = base.coefficients()
         for name in file.factors:
             if name not in known:
                 raise VehicleError(f"{path}: factors: unknown coefficient {name!r}{nearest(name, known)}")
         changed = {name: factor * known[name] for name, factor in file.factors.items()} | file.values
-        sensors = {kind: Sensor.parse(kind, table, str(path)) for kind, table in file.sensors.items()}
+        sensors = parse_sensors(file.sensors, str(path))
         return cls(file.description, base.with_coefficients(changed), base, tuple(changed), sensors)
+
+
+def _overlaid(vehicle: Vehicle, tables: Mapping[str, Any], where: str) -> Vehicle:
+    """The vehicle with tables put over those of its file."""
+    import tomlkit
+
+    from seatrial._core import Vehicle
+
+    def over(below: dict[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+        merged = dict(below)
+        for key, value in above.items():
+            known = merged.get(key)
+            nested = isinstance(known, dict) and isinstance(value, Mapping)
+            merged[key] = over(known, value) if nested else value
+        return merged
+
+    text = tomlkit.dumps(over(tomllib.loads(vehicle.to_toml()), tables))
+    return Vehicle.from_toml(text, f"{where}: vehicle_file")
 
 
 @dataclass(frozen=True)
@@ -132,7 +110,13 @@ class Recipe:
     initial
         State at the start, by the recipe's keys.
     current
-        Steady current (3,), NED, m/s; the log does not tell it.
+        Steady current (3,), NED, m/s; only a sensor of the velocity through the water tells it.
+    held
+        Whether the vehicle is tied, as in a bollard test: no axis moves.
+    voltage
+        Supply in V, (n,), where the recipe gives one.
+    bottom_depth_m
+        Depth of the bottom, where the recipe gives one.
     """
 
     path: Path
@@ -143,6 +127,9 @@ class Recipe:
     commands: Mapping[str, Array]
     initial: Mapping[str, float]
     current: Array
+    held: bool = False
+    voltage: Array | None = None
+    bottom_depth_m: float | None = None
 
     @classmethod
     def load(cls, path: str | Path, *, truth: Truth | None = None) -> Recipe:
@@ -157,20 +144,38 @@ class Recipe:
         Raises
         ------
         TrialError
-            The recipe or its truth file cannot be read, or names an actuator that the vehicle has not.
+            The recipe or its truth file cannot be read, names an actuator that the vehicle has not, or gives
+            no supply voltage on which the vehicle's thrust depends.
         """
         path = Path(path)
-        file = _parse(path, _RecipeFile)
+        file = read_as(RecipeFile, path)
         if truth is None:
             truth = Truth.load(path.parent / file.truth)
         t = np.arange(round(file.duration_s * file.rate_hz)) / file.rate_hz
-        commands = _commands(file.commands, truth.vehicle, t, str(path))
+        commands, voltage = _commands(file, truth.vehicle, t, str(path))
         current = np.array([file.current.north_m_s, file.current.east_m_s, file.current.down_m_s])
         initial = file.initial.model_dump()
-        return cls(path, file.description, file.seed, truth, t, commands, initial, current)
+        return cls(
+            path=path,
+            description=file.description,
+            seed=file.seed,
+            truth=truth,
+            t=t,
+            commands=commands,
+            initial=initial,
+            current=current,
+            held=file.held,
+            voltage=voltage,
+            bottom_depth_m=file.bottom_depth_m,
+        )
+
+    @property
+    def every(self) -> int:
+        """Rows of `run` per row of the log: 1, or so many that a sensor may sample in between."""
+        return finer(self.truth.sensors.values(), self.t)
 
     def run(self) -> Run:
-        """What the truth vehicle really did."""
+        """What the truth vehicle really did, with `every` rows per row of the log."""
         from seatrial._core import State
 
         start = self.initial
@@ -179,11 +184,21 @@ class Recipe:
             attitude=np.deg2rad([start["roll_deg"], start["pitch_deg"], start["yaw_deg"]]),
             nu=[start["surge_m_s"], 0.0, 0.0, 0.0, 0.0, 0.0],
         )
-        commands: dict[str, ArrayLike] = dict(self.commands)
-        return self.truth.vehicle.simulate(self.t, commands, state, self.current, max_step=_STEP_S)
+        commands: dict[str, ArrayLike] = {name: held(y, self.every) for name, y in self.commands.items()}
+        return self.truth.vehicle.simulate(
+            times(self.t, self.every),
+            commands,
+            state,
+            self.current,
+            "" if self.held else "XYZKMN",
+            voltage=self._fine_voltage,
+            max_step=_STEP_S,
+        )
 
     def table(self, *, run: Run | None = None, seed: int | None = None) -> pl.DataFrame:
-        """What its sensors logged, with canonical columns, and the commands.
+        """What its sensors logged, with canonical columns, the commands, and the supply as set.
+
+        A supply that a voltage sensor measures is logged by it alone.
 
         Parameters
         ----------
@@ -192,11 +207,29 @@ class Recipe:
         seed : int, optional
             Seed of the sensors' noise and biases; by default the recipe's.
         """
-        import polars as pl
+        sensors = self.truth.sensors
+        inputs = {f"cmd.{name}": y for name, y in self.commands.items()}
+        if self.voltage is not None and "voltage" not in sensors:
+            inputs["voltage_v"] = self.voltage
+        around = Conditions(
+            vehicle=self.truth.vehicle,
+            current=self.current,
+            voltage=self._fine_voltage,
+            bottom_depth_m=self.bottom_depth_m,
+            held=self.held,
+        )
+        return measure(
+            self.run() if run is None else run,
+            sensors,
+            seed=self.seed if seed is None else seed,
+            conditions=around,
+            inputs=inputs,
+            every=self.every,
+        )
 
-        sailed = self.run() if run is None else run
-        logged = measure(sailed, self.truth.sensors, seed=self.seed if seed is None else seed)
-        return logged.with_columns(pl.Series(f"cmd.{name}", y) for name, y in self.commands.items())
+    @property
+    def _fine_voltage(self) -> Array | None:
+        return None if self.voltage is None else held(self.voltage, self.every)
 
     def write_csv(self, path: str | Path) -> None:
         """Write the table as a CSV file whose first lines say that it was generated, and from what.
@@ -206,27 +239,38 @@ class Recipe:
         TrialError
             The file cannot be written.
         """
-        label = (
-            f"# GENERATED by seatrial from {self.path.name}, seed {self.seed}: no vehicle was at sea.\n"
-            f"# {self.description}\n"
-        )
-        try:
-            with Path(path).open("wb") as stream:
-                stream.write(label.encode())
-                self.table().write_csv(stream)
-        except OSError as error:
-            raise TrialError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+        write_generated(self.table(), path, f"{self.path.name}, seed {self.seed}", self.description)
 
 
-def _commands(rows: tuple[dict[str, float], ...], vehicle: Vehicle, t: Array, where: str) -> dict[str, Array]:
-    """Commands (n,) of every actuator; a row sets groups or actuators from its ``t_s`` on."""
+def write_generated(table: pl.DataFrame, path: str | Path, origin: str, description: str = "") -> None:
+    """Write a table as a CSV file whose first lines say that it was generated, and from what.
+
+    Raises
+    ------
+    TrialError
+        The file cannot be written.
+    """
+    lines = [f"GENERATED by seatrial from {origin}: no vehicle was at sea.", *description.splitlines()]
+    try:
+        with Path(path).open("wb") as stream:
+            stream.write("".join(f"# {line}\n" for line in lines).encode())
+            table.write_csv(stream)
+    except OSError as error:
+        raise TrialError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+
+
+def _commands(
+    file: RecipeFile, vehicle: Vehicle, t: Array, where: str
+) -> tuple[dict[str, Array], Array | None]:
+    """Commands (n,) of every actuator and the supply (n,); a row sets them from its ``t_s`` on."""
     facts = vehicle.actuator_info()
     members = {name: [name] for name in vehicle.actuators}
     for name in vehicle.actuators:
         members.setdefault(str(facts[name]["group"]), []).append(name)
     commands = {name: np.full(len(t), float(facts[name]["neutral"])) for name in vehicle.actuators}
+    voltage = np.full(len(t), np.nan if file.voltage_v is None else file.voltage_v)
     last = -np.inf
-    for number, row in enumerate(rows, 1):
+    for number, row in enumerate(file.commands, 1):
         place = f"{where}: commands[{number}]"
         start = row.get("t_s")
         if start is None or start < last:
@@ -234,34 +278,23 @@ def _commands(rows: tuple[dict[str, float], ...], vehicle: Vehicle, t: Array, wh
                 f"{place}: expected t_s, s, not before the row above; found {start}; sort the rows"
             )
         last = start
+        after = t >= start - 1e-9
         for name, value in row.items():
-            if name == "t_s":
-                continue
-            if name not in members:
+            if name == "voltage_v":
+                if value <= 0.0:
+                    raise TrialError(f"{place}, key voltage_v: expected a positive number, found {value:g}")
+                voltage[after] = value
+            elif name in members:
+                for actuator in members[name]:
+                    commands[actuator][after] = value
+            elif name != "t_s":
                 raise TrialError(f'{place}: unknown actuator or group "{name}"{nearest(name, members)}')
-            for actuator in members[name]:
-                commands[actuator][t >= start - 1e-9] = value
-    return commands
-
-
-_File = TypeVar("_File", bound=Section)
-
-
-def _parse(path: Path, model: type[_File]) -> _File:
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+    if np.isfinite(voltage).all():
+        return commands, voltage
+    if np.isfinite(voltage).any():
+        raise TrialError(f"{where}: a row of commands gives voltage_v later; give the key voltage_v too")
+    if any(actuator["needs_voltage"] for actuator in facts.values()):
         raise TrialError(
-            f"{path}: not readable as the file of a generated trial ({error}); check the path"
-        ) from None
-    except tomllib.TOMLDecodeError as error:
-        raise TrialError(f"{path}: not a TOML file: {error}") from None
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise TrialError("\n".join(f"{path}: {_complaint(detail)}" for detail in error.errors())) from None
-
-
-def _complaint(detail: Any) -> str:
-    place = ", ".join(str(part) for part in detail["loc"]) or "the file"
-    return f"{place}: {str(detail['msg']).removeprefix('Value error, ')}"
+            f"{where}: the thrust of {vehicle.name} depends on the supply voltage; give the key voltage_v"
+        )
+    return commands, None

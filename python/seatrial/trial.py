@@ -7,7 +7,7 @@ it in `Trial.report`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,11 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.errors import TrialError, nearest
 from seatrial.readers import Reader, read_table
-from seatrial.recording import alignment, defects, export, resampling, table, tilt
+from seatrial.recording import alignment, defects, export, several_rates, table, tilt
 from seatrial.recording.assembly import assemble
 from seatrial.recording.columns import CHANNELS, parse
+from seatrial.recording.places import parse_places, to_origin
 from seatrial.recording.report import RecordingReport
-from seatrial.recording.smoothing import spline
+from seatrial.recording.smoothing import smooth, spline
 
 if TYPE_CHECKING:
     import polars as pl
@@ -100,6 +101,7 @@ class Trial:
         rate_hz: float | None = None,
         align: bool = True,
         level: bool = True,
+        places: Mapping[str, Sequence[float]] | None = None,
         rho: float | None = None,
         g: float | None = None,
     ) -> Trial:
@@ -118,11 +120,15 @@ class Trial:
         name
             What to call the trial; the file's stem when omitted.
         rate_hz
-            Rate of the common time base; that of the recording (median interval) when omitted.
+            Rate of the common time base; when omitted that of the recording (median interval), or of its
+            fastest sensor where sensors have time stamps of their own.
         align
             Whether to remove the latency of velocity and rate sensors against the pose.
         level
             Whether to turn a pose upright whose earth frame is tilted against gravity.
+        places
+            Where the sensors "velocity", "position" and "depth" are, (3,) in m forward, starboard and down of
+            O; in O when omitted.
         rho, g
             Density in kg/m^3 and gravity in m/s^2 at this trial.
 
@@ -148,6 +154,7 @@ class Trial:
                 raise TrialError(f"{file}: {key}: expected a positive number, found {value!r}")
         report = RecordingReport(file)
         sources = parse(columns, cells.columns, file)
+        where = parse_places(places, file)
         time = table.time_base(cells, sources["t_s"], file)
         signals = table.signals(cells, time, sources, file, report)
         used = {source.column for source in sources.values()}
@@ -155,12 +162,19 @@ class Trial:
         if unused:
             report.add("info", "columns", f"not used: {', '.join(unused)}")
         signals = defects.mark(signals, report)
-        t = resampling.uniform(time, rate_hz)
+        t = several_rates.common(time, signals, rate_hz, report)
         if len(t) < table.MINIMUM_ROWS:
             raise TrialError(
-                f"{file}: {len(t)} samples at {rate_hz} Hz; expected at least {table.MINIMUM_ROWS}"
+                f"{file}: {len(t)} samples at {1.0 / (t[1] - t[0]) if len(t) > 1 else rate_hz:g} Hz;"
+                f" expected at least {table.MINIMUM_ROWS}"
             )
-        signals = alignment.align(signals, t, report, sources, remove=align)
+        if where:
+            # The gyro first: by its signs and stamps the others come to O, where they follow the pose.
+            signals = alignment.align(signals, t, report, sources, remove=align, names=("rates",))
+            signals = to_origin(signals, where, report)
+            signals = alignment.align(signals, t, report, sources, remove=align, names=("velocity",))
+        else:
+            signals = alignment.align(signals, t, report, sources, remove=align)
         signals = tilt.level(signals, report, remove=level)
         parts = assemble(signals, t, report)
         return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, **parts)
@@ -213,6 +227,8 @@ class Trial:
         from scipy.ndimage import minimum_filter1d
 
         used = [CHANNELS.index(channel) for channel in self.channels]
+        # A position that is never known (fixes at the surface) keeps no segment from starting.
+        used = [k for k in used if k not in (6, 7) or self.valid[:, k].any()]
         good = self.valid[:, used].all(axis=1).astype(np.uint8)
         width = 2 * max(1, round(_STEADY_S / self.dt)) + 1
         return np.asarray(minimum_filter1d(good, width, mode="nearest")).astype(bool)
@@ -243,11 +259,20 @@ class Trial:
             return np.asarray(np.logical_and.reduce(self.valid[:, used], axis=1))
 
         return (
-            spline(self.t, self.position, valid(6)),
+            self._path(valid(6)),
             spline(self.t, self.attitude, valid(9)),
             spline(self.t, self.nu[:, :3], valid(0)),
             spline(self.t, self.nu[:, 3:], valid(3)),
         )
+
+    def _path(self, known: Mask) -> CubicSpline:
+        """Smoothing spline of the position; where only the depth is known, north and east as they are."""
+        if known.any() or not self.valid[:, 8].any():
+            return spline(self.t, self.position, known)
+        from scipy.interpolate import CubicSpline
+
+        depth = smooth(self.position[:, 2:], self.valid[:, 8])
+        return CubicSpline(self.t, np.column_stack([self.position[:, :2], depth]), axis=0)
 
     @cached_property
     def table(self) -> pl.DataFrame:

@@ -1,4 +1,4 @@
-"""`seatrial simulate`: a vehicle under recorded or invented commands."""
+"""`seatrial simulate`: a vehicle under commands of a file, as it moved or as its sensors logged it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    import numpy as np
     import polars as pl
+    from numpy.typing import NDArray
 
     from seatrial._core import Run, State, Vehicle
+    from seatrial.sensors import Sensor
     from seatrial.trial import Trial
 
 _ENDINGS = (".csv", ".parquet")
+_RISE_M = 1.0  # a vehicle with its centre higher than this has left the water
 
 
 def simulate(
@@ -25,39 +29,158 @@ def simulate(
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="CSV or Parquet; beside the commands by default.")
+        Path | None,
+        typer.Option("--out", "-o", help="CSV or Parquet; beside the commands by default. A log is CSV."),
     ] = None,
     free: Annotated[str, typer.Option(help="Letters of the axes that move, of XYZKMN.")] = "XYZKMN",
+    held: Annotated[bool, typer.Option("--held", help="Tie the vehicle, as in a bollard test.")] = False,
+    current: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            metavar="NORTH EAST DOWN", help="Steady current, m/s, instead of one in the commands' file."
+        ),
+    ] = None,
+    sensors: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Write what these sensors log instead of the run; or: typical."),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Of the sensors' noise; the same seed, the same log. 1 by default."),
+    ] = None,
+    bottom: Annotated[
+        float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom, m, for the Doppler log.")
+    ] = None,
+    run: Annotated[
+        Path | None, typer.Option("--run", help="Beside the sensors' log, write the true run here.")
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Simulate a vehicle under commands; it starts from the first recorded state, else at rest in O."""
+    import numpy as np
+
     from seatrial._core import Vehicle
     from seatrial.cli.console import output, print_json, table
     from seatrial.errors import TrialError
+    from seatrial.sensors.sensor_file import load_sensors
     from seatrial.trial import Trial
 
     loaded = Vehicle.load(vehicle)
-    target = out or commands.with_name(f"{commands.stem}-run.csv")
-    if target.suffix not in _ENDINGS:
-        raise TrialError(f'{target}: expected the ending .csv or .parquet, found "{target.suffix}"')
+    kind = "run" if sensors is None else "log"
+    target = out or commands.with_name(f"{commands.stem}-{kind}.csv")
+    _check_ending(target, _ENDINGS if sensors is None else _ENDINGS[:1])
+    if run is not None:
+        _check_ending(run, _ENDINGS)
+    if sensors is None:
+        for option, value in (("--seed", seed), ("--bottom", bottom), ("--run", run)):
+            if value is not None:
+                raise TrialError(f"{option} is for a log; give --sensors too")
+    if bottom is not None and not 0.0 < bottom < float("inf"):
+        raise TrialError(f"--bottom: expected a depth in m below the surface, found {bottom:g}")
+    fitted = None if sensors is None else load_sensors(sensors, loaded)
     trial = Trial.read(commands, align=False)
-    run = _run(loaded, trial, free)
-    frame = _frame(run, trial)
-    try:
-        frame.write_csv(target) if target.suffix == ".csv" else frame.write_parquet(target)
-    except OSError as error:
-        raise TrialError(f"{target}: cannot be written ({error}); choose another place with --out") from None
-    summary = _summary(run) | {"file": str(target)}
+    made = _Simulation(loaded, trial, free, held, current, fitted)
+    truth = _frame(made.run, trial, made.every)
+    if fitted is None:
+        _write(truth, target)
+    else:
+        label = f"{loaded.name} under {commands.name}, sensors {sensors}, seed {1 if seed is None else seed}"
+        made.write_log(target, 1 if seed is None else seed, bottom, label)
+        if run is not None:
+            _write(truth, run)
+    summary = _summary(made.run) | {"file": str(target)} | ({} if run is None else {"run": str(run)})
     if json:
         print_json(summary)
         return
     console = output()
     rows = [[name, f"{value:.4g}"] for name, value in summary.items() if not isinstance(value, str)]
     console.print(table(f"{loaded.name} under {commands.name}", ["quantity", "value"], rows))
-    console.print(f"Run in {target}", soft_wrap=True, markup=False)
+    what = "Run" if fitted is None else f"Log of {', '.join(fitted)}"
+    console.print(f"{what} in {target}", soft_wrap=True, markup=False)
+    if run is not None:
+        console.print(f"Run in {run}", soft_wrap=True, markup=False)
+    rise = -float(np.asarray(made.run.position)[:, 2].min())
+    if rise > _RISE_M:
+        console.print(
+            f"The vehicle rises {rise:.1f} m above the surface, which the model does not know; start deeper,"
+            " with a column z_m, or command otherwise",
+            soft_wrap=True,
+        )
 
 
-def _run(vehicle: Vehicle, trial: Trial, free: str) -> Run:
+class _Simulation:
+    """A vehicle under the commands of a file, with as many rows per row of the file as its sensors need."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        trial: Trial,
+        free: str,
+        held: bool,
+        current: tuple[float, float, float] | None,
+        sensors: dict[str, Sensor] | None,
+    ) -> None:
+        import numpy as np
+
+        from seatrial.sensors.fine_run import held as rows_held
+        from seatrial.sensors.fine_run import linear, times
+        from seatrial.sensors.stamps import finer
+
+        _check(vehicle, trial, held, current)
+        self.vehicle, self.trial, self.held, self.sensors = vehicle, trial, held, sensors or {}
+        self.every = finer(self.sensors.values(), trial.t)
+        self.current: NDArray[np.float64] | None = None if current is None else np.array(current)
+        if current is None and trial.current is not None:
+            self.current = linear(trial.current, self.every)
+        self.voltage = None if trial.voltage is None else rows_held(trial.voltage, self.every)
+        self.run = vehicle.simulate(
+            times(trial.t, self.every),
+            {name: rows_held(values, self.every) for name, values in trial.commands.items()},
+            _start(trial),
+            self.current,
+            "" if held else free,
+            None if trial.tau is None else rows_held(trial.tau, self.every),
+            voltage=self.voltage,
+            rho=trial.rho,
+            g=trial.g,
+        )
+
+    def write_log(self, path: Path, seed: int, bottom: float | None, label: str) -> None:
+        """Write what the sensors log, and the inputs of the run but for the current."""
+        from seatrial.generated import write_generated
+        from seatrial.recording.columns import GROUPS
+        from seatrial.sensors import Conditions, measure
+
+        inputs = {f"cmd.{name}": values for name, values in self.trial.commands.items()}
+        if self.trial.voltage is not None and "voltage" not in self.sensors:
+            inputs["voltage_v"] = self.trial.voltage
+        if self.trial.tau is not None:
+            names = [
+                column for group in GROUPS if group.name in ("force", "moment") for column in group.columns
+            ]
+            inputs |= dict(zip(names, self.trial.tau.T, strict=True))
+        around = Conditions(
+            vehicle=self.vehicle,
+            current=self.current,
+            voltage=self.voltage,
+            bottom_depth_m=bottom,
+            held=self.held,
+        )
+        log = measure(self.run, self.sensors, seed=seed, conditions=around, inputs=inputs, every=self.every)
+        write_generated(log, path, label)
+
+
+def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
+    from seatrial.errors import TrialError
+
+    if path.suffix not in endings:
+        why = "" if len(endings) > 1 else "; the first lines of a log say that it was generated"
+        raise TrialError(f'{path}: expected the ending {" or ".join(endings)}, found "{path.suffix}"{why}')
+
+
+def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, float, float] | None) -> None:
+    import numpy as np
+
     from seatrial.errors import TrialError, nearest
 
     for name in trial.commands:
@@ -77,17 +200,13 @@ def _run(vehicle: Vehicle, trial: Trial, free: str) -> Run:
             f"{trial.source}: the thrust of {vehicle.name} depends on the supply voltage; add a column"
             " voltage_v"
         )
-    return vehicle.simulate(
-        trial.t,
-        dict(trial.commands),
-        _start(trial),
-        trial.current,
-        free,
-        trial.tau,
-        voltage=trial.voltage,
-        rho=trial.rho,
-        g=trial.g,
-    )
+    if held and np.any(trial.nu[0]):
+        raise TrialError(
+            f"{trial.source}: --held: a tied vehicle is at rest, and these commands start with a velocity;"
+            " leave the columns of velocity out"
+        )
+    if current is not None and not np.isfinite(current).all():
+        raise TrialError(f"--current: expected three numbers in m/s, found {current}")
 
 
 def _start(trial: Trial) -> State:
@@ -97,20 +216,29 @@ def _start(trial: Trial) -> State:
     return State(trial.position[0], trial.attitude[0], trial.nu[0])
 
 
-def _frame(run: Run, trial: Trial) -> pl.DataFrame:
+def _write(frame: pl.DataFrame, path: Path) -> None:
+    from seatrial.errors import TrialError
+
+    try:
+        frame.write_csv(path) if path.suffix == ".csv" else frame.write_parquet(path)
+    except OSError as error:
+        raise TrialError(f"{path}: cannot be written ({error}); choose another place with --out") from None
+
+
+def _frame(run: Run, trial: Trial, every: int) -> pl.DataFrame:
     """Table of a run with canonical columns, the commands and the actuators behind their motors."""
     import numpy as np
     import polars as pl
 
-    angles = np.rad2deg(run.euler)
-    nu = np.asarray(run.nu)
-    columns: dict[str, Any] = {"t_s": run.t}
-    columns |= dict(zip(("x_m", "y_m", "z_m"), np.asarray(run.position).T, strict=True))
+    angles = np.rad2deg(run.euler)[::every]
+    nu, position = np.asarray(run.nu)[::every], np.asarray(run.position)[::every]
+    columns: dict[str, Any] = {"t_s": np.asarray(run.t)[::every]}
+    columns |= dict(zip(("x_m", "y_m", "z_m"), position.T, strict=True))
     columns |= dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), angles.T, strict=True))
     columns |= dict(zip(("u_m_s", "v_m_s", "w_m_s"), nu[:, :3].T, strict=True))
     columns |= dict(zip(("p_deg_s", "q_deg_s", "r_deg_s"), np.rad2deg(nu[:, 3:]).T, strict=True))
     columns |= {f"cmd.{name}": values for name, values in trial.commands.items()}
-    columns |= {f"meas.{name}": values for name, values in run.actuators.items()}
+    columns |= {f"meas.{name}": values[::every] for name, values in run.actuators.items()}
     return pl.DataFrame(columns)
 
 

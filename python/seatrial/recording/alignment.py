@@ -5,12 +5,13 @@ compared with them after both went through the same filter (the slope of a strai
 window), so that neither gains a delay. Its latency is the shift of least absolute error, found between the
 samples; its uncertainty comes from leaving out one eighth of the record at a time (jackknife). It is removed
 only if it is several times its uncertainty and the shifted sensor really follows the pose; otherwise it is
-only reported.
+only reported. A velocity that runs against the pose is reversed, unless a place of the sensor away from O
+explains it better: in a turn the bow goes sideways against the stern.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,7 @@ _COLUMN = {
     for column, channel in zip(group.columns, group.channels, strict=True)
     if group.name in ("velocity", "rates")
 }
+_SLOWEST_S = 0.6  # interval of a position that can tell a latency: both ends of the filter's window
 _BLOCKS = 8
 _FEWEST = 50  # samples
 
@@ -64,24 +66,30 @@ def align(
     sources: Mapping[str, Source],
     *,
     remove: bool = True,
+    names: Sequence[str] = ("velocity", "rates"),
 ) -> dict[str, Signal]:
     """The same signals with clearly opposite signs reversed and trusted latencies removed, all reported.
 
     `sources` is the column map, by which the report can say how to state a sign; without `remove` latencies
-    stay.
+    stay. `names` are the sensors to look at.
     """
     aligned = dict(signals)
-    for name in ("velocity", "rates"):
+    for name in names:
         if (
             name not in signals
             or "attitude" not in signals
             or (name == "velocity" and "position" not in signals)
         ):
             continue
+        if name == "velocity" and "depth" in signals and signals["position"].step > _SLOWEST_S:
+            step = signals["position"].step
+            report.add("info", name, f"latency not estimated: a position every {step:.2g} s cannot tell it")
+            continue
         reference, known = pose_motion(signals, t, name)
         columns = ["uvw".index(c) if name == "velocity" else "pqr".index(c) for c in signals[name].channels]
         reference = reference[:, columns]
-        sensor = _correct_signs(signals[name], t, reference, known, report, sources)
+        turning = pose_motion(signals, t, "rates")[0] if name == "velocity" else None
+        sensor = _correct_signs(signals[name], t, reference, known, report, sources, turning)
         aligned[name] = sensor
         if not remove:
             continue
@@ -118,11 +126,11 @@ def pose_motion(signals: Mapping[str, Signal], t: Array, name: str) -> tuple[Arr
     if name == "rates":
         motion = body_rates(q, _slope(q, half, step))
         return motion, _all_around(known, half)
-    position = signals["position"]
-    full = np.zeros((len(t), 3))
-    p, p_valid = linear(position, t)
-    full[:, ["xyz".index(c) for c in position.channels]] = p
-    known = known & p_valid.all(axis=1) & (p.shape[1] == 3)
+    full, seen = np.zeros((len(t), 3)), np.zeros((len(t), 3), bool)
+    for position in (signals[name] for name in ("position", "depth") if name in signals):
+        place = ["xyz".index(c) for c in position.channels]
+        full[:, place], seen[:, place] = linear(position, t)
+    known = known & seen.all(axis=1)
     return np.einsum("nji,nj->ni", matrix(q), _slope(full, half, step)), _all_around(known, half)
 
 
@@ -169,8 +177,12 @@ def _correct_signs(
     known: Mask,
     report: RecordingReport,
     sources: Mapping[str, Source],
+    turning: Array | None = None,
 ) -> Signal:
-    """The sensor with channels that run against the pose reversed; others that do not follow it are named."""
+    """The sensor with channels that run against the pose reversed; others that do not follow it are named.
+
+    With the body rates `turning` (n, 3) a channel that a lever arm explains better than a sign stays.
+    """
     y, good = _filtered(sensor, t)
     step = float(t[1] - t[0])
     reach = round(0.5 * LARGEST_S / step)
@@ -191,6 +203,15 @@ def _correct_signs(
         strongest = correlation(index, shift)
         third = sorted(correlation(part, shift) for part in quarters)[2]
         if strongest < OPPOSITE and third < 0.5 * OPPOSITE:
+            measured, rates = y[index + shift, k], None if turning is None else turning[index]
+            if rates is not None and _on_an_arm(channel, measured, reference[index, k], rates):
+                report.add(
+                    "warning",
+                    channel,
+                    f"runs opposite to the recorded pose (correlation {strongest:.2f}), as it would at a"
+                    " place away from O; left as recorded. Give the place of the sensor",
+                )
+                continue
             signs[k] = -1.0
             name = _COLUMN[channel]
             entry = replace(sources[name], sign=-sources[name].sign)
@@ -207,6 +228,18 @@ def _correct_signs(
                 f"does not follow the recorded pose (correlation {strongest:.2f}); is the column map right?",
             )
     return replace(sensor, y=sensor.y * signs)
+
+
+def _on_an_arm(channel: str, measured: Array, reference: Array, rates: Array) -> bool:
+    """Whether ``v + omega x r`` with some r explains a velocity channel (m,) better than a reversed sign.
+
+    `rates` (m, 3) are those of the pose. In a turn the sway of O and that of the bow are opposite.
+    """
+    i = "uvw".index(channel)
+    others = rates[:, [j for j in range(3) if j != i]]
+    arms = np.linalg.lstsq(others, measured - reference, rcond=None)[0]
+    on_an_arm = np.sum((measured - reference - others @ arms) ** 2)
+    return bool(on_an_arm < np.sum((measured + reference) ** 2))
 
 
 def _filtered(sensor: Signal, t: Array) -> tuple[Array, Mask]:

@@ -21,6 +21,7 @@ __all__ = ["assemble"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_FIXES = 0.5  # share of the record in which a position from another sensor than the depth is known
 _STENCIL = 2  # a derivative is believed where this many samples on both sides are valid
 
 
@@ -30,12 +31,13 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
     filled = np.zeros((len(t), 12))
     valid = np.zeros((len(t), 12), bool)
     attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
-    for name in ("position", "velocity", "rates"):
+    for name in ("position", "depth", "velocity", "rates"):
         if name in signals:
             _report_gaps(signals[name], report)
             place = [CHANNELS.index(channel) for channel in signals[name].channels]
             filled[:, place], valid[:, place] = linear(signals[name], t)
             observed[:, place] = filled[:, place]
+    _only_fixes(signals, valid, report)
     if "attitude" in signals:
         _report_gaps(signals["attitude"], report)
         attitude, good = linear(signals["attitude"], t)
@@ -107,6 +109,26 @@ def _derive(
         valid[:, place] = good[:, None]
         names = " ".join(CHANNELS[k] for k in place)
         report.add("info", names, f"derived from {origin} by smoothing differentiation")
+
+
+def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingReport) -> None:
+    """Mask a horizontal position that is known in less than half of the record, in place.
+
+    Segments start where their position is known: with fixes at the surface alone none could start below.
+    """
+    position = signals.get("position")
+    if position is None or "z" in position.channels:
+        return
+    place = [CHANNELS.index(channel) for channel in position.channels]
+    share = float(valid[:, place].any(axis=1).mean())
+    if 0.0 < share < _FIXES:
+        valid[:, place] = False
+        names = " ".join(position.channels)
+        report.add(
+            "warning",
+            names,
+            f"known in {100.0 * share:.0f} % of the record only, as fixes at the surface; masked",
+        )
 
 
 def _report_gaps(signal: Signal, report: RecordingReport) -> None:

@@ -20,13 +20,14 @@ __all__ = ["MEASURED", "mark"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MEASURED = ("position", "attitude", "velocity", "water velocity", "rates")
+MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
 
 TRUSTED_AFTER_S = 5.0
 """A pose between two jumps less than this apart is taken for a wrong solution of the positioning system."""
 
 _BELIEVED = 3.0  # a pose may move this many times faster than its speed sensor says
 _ROUNDED_SHARE = 0.01  # a rounded sensor repeats single channels in more than this share of its samples
+_CHANCE = 3  # repeats in a row of a depth of its own stamps that mean nothing
 # A slower sensor written at the table's rate repeats at least this share of its samples, in many short runs.
 _HELD_SHARE, _HELD_RUNS = 0.05, 20
 
@@ -43,7 +44,7 @@ def mark(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Si
         at_rest = np.logical_and.reduce(peers) if len(peers) > 1 else repeated[name]
         frozen[name] = _frozen(signal, repeated[name], at_rest, report)
         marked[name] = signal.masked(frozen[name])
-    for name, speedometer in (("position", "velocity"), ("attitude", "rates")):
+    for name, speedometer in (("position", "velocity"), ("depth", "velocity"), ("attitude", "rates")):
         if name in marked:
             jumps = _between_jumps(marked[name], signals.get(speedometer), report)
             marked[name] = marked[name].masked(jumps)
@@ -103,6 +104,9 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
     noisy = signal.y.shape[1] > 1 and alone.mean() < _ROUNDED_SHARE
     increment = np.linalg.norm(np.diff(signal.y, axis=0), axis=1)
     ordinary = float(np.nanmedian(increment[increment > 0.0])) if (increment > 0.0).any() else 0.0
+    # Rounded samples of a pressure cell repeat by chance, a drop-out is longer than that.
+    if signal.name == "depth":
+        usual = max(usual, _CHANCE)
     events = 0
     for start, stop in runs:
         jumps = stop < len(repeated) and increment[stop - 1] > 3.0 * ordinary

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seatrial.recording.signal import Signal
 from seatrial.rotation import continuous
 
-__all__ = ["GAP", "held", "linear", "uniform"]
+__all__ = ["GAP", "between", "held", "linear", "uniform"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,7 +45,7 @@ def linear(signal: Signal, t: Array) -> tuple[Array, Mask]:
     if signal.name == "attitude":
         return _attitude(signal, t)
     columns = [
-        _column(signal.t, signal.y[:, k], signal.bad[:, k], t, signal.step) for k in range(signal.y.shape[1])
+        between(signal.t, signal.y[:, k], signal.bad[:, k], t, signal.step) for k in range(signal.y.shape[1])
     ]
     return np.stack([y for y, _ in columns], axis=1), np.stack([valid for _, valid in columns], axis=1)
 
@@ -59,11 +59,12 @@ def _attitude(signal: Signal, t: Array) -> tuple[Array, Mask]:
     times = signal.t[good]
     value = np.stack([np.interp(t, times, q[:, k]) for k in range(4)], axis=1)
     value /= np.linalg.norm(value, axis=1)[:, None]
-    _, valid = _column(signal.t, signal.y[:, 0], signal.bad[:, 0], t, signal.step)
+    _, valid = between(signal.t, signal.y[:, 0], signal.bad[:, 0], t, signal.step)
     return value, np.repeat(valid[:, None], 4, axis=1)
 
 
-def _column(times: Array, y: Array, bad: Mask, t: Array, step: float) -> tuple[Array, Mask]:
+def between(times: Array, y: Array, bad: Mask, t: Array, step: float) -> tuple[Array, Mask]:
+    """Values (n,) at the times `t` of samples `y` (m,) at `times`, `step` apart, and which are valid."""
     good = ~bad
     if not good.any():
         return np.zeros(len(t)), np.zeros(len(t), bool)

@@ -12,6 +12,7 @@ from seatrial.errors import TrialError
 from seatrial.recording import frames, units
 from seatrial.recording.columns import GROUPS, Group, Source
 from seatrial.recording.report import RecordingReport
+from seatrial.recording.several_rates import instruments, together
 from seatrial.recording.signal import Signal
 from seatrial.rotation import continuous, from_euler
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["MINIMUM_ROWS", "signals", "time_base"]
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 MINIMUM_ROWS = 10
 """Fewer samples have no derivative worth the name."""
@@ -77,11 +79,14 @@ def signals(
     for group in GROUPS:
         given = {name: sources[name] for name in group.columns if name in sources}
         if given and not (group.name == "euler" and "attitude" in found):
-            signal = _group(table, t, group, given, file, report)
-            found[signal.name] = signal
+            for signal in _group(table, t, group, given, file, report):
+                found[signal.name] = signal
     for name in sources:
         if name.startswith(("cmd.", "meas.")):
             found[name] = _actuator(table, t, name, sources[name], file, report)
+    if not found:
+        names = ", ".join(name for name in sources if name != "t_s")
+        raise TrialError(f"{file}: {names}: every cell is empty; leave the column out of the map")
     return found
 
 
@@ -92,12 +97,13 @@ def _group(
     given: Mapping[str, Source],
     file: str,
     report: RecordingReport,
-) -> Signal:
+) -> list[Signal]:
+    """Signals of a group: one, or two of a position whose depth another sensor logged; none if all empty."""
     if group.name == "quaternion" and len(given) < 4:
         missing = [name for name in group.columns if name not in given]
         raise TrialError(f"{file}: an attitude quaternion has four components; {', '.join(missing)} missing")
     y = np.full((len(t), len(group.columns)), np.nan)
-    sampled = np.zeros(len(t), bool)
+    present = np.zeros(y.shape, bool)
     for k, name in enumerate(group.columns):
         if name not in given:
             continue
@@ -110,18 +116,43 @@ def _group(
             else group.factor
         )
         y[:, k] = _numbers(column, name, file) * scale * source.sign
-        sampled |= column.is_not_null().to_numpy()
+        present[:, k] = column.is_not_null().to_numpy()
         _note_not_finite(column, y[:, k], name, report)
         y[~np.isfinite(y[:, k]), k] = np.nan
-    t, y = t[sampled], y[sampled]
-    if len(t) == 0:
-        raise TrialError(f"{file}: {', '.join(given)}: every cell is empty; leave the column out of the map")
-    if group.frame == "attitude":
-        return _attitude(t, y, group, given, file, report)
-    y = _rotated(y, group, given, file)
-    kept = [k for k, name in enumerate(group.columns) if name in given]
-    channels = tuple(group.channels[k] for k in kept)
-    return Signal(group.name, channels, t, y[:, kept], ~np.isfinite(y[:, kept]))
+    empty = [name for k, name in enumerate(group.columns) if name in given and not present[:, k].any()]
+    if empty:
+        report.add("warning", group.name, f"no sample of {', '.join(empty)}: every cell is empty")
+    if group.name == "quaternion" and empty:
+        return []
+    found = []
+    for name, columns in instruments(group.name, present).items():
+        own = {group.columns[k]: given[group.columns[k]] for k in columns}
+        times, cells = _own_rows(t, y, present, columns, group, report)
+        if group.frame == "attitude":
+            found.append(_attitude(times, cells, group, own, file, report))
+            continue
+        cells = _rotated(cells, group, own, file)[:, columns]
+        channels = tuple(group.channels[k] for k in columns)
+        found.append(Signal(name, channels, times, cells, ~np.isfinite(cells)))
+    return found
+
+
+def _own_rows(
+    t: Array, y: Array, present: Mask, columns: list[int], group: Group, report: RecordingReport
+) -> tuple[Array, Array]:
+    """Rows with samples of an instrument's `columns`, on one time base, other columns NaN."""
+    cells = np.full_like(y, np.nan)
+    cells[:, columns] = y[:, columns]
+    period = 2.0 * np.pi if group.name == "euler" else None
+    apart = together(t, cells[:, columns], present[:, columns], period=period)
+    if apart is None:
+        sampled = np.logical_or.reduce(present[:, columns], axis=1)
+        return t[sampled], cells[sampled]
+    times, brought = apart
+    report.add("info", group.name, "components have stamps of their own; brought to those of the busiest")
+    cells = np.full((len(times), y.shape[1]), np.nan)
+    cells[:, columns] = brought
+    return times, cells
 
 
 def _rotated(y: Array, group: Group, given: Mapping[str, Source], file: str) -> Array:

@@ -1,0 +1,158 @@
+"""One sensor: how far what it logs is from the truth, and its table in a file.
+
+Noise, bias and quantum are in the unit of its kind (`seatrial.sensors.kinds`), times in s, places in m in the
+body frame from O. Every number is zero, and so perfect, unless it is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seatrial.errors import TrialError, nearest
+from seatrial.sensors.kinds import KINDS
+
+__all__ = ["Sensor", "one_each", "parse_sensors"]
+
+Place = tuple[float, float, float]
+
+_TIMES = ("rate_hz", "latency_s", "phase_s", "jitter_s", "dropout_every_s", "dropout_s")
+_NOT_ZERO = ("rate_hz", "dropout_every_s", "max_range_m")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor's imperfections.
+
+    Attributes
+    ----------
+    noise
+        Standard deviation of the white noise of a sample.
+    bias
+        Standard deviation of an offset that is drawn once per run and channel.
+    quantum
+        Step of its digits; 0: none.
+    rate_hz
+        Rate of its samples; None: that of the log.
+    latency_s
+        How much later than its sample a stamp is.
+    phase_s
+        Time of the first sample after the start of the run.
+    jitter_s
+        Standard deviation by which a stamp misses its regular time, at most 0.45 of the interval.
+    position
+        Its place in the body frame from O, m.
+    dropout_every_s, dropout_s
+        Mean time from a drop-out to the next one, and its mean duration; None: it never drops out.
+    max_range_m
+        Largest distance to the bottom along its own down axis; None: no limit.
+    """
+
+    noise: float = 0.0
+    bias: float = 0.0
+    quantum: float = 0.0
+    rate_hz: float | None = None
+    latency_s: float = 0.0
+    phase_s: float = 0.0
+    jitter_s: float = 0.0
+    position: Place = (0.0, 0.0, 0.0)
+    dropout_every_s: float | None = None
+    dropout_s: float | None = None
+    max_range_m: float | None = None
+
+    @classmethod
+    def parse(cls, kind: str, table: Mapping[str, Any], where: str = "sensors") -> Sensor:
+        """Sensor from its table in a file, whose keys carry the unit: ``noise_m_s``, ``latency_s``.
+
+        Parameters
+        ----------
+        kind : str
+            Of `seatrial.sensors.KINDS`.
+        table : mapping
+            Its keys and values.
+        where : str, optional
+            File, for messages.
+
+        Raises
+        ------
+        TrialError
+            An unknown kind or key, a value that is no number from zero on, or half a drop-out.
+
+        Examples
+        --------
+        >>> Sensor.parse("dvl", {"noise_m_s": 0.01, "rate_hz": 5.0, "position_m": [0.4, 0, 0.1]}).position
+        (0.4, 0.0, 0.1)
+        """
+        if kind not in KINDS:
+            raise TrialError(f'{where}: unknown sensor "{kind}"{nearest(kind, KINDS)}')
+        keys = {f"{name}_{KINDS[kind].unit}": name for name in ("noise", "bias", "quantum")}
+        keys |= {name: name for name in _TIMES}
+        if KINDS[kind].placed:
+            keys["position_m"] = "position"
+        if KINDS[kind].ranged:
+            keys["max_range_m"] = "max_range_m"
+        values: dict[str, Any] = {}
+        for key, value in table.items():
+            if key not in keys:
+                raise TrialError(f'{where}, {kind}: unknown key "{key}"{nearest(key, keys)}')
+            place = f"{where}, {kind}, key {key}"
+            values[keys[key]] = _place(value, place) if key == "position_m" else _number(value, key, place)
+        if ("dropout_s" in values) != ("dropout_every_s" in values):
+            given, missing = ("dropout_s", "dropout_every_s")[:: 1 if "dropout_s" in values else -1]
+            raise TrialError(f"{where}, {kind}: {given} without {missing}; a drop-out needs both, in s")
+        return cls(**values)
+
+
+def parse_sensors(tables: Mapping[str, Mapping[str, Any]], where: str = "sensors") -> dict[str, Sensor]:
+    """Sensors by kind from their tables.
+
+    Raises
+    ------
+    TrialError
+        One is wrong, or two log the same columns.
+
+    Examples
+    --------
+    >>> list(parse_sensors({"gyro": {}, "depth": {"noise_m": 0.01}}))
+    ['gyro', 'depth']
+    """
+    sensors = {kind: Sensor.parse(kind, table, where) for kind, table in tables.items()}
+    one_each(sensors, where)
+    return sensors
+
+
+def one_each(sensors: Mapping[str, Sensor], where: str = "sensors") -> None:
+    """Nothing, if no two sensors log the same column.
+
+    Raises
+    ------
+    TrialError
+        Two do.
+    """
+    owner: dict[str, str] = {}
+    for kind in sensors:
+        for column in KINDS[kind].columns:
+            if column in owner:
+                raise TrialError(
+                    f"{where}: sensors {owner[column]} and {kind} both log {column}; leave one of them out"
+                )
+            owner[column] = kind
+
+
+def _number(value: Any, key: str, where: str) -> float:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not np.isfinite(value) or value < 0 or (key in _NOT_ZERO and value == 0):
+        raise TrialError(f"{where}: expected a positive number, found {value!r}")
+    return float(value)
+
+
+def _place(value: Any, where: str) -> Place:
+    numbers = isinstance(value, list | tuple) and all(
+        isinstance(x, int | float) and not isinstance(x, bool) and np.isfinite(x) for x in value
+    )
+    if not numbers or len(value) != 3:
+        raise TrialError(f"{where}: expected [forward, starboard, down] from O in m, found {value!r}")
+    return float(value[0]), float(value[1]), float(value[2])
