@@ -89,7 +89,9 @@ def test_check_says_what_actuators_do_and_draws_three_views(here: Path) -> None:
     assert "+1000 rpm on SbU: 19 N ahead, bow to port" in result.stdout
     assert "Top speed" in result.stdout
     assert {path.name for path in (here / "runs" / "check-cwolf").iterdir()} == {
-        f"{name}.{ending}" for name in ("three_views", "characteristic") for ending in ("png", "pdf")
+        f"{name}.{ending}"
+        for name in ("three_views", "characteristic", "performance")
+        for ending in ("png", "pdf")
     }
 
 

@@ -6,16 +6,33 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from seatrial.check.actuators import NOMINAL_V, Push, pushes
-from seatrial.check.performance import Speed, Turn, speeds, turns
+from seatrial.check.performance import (
+    KNOT_M_S,
+    TURN_KINDS,
+    TURN_SHARES,
+    Speed,
+    Turn,
+    cruise,
+    drivers,
+    round_speeds_kn,
+    speeds,
+    turning_senses,
+    turns,
+)
 from seatrial.check.plausibility import commanded_rows, implausible
 from seatrial.check.stability import Gain, Statics, damping_gain, growth, statics
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from seatrial._core import Vehicle
 
 __all__ = ["Gain", "Push", "Speed", "Statics", "Turn", "VehicleCheck", "check_vehicle"]
 
 _FASTEST_M_S = 15.0
+_FINE = tuple(
+    0.05 * k for k in range(1, 21)
+)  # shares of the largest command among which the farthest is sought
 
 
 @dataclass(frozen=True)
@@ -29,7 +46,9 @@ class VehicleCheck:
     pushes
         What each actuator does, ahead and astern.
     speeds, turns
-        Steady motion by simulation.
+        Steady motion by simulation, at shares of the largest command.
+    cruises
+        What it takes to run ahead at given speeds.
     statics
         Buoyancy and natural periods.
     rows
@@ -42,6 +61,7 @@ class VehicleCheck:
     description: str
     pushes: tuple[Push, ...]
     speeds: tuple[Speed, ...]
+    cruises: tuple[Speed, ...]
     turns: tuple[Turn, ...]
     statics: Statics
     rows: tuple[str, ...]
@@ -52,9 +72,8 @@ class VehicleCheck:
         """The check as plain data for JSON."""
         data = asdict(self)
         data["pushes"] = [asdict(push) | {"sentence": str(push)} for push in self.pushes]
-        data["speeds"] = [
-            asdict(row) | {"speed_kn": row.speed_kn, "range_km": row.range_km} for row in self.speeds
-        ]
+        for key, rows in (("speeds", self.speeds), ("cruises", self.cruises)):
+            data[key] = [asdict(row) | {"speed_kn": row.speed_kn, "range_km": row.range_km} for row in rows]
         data["statics"]["net_n"] = self.statics.net_n
         return data
 
@@ -68,7 +87,9 @@ class VehicleCheck:
         return "\n".join([*parts, *(f"WARNING {text}" for text in self.warnings)])
 
 
-def check_vehicle(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> VehicleCheck:
+def check_vehicle(
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, speeds_kn: Sequence[float] | None = None
+) -> VehicleCheck:
     """Check of a vehicle: every actuator's force in words, speeds, turns, statics, stability, warnings.
 
     Parameters
@@ -76,6 +97,9 @@ def check_vehicle(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> VehicleC
     vehicle : Vehicle
     voltage_v : float
         Supply voltage at which tables of thrust are read, V.
+    speeds_kn : sequence of float, optional
+        Speeds through the water at which revolutions, power, endurance and range are told, kn; round ones up
+        to the top speed when missing.
 
     Examples
     --------
@@ -84,11 +108,18 @@ def check_vehicle(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> VehicleC
     +1000 rpm on SbU: 19 N ahead, bow to port, bow down; also 5.2 N to starboard, 5.3 N up
     """
     rows = speeds(vehicle, voltage_v=voltage_v)
+    cruises, missed = _cruises(vehicle, rows, speeds_kn, voltage_v)
     turning = turns(vehicle, voltage_v=voltage_v)
     rest = statics(vehicle)
     able = tuple(commanded_rows(vehicle))
     running = [row.speed_m_s for row in rows if row.speed_m_s > 1e-3]
-    notes = [*_statics_notes(rest), *_speed_notes(rows), *_turn_notes(turning), _row_note(able)]
+    notes = [
+        *_statics_notes(rest),
+        *_speed_notes(vehicle, rows, voltage_v),
+        *missed,
+        *_turn_notes(vehicle, turning),
+        _row_note(able),
+    ]
     warnings = [*_static_warnings(rest), *implausible(vehicle)]
     if running:
         motion, unstable = _stability(vehicle, running)
@@ -109,6 +140,7 @@ def check_vehicle(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> VehicleC
         description=vehicle.description,
         pushes=pushes(vehicle, voltage_v=voltage_v),
         speeds=rows,
+        cruises=cruises,
         turns=turning,
         statics=rest,
         rows=able,
@@ -152,29 +184,65 @@ def _static_warnings(rest: Statics) -> list[str]:
     return found
 
 
-def _speed_notes(rows: tuple[Speed, ...]) -> list[str]:
+def _cruises(
+    vehicle: Vehicle, rows: tuple[Speed, ...], speeds_kn: Sequence[float] | None, voltage_v: float
+) -> tuple[tuple[Speed, ...], list[str]]:
+    """Cruises at the speeds asked for, and a sentence for each that cannot be held."""
+    if not rows:
+        return (), []
+    top = rows[-1].speed_kn
+    asked = round_speeds_kn(top) if speeds_kn is None else speeds_kn
+    found, missed = [], []
+    for speed in asked:
+        row = cruise(vehicle, speed * KNOT_M_S, voltage_v=voltage_v)
+        if row is not None:
+            found.append(row)
+        elif speeds_kn is not None:
+            limit = f"more than its top speed of {top:.1f} kn"
+            slow = "less than the slowest that its motors hold"
+            missed.append(f"Speed: {speed:g} kn is {limit if speed > top else slow}")
+    return tuple(found), missed
+
+
+def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) -> list[str]:
     if not rows:
         return ["Speed: no actuator drives ahead"]
     top = rows[-1]
     notes = [f"Top speed: {top.speed_m_s:.2f} m/s ({top.speed_kn:.1f} kn) at {top.command:g} {top.unit}"]
     if top.endurance_h is not None:
-        farthest = max(rows, key=lambda row: row.range_km or 0.0)
+        fine = speeds(vehicle, voltage_v=voltage_v, shares=_FINE)
+        farthest = max(fine, key=lambda row: row.range_km or 0.0)
         notes.append(
             f"Endurance: {top.endurance_h:.2g} h at top speed; farthest at {farthest.speed_m_s:.2f} m/s:"
             f" {farthest.endurance_h:.2g} h, {farthest.range_km:.0f} km"
         )
+    elif top.power_w is not None:
+        notes.append("Endurance: not known without [power]: hotel_w and battery_wh")
+    else:
+        facts = vehicle.actuator_info()
+        kinds = {str(facts[name]["characteristic"]) for name in drivers(vehicle)} - {
+            "quadratic",
+            "polynomial",
+        }
+        why = f"{' and '.join(sorted(kinds))} of thrust" if kinds else "characteristic without power_w_s3"
+        notes.append(f"Endurance: not known, a {why} tells no power")
     return notes
 
 
-def _turn_notes(turning: tuple[Turn, ...]) -> list[str]:
-    notes = []
+def _turn_notes(vehicle: Vehicle, turning: tuple[Turn, ...]) -> list[str]:
+    if not drivers(vehicle):
+        return []
+    if not turning_senses(vehicle):
+        return ["Turn: the actuators that drive ahead do not turn it, they lie on no two sides"]
+    missing = len(TURN_KINDS) * len(TURN_SHARES) - len(turning)
+    notes = [f"Turn: {missing} of the turns tried never become steady and are left out"] if missing else []
     for turn in turning:
-        if turn.kind == "under way":
+        if turn.kind == "under way" and turn.share == 0.5:
             notes.append(
                 f"Turn under way, outer side at {turn.command:g} {turn.unit}, inner at half: radius"
                 f" {turn.radius_m:.1f} m, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s"
             )
-        else:
+        elif turn.kind == "on the spot" and turn.share == 0.5:
             notes.append(
                 f"Turn on the spot, both sides opposed at {turn.command:g} {turn.unit}:"
                 f" {abs(turn.rate_deg_s):.1f} deg/s (O moves at {turn.speed_m_s:.2f} m/s)"

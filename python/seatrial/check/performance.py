@@ -1,4 +1,9 @@
-"""Speed against revolutions, top speed, turning and endurance, from simulations of the vehicle."""
+"""Speed against revolutions, power and endurance, and turning, from simulations of the vehicle.
+
+Steady speed ahead: thrust and drag balance, tau_X(n, u) + X(u) = 0 with the other axes held. Endurance is the
+battery over hotel load and propulsion, both at the bus; the range is speed times endurance, in still water.
+A turn is in the horizontal plane: roll, pitch and heave are held. Held by tests/test_performance.py.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +13,40 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.check.actuators import NOMINAL_V, command, largest, voltage_for
+from seatrial.check.actuators import NOMINAL_V, command, largest, settling_s, voltage_for
+from seatrial.check.steady import steady
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from seatrial._core import Vehicle
 
-__all__ = ["Speed", "Turn", "speeds", "turns"]
+__all__ = ["Speed", "Turn", "cruise", "drivers", "round_speeds_kn", "speeds", "turning_senses", "turns"]
 
 Array = NDArray[np.float64]
 
 KNOT_M_S = 1852.0 / 3600.0
+SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
+TURN_SHARES = (0.25, 0.5, 0.75, 1.0)
+TURN_KINDS = {
+    "under way": 0.5,
+    "inner side stopped": 0.0,
+    "inner side half astern": -0.5,
+    "on the spot": -1.0,
+}
+"""Command of the inner side as a share of the outer side's."""
+
 _DRIVES = 0.3  # an actuator drives ahead if this share of its thrust points along x
-_LONG_S, _SAMPLE_S = 240.0, 0.25
-_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
-_STEADY = 0.02
+_STEPS_KN = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
+_BALANCED = 1e-6
 
 
 @dataclass(frozen=True)
 class Speed:
     """Steady speed ahead on a straight course; power, endurance and range where the vehicle file tells them.
 
-    ``command`` is the step from neutral in ``unit``; thrust is along x in N at that speed.
+    ``command`` is the step from neutral in ``unit``; thrust is along x in N at that speed, power that of the
+    actuators in W, without the hotel load.
     """
 
     command: float
@@ -51,10 +69,16 @@ class Speed:
 
 @dataclass(frozen=True)
 class Turn:
-    """A steady turn to starboard in the horizontal plane; the radius is of the path of O."""
+    """A steady turn to starboard in the horizontal plane; the radius is of the path of O.
+
+    ``command`` and ``inner`` are the steps from neutral of outer and inner side in ``unit``, ``share`` the
+    outer one over its largest; ``speed_m_s`` is that along the circle.
+    """
 
     kind: str
+    share: float
     command: float
+    inner: float
     unit: str
     radius_m: float
     rate_deg_s: float
@@ -72,70 +96,140 @@ def drivers(vehicle: Vehicle) -> dict[str, float]:
     }
 
 
-def speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Speed, ...]:
+def speeds(
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = SHARES
+) -> tuple[Speed, ...]:
     """Steady speeds at shares of the largest command, all that drive ahead together; empty if none does."""
-    driving = drivers(vehicle)
-    facts = vehicle.actuator_info()
     rows = []
-    for share in _SHARES if driving else ():
-        commands = {name: command(facts[name], share * sense) for name, sense in driving.items()}
-        nu, tau, revolutions = _steady(vehicle, commands, free="X", voltage_v=voltage_v)
-        first = next(iter(driving))
-        power = _power(vehicle, revolutions)
-        rows.append(
-            Speed(
-                command=share * largest(facts[first], driving[first]),
-                unit=str(facts[first]["unit"]),
-                speed_m_s=float(nu[0]),
-                thrust_n=float(tau[0]),
-                power_w=power,
-                endurance_h=_endurance(vehicle, power),
-            )
-        )
+    for share in shares if drivers(vehicle) else ():
+        found = steady(vehicle, _ahead(vehicle, share), free="X", voltage_v=voltage_v)
+        rows.append(_row(vehicle, share, float(found.nu[0]), float(found.tau[0]), found.actuators))
     return tuple(rows)
 
 
-def turns(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Turn, ...]:
-    """Turns by different thrust on both sides: under way (inner half of outer) and on the spot (opposed)."""
+def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> Speed | None:
+    """What it takes to run ahead at a given speed; None where that is too fast or too slow to be held.
+
+    The command at which thrust and drag of the vehicle, held at that speed, balance, by bisection.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    speed_m_s : float
+        Speed through the water, m/s.
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> round(cruise(st.Vehicle.load("cwolf"), 3.0 * KNOT_M_S).command)
+    994
+    """
+    if not drivers(vehicle):
+        return None
+    nu = [speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0]
+    drag = -float(sum(np.asarray(force)[0] for force in vehicle.forces(nu, np.zeros(3)).values()))
+
+    def held(share: float) -> tuple[float, dict[str, float]]:
+        from seatrial._core import State
+
+        t = np.linspace(0.0, settling_s(vehicle), 41)
+        commands: dict[str, ArrayLike] = {
+            name: np.full(len(t), value) for name, value in _ahead(vehicle, share).items()
+        }
+        voltage = voltage_for(vehicle, t, voltage_v)
+        run = vehicle.simulate(t, commands, State(nu=nu), free="", voltage=voltage, max_step=0.05)
+        signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
+        return float(np.asarray(run.tau)[-1, 0]), signals
+
+    low, high = 0.0, 1.0
+    if held(high)[0] < drag:
+        return None
+    while high - low > 1e-12:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if held(middle)[0] < drag else (low, middle)
+    thrust, signals = held(high)
+    if abs(thrust - drag) > _BALANCED * max(abs(drag), 1e-9):
+        return None
+    return _row(vehicle, high, speed_m_s, thrust, signals)
+
+
+def round_speeds_kn(top_kn: float) -> list[float]:
+    """Round speeds in kn up to the top speed, at most seven."""
+    step = next((s for s in _STEPS_KN if top_kn / s < 8.0), _STEPS_KN[-1])
+    return [step * k for k in range(1, min(int(top_kn / step), 7) + 1)]
+
+
+def turning_senses(vehicle: Vehicle) -> dict[str, float]:
+    """Yaw moment per newton ahead of every actuator that drives; empty where not both sides drive."""
     driving = drivers(vehicle)
-    facts = vehicle.actuator_info()
     matrix = np.asarray(vehicle.allocation_matrix())
-    yaw = {name: driving[name] * matrix[5, vehicle.actuators.index(name)] for name in driving}
+    yaw = {name: driving[name] * float(matrix[5, vehicle.actuators.index(name)]) for name in driving}
     strongest = max((abs(moment) for moment in yaw.values()), default=0.0)
-    if strongest < 1e-3 or not (min(yaw.values()) < 0.0 < max(yaw.values())):
-        return ()
+    return yaw if strongest > 1e-3 and min(yaw.values()) < 0.0 < max(yaw.values()) else {}
+
+
+def turn_commands(vehicle: Vehicle, outer: float, inner: float, *, side: float = 1.0) -> dict[str, float]:
+    """Commands for shares of the largest on both sides; the turn is to starboard (side 1) or port (-1)."""
+    driving, facts = drivers(vehicle), vehicle.actuator_info()
+    return {
+        name: command(facts[name], (outer if side * moment > 0.0 else inner) * driving[name])
+        for name, moment in turning_senses(vehicle).items()
+    }
+
+
+def turns(
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = TURN_SHARES
+) -> tuple[Turn, ...]:
+    """Steady turns by different thrust on both sides; empty where the actuators that drive cannot turn it.
+
+    The outer side runs at shares of its largest command, the inner side at half of that, stopped, half
+    astern or fully opposed; turns that never become steady are left out.
+    """
+    yaw, driving, facts = turning_senses(vehicle), drivers(vehicle), vehicle.actuator_info()
     found = []
-    for kind, outer, inner in (("under way", 0.5, 0.25), ("on the spot", 0.5, -0.5)):
-        shares = {name: (outer if yaw[name] > 0.0 else inner) * sense for name, sense in driving.items()}
-        commands = {name: command(facts[name], share) for name, share in shares.items()}
-        nu, _, _ = _steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
-        speed, rate = float(np.hypot(nu[0], nu[1])), float(nu[5])
-        if not np.isfinite(nu).all() or abs(rate) < 1e-4:
-            continue
-        first = next(iter(driving))
-        found.append(
-            Turn(
-                kind=kind,
-                command=outer * largest(facts[first], driving[first]),
-                unit=str(facts[first]["unit"]),
-                radius_m=speed / abs(rate),
-                rate_deg_s=float(np.rad2deg(rate)),
-                speed_m_s=speed,
+    for kind, ratio in TURN_KINDS.items() if yaw else ():
+        for share in shares:
+            commands = turn_commands(vehicle, share, ratio * share)
+            turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
+            speed, rate = float(np.hypot(turn.nu[0], turn.nu[1])), float(turn.nu[5])
+            if not turn.settled or abs(rate) < 1e-4:
+                continue
+            first = next(iter(driving))
+            inner = ratio * share
+            found.append(
+                Turn(
+                    kind=kind,
+                    share=share,
+                    command=share * largest(facts[first], driving[first]),
+                    inner=inner * largest(facts[first], driving[first] * (1.0 if inner >= 0.0 else -1.0)),
+                    unit=str(facts[first]["unit"]),
+                    radius_m=speed / abs(rate),
+                    rate_deg_s=float(np.rad2deg(rate)),
+                    speed_m_s=speed,
+                )
             )
-        )
     return tuple(found)
 
 
-def _steady(
-    vehicle: Vehicle, commands: dict[str, float], *, free: str, voltage_v: float
-) -> tuple[Array, Array, dict[str, float]]:
-    """Mean velocities (6,), wrench (6,) and actuators over the last tenth of a long run from rest."""
-    t = np.arange(0.0, _LONG_S, _SAMPLE_S)
-    held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
-    run = vehicle.simulate(t, held, free=free, voltage=voltage_for(vehicle, t, voltage_v))
-    last = slice(-len(t) // 10, None)
-    signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
-    return np.asarray(run.nu)[last].mean(axis=0), np.asarray(run.tau)[last].mean(axis=0), signals
+def _ahead(vehicle: Vehicle, share: float) -> dict[str, float]:
+    facts = vehicle.actuator_info()
+    return {name: command(facts[name], share * sense) for name, sense in drivers(vehicle).items()}
+
+
+def _row(vehicle: Vehicle, share: float, speed: float, thrust: float, signals: dict[str, float]) -> Speed:
+    facts, driving = vehicle.actuator_info(), drivers(vehicle)
+    first = next(iter(driving))
+    power = _power(vehicle, signals)
+    return Speed(
+        command=share * largest(facts[first], driving[first]),
+        unit=str(facts[first]["unit"]),
+        speed_m_s=speed,
+        thrust_n=thrust,
+        power_w=power,
+        endurance_h=_endurance(vehicle, power),
+    )
 
 
 def _power(vehicle: Vehicle, revolutions: dict[str, float]) -> float | None:

@@ -12,10 +12,18 @@ from seatrial.check.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
-    from seatrial.check import VehicleCheck
+    from seatrial.check import Speed, VehicleCheck
     from seatrial.check.campaign import CampaignCheck
     from seatrial.scale.inputs import InputJudgement
+
+TURN_HEADS = {
+    "under way": "inner side at half",
+    "inner side stopped": "stopped",
+    "inner side half astern": "half astern",
+    "on the spot": "opposed",
+}
 
 
 def check(
@@ -29,10 +37,20 @@ def check(
     voltage: Annotated[
         float, typer.Option(min=0.1, help="Supply voltage at which tables of thrust are read, V.")
     ] = NOMINAL_V,
-    figures: Annotated[bool, typer.Option(help="Draw the vehicle from three sides (PNG and PDF).")] = True,
+    speed_kn: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=0.01,
+            help="Speed at which revolutions, power, endurance and range are told, kn; repeatable; round ones"
+            " up to the top speed when missing.",
+        ),
+    ] = None,
+    figures: Annotated[
+        bool, typer.Option(help="Draw three views, characteristics and performance (PNG and PDF).")
+    ] = True,
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Check a vehicle (signs, speeds, stability, implausible numbers) or a campaign before it runs."""
+    """Check a vehicle (signs, speeds, turns, stability, implausible numbers) or a campaign before it runs."""
     if _is_campaign(target):
         _check_campaign(target, json=json)
         return
@@ -41,10 +59,11 @@ def check(
     from seatrial.cli.console import list_figures, output, print_json
 
     vehicle = Vehicle.load(target)
-    found = check_vehicle(vehicle, voltage_v=voltage)
+    found = check_vehicle(vehicle, voltage_v=voltage, speeds_kn=speed_kn or None)
     written: list[Path] = []
     if figures:
         from seatrial.plot.characteristic_curve import characteristic
+        from seatrial.plot.performance import performance
         from seatrial.plot.style import save
         from seatrial.plot.views import three_views
 
@@ -52,6 +71,8 @@ def check(
         written += save(three_views(vehicle), folder / "three_views")
         if vehicle.actuators:
             written += save(characteristic(vehicle), folder / "characteristic")
+        if (sailing := performance(vehicle, voltage_v=voltage)) is not None:
+            written += save(sailing, folder / "performance")
     if json:
         print_json(found.to_dict() | {"figures": [str(path) for path in written]})
         return
@@ -80,27 +101,51 @@ def _print_vehicle(console: Console, found: VehicleCheck) -> None:
             f"{astern.step:+g} {astern.unit}: {astern.words}", soft_wrap=True, markup=False, style="dim"
         )
     if found.speeds:
-        rows = [
-            [
-                f"{row.command:g} {row.unit}",
-                f"{row.speed_m_s:.2f}",
-                f"{row.speed_kn:.1f}",
-                f"{row.thrust_n:.3g}",
-                "" if row.power_w is None else f"{row.power_w:.0f}",
-                "" if row.endurance_h is None else f"{row.endurance_h:.2g}",
-                "" if row.range_km is None else f"{row.range_km:.0f}",
-            ]
-            for row in found.speeds
-        ]
-        head = ["all ahead", "m/s", "kn", "thrust, N", "power, W", "endurance, h", "range, km"]
         console.print()
-        console.print(table("Speed on a straight course", head, rows))
+        straight = [(f"{row.command:g} {row.unit}", row) for row in found.speeds]
+        console.print(_speed_table("Speed on a straight course", "all ahead", straight))
+    if found.cruises:
+        asked = [(f"{row.speed_kn:g} kn", row) for row in found.cruises]
+        console.print(_speed_table("What a speed takes", "speed", asked))
+    if found.turns:
+        kinds = list(dict.fromkeys(turn.kind for turn in found.turns))
+        head = ["outer side", *(TURN_HEADS[kind] for kind in kinds)]
+        console.print(table("Steady turns: radius and rate", head, _turn_rows(found, kinds)))
     for note in found.notes:
         console.print(note, soft_wrap=True, markup=False)
     for warning in found.warnings:
         console.print(f"WARNING: {warning}", soft_wrap=True, markup=False, style="yellow")
     if not found.warnings:
         console.print("Nothing looks wrong.")
+
+
+def _speed_table(title: str, first: str, rows: list[tuple[str, Speed]]) -> Table:
+    """Table of speeds; what no row knows has no column."""
+    from seatrial.cli.console import table
+
+    columns: dict[str, list[str]] = {first: [label for label, _ in rows]}
+    if first == "speed":
+        columns["all ahead"] = [f"{row.command:.0f} {row.unit}" for _, row in rows]
+    columns["m/s"] = [f"{row.speed_m_s:.2f}" for _, row in rows]
+    if first != "speed":
+        columns["kn"] = [f"{row.speed_kn:.1f}" for _, row in rows]
+    columns["thrust, N"] = [f"{row.thrust_n:.3g}" for _, row in rows]
+    columns["power, W"] = ["" if row.power_w is None else f"{row.power_w:.0f}" for _, row in rows]
+    columns["endurance, h"] = ["" if row.endurance_h is None else f"{row.endurance_h:.2g}" for _, row in rows]
+    columns["range, km"] = ["" if row.range_km is None else f"{row.range_km:.0f}" for _, row in rows]
+    known = {head: cells for head, cells in columns.items() if any(cells)}
+    return table(title, list(known), zip(*known.values(), strict=True))
+
+
+def _turn_rows(found: VehicleCheck, kinds: list[str]) -> list[list[str]]:
+    """One row per command of the outer side, one cell per kind of turn."""
+    cells: dict[str, dict[str, str]] = {}
+    for turn in found.turns:
+        digits = 2 if turn.radius_m < 10.0 else 1
+        cells.setdefault(f"{turn.command:g} {turn.unit}", {})[turn.kind] = (
+            f"{turn.radius_m:.{digits}f} m, {abs(turn.rate_deg_s):.1f}°/s"
+        )
+    return [[command, *(row.get(kind, "") for kind in kinds)] for command, row in cells.items()]
 
 
 def _check_campaign(target: str, *, json: bool) -> None:
