@@ -1,7 +1,7 @@
 """What each actuator does, in a sentence: the cheapest cure for a wrong sign.
 
-The force is the model's own, at rest, behind the whole chain from command to wrench: the vehicle is held
-(no axis free) until the motor has settled.
+The force is the model's own, behind the whole chain from command to wrench: the vehicle is held (no axis
+free) until the motor has settled, at rest for a thruster, in a steady flow from ahead for a fin.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ Array = NDArray[np.float64]
 NOMINAL_V = 14.8
 """Supply voltage at which tables of thrust are read: four lithium cells."""
 
-_USUAL = {"rpm": 2000.0, "us": 400.0, "N": 100.0}
+UNDER_WAY_M_S = 1.5
+"""Speed ahead at which a fin is judged."""
+
+_USUAL = {"rpm": 2000.0, "us": 400.0, "N": 100.0, "rad": 0.35}
 _FORCES = (("ahead", "astern"), ("to starboard", "to port"), ("down", "up"))
 # In the order in which a helmsman asks: heading, trim, heel.
 _TURNS = (
@@ -37,12 +40,23 @@ _LEVER_M = 0.02  # a force with a shorter lever is not said to turn the vehicle
 
 @dataclass(frozen=True)
 class Push:
-    """Wrench (6,) in N and N m about O of one actuator at rest, for a command away from neutral."""
+    """Wrench (6,) in N and N m about O of one actuator for a command away from neutral.
+
+    ``speed_m_s`` is the vehicle's speed ahead, zero for a thruster; a fin's wrench is what its deflection
+    changes there.
+    """
 
     actuator: str
     step: float
     unit: str
     wrench: tuple[float, ...]
+    speed_m_s: float = 0.0
+
+    @property
+    def size(self) -> str:
+        """The command as a person reads it: radians with degrees behind."""
+        degrees = f" ({np.rad2deg(self.step):+.0f} deg)" if self.unit == "rad" else ""
+        return f"{self.step:+g} {self.unit}{degrees}"
 
     @property
     def words(self) -> str:
@@ -66,7 +80,8 @@ class Push:
         return sentence + (f"; also {', '.join(minor)}" if minor else "")
 
     def __str__(self) -> str:
-        return f"{self.step:+g} {self.unit} on {self.actuator}: {self.words}"
+        way = f" at {self.speed_m_s:g} m/s" if self.speed_m_s else ""
+        return f"{self.size} on {self.actuator}{way}: {self.words}"
 
 
 def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...]:
@@ -76,16 +91,28 @@ def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...
     for name in vehicle.actuators:
         for sign in (1.0, -1.0):
             step = sign * half(facts[name], sign)
-            wrench = bollard(vehicle, {name: facts[name]["neutral"] + step}, voltage_v=voltage_v)
-            found.append(Push(name, step, facts[name]["unit"], tuple(map(float, wrench))))
+            commands = {name: facts[name]["neutral"] + step}
+            speed = UNDER_WAY_M_S if facts[name]["kind"] == "fin" else 0.0
+            wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed)
+            if speed:
+                wrench = wrench - bollard(vehicle, {}, voltage_v=voltage_v, speed_m_s=speed)
+            found.append(Push(name, step, facts[name]["unit"], tuple(map(float, wrench)), speed))
     return tuple(found)
 
 
-def bollard(vehicle: Vehicle, commands: Mapping[str, float], *, voltage_v: float = NOMINAL_V) -> Array:
-    """Wrench (6,) in N and N m about O at rest after the motors have settled under steady commands."""
+def bollard(
+    vehicle: Vehicle, commands: Mapping[str, float], *, voltage_v: float = NOMINAL_V, speed_m_s: float = 0.0
+) -> Array:
+    """Wrench (6,) in N and N m about O after the motors have settled under steady commands.
+
+    The vehicle is held at rest, or at a speed ahead.
+    """
+    from seatrial._core import State
+
+    start = State(nu=[speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
     t = np.linspace(0.0, settling_s(vehicle), 101)
     held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
-    run = vehicle.simulate(t, held, free="", voltage=voltage_for(vehicle, t, voltage_v))
+    run = vehicle.simulate(t, held, start, free="", voltage=voltage_for(vehicle, t, voltage_v))
     wrench: Array = np.asarray(run.tau)[-1]
     return wrench
 

@@ -98,7 +98,7 @@ def _print_vehicle(console: Console, found: VehicleCheck) -> None:
     for ahead, astern in zip(found.pushes[::2], found.pushes[1::2], strict=True):
         console.print(str(ahead), soft_wrap=True, markup=False)
         console.print(
-            f"{astern.step:+g} {astern.unit}: {astern.words}", soft_wrap=True, markup=False, style="dim"
+            f"{astern.size}: {astern.words}", soft_wrap=True, markup=False, style="dim"
         )
     if found.speeds:
         console.print()
