@@ -15,8 +15,13 @@ use placement::{place, place_fin};
 use std::collections::BTreeMap;
 
 /// The embedded vehicles.
-const BUILT_IN: [(&str, &str); 2] =
-    [("beluga", include_str!("../vehicles/beluga.toml")), ("cwolf", include_str!("../vehicles/cwolf.toml"))];
+const BUILT_IN: [(&str, &str); 5] = [
+    ("beluga", include_str!("../vehicles/beluga.toml")),
+    ("bluerov2-heavy", include_str!("../vehicles/bluerov2-heavy.toml")),
+    ("cwolf", include_str!("../vehicles/cwolf.toml")),
+    ("lauv", include_str!("../vehicles/lauv.toml")),
+    ("remus100", include_str!("../vehicles/remus100.toml")),
+];
 
 /// A checked vehicle.
 #[derive(Clone, Debug)]
