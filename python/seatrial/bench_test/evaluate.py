@@ -1,0 +1,224 @@
+"""A bench file evaluated: every pull and step read, fitted and written into the vehicle file's text.
+
+Tests: ``tests/test_bench.py``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatrial.bench_test.bench_file import BenchFile, parse
+from seatrial.bench_test.bench_result import BenchTest
+from seatrial.bench_test.driven import Unit, file_path, unit_of
+from seatrial.bench_test.plausibility import warnings_of
+from seatrial.bench_test.pull_points import PullPoints, read_pull
+from seatrial.bench_test.step_records import read_steps
+from seatrial.bench_test.unit_fit import UnitFit, fit_unit
+from seatrial.bench_test.vehicle_text import write_results
+from seatrial.errors import CampaignError, nearest
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.motor_dynamics import MotorEstimate, StepRecord
+
+__all__ = ["bench"]
+
+
+def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
+    r"""Characteristics and motors of a vehicle from its bench test.
+
+    Parameters
+    ----------
+    source : str or Path
+        Bench file.
+    vehicle : Vehicle, optional
+        Instead of the bench file's own.
+
+    Returns
+    -------
+    BenchTest
+        Fits with standard deviations, the vehicle with the results, its file with comments kept.
+
+    Raises
+    ------
+    CampaignError
+        The bench file cannot be read or names what is not there.
+    TrialError
+        A record cannot be read or used.
+    VehicleError
+        The vehicle cannot be loaded.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = (folder / "ahead.csv").write_text(
+    ...     "cmd.stern,load.X_n\n0,1.0\n500,19.6\n1000,75.8\n1500,168.4\n2000,299.6\n"
+    ... )
+    >>> _ = (folder / "bench.toml").write_text('''
+    ... format = 1
+    ... name = "basin"
+    ... vehicle = "cwolf"
+    ... regression = { order = "square" }
+    ... pulls = [{ name = "ahead", file = "ahead.csv", group = "stern", axis = "X" }]
+    ... ''')
+    >>> found = bench(folder / "bench.toml")
+    >>> found.pulls["stern"].directions["ahead"].fit.coefficients
+    array([2.00e-05])
+    >>> round(found.vehicle.coefficients()["SbU.p1_ahead"], 3)
+    0.072
+    """
+    from seatrial._core import Vehicle
+
+    path = Path(source)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CampaignError(f"{path}: not readable as a bench file ({error}); check the path") from None
+    file = parse(text, str(path))
+    base, vehicle_path, vehicle_text = _vehicle(file, path, vehicle)
+    _check_units(file, base, str(path))
+    hashes: dict[str, str] = {}
+    motors, steps = _motors(file, base, vehicle_text, path, hashes)
+    # Pulls are read behind the motors just found: thrust over signal and signal over command belong together.
+    with_motors = write_results(
+        vehicle_text,
+        base,
+        [],
+        {name: (unit.actuators, motor.motor_table()) for name, (unit, motor) in motors.items()},
+        name=file.name,
+    )
+    driven = (
+        Vehicle.from_toml(with_motors.text, f"{base.name} with the motors of {file.name}") if motors else base
+    )
+    pulled = _pulls(file, driven, path, hashes)
+    fits: dict[str, UnitFit] = {}
+    for name, (unit, records) in pulled.items():
+        fits[name] = fit_unit(unit, records, file.regression_of(name), where=f"{path}: {name}")
+    written = write_results(
+        with_motors.text, driven, list(fits.values()), {}, name=file.name, rho=file.rho_kg_m3
+    )
+    warnings = [text for fit in fits.values() for text in warnings_of(fit, driven)]
+    return BenchTest(
+        file=file,
+        text=text,
+        pulls=fits,
+        records={record.name: record for _, records in pulled.values() for record in records},
+        motors={name: motor for name, (_, motor) in motors.items()},
+        step_records=steps,
+        before=base,
+        vehicle=Vehicle.from_toml(written.text, f"{base.name} with the results of {file.name}"),
+        vehicle_path=vehicle_path,
+        vehicle_text=written.text,
+        warnings=(*warnings, *written.refused),
+        notes=(*with_motors.notes, *written.notes),
+        facts={
+            "bench_file": str(path),
+            "bench_sha256": hashlib.sha256(text.encode()).hexdigest(),
+            "inputs_sha256": hashes,
+            "seatrial": version("seatrial"),
+            "numpy": version("numpy"),
+            "python": platform.python_version(),
+        },
+    )
+
+
+def _vehicle(file: BenchFile, path: Path, given: Vehicle | None) -> tuple[Vehicle, Path | None, str]:
+    """Vehicle, its file where it has one, and its text."""
+    from seatrial._core import Vehicle
+
+    if given is not None:
+        return given, None, given.to_toml()
+    name = file.vehicle
+    if not (name.endswith(".toml") or "/" in name or "\\" in name):
+        built_in = Vehicle.load(name)
+        return built_in, None, built_in.to_toml()
+    own = file_path(name, path.parent, f"{path}: key vehicle")
+    loaded = Vehicle.load(str(own))
+    return loaded, own, own.read_text(encoding="utf-8")
+
+
+def _check_units(file: BenchFile, vehicle: Vehicle, source: str) -> None:
+    """Refuse actuators under two names and regressions of what is not pulled, before anything is read."""
+    tested: dict[str, Unit] = {}
+    for pull in file.pulls:
+        where = f"{source}: pulls {pull.name!r}"
+        unit = unit_of(vehicle, pull.group, pull.actuators, where)
+        for other in tested.values():
+            shared = set(other.actuators) & set(unit.actuators)
+            if other.name != unit.name and shared:
+                raise CampaignError(
+                    f"{where}: {', '.join(sorted(shared))} is also tested as {other.name}; name the same"
+                    " group or actuators in both pulls"
+                )
+        tested[unit.name] = unit
+    for name in file.regressions:
+        if name not in tested:
+            raise CampaignError(f"{source}: regressions, key {name}: no pull tests it{nearest(name, tested)}")
+
+
+def _pulls(
+    file: BenchFile, vehicle: Vehicle, path: Path, hashes: dict[str, str]
+) -> dict[str, tuple[Unit, list[PullPoints]]]:
+    """Units and the points of their pulls, by name."""
+    found: dict[str, tuple[Unit, list[PullPoints]]] = {}
+    for pull in file.pulls:
+        where = f"{path}: pulls {pull.name!r}"
+        unit = unit_of(vehicle, pull.group, pull.actuators, where)
+        source = _file(pull.file, path, where, hashes)
+        points = read_pull(
+            pull, unit, vehicle, source, where=where, reader=file.reader, columns=dict(file.columns)
+        )
+        found.setdefault(unit.name, (unit, []))[1].append(points)
+    return found
+
+
+def _motors(
+    file: BenchFile, vehicle: Vehicle, vehicle_text: str, path: Path, hashes: dict[str, str]
+) -> tuple[dict[str, tuple[Unit, MotorEstimate]], dict[str, tuple[StepRecord, ...]]]:
+    """Units with their motors, and the records behind each."""
+    if not file.steps:
+        return {}, {}
+    from seatrial.motor_dynamics import identify_motor
+
+    units: dict[str, Unit] = {}
+    records: dict[str, list[StepRecord]] = {}
+    for steps in file.steps:
+        where = f"{path}: steps {steps.name!r}"
+        unit = unit_of(vehicle, steps.group, steps.actuators, where)
+        source = _file(steps.file, path, where, hashes)
+        units[unit.name] = unit
+        records.setdefault(unit.name, []).extend(
+            read_steps(
+                steps, unit, vehicle, source, where=where, reader=file.reader, columns=dict(file.columns)
+            )
+        )
+    motors = {
+        name: (
+            units[name],
+            identify_motor(own, start=_motor_table(vehicle_text, units[name]), unit=units[name].command),
+        )
+        for name, own in records.items()
+    }
+    return motors, {name: tuple(own) for name, own in records.items()}
+
+
+def _motor_table(vehicle_text: str, unit: Unit) -> dict[str, Any]:
+    """Keys of the motor that the unit's first actuator has in the vehicle file; empty for an ideal one."""
+    table = tomllib.loads(vehicle_text)
+    own = next(one for one in table["thrusters"] if one["name"] == unit.actuators[0])
+    return dict(table.get("motors", {}).get(own.get("motor", ""), {}))
+
+
+def _file(text: str, bench: Path, where: str, hashes: dict[str, Any]) -> Path:
+    found = file_path(text, bench.parent, f"{where}, key file")
+    if not found.is_file():
+        raise CampaignError(f"{where}, key file: there is no file {found}; correct the path")
+    with found.open("rb") as stream:
+        hashes[text] = hashlib.file_digest(stream, "sha256").hexdigest()
+    return found

@@ -1,0 +1,279 @@
+"""Measured thrust as a table over signal and voltage: straight lines between knots, by least squares.
+
+The vehicle's table is read linearly between its knots, so the thrust at the knots is the least squares fit
+of that very interpolation, ``F(s) = sum_j h_j(s) f_j`` with hat functions h_j, for each voltage apart. A weak
+penalty on the second difference carries knots between which a voltage has no points. Knots are chosen from
+the tested signals, one grid for all voltages: the two ends, the edges of the dead band, where thrust is
+exactly zero, then the middle of the interval where a knot takes away most squared error, until no point lies
+further off than the tolerance or there are as many knots as allowed.
+
+A polynomial in signal and voltage becomes a table too (`from_surface`): the vehicle file has no other kind
+that knows the voltage.
+
+Tests: ``tests/test_bench_table.py``, ``tests/test_bench_t200.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.errors import TrialError
+
+__all__ = ["ThrustTable", "dead_band", "from_points", "from_surface", "levels"]
+
+Array = NDArray[np.float64]
+
+_LEVEL_GAP = 0.1
+_MOST_LEVELS = 25
+_TOLERANCE = 0.01
+_SILENT = 0.002
+_AT_REST = 0.25
+_STIFFNESS = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class ThrustTable:
+    """Thrust over signal and supply voltage.
+
+    Attributes
+    ----------
+    signal
+        Knots (k,) in the command's unit from neutral.
+    voltage
+        Levels (v,) in V; empty when measured at one.
+    force
+        (v, k) or (1, k) in N.
+    level
+        (n,) row of ``force`` to which each point belongs; of a surface, the nearest.
+    residual
+        (n,) measured minus table, N.
+    dead_band
+        Signals (lower, upper) between which no point pulled; zeros where there is none.
+    """
+
+    signal: Array
+    voltage: Array
+    force: Array
+    level: NDArray[np.int_]
+    residual: Array
+    dead_band: tuple[float, float]
+
+    def at(self, signal: Array, voltage: Array | None = None) -> Array:
+        """Thrust (m,) in N, bilinear, held beyond the edges."""
+        rows = np.array([self.force_at(row, signal) for row in range(len(self.force))])
+        if len(rows) == 1 or voltage is None:
+            return np.asarray(rows[0])
+        place = np.interp(voltage, self.voltage, np.arange(len(self.voltage)))
+        low = np.minimum(place.astype(int), len(rows) - 2)
+        share = place - low
+        every = np.arange(rows.shape[1])
+        return np.asarray((1.0 - share) * rows[low, every] + share * rows[low + 1, every])
+
+    def force_at(self, row: int, signal: Array) -> Array:
+        """Thrust (m,) in N at the voltage of a row."""
+        return np.asarray(np.interp(signal, self.signal, self.force[row]))
+
+    def errors(self) -> list[dict[str, float]]:
+        """Per voltage its points, root mean square and largest residual in N."""
+        found = []
+        for row in range(len(self.force)):
+            own = self.residual[self.level == row]
+            if len(own):
+                found.append({
+                    "voltage_v": float(self.voltage[row]) if len(self.voltage) else np.nan,
+                    "points": float(len(own)),
+                    "rms_n": float(np.sqrt(np.mean(own**2))),
+                    "largest_n": float(np.abs(own).max()),
+                })
+        return found
+
+
+def levels(voltage: Array, where: str) -> tuple[Array, NDArray[np.int_]]:
+    """Voltages (v,) at which was tested, from those of the points (n,), and the level of each point.
+
+    Raises
+    ------
+    TrialError
+        The voltage drifts instead of standing at levels, or is unknown.
+
+    Examples
+    --------
+    >>> levels(np.array([12.0, 16.0, 12.05, 15.96]), "thruster")[0].tolist()
+    [12.025, 15.98]
+    """
+    if not np.isfinite(voltage).all():
+        raise TrialError(
+            f"{where}: the supply voltage is not known at every point; map a column voltage_v, give"
+            ' voltage_v, or leave "voltage" out of the inputs'
+        )
+    order = np.argsort(voltage)
+    level = np.empty(len(voltage), dtype=int)
+    level[order] = np.concatenate([[0], np.cumsum(np.diff(voltage[order]) > _LEVEL_GAP)])
+    means = np.array([voltage[level == k].mean() for k in range(level.max() + 1)])
+    widths = np.array([np.ptp(voltage[level == k]) for k in range(level.max() + 1)])
+    if len(means) > _MOST_LEVELS or (widths > 5.0 * _LEVEL_GAP).any():
+        raise TrialError(
+            f"{where}: the supply voltage stands at no levels (it runs from {voltage.min():.2f} to"
+            f' {voltage.max():.2f} V); use order = 2 with inputs = ["signal", "voltage"], whose surface'
+            " needs none"
+        )
+    return means, level
+
+
+def from_points(
+    signal: Array, thrust: Array, voltage: Array | None, *, knots: int, tolerance: float | None, where: str
+) -> ThrustTable:
+    """Table of the points (n,) themselves.
+
+    Parameters
+    ----------
+    signal, thrust : array, shape (n,)
+    voltage : array, shape (n,), optional
+    knots : int
+        At most so many.
+    tolerance : float, optional
+        Error of the table in N at the largest thrust at which no further knot is added, a quarter of it at
+        rest; one per cent of the largest thrust when omitted.
+    where : str
+        Beginning of messages.
+
+    Raises
+    ------
+    TrialError
+        Fewer than four different signals, or no levels of voltage.
+    """
+    means, level = (
+        (np.zeros(1), np.zeros(len(signal), dtype=int)) if voltage is None else levels(voltage, where)
+    )
+    distinct = np.unique(signal)
+    if len(distinct) < 4:
+        raise TrialError(f"{where}: a table needs at least 4 different signals, found {len(distinct)}")
+    largest = float(np.abs(thrust).max())
+    if largest == 0.0:
+        raise TrialError(f"{where}: no point has any thrust; check the load's column")
+    goal = _TOLERANCE * largest if tolerance is None else tolerance
+    allowed = goal * (_AT_REST + (1.0 - _AT_REST) * np.abs(thrust) / largest)
+    silent = dead_band(signal, thrust)
+    edges = [x for x in (silent if silent[0] < silent[1] else (0.0,)) if distinct[0] < x < distinct[-1]]
+    chosen = sorted({float(distinct[0]), *edges, float(distinct[-1])})
+    while True:
+        grid = np.array(chosen)
+        force = np.array([
+            _hats(signal[level == k], thrust[level == k], grid, silent) for k in range(len(means))
+        ])
+        fitted = np.empty(len(signal))
+        for k in range(len(means)):
+            fitted[level == k] = np.interp(signal[level == k], grid, force[k])
+        residual = thrust - fitted
+        place = _next_knot(signal, level, residual / allowed, distinct, grid, silent)
+        if place is None or len(chosen) >= knots:
+            break
+        chosen = sorted({*chosen, place})
+    return ThrustTable(grid, means if voltage is not None else np.zeros(0), force, level, residual, silent)
+
+
+def from_surface(
+    thrust_at: Callable[[Array, Array], Array],
+    signal: Array,
+    thrust: Array,
+    voltage: Array | None,
+    *,
+    grid: Sequence[float],
+    voltages: Sequence[float],
+) -> ThrustTable:
+    """Table of a fitted function of signal and voltage on a grid, with its residuals at the points (n,)."""
+    knots = np.asarray(grid, dtype=float)
+    volts = np.asarray(voltages, dtype=float)
+    force = np.array([thrust_at(knots, np.full(len(knots), v)) for v in (volts if len(volts) else [np.nan])])
+    made = ThrustTable(knots, volts, force, np.zeros(len(signal), int), np.zeros(len(signal)), (0.0, 0.0))
+    level = (
+        made.level if voltage is None or not len(volts) else np.abs(voltage[:, None] - volts).argmin(axis=1)
+    )
+    return ThrustTable(knots, volts, force, level, thrust - made.at(signal, voltage), (0.0, 0.0))
+
+
+def dead_band(signal: Array, thrust: Array) -> tuple[float, float]:
+    """Widest interval of the signal about zero in which no point pulls; zeros when there is none.
+
+    What is below 0.2 % of the largest thrust is none.
+
+    Examples
+    --------
+    >>> signal = np.array([-60.0, -40.0, -20.0, 0.0, 20.0, 40.0, 60.0])
+    >>> dead_band(signal, np.array([-8.0, -2.0, 0.0, 0.0, 0.0, 0.0, 4.0]))
+    (-20.0, 40.0)
+    """
+    pulling = np.abs(thrust) > _SILENT * np.abs(thrust).max(initial=0.0)
+    below, above = signal[pulling & (signal < 0.0)], signal[pulling & (signal > 0.0)]
+    quiet = signal[~pulling & (signal != 0.0)]
+    lower = quiet[quiet > below.max(initial=-np.inf)].min(initial=0.0)
+    upper = quiet[quiet < above.min(initial=np.inf)].max(initial=0.0)
+    return float(min(lower, 0.0)), float(max(upper, 0.0))
+
+
+def _hats(signal: Array, thrust: Array, grid: Array, silent: tuple[float, float]) -> Array:
+    """Thrust (k,) at the knots: least squares of the linear interpolation, zero inside the dead band."""
+    from scipy.optimize import lsq_linear
+
+    place = np.interp(signal, grid, np.arange(len(grid)))
+    low = np.minimum(place.astype(int), len(grid) - 2)
+    share = place - low
+    matrix = np.zeros((len(signal), len(grid)))
+    rows = np.arange(len(signal))
+    matrix[rows, low] = 1.0 - share
+    matrix[rows, low + 1] += share
+    width = np.diff(grid) / np.ptp(grid)
+    bend = np.zeros((len(grid) - 2, len(grid)))
+    for j in range(len(bend)):
+        bend[j, j : j + 3] = 1.0 / width[j], -1.0 / width[j] - 1.0 / width[j + 1], 1.0 / width[j + 1]
+        bend[j] *= _STIFFNESS * min(width[j], width[j + 1])
+    free = (grid < silent[0]) | (grid > silent[1])
+    if silent == (0.0, 0.0):
+        free = grid != 0.0  # no signal, no thrust
+    solved = np.zeros(len(grid))
+    stacked = np.vstack([matrix, bend])[:, free]
+    target = np.concatenate([thrust, np.zeros(len(bend))])
+    # Noise at the edge of a dead band must not turn the thrust round.
+    ahead = grid[free] > 0.0
+    bounds = (np.where(ahead, 0.0, -np.inf), np.where(ahead, np.inf, 0.0))
+    if (thrust * signal).sum() < 0.0:
+        bounds = (-bounds[1], -bounds[0])
+    solved[free] = lsq_linear(stacked, target, bounds).x
+    solved[np.abs(solved) < 1e-6 * np.abs(thrust).max(initial=0.0)] = 0.0
+    return solved
+
+
+def _next_knot(
+    signal: Array,
+    level: NDArray[np.int_],
+    error: Array,
+    distinct: Array,
+    grid: Array,
+    silent: tuple[float, float],
+) -> float | None:
+    """Tested signal in the middle of the interval where a knot gains most; None when no error is above one.
+
+    The gain is the squared error that a bump over the interval takes away, at all voltages: chords of a
+    curve have much of it, noise has little.
+    """
+    if np.abs(error).max() <= 1.0:
+        return None
+    gains = np.zeros(len(grid) - 1)
+    for j, (lower, upper) in enumerate(pairwise(grid)):
+        bump = np.maximum(1.0 - np.abs(2.0 * signal - lower - upper) / (upper - lower), 0.0)
+        for k in range(level.max() + 1):
+            own = bump[level == k]
+            gains[j] += float(own @ error[level == k]) ** 2 / max(float(own @ own), 1e-12)
+    for j in np.argsort(-gains):
+        lower, upper = grid[j], grid[j + 1]
+        if silent[0] <= lower and upper <= silent[1]:
+            continue
+        inside = distinct[(distinct > lower) & (distinct < upper)]
+        if len(inside) and gains[j] > 0.0:
+            return float(inside[np.abs(inside - 0.5 * (lower + upper)).argmin()])
+    return None
