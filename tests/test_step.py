@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from benchmarks import four_stages
 from seatrial._core import Vehicle
+from seatrial.criterion import Criterion
 from seatrial.errors import CampaignError
 from seatrial.parameters import Parameter
-from seatrial.step import RATE_LIMIT, stage_step
+from seatrial.stage import plan
+from seatrial.step import RATE_LIMIT, SEARCH_RATE_LIMIT, around, stage_step
 
 
 def parameter(name: str, lower: float, upper: float) -> Parameter:
@@ -54,6 +59,7 @@ def test_law_no_candidate_of_the_box_is_faster_than_the_bound() -> None:
     )
     bound = stage_step(vehicle, roaming, free="XYZKMN", speeds=speeds, dt=0.1, where="all")
     assert 0.1 / bound.substeps * bound.rate <= RATE_LIMIT
+    assert 0.1 / bound.search * bound.rate <= SEARCH_RATE_LIMIT
     generator = np.random.default_rng(5)
     for _ in range(100):
         values = {p.name: generator.uniform(p.lower, p.upper) for p in roaming}
@@ -68,3 +74,34 @@ def test_bounds_that_admit_no_mass_are_refused() -> None:
     roaming = (parameter("X_udot", -100.0, vehicle.coefficients()["m"] - 0.5),)
     with pytest.raises(CampaignError, match=r"surge: the bounds admit a vehicle with a rate of .* zero mass"):
         stage_step(vehicle, roaming, free="X", speeds=np.full(6, 0.5), dt=0.1, where="surge")
+
+
+def test_bounds_around_points_hold_a_tenth_of_the_box_more_and_never_leave_it() -> None:
+    roaming = (parameter("X_uu", -100.0, 0.0), parameter("X_u", -10.0, 0.0))
+    first, second = around(roaming, np.array([[-50.0, -0.5], [-40.0, -1.0]]))
+    assert (first.lower, first.upper) == pytest.approx((-60.0, -30.0))
+    assert (second.lower, second.upper) == pytest.approx((-2.0, 0.0))
+
+
+def test_step_of_the_global_search_ranks_candidates_as_a_fine_one(tmp_path: Path) -> None:
+    campaign = four_stages.campaign(four_stages.write_logs(tmp_path, duration_s=62.0))
+    for stage in plan(campaign):
+        coarse, fine = (
+            Criterion(
+                campaign,
+                stage.stage,
+                vehicle=campaign.vehicle,
+                parameters=stage.parameters,
+                data=stage.data,
+                substeps=substeps,
+                threads=1,
+            )
+            for substeps in (stage.step.search, 4 * stage.step.substeps)
+        )
+        lower = np.array([one.lower for one in stage.parameters])
+        upper = np.array([one.upper for one in stage.parameters])
+        shares = np.random.default_rng(3).uniform(size=(64, len(lower)))
+        candidates = lower + (upper - lower) * shares
+        # A dead time between two steps blurs the command by up to a step, for all candidates alike.
+        one, other = (np.argsort(criterion(candidates))[:8] for criterion in (coarse, fine))
+        np.testing.assert_array_equal(one, other)

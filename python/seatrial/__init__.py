@@ -17,15 +17,33 @@ from seatrial.score import Score, score
 from seatrial.trial import Trial
 
 if TYPE_CHECKING:
+    from seatrial.bench_test import BenchTest as BenchTest
+    from seatrial.bench_test import bench as bench
     from seatrial.campaign import Campaign as Campaign
+    from seatrial.comparison import Comparison as Comparison
+    from seatrial.comparison import compare as compare
     from seatrial.identification import Identification as Identification
+    from seatrial.random_starts import restarts as restarts
+    from seatrial.restart_result import Restarts as Restarts
 
-_LAZY = {"Campaign": "seatrial.campaign", "Identification": "seatrial.identification"}
+_LAZY = {
+    "BenchTest": "seatrial.bench_test",
+    "Campaign": "seatrial.campaign",
+    "Comparison": "seatrial.comparison",
+    "Identification": "seatrial.identification",
+    "Restarts": "seatrial.restart_result",
+    "bench": "seatrial.bench_test",
+    "compare": "seatrial.comparison",
+    "restarts": "seatrial.random_starts",
+}
 
 __all__ = [
+    "BenchTest",
     "Campaign",
     "CampaignError",
+    "Comparison",
     "Identification",
+    "Restarts",
     "Run",
     "Score",
     "SeatrialError",
@@ -35,7 +53,10 @@ __all__ = [
     "TrialError",
     "Vehicle",
     "VehicleError",
+    "bench",
+    "compare",
     "identify",
+    "restarts",
     "score",
     "simulate_batch",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import re
@@ -16,9 +17,11 @@ from numpy.typing import NDArray
 from seatrial.campaign_file import Budget, CampaignFile, Environment, Input, Stage, TrialSource, parse
 from seatrial.errors import CampaignError, nearest
 from seatrial.parameters import Parameter, names, parameters
+from seatrial.variant import LockedAxes, locked
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.bench_test import BenchTest
     from seatrial.trial import Trial
 
 __all__ = ["Campaign"]
@@ -27,7 +30,8 @@ __all__ = ["Campaign"]
 class Campaign:
     """A checked campaign: vehicle, trials (read when first asked for), stages in the order of their run.
 
-    Made by `load` or `from_toml`.
+    Made by `load` or `from_toml`. ``vehicle`` is the vehicle as the bench test left it, ``bench`` that test
+    (`seatrial.bench_test.BenchTest`, None without one).
 
     Parameters
     ----------
@@ -73,7 +77,8 @@ class Campaign:
         self.text = text
         self.source = source
         self.folder = folder
-        self.vehicle = self._load_vehicle()
+        self.bench = self._bench_test()
+        self.vehicle = self._load_vehicle() if self.bench is None else self.bench.vehicle
         self._sources, self._data = self._trial_sources(dict(trials or {}))
         self.trials: Mapping[str, Trial] = _Trials(self)
         self.stages = _in_order(file.stages, source)
@@ -136,6 +141,29 @@ class Campaign:
             As in `load`.
         """
         return cls(parse(text, source), text=text, source=source, folder=Path(folder), trials=trials)
+
+    def with_locked_axes(self, mode: LockedAxes) -> Campaign:
+        """Campaign with every axis that a stage does not free frozen or replayed; the polish stays.
+
+        Parameters
+        ----------
+        mode : "frozen" or "measured"
+            Frozen axes keep the velocity that they have at the start of a segment, as in the paper; measured
+            ones are replayed from the recording and enter the forces.
+
+        Raises
+        ------
+        CampaignError
+            There is no such mode.
+
+        Examples
+        --------
+        >>> import seatrial as st
+        >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
+        >>> campaign.with_locked_axes("frozen").stages[0].axes.frozen  # doctest: +SKIP
+        'YZKMN'
+        """
+        return locked(self, mode)
 
     @property
     def name(self) -> str:
@@ -232,6 +260,7 @@ class Campaign:
             columns=self.file.columns | source.columns or None,
             name=trial,
             rate_hz=source.rate_hz or self.file.rate_hz,
+            places=source.places.over(self.file.places),
             rho=environment.rho_kg_m3,
             g=environment.g_m_s2,
         )
@@ -250,6 +279,17 @@ class Campaign:
         name = self.file.vehicle
         is_path = name.endswith(".toml") or "/" in name or "\\" in name
         return Vehicle.load(str(self._path(name, "key vehicle")) if is_path else name)
+
+    def _bench_test(self) -> BenchTest | None:
+        """Bench test of the vehicle, where the file names one."""
+        if self.file.bench is None:
+            return None
+        path = self._path(self.file.bench, "key bench")
+        if not path.exists():
+            raise CampaignError(
+                f"{self.source}: key bench: there is no file {path}; correct the path or remove the key"
+            )
+        return _benched(str(path.resolve()), path.stat().st_mtime_ns, self._load_vehicle().to_toml())
 
     def _path(self, text: str, where: str) -> Path:
         """Path relative to the campaign file, ``${VARIABLE}`` replaced by the environment's value."""
@@ -296,6 +336,15 @@ class Campaign:
                         f"{self.place(stage)}: coefficient {min(shared)!r} is also freed by stage"
                         f" {other.name!r} and neither runs after the other; set after = [{other.name!r}]"
                     )
+
+
+@functools.lru_cache(maxsize=4)
+def _benched(path: str, _changed_ns: int, vehicle: str) -> BenchTest:
+    """Bench test of a vehicle, evaluated once for all variants of a campaign."""
+    from seatrial._core import Vehicle
+    from seatrial.bench_test import bench
+
+    return bench(path, vehicle=Vehicle.from_toml(vehicle, path))
 
 
 class _Trials(Mapping[str, "Trial"]):

@@ -15,6 +15,7 @@ from seatrial import _core
 from seatrial.campaign import Campaign
 from seatrial.certainty.assessment import Certainty, certainty, conditioning
 from seatrial.errors import CampaignError, TrialError
+from seatrial.frozen_motion import frozen_sentences
 from seatrial.hold_out import part_scores
 from seatrial.identification import Identification, estimates
 from seatrial.progress import Progress
@@ -41,6 +42,7 @@ def conduct(
     plans = plan(campaign)  # refuses a bad campaign before a folder appears
     judge_scale(campaign)  # and a bad anchor
     before, notes = _before(campaign, threads)
+    before += frozen_sentences(plans)
     directory = None if run_dir is None else RunDirectory(run_dir)
     order = StageOrder(campaign, plans, directory, progress=progress, resume=resume, threads=threads)
     if progress is not None and before:

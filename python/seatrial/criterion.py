@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 
 from seatrial import _core
 from seatrial.campaign_file import Stage
+from seatrial.descent import Slopes
 from seatrial.parameters import Parameter, names, spread
+from seatrial.recording.columns import CHANNELS
 from seatrial.search import Array
 from seatrial.segments import StageData
 
@@ -113,6 +115,25 @@ class Criterion:
             scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
             found.append(error / scale)
         return found
+
+    def linearised(self, candidate: Array) -> Slopes:
+        """Residuals of all samples that count and their derivatives by the parameters (m,)."""
+        scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
+        used = np.flatnonzero(self.data.weights > 0)
+        residuals, jacobians, shares = [], [], []
+        shown = self.open_loop.sensitivities(
+            candidate @ self.spread, self.spread, channels=[CHANNELS[c] for c in used], threads=self.threads
+        )
+        for piece, residual, (_, jacobian) in zip(
+            self.data.segments, self.residuals(candidate), shown, strict=True
+        ):
+            counted = self.data.counted[piece.trial][piece.start : piece.stop, used].copy()
+            counted[0] = False
+            residuals.append(residual[:, used][counted])
+            jacobians.append((jacobian / scale[used, None])[counted])
+            shares.append(np.broadcast_to(self._share[used], counted.shape)[counted])
+        knee = {"absolute": 0.0, "squared": np.inf, "huber": self.stage.knee}[self.stage.loss]
+        return Slopes(np.concatenate(residuals), np.concatenate(jacobians), np.concatenate(shares), knee)
 
     def slopes(self, candidate: Array, initials: Sequence[str]) -> list[Array]:
         """Derivatives (n_i, 12, k) of what segments show by initial conditions, scaled as residuals."""

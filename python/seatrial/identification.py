@@ -105,6 +105,12 @@ class Identification:
         return summary(self)
 
     @property
+    def stages_vehicle(self) -> Vehicle:
+        """The campaign's vehicle with the estimates of the stages, before the joint polish."""
+        found = {name: value for stage in self.stages for name, value in stage.coefficients.items()}
+        return self.campaign.vehicle.with_coefficients(found)
+
+    @property
     def identifiability(self) -> Identifiability | None:
         """What the data tell and what they cannot; None without a joint estimate."""
         return None if self.certainty is None else self.certainty.identifiability
@@ -176,6 +182,7 @@ class Identification:
             RUN_FILE: to_json(self.facts),
             "campaign.toml": self.campaign.text,
             "vehicle.toml": self.vehicle.to_toml(),
+            "vehicle_stages.toml": self.stages_vehicle.to_toml(),
             "identification.json": to_json(self.to_dict()),
             "summary.txt": self.summary() + "\n",
             "coefficients.parquet": _parquet(coefficients),

@@ -13,8 +13,9 @@ import math
 import os
 import shutil
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from seatrial.errors import SeatrialError
 
@@ -22,6 +23,32 @@ RUN_FILE = "run.json"
 """The file that makes a folder a run directory."""
 
 _STAGES = "stages"
+
+
+class StageStore(Protocol):
+    """Where finished stages are kept and found again."""
+
+    def finished(self, stage: str, inputs: str) -> dict[str, Any] | None:
+        """Result of a stage that was finished from the same inputs, if there is one."""
+
+    def keep(self, stage: str, result: Mapping[str, Any]) -> None:
+        """Keep the result of a finished stage."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """The stages of one part of a run that runs the same stages several times."""
+
+    whole: RunDirectory
+    name: str
+
+    def finished(self, stage: str, inputs: str) -> dict[str, Any] | None:
+        """Result of this part's stage that was finished from the same inputs, if there is one."""
+        return self.whole.finished(f"{self.name}, {stage}", inputs)
+
+    def keep(self, stage: str, result: Mapping[str, Any]) -> None:
+        """Keep the result of this part's stage."""
+        self.whole.keep(f"{self.name}, {stage}", result)
 
 
 class RunDirectory:
@@ -78,6 +105,10 @@ class RunDirectory:
             It cannot be written.
         """
         self._put(self._stage_file(self.workspace, stage), to_json(result).encode())
+
+    def part(self, name: str) -> Part:
+        """Stages of one part of this run, kept apart from those of the other parts."""
+        return Part(self, name)
 
     def publish(self, files: Mapping[str, str | bytes]) -> Path:
         """Path of the run directory after its files, by name, are in place, all of them or none.

@@ -6,26 +6,29 @@ import math
 import time
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.campaign_file import Stage
 from seatrial.criterion import Criterion
+from seatrial.descent import descend
 from seatrial.errors import CampaignError, SimulationError
 from seatrial.initial_velocity import estimate_initial_velocities
 from seatrial.optimize import batch_size, evolve, refine, refine_rounds
 from seatrial.parameters import Parameter, coefficients
 from seatrial.search import LANES, Array, Step, join
 from seatrial.segments import StageData, cut
-from seatrial.step import StageStep, stage_step
+from seatrial.step import StageStep, around, stage_step
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign import Campaign
 
 _TOLERANCE = 1e-4
+_COARSE = 0.1
+"""Gain at which the global search ends: what is left in its valley is found by descent and simplex."""
 
 
 @dataclass(frozen=True)
@@ -45,22 +48,28 @@ class StagePlan:
     @property
     def work(self) -> float:
         """Eight-candidate steps of the core if the whole budget is used."""
-        return (self._coarse + self.rounds) * self._per_batch
+        return self._batches * self._search + self.rounds * self._fine
 
     def done(self, step: Step) -> float:
         """Part of the work that is done after a step."""
-        evolved = step.phase == "evolution"
-        batches = (
-            self._coarse * step.generation / self.generations if evolved else self._coarse + step.generation
-        )
-        return batches * self._per_batch
+        if step.phase == "evolution":
+            return self._batches * self._search * step.generation / self.generations
+        refined = step.generation if step.phase == "simplex" else 0  # the descent between takes no time
+        return self._batches * self._search + self._fine * refined
 
     @property
-    def _coarse(self) -> float:
+    def _batches(self) -> float:
+        """Batches of eight in the global search."""
         return self.generations * self.population / LANES
 
     @property
-    def _per_batch(self) -> float:
+    def _search(self) -> float:
+        """Steps of a batch in the global search."""
+        return float(self.data.samples * self.step.search)
+
+    @property
+    def _fine(self) -> float:
+        """Steps of a batch in the fine search."""
         return float(self.data.samples * self.step.substeps)
 
 
@@ -154,7 +163,7 @@ def run_stage(
     watch: Callable[[Step], None],
     threads: int | None = None,
 ) -> StageResult:
-    """Result of a stage: global search, initial velocities where they are estimated, fine search.
+    """Result of a stage: global search, initial velocities where they are estimated, descent, fine search.
 
     Parameters
     ----------
@@ -174,15 +183,19 @@ def run_stage(
     began = time.monotonic()
     stage, chosen = plan.stage, plan.parameters
     start = np.array([_start(parameter, found) for parameter in chosen])
-    criterion = Criterion(
-        campaign,
-        stage,
-        vehicle=vehicle,
-        parameters=chosen,
-        data=plan.data,
-        substeps=plan.step.substeps,
-        threads=threads,
-    )
+
+    def stepped(substeps: int) -> Criterion:
+        return Criterion(
+            campaign,
+            stage,
+            vehicle=vehicle,
+            parameters=chosen,
+            data=plan.data,
+            substeps=substeps,
+            threads=threads,
+        )
+
+    criterion = stepped(plan.step.search)
     box: dict[str, Any] = {
         "lower": [parameter.lower for parameter in chosen],
         "upper": [parameter.upper for parameter in chosen],
@@ -191,8 +204,16 @@ def run_stage(
     }
     _check_influence(criterion, chosen, start, campaign.place(stage))
     best = evolve(
-        criterion, start, seed=plan.seed, population=plan.population, generations=plan.generations, **box
+        criterion,
+        start,
+        seed=plan.seed,
+        population=plan.population,
+        generations=plan.generations,
+        **box | {"tolerance": max(plan.tolerance, _COARSE)},
     )
+    step = _fine_step(plan, vehicle, best.elite, campaign.place(stage))
+    if step.substeps != plan.step.search:
+        criterion = stepped(step.substeps)
     estimated = stage.start == "estimated"
     smoothed = criterion.nu
     shares = (plan.rounds // 2, plan.rounds - plan.rounds // 2) if estimated else (plan.rounds,)
@@ -201,7 +222,10 @@ def run_stage(
             break
         if estimated:
             estimate_initial_velocities(criterion, best.x, smoothed)
-        best = join(best, refine(criterion, best.elite, rounds=max(rounds, 1), **box))
+        elite = best.elite
+        best = join(best, descend(criterion, criterion.linearised, best.x, **box))
+        if not best.interrupted:
+            best = join(best, refine(criterion, np.vstack([best.x, elite]), rounds=max(rounds, 1), **box))
     if not math.isfinite(best.cost) and not best.interrupted:
         raise SimulationError(
             f"{campaign.place(stage)}: every one of {best.evaluations} candidates diverged; check the units"
@@ -219,13 +243,26 @@ def run_stage(
         history=best.history,
         segments=len(plan.data.segments),
         samples=plan.data.samples,
-        substeps=plan.step.substeps,
-        step_s=plan.data.dt / plan.step.substeps,
-        rate=plan.step.rate,
+        substeps=step.substeps,
+        step_s=plan.data.dt / step.substeps,
+        rate=step.rate,
         wall_s=time.monotonic() - began,
         inputs=inputs,
         interrupted=best.interrupted,
     )
+
+
+def _fine_step(plan: StagePlan, vehicle: Vehicle, elite: Array, where: str) -> StageStep:
+    """Step of the fine search, from a bound around what the global search found."""
+    step = stage_step(
+        vehicle,
+        around(plan.parameters, elite),
+        free=plan.stage.axes.free,
+        speeds=plan.data.largest_speeds(),
+        dt=plan.data.dt,
+        where=where,
+    )
+    return replace(step, substeps=max(step.substeps, plan.step.search))
 
 
 def _check_influence(criterion: Criterion, chosen: tuple[Parameter, ...], start: Array, where: str) -> None:

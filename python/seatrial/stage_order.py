@@ -17,7 +17,7 @@ import numpy as np
 from seatrial import _core
 from seatrial.campaign import Campaign
 from seatrial.progress import Progress
-from seatrial.run_directory import RunDirectory, to_json
+from seatrial.run_directory import StageStore, to_json
 from seatrial.search import Step
 from seatrial.stage import StagePlan, StageResult, run_stage
 
@@ -31,7 +31,7 @@ class StageOrder:
         self,
         campaign: Campaign,
         plans: tuple[StagePlan, ...],
-        directory: RunDirectory | None,
+        directory: StageStore | None,
         *,
         progress: Callable[[Progress], None] | None,
         resume: bool,
@@ -161,6 +161,7 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: 
             plan.rounds,
             plan.tolerance,
             plan.step.substeps,
+            plan.step.search,
         ],
         "segments": [astuple(segment) for segment in data.segments],
         "environment": [(trial.rho, trial.g) for trial in data.trials],

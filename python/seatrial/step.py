@@ -4,13 +4,17 @@ RK4 is stable to h|lambda| = 2.8; at h|lambda| <= 0.25 its error stays below the
 the fastest rate lambda is sought over the whole bounds box before the search: velocity and attitude dynamics
 are linearised by finite differences at the largest measured speeds, for every coefficient at either bound and
 for the worst of them together. One step for all makes a candidate's cost independent of its company.
+
+The global search only ranks candidates: it takes h|lambda| <= 1, stable everywhere in the box. The fine
+search flies its best ones again at h|lambda| <= 0.25, the bound sought over the part of the box around them:
+corners of the whole box hold vehicles several times as fast as those that follow the log.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +30,10 @@ if TYPE_CHECKING:
 RATE_LIMIT = 0.25
 """Largest h|lambda|."""
 
+SEARCH_RATE_LIMIT = 1.0
+"""Largest h|lambda| in the global search."""
+
+_NEAR = 0.1
 _MARGIN = 1.1
 _SPEED_MARGIN = 1.2
 _MOST_SUBSTEPS = 100
@@ -34,10 +42,14 @@ _DIFFERENCE = 1e-4
 
 @dataclass(frozen=True)
 class StageStep:
-    """Substeps per sample of the log and the bound that asked for them, rad/s."""
+    """Substeps per sample of the log and the bound that asked for them, rad/s.
+
+    ``search`` are the substeps of the global search, at most as many.
+    """
 
     substeps: int
     rate: float
+    search: int
 
 
 def stage_step(
@@ -82,14 +94,25 @@ def stage_step(
         worst |= ends[int(np.argmax(found))]
     rates.append(rate(worst))
     bound = _MARGIN * max(rates)
-    substeps = max(math.ceil(dt * bound / RATE_LIMIT), 1)
+    substeps, search = (max(math.ceil(dt * bound / limit), 1) for limit in (RATE_LIMIT, SEARCH_RATE_LIMIT))
     if substeps > _MOST_SUBSTEPS:
         raise CampaignError(
             f"{where}: the bounds admit a vehicle with a rate of {bound:.3g} rad/s, which needs {substeps}"
             f" steps per sample of {dt:g} s; keep the bounds of the inertias and added masses away from zero"
             " mass, or narrow those of the damping"
         )
-    return StageStep(substeps, bound)
+    return StageStep(substeps, bound, search)
+
+
+def around(parameters: Sequence[Parameter], points: Array) -> tuple[Parameter, ...]:
+    """Parameters whose bounds are narrowed to points (k, m) and a tenth of the box on either side."""
+    narrowed = []
+    for parameter, values in zip(parameters, points.T, strict=True):
+        margin = _NEAR * (parameter.upper - parameter.lower)
+        lower = max(parameter.lower, float(values.min()) - margin)
+        upper = min(parameter.upper, float(values.max()) + margin)
+        narrowed.append(replace(parameter, lower=lower, upper=upper))
+    return tuple(narrowed)
 
 
 def _operating_points(speeds: Array) -> Array:

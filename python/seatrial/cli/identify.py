@@ -10,6 +10,8 @@ import typer
 if TYPE_CHECKING:
     from seatrial.campaign import Campaign
     from seatrial.identification import Identification
+    from seatrial.restart_result import Restarts
+    from seatrial.variant import LockedAxes
 
 
 def identify(
@@ -25,6 +27,20 @@ def identify(
         list[str] | None, typer.Option("--trial", help="NAME=FILE: another recording for a trial.")
     ] = None,
     figures: Annotated[bool, typer.Option(help="Write figures (PNG and PDF) into the run directory.")] = True,
+    locked_axes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="frozen|measured",
+            help="Mode of the axes that a stage does not free, instead of the campaign's; runs/NAME-MODE.",
+        ),
+    ] = None,
+    random_starts: Annotated[
+        int | None,
+        typer.Option(
+            min=2,
+            help="Then search every stage from so many random starts; into the folder beside the run's.",
+        ),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Identify a vehicle from the trials of a campaign.
@@ -33,23 +49,75 @@ def identify(
     """
     from seatrial.campaign import Campaign
     from seatrial.cli.console import output, print_json
+    from seatrial.cli.restart_table import print_restarts
     from seatrial.cli.tables import print_identification
 
     loaded = Campaign.load(campaign, trials=_replacements(trial or []))
-    folder = out or Path("runs") / loaded.name
+    name = loaded.name
+    if locked_axes is not None:
+        loaded, name = loaded.with_locked_axes(_mode(locked_axes)), f"{name}-{locked_axes}"
+    folder = out or Path("runs") / name
     fit = run(loaded, folder, threads=threads, resume=resume, quiet=json)
     written = draw(fit, folder) if figures and not fit.interrupted else []
-    if json:
-        print_json(fit.to_dict() | {"run_directory": str(folder), "figures": [str(path) for path in written]})
-    else:
+    if not json:
         from seatrial.cli.console import list_figures
 
         console = output()
         print_identification(console, fit)
         console.print(f"Results in {folder}: vehicle.toml, identification.json, summary.txt, Parquet tables")
         list_figures(console, written)
-    if fit.interrupted:
+    again: Restarts | None = None
+    if random_starts is not None and not fit.interrupted:
+        beside = folder.with_name(f"{folder.name}-random-starts")
+        again = _restart(fit, beside, random_starts, threads=threads, resume=resume, quiet=json)
+        drawn = _draw_starts(again, beside) if figures and not again.interrupted else []
+        if not json:
+            print_restarts(console, again, beside, asked=random_starts)
+            list_figures(console, drawn)
+    if json:
+        found = fit.to_dict() | {"run_directory": str(folder), "figures": [str(path) for path in written]}
+        print_json(found | ({} if again is None else {"random_starts": again.to_dict()}))
+    if fit.interrupted or (again is not None and again.interrupted):
         raise typer.Exit(130)
+
+
+def _mode(text: str) -> LockedAxes:
+    """Mode of locked axes that was asked for."""
+    from seatrial.errors import CampaignError, nearest
+
+    if text == "frozen":
+        return "frozen"
+    if text == "measured":
+        return "measured"
+    raise CampaignError(
+        f"--locked-axes {text!r}: expected frozen or measured{nearest(text, ('frozen', 'measured'))}"
+    )
+
+
+def _restart(
+    fit: Identification, folder: Path, starts: int, *, threads: int | None, resume: bool, quiet: bool
+) -> Restarts:
+    """Random starts of an identified campaign, with progress on standard error."""
+    from seatrial.cli.console import identification_progress
+    from seatrial.random_starts import restarts
+
+    with identification_progress(quiet=quiet) as progress:
+        return restarts(
+            fit.campaign,
+            starts=starts,
+            sigma=fit.sigma,
+            run_dir=folder,
+            progress=progress,
+            resume=resume,
+            threads=threads,
+        )
+
+
+def _draw_starts(found: Restarts, folder: Path) -> list[Path]:
+    from seatrial.plot.random_starts import random_starts
+    from seatrial.plot.style import save
+
+    return save(random_starts(found), folder / "figures" / "random_starts")
 
 
 def run(

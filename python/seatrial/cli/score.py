@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from seatrial.comparison import Comparison
+    from seatrial.score import Score
     from seatrial.trial import Trial
 
 
@@ -22,26 +24,61 @@ def score(
     ahead: Annotated[float, typer.Option(min=0.01, help="Restart the simulation after this time, s.")] = 10.0,
     free_run: Annotated[bool, typer.Option("--free-run", help="Never restart it.")] = False,
     free: Annotated[str, typer.Option(help="Axes that are simulated; the others are replayed.")] = "XYZKMN",
+    against: Annotated[
+        list[str] | None, typer.Option(help="Another vehicle to be compared on the same windows.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for figures (PNG and PDF), a trial each.")
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Score a vehicle on trials: R2 and errors per channel, some seconds ahead again and again."""
+    """Score a vehicle on trials: R2 and errors per channel, some seconds ahead again and again.
+
+    With --against, which vehicle predicts better, and whether these trials can tell.
+    """
     from seatrial._core import Vehicle
-    from seatrial.cli.console import output, print_json
+    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.comparison import compare
+    from seatrial.plot.variants import draw_variants
     from seatrial.score import score as scored
 
-    loaded = Vehicle.load(vehicle)
-    found = scored(
-        loaded,
-        _read(trials, columns_from),
-        ahead_s=ahead,
-        free_run=free_run,
-        free=free,
-        measured="".join(axis for axis in "XYZKMN" if axis not in free),
-    )
-    if json:
-        print_json(found.to_dict())
+    vehicles = {label: Vehicle.load(name) for label, name in _labels([vehicle, *(against or [])]).items()}
+    chosen = _read(trials, columns_from)
+    measured = "".join(axis for axis in "XYZKMN" if axis not in free)
+    found: Score | Comparison
+    if len(vehicles) == 1:
+        (single,) = vehicles.values()
+        found = scored(single, chosen, ahead_s=ahead, free_run=free_run, free=free, measured=measured)
+        scores = dict.fromkeys(vehicles, found)
     else:
-        output().print(str(found), markup=False)
+        found = compare(vehicles, chosen, ahead_s=ahead, free_run=free_run, free=free, measured=measured)
+        scores = found.scores
+    written = [] if out is None else draw_variants(scores, out, free=free)
+    if json:
+        print_json(found.to_dict() | ({} if out is None else {"figures": [str(path) for path in written]}))
+    else:
+        console = output()
+        console.print(str(found), markup=False, soft_wrap=True)
+        list_figures(console, written)
+
+
+def _labels(names: list[str]) -> dict[str, str]:
+    """Vehicles by what tells them apart: of a run directory's vehicle files, the directory."""
+    from seatrial.errors import VehicleError
+
+    found: dict[str, str] = {}
+    for name in names:
+        path = Path(name)
+        folder = path.absolute().parent.name
+        if path.name in ("vehicle.toml", "vehicle_stages.toml"):
+            label = folder if path.name == "vehicle.toml" else f"{folder} stages"
+        else:
+            label = path.stem if path.suffix == ".toml" else name
+        label = name if label in found else label
+        if name in found.values():
+            raise VehicleError(f"--against {name!r}: the vehicle is given twice; name two that differ")
+        found[label] = name
+    return found
 
 
 def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
