@@ -5,13 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import tempfile
+from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import derivatives
+from benchmarks import derivatives, four_stages, four_stages_scipy
 from benchmarks.derivatives import Derivatives
 from benchmarks.footprint import Memory, import_time, memory
+from benchmarks.four_stages import Job
+from benchmarks.four_stages_scipy import Rival
 from benchmarks.speed import Speed, measure
 from seatrial import _core
 
@@ -62,6 +66,53 @@ def rows(speed: Speed, exact: Derivatives, footprint: Memory, import_s: float, h
     ]
 
 
+def job_rows(speed: Speed, job: Job, rivals: tuple[Rival, Rival], whole_s: float) -> list[Row]:
+    """Return the claims on the four stages of an hour of logs."""
+    quick, plain = rivals
+    rate = speed.rates
+    return [
+        ("four stages of an hour of 10 Hz logs, s", job.wall_s, ".1f", "< 10"),
+        (
+            "the same in vectorised NumPy + SciPy, extrapolated / seatrial",
+            quick.wall_s / job.wall_s,
+            ",.0f",
+            "",
+        ),
+        (
+            "the same in textbook NumPy + SciPy, extrapolated / seatrial",
+            plain.wall_s / job.wall_s,
+            ",.0f",
+            "",
+        ),
+        ("their steps per s / chain, two threads", job.steps / job.wall_s / rate["two threads"], ".0%", ""),
+        ("their steps per s of CPU / chain, one core", job.steps / job.cpu_s / rate["chain"], ".0%", ""),
+        ("identify of that hour, polish and certainty included, s", whole_s, ".0f", ""),
+    ]
+
+
+def job_table(job: Job) -> Table:
+    """Return what each stage took."""
+    table = Table(
+        "stage",
+        "candidates, global + fine",
+        "steps per sample",
+        "million steps",
+        "wall, s",
+        title=f"four stages: {job.steps / 1e6:.0f} million steps, {job.wall_s:.1f} s wall,"
+        f" {job.cpu_s:.1f} s CPU; reading the logs {job.read_s:.1f} s more",
+    )
+    for stage in job.stages:
+        coarse, fine = stage.candidates
+        table.add_row(
+            stage.name,
+            f"{coarse} + {fine}",
+            "{} and {}".format(*stage.substeps),
+            f"{stage.steps / 1e6:.1f}",
+            f"{stage.wall_s:.1f}",
+        )
+    return table
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
@@ -69,18 +120,30 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5, help="rounds of which the best counts (default 5)")
     arguments = parser.parse_args()
     console = Console()
-    with console.status("measuring: about a minute"):
+    with console.status("measuring: about two minutes"):
         import_s, heavy = import_time()
         footprint = memory()
         speed = measure(rounds=arguments.rounds)
         exact = derivatives.measure(rounds=arguments.rounds)
-    found = rows(speed, exact, footprint, import_s, heavy)
+        with tempfile.TemporaryDirectory() as folder:
+            hour = four_stages.campaign(four_stages.write_logs(Path(folder)))
+            job = four_stages.run(hour)
+            rivals = four_stages_scipy.measure(job, hour.vehicle)
+            whole_s = four_stages.identify(hour)
+    found = rows(speed, exact, footprint, import_s, heavy) + job_rows(speed, job, rivals, whole_s)
     if arguments.json:
         figures = {
             "ratios": {name: value for name, value, _, _ in found},
             "steps_per_s": speed.rates,
             "steps_times_unknowns_per_s": exact.rates,
             "peak_per_s": speed.peak,
+            "four_stages": {
+                "wall_s": job.wall_s,
+                "cpu_s": job.cpu_s,
+                "read_s": job.read_s,
+                "steps": job.steps,
+            }
+            | {f"{rival.name}, extrapolated_s": rival.wall_s for rival in rivals},
         }
         print(json.dumps(figures, indent=1))
         return
@@ -100,6 +163,9 @@ def main() -> None:
     for name, rate in sorted(exact.rates.items(), key=lambda item: -item[1]):
         slopes.add_row(name, f"{rate:,.0f}")
     console.print(slopes)
+    console.print(job_table(job))
+    for sentence in four_stages_scipy.sentences(rivals):
+        console.print(sentence)
 
 
 if __name__ == "__main__":
