@@ -91,9 +91,16 @@ def test_a_held_recipe_stays_where_it_is_and_logs_its_pull(tmp_path: Path) -> No
     assert abs(pulled[:50].mean()) < 0.12
 
 
-def test_a_recipe_that_is_not_held_refuses_a_load_cell(tmp_path: Path) -> None:
-    with pytest.raises(TrialError, match="hold it"):
-        Recipe.load(recipe(tmp_path, keys="")).table()
+def test_one_truth_serves_the_tether_and_the_sea(tmp_path: Path) -> None:
+    sensors = "[sensors.gyro]\n[sensors.revolutions]\n"
+    at_sea = Recipe.load(recipe(tmp_path, truth=sensors, keys="")).table().columns
+    assert "p_deg_s" in at_sea
+    assert "meas.SbU" in at_sea
+    assert not any(column.startswith("load.") for column in at_sea)
+    tied = Recipe.load(recipe(tmp_path, truth=sensors)).table().columns
+    assert "load.X_n" in tied
+    assert "meas.SbU" in tied
+    assert "p_deg_s" not in tied
 
 
 def test_a_held_recipe_with_a_speed_is_refused(tmp_path: Path) -> None:

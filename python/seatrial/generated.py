@@ -32,6 +32,7 @@ __all__ = ["Recipe", "Truth", "write_generated"]
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01
+_ON_THE_TETHER = ("load_cell", "revolutions", "voltage")
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,9 @@ def _overlaid(vehicle: Vehicle, tables: Mapping[str, Any], where: str) -> Vehicl
         merged = dict(below)
         for key, value in above.items():
             known = merged.get(key)
-            nested = isinstance(known, dict) and isinstance(value, Mapping)
-            merged[key] = over(known, value) if nested else value
+            merged[key] = (
+                over(known, value) if isinstance(known, dict) and isinstance(value, Mapping) else value
+            )
         return merged
 
     text = tomlkit.dumps(over(tomllib.loads(vehicle.to_toml()), tables))
@@ -172,7 +174,15 @@ class Recipe:
     @property
     def every(self) -> int:
         """Rows of `run` per row of the log: 1, or so many that a sensor may sample in between."""
-        return finer(self.truth.sensors.values(), self.t)
+        return finer(self.sensors.values(), self.t)
+
+    @property
+    def sensors(self) -> dict[str, Sensor]:
+        """Those of the truth that log: on the tether load cell, motors and supply; at sea all but the cell."""
+        carried = self.truth.sensors
+        if self.held:
+            return {kind: sensor for kind, sensor in carried.items() if kind in _ON_THE_TETHER}
+        return {kind: sensor for kind, sensor in carried.items() if kind != "load_cell"}
 
     def run(self) -> Run:
         """What the truth vehicle really did, with `every` rows per row of the log."""
@@ -196,7 +206,7 @@ class Recipe:
         )
 
     def table(self, *, run: Run | None = None, seed: int | None = None) -> pl.DataFrame:
-        """What its sensors logged, with canonical columns, the commands, and the supply as set.
+        """What its `sensors` logged, with canonical columns, the commands, and the supply as set.
 
         A supply that a voltage sensor measures is logged by it alone.
 
@@ -207,7 +217,7 @@ class Recipe:
         seed : int, optional
             Seed of the sensors' noise and biases; by default the recipe's.
         """
-        sensors = self.truth.sensors
+        sensors = self.sensors
         inputs = {f"cmd.{name}": y for name, y in self.commands.items()}
         if self.voltage is not None and "voltage" not in sensors:
             inputs["voltage_v"] = self.voltage

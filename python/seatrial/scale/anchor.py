@@ -142,6 +142,8 @@ class ScaleReport:
         What trials tell whatever the scale, over the mean thrust factor; empty before the identification.
     identified
         Whether it is an identified vehicle that was judged.
+    tested
+        Groups or actuators whose thrust the campaign's bench test measured.
     """
 
     homogeneity: Homogeneity
@@ -149,6 +151,7 @@ class ScaleReport:
     waiting: tuple[str, ...]
     ratios: dict[str, float]
     identified: bool
+    tested: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain data for JSON."""
@@ -157,6 +160,7 @@ class ScaleReport:
             "implied": [one.to_dict() for one in self.implied],
             "waiting": list(self.waiting),
             "ratios": self.ratios,
+            "tested": list(self.tested),
             "sentences": self.sentences(),
         }
 
@@ -168,7 +172,12 @@ class ScaleReport:
         said += self._disagreement()
         if self.waiting:
             said.append(f"Judged after the identification: {', '.join(self.waiting)}")
-        if not self.implied and not self.waiting:
+        if self.tested:
+            said.append(
+                f"The bench test measured the thrust of {', '.join(self.tested)} on a load cell: an absolute"
+                " anchor, as good as that cell"
+            )
+        elif not self.implied and not self.waiting:
             said.append(
                 "No absolute anchor is given; one is needed for true values. Give it under [anchor]: bollard"
                 " (a pull at rest under known commands), ballast (a known weight, and the sinking, the angle"
@@ -206,15 +215,16 @@ def judge_scale(campaign: Campaign, vehicle: Vehicle | None = None) -> ScaleRepo
         An anchor names an unknown actuator, commands without force or a hull without measures.
     """
     direction, anchor = homogeneity(campaign), campaign.file.anchor
+    tested = () if campaign.bench is None else tuple(campaign.bench.pulls)
     if vehicle is None:
         try:
             every = implied(campaign.vehicle, anchor)  # refuses here what could not be judged later
         except CampaignError as error:
             raise CampaignError(f"{campaign.source}: {error}") from None
         waiting = [one.factor.anchor for one in every[len(anchor.bollard) :]]
-        return ScaleReport(direction, every[: len(anchor.bollard)], tuple(waiting), {}, False)
+        return ScaleReport(direction, every[: len(anchor.bollard)], tuple(waiting), {}, False, tested)
     known = implied(vehicle, anchor, reference=campaign.vehicle)
-    return ScaleReport(direction, known, (), ratios(vehicle, campaign.vehicle), True)
+    return ScaleReport(direction, known, (), ratios(vehicle, campaign.vehicle), True, tested)
 
 
 def implied(vehicle: Vehicle, anchor: Anchor, *, reference: Vehicle | None = None) -> tuple[Implied, ...]:
