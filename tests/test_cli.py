@@ -18,9 +18,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from seatrial._core import Vehicle
+from seatrial.bench_test import bench
 from seatrial.cli import app
 from seatrial.cli import demo as demo_verb
 from seatrial.cli.console import identification_progress
+from seatrial.generated import Recipe
 from seatrial.progress import Progress
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -109,14 +111,20 @@ def test_check_of_a_campaign_reports_recordings_and_stages(starter: Path) -> Non
     assert "Trial straight" in result.stdout
     assert "Ready to identify" in result.stdout
     data = json.loads(call("check", starter / "campaign.toml", "--json").stdout)
-    assert [stage["name"] for stage in data["stages"]] == ["surge", "yaw"]
+    assert [stage["name"] for stage in data["stages"]] == ["surge", "yaw", "heave"]
 
 
 def test_check_of_a_campaign_names_every_trial_that_is_missing(starter: Path, tmp_path: Path) -> None:
     shutil.copytree(starter, tmp_path / "mine")
     for log in (tmp_path / "mine" / "logs").iterdir():
         log.unlink()
-    refused(call("check", tmp_path / "mine" / "campaign.toml"), "straight.csv", "zigzag.csv")
+    refused(
+        call("check", tmp_path / "mine" / "campaign.toml"),
+        "straight.csv",
+        "zigzag.csv",
+        "dive.csv",
+        "mixed.csv",
+    )
 
 
 @pytest.mark.parametrize(
@@ -162,6 +170,18 @@ def test_new_refuses_a_folder_that_holds_files(starter: Path) -> None:
     assert sorted(path.name for path in starter.iterdir()) == before
 
 
+def test_the_bench_test_of_a_new_project_finds_the_truth_behind_its_records(starter: Path) -> None:
+    found = json.loads(call("bench", starter / "bench.toml", "--no-figures", "--json").stdout)
+    truth = Recipe.load(EXAMPLES / "starter" / "logs" / "straight.toml").truth.vehicle.coefficients()
+    written = bench(starter / "bench.toml").vehicle.coefficients()
+    # Stated standard deviations: 0.2 to 1.4 % of the thrust, below 0.3 % of the motor; twice the largest.
+    for name in ("port.p1_ahead", "starboard.p1_astern", "vertical.p1_ahead", "vertical.p1_astern"):
+        assert written[name] == pytest.approx(truth[name], rel=0.028)
+    for name in ("port.T_1", "starboard.T_t", "vertical.n_acc"):
+        assert written[name] == pytest.approx(truth[name], rel=0.006)
+    assert set(found["pulls"]) == {"stern", "vertical"}
+
+
 def test_new_then_identify_then_score(starter: Path, here: Path) -> None:
     result = call("identify", starter / "campaign.toml", "--out", "run", "--no-figures")
     assert result.exit_code == 0, result.output
@@ -175,7 +195,8 @@ def test_new_then_identify_then_score(starter: Path, here: Path) -> None:
     ):
         assert words in result.stdout
     known = json.loads((here / "run" / "identification.json").read_text())
-    assert {row["name"] for row in known["coefficients"]} == {"X_u", "X_uu", "N_rdot", "N_r", "N_rr", "N_ur"}
+    sought = ["X_u", "X_uu", "N_rdot", "N_r", "N_rr", "N_ur", "Z_wdot", "Z_w", "Z_ww", "B"]
+    assert [row["name"] for row in known["coefficients"]] == sought
     Vehicle.load(here / "run" / "vehicle.toml")
 
     score: list[str | Path] = ["score", "run/vehicle.toml", "zigzag", "--json"]
@@ -192,14 +213,14 @@ def test_identify_reuses_finished_stages_and_prints_json(starter: Path, here: Pa
     arguments: list[str | Path] = ["identify", starter / "campaign.toml", "--out", "run", "--json"]
     first = json.loads(call(*arguments, "--no-figures").stdout)
     again = json.loads(call(*arguments).stdout)
-    assert [stage["reused"] for stage in again["stages"]] == [True, True]
+    assert [stage["reused"] for stage in again["stages"]] == [True, True, True]
     assert again["coefficients"] == first["coefficients"]
     names = {Path(path).stem for path in again["figures"]}
     expected = {"vehicle", "characteristic", "convergence", "intervals", "criticism"}
-    assert names == expected | {"trial_straight", "trial_zigzag"}
+    assert names == expected | {f"trial_{name}" for name in ("straight", "zigzag", "dive", "mixed")}
     assert all(Path(path).is_file() for path in again["figures"])
     fresh = json.loads(call(*arguments, "--no-resume", "--no-figures").stdout)
-    assert [stage["reused"] for stage in fresh["stages"]] == [False, False]
+    assert [stage["reused"] for stage in fresh["stages"]] == [False, False, False]
 
 
 def test_identify_with_another_recording(starter: Path, here: Path) -> None:

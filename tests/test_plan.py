@@ -389,8 +389,9 @@ def test_the_trials_of_a_campaign_count(tmp_path: Path) -> None:
     fresh = plan(campaign, budget_s=40.0, candidates=candidates, count=1, use_recorded=False)
     after = plan(campaign, budget_s=40.0, candidates=candidates, count=1)
     assert (fresh.recorded, after.recorded) == (False, True)
-    assert [change.name for change in after.coefficients] == ["X_u", "X_uu", "N_rdot", "N_r", "N_rr", "N_ur"]
-    # Two logs of minutes against nothing but bounds.
+    sought = ["X_u", "X_uu", "N_rdot", "N_r", "N_rr", "N_ur", "Z_wdot", "Z_w", "Z_ww", "B"]
+    assert [change.name for change in after.coefficients] == sought
+    # Logs of minutes against nothing but bounds.
     assert after.score_before < 0.2 * fresh.score_before
 
 
@@ -475,13 +476,13 @@ def test_the_verb_names_a_vehicle_that_does_not_exist() -> None:
 
 
 def test_a_campaign_without_recordings_says_how_to_plan_without_them(tmp_path: Path) -> None:
-    text = (STARTER / "campaign.toml").read_text()
-    (tmp_path / "campaign.toml").write_text(text)
-    (tmp_path / "vehicle.toml").write_text((STARTER / "vehicle.toml").read_text())
-    result = call("plan", tmp_path / "campaign.toml", "--duration", "20", "--no-figures")
+    assert call("new", tmp_path / "mine").exit_code == 0
+    for log in (tmp_path / "mine" / "logs").iterdir():
+        log.unlink()
+    result = call("plan", tmp_path / "mine" / "campaign.toml", "--duration", "20", "--no-figures")
     assert result.exit_code == 2
     assert "--no-recorded" in result.stderr
     arguments = ["--duration", "20", "--count", "1", "--no-recorded", "--no-figures", "--json"]
-    result = call("plan", tmp_path / "campaign.toml", *arguments, "--out", tmp_path / "next.csv")
+    result = call("plan", tmp_path / "mine" / "campaign.toml", *arguments, "--out", tmp_path / "next.csv")
     assert result.exit_code == 0, result.output
     assert not json.loads(result.stdout)["recorded"]

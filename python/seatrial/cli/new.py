@@ -10,14 +10,17 @@ import typer
 EXAMPLES = Path(__file__).parent.parent / "examples"
 """Example projects that come with the package."""
 
-_STARTER = ("vehicle.toml", "campaign.toml")
-_LOGS = ("straight", "zigzag")
+_FILES = ("vehicle.toml", "bench.toml", "campaign.toml")
+_RECORDS = {
+    "bench": ("ahead", "astern", "down", "up", "steps"),
+    "logs": ("straight", "zigzag", "dive", "mixed"),
+}
 
 
 def new(
     folder: Annotated[Path, typer.Argument(help="Folder to make; it must be empty or not exist.")],
 ) -> None:
-    """Write a starter project: vehicle file, campaign file and an example log, all with comments."""
+    """Write a starter project: vehicle, bench and campaign file with comments, generated example records."""
     from seatrial.cli.console import output
     from seatrial.errors import SeatrialError
     from seatrial.generated import Recipe
@@ -26,20 +29,23 @@ def new(
         raise SeatrialError(f"{folder}: expected an empty or a new folder, found files; choose another name")
     starter = EXAMPLES / "starter"
     try:
-        (folder / "logs").mkdir(parents=True, exist_ok=True)
-        for name in _STARTER:
+        for records in _RECORDS:
+            (folder / records).mkdir(parents=True, exist_ok=True)
+        for name in _FILES:
             (folder / name).write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
     except OSError as error:
         raise SeatrialError(
             f"{folder}: cannot be written ({error.strerror}); choose a folder that you may write to"
         ) from None
-    for name in _LOGS:
-        Recipe.load(starter / "logs" / f"{name}.toml").write_csv(folder / "logs" / f"{name}.csv")
+    for records, names in _RECORDS.items():
+        for name in names:
+            Recipe.load(starter / records / f"{name}.toml").write_csv(folder / records / f"{name}.csv")
     console = output()
     console.print(
-        f"Project in {folder}: vehicle.toml, campaign.toml and generated example logs in logs/",
+        f"Project in {folder}: {', '.join(_FILES)}; generated example records in {'/, '.join(_RECORDS)}/",
         soft_wrap=True,
     )
     console.print(f"Next:  seatrial check {folder}/vehicle.toml", soft_wrap=True, markup=False)
+    console.print(f"       seatrial bench {folder}/bench.toml", soft_wrap=True, markup=False)
     console.print(f"       seatrial check {folder}/campaign.toml", soft_wrap=True, markup=False)
     console.print(f"       seatrial identify {folder}/campaign.toml", soft_wrap=True, markup=False)

@@ -1,6 +1,9 @@
 """Figures for paper and screen in one house style; every function returns a matplotlib figure.
 
-Each module draws one figure: `views` (the vehicle from three sides), `comparison` (measured against
-simulated), `search_history` (convergence), `characteristic_curve` (command to thrust); `style` holds what
-they share and saves them. matplotlib is loaded when the first figure is drawn, without a display.
+Each module draws one figure: of a vehicle (`views`, `model_diagram`, `actuator_diagram`, `static_transfer`,
+`rate_limiting`, `characteristic_curve`, `performance`), of a bench test (`motor_step`, `bollard`), of an
+identification (`optimisation_diagram`, `stage_result`, `search_history`, `comparison`, `intervals`,
+`model_criticism`). `gallery` collects those of a run, `paper_figures` all of them with captions. `style`
+holds what they share and saves them, `diagram` the parts of block diagrams. matplotlib is loaded when the
+first figure is drawn, without a display.
 """

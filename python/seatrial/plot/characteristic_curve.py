@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.check.actuators import NOMINAL_V, largest, settling_s, voltage_for
-from seatrial.plot.style import CYCLE, WIDTH_IN, house_style, new_figure, panel_title
+from seatrial.plot.style import COLUMN_IN, CYCLE, WIDTH_IN, house_style, new_figure, panel_title
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,6 +21,7 @@ __all__ = ["characteristic", "thrust"]
 Array = NDArray[np.float64]
 
 _POINTS = 161
+_DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), "-", (0, (5, 1.5)))
 
 
 def characteristic(
@@ -47,19 +48,21 @@ def characteristic(
     with house_style():
         panels: dict[str, tuple[list[str], Array, list[tuple[str, Array]]]] = {}
         for group, name in groups.items():
-            steps = np.linspace(-largest(facts[name], -1.0), largest(facts[name], 1.0), _POINTS)
+            ahead = largest(facts[name], 1.0)
+            astern = largest(facts[name], -1.0) if facts[name]["maximum_astern"] else 0.1 * ahead
+            steps = np.linspace(-astern, ahead, _POINTS)
             curves = _curves(vehicle, name, steps, speeds_m_s, voltages_v)
             like = next((other for other, panel in panels.items() if _equal(panel[2], curves)), None)
             if like is None:
                 panels[name] = ([group], steps, curves)
             else:
                 panels[like][0].append(group)
-        figure = new_figure(2.6, width_in=min(WIDTH_IN, 3.6 * len(panels)))
+        figure = new_figure(2.6, width_in=COLUMN_IN if len(panels) == 1 else WIDTH_IN)
         grid = figure.subplots(1, len(panels), squeeze=False)
         for axes, (name, (alike, steps, curves)) in zip(grid[0], panels.items(), strict=True):
-            unit = str(facts[name]["unit"])
-            for colour, (label, force) in zip(CYCLE, curves, strict=False):
-                axes.plot(steps, force, color=colour, label=label)
+            unit = str(facts[name]["unit"]).replace("us", "\N{MICRO SIGN}s")
+            for colour, dashes, (label, force) in zip(CYCLE, _DASHES, curves, strict=False):
+                axes.plot(steps, force, color=colour, linestyle=dashes, label=label)
             axes.axhline(0.0, color="#262626", linewidth=0.5)
             axes.axvline(0.0, color="#262626", linewidth=0.5)
             neutral = float(facts[name]["neutral"])

@@ -34,8 +34,8 @@ NAMES = dict(
     )
 )
 _PANEL_IN, _EDGES_IN = 1.35, 0.85
-_ANGLES = ("roll", "pitch", "yaw")
-_DEGREES = ("p", "q", "r", *_ANGLES)
+ANGLES = ("roll", "pitch", "yaw")
+IN_DEGREES = ("p", "q", "r", *ANGLES)
 
 
 def measured_against_simulated(
@@ -86,10 +86,10 @@ def measured_against_simulated(
 
 def _channel(upper: Axes, lower: Axes, trial: Trial, windows: Sequence[Window], channel: str) -> None:
     k = CHANNELS.index(channel)
-    scale = 1.0 / DEGREE if channel in _DEGREES else 1.0
-    unit = ("deg" if channel in _DEGREES else "m") + ("/s" if k < 6 else "")
+    scale = 1.0 / DEGREE if channel in IN_DEGREES else 1.0
+    unit = ("deg" if channel in IN_DEGREES else "m") + ("/s" if k < 6 else "")
     measured = np.where(trial.valid[:, k], trial.observed[:, k], np.nan)
-    if channel in _ANGLES:
+    if channel in ANGLES:
         known = np.isfinite(measured)
         measured[known] = np.unwrap(measured[known])
     upper.plot(trial.t, scale * measured, color=MEASURED, linewidth=1.6, alpha=0.55)
@@ -97,22 +97,22 @@ def _channel(upper: Axes, lower: Axes, trial: Trial, windows: Sequence[Window], 
         t = trial.t[window.start : window.stop]
         simulated = window.simulated[:, k].copy()
         observed = measured[window.start : window.stop]
-        if channel in _ANGLES:
-            simulated = _beside(np.unwrap(simulated), observed)
+        if channel in ANGLES:
+            simulated = beside(np.unwrap(simulated), observed)
         upper.plot(t, scale * simulated, color=SIMULATED, linewidth=0.9)
         lower.plot(t, scale * (observed - simulated), color=RESIDUAL, linewidth=0.7)
     shown = scale * measured[np.isfinite(measured)]
     if len(shown):
         margin = 0.15 * max(np.ptp(shown), 1e-6)
         upper.set_ylim(shown.min() - margin, shown.max() + margin)
-    _residual_limits(lower)
+    residual_limits(lower)
     upper.set_ylabel(unit)
     lower.set_ylabel("error", fontsize=7)
     lower.axhline(0.0, color="#262626", linewidth=0.4)
-    lower.yaxis.set_major_locator(_few_ticks())
+    lower.yaxis.set_major_locator(few_ticks())
 
 
-def _residual_limits(axes: Axes) -> None:
+def residual_limits(axes: Axes) -> None:
     """Limits that single outliers do not set."""
     errors = np.concatenate([np.abs(line.get_ydata()) for line in axes.get_lines()] or [np.zeros(1)])
     errors = errors[np.isfinite(errors)]
@@ -120,7 +120,7 @@ def _residual_limits(axes: Axes) -> None:
         axes.set_ylim(-reach, reach)
 
 
-def _beside(simulated: Array, observed: Array) -> Array:
+def beside(simulated: Array, observed: Array) -> Array:
     """An unwrapped angle moved by whole turns to where the measurement begins."""
     known = np.flatnonzero(np.isfinite(observed) & np.isfinite(simulated))
     if not len(known):
@@ -137,7 +137,8 @@ def _shade(axes: Axes, t: Array, mask: NDArray[np.bool_] | None) -> None:
         axes.axvspan(t[first], t[min(end, len(t) - 1)], color=SHADE, linewidth=0.0, zorder=0)
 
 
-def _few_ticks() -> Locator:
+def few_ticks() -> Locator:
+    """Locator of two or three ticks about zero, for a low panel."""
     from matplotlib.ticker import MaxNLocator
 
     return MaxNLocator(nbins=2, symmetric=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.plot.style import FAINT, RESIDUAL, SECOND, SIMULATED, house_style, new_figure, panel_title
+from seatrial.plot.symbols import symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,13 +61,14 @@ def _deviations(
         if mine.any():
             axes.plot(shown[mine], rows[mine], "o", color=colour, markersize=4.0, label=verdict)
     axes.set_xscale("log")
-    axes.set_yticks(rows, names)
+    axes.set_yticks(rows, [symbol(name) for name in names])
     axes.set_ylim(-0.5, len(names) - 0.5)  # the rows of the matrix beside it
 
 
 def _correlations(figure: Figure, axes: Axes, names: list[str], matrix: np.ndarray) -> None:
     image = axes.imshow(matrix, vmin=-1.0, vmax=1.0, cmap="RdBu_r", aspect="auto")
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=min(7.0, 210.0 / len(names)))
+    shown = [symbol(name) for name in names]
+    axes.set_xticks(range(len(names)), shown, rotation=90, fontsize=min(7.0, 210.0 / len(names)))
     axes.set_yticks([])
     axes.grid(visible=False)
     bar = figure.colorbar(image, ax=axes, shrink=0.6, pad=0.02)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,7 @@ from seatrial.plot.style import FAINT
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["label_rows", "side_by_side"]
+__all__ = ["joined", "label_rows", "side_by_side"]
 
 Array = NDArray[np.float64]
 
@@ -54,10 +54,16 @@ def label_rows(
         x, y = page[members].mean(axis=0)
         # On the centre line a label stands where the arrow does not point.
         side = y if abs(y) > 1e-3 else -arrows[members, 1].sum()
-        rows[-1.0 if side < -1e-3 else 1.0].append((x, y, ", ".join(names[k] for k in members)))
+        rows[-1.0 if side < -1e-3 else 1.0].append((x, y, joined([names[k] for k in members])))
+
+    def width(row: Sequence[tuple[float, float, str]]) -> float:
+        return sum(_width_in(axes, text) for _, _, text in row) / inch
+
+    for side in (1.0, -1.0):
+        _relieve(rows[side], rows[-side], width, room=2.0 * across)
     for side, row in rows.items():
         row.sort()
-        widths = [_width_in(axes, text) / inch for _, _, text in row]
+        widths = [width([entry]) for entry in row]
         shrink = min(1.0, 2.0 * across / sum(widths)) if widths else 1.0
         centres = side_by_side([x for x, _, _ in row], [shrink * width for width in widths], across)
         for (x, y, text), centre in zip(row, centres, strict=True):
@@ -77,6 +83,36 @@ def label_rows(
                     "shrinkB": 3.0,
                 },
             )
+
+
+def joined(names: Sequence[str]) -> str:
+    """Names with commas; what they share up to an underscore stands once.
+
+    Examples
+    --------
+    >>> joined(["thruster_3", "thruster_4"]), joined(["SbU", "PU"])
+    ('thruster_3, 4', 'SbU, PU')
+    """
+    prefix = names[0].rpartition("_")[0] + "_"
+    if len(names) < 2 or len(prefix) < 2 or not all(name.startswith(prefix) for name in names):
+        return ", ".join(names)
+    return ", ".join([names[0], *(name.removeprefix(prefix) for name in names[1:])])
+
+
+def _relieve(
+    full: list[tuple[float, float, str]],
+    other: list[tuple[float, float, str]],
+    width: Callable[[Sequence[tuple[float, float, str]]], float],
+    *,
+    room: float,
+) -> None:
+    """Move labels out of a row that is too full, those nearest the centre line first, while it helps."""
+    while width(full) > room:
+        moved = min(full, key=lambda entry: (abs(entry[1]), entry[0]))
+        if width([*other, moved]) >= width(full):
+            return
+        full.remove(moved)
+        other.append(moved)
 
 
 def side_by_side(wanted: Sequence[float], widths: Sequence[float], limit: float) -> list[float]:

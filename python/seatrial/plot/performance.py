@@ -242,4 +242,4 @@ def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v:
     facts = vehicle.actuator_info()
     first, sense = next(iter(drivers(vehicle).items()))
     outer = _TURN_SHARE * largest(facts[first], sense)
-    panel_title(axes, "turning circles", f"outer side at {outer:g} {facts[first]['unit']}")
+    panel_title(axes, "turning circles", f"outer side at {outer:.4g} {facts[first]['unit']}")

@@ -1,7 +1,8 @@
 """House style of all figures: sizes, palette, saving.
 
 The palette is that of Okabe and Ito (2008), which the common colour-vision deficiencies keep apart; measured
-and simulated differ in weight too, so that a grey print tells them. Sizes are those of a two-column page.
+and simulated differ in weight too, so that a grey print tells them. Widths are those of a page of two columns
+(IEEE: 88 and 180 mm); fonts are embedded in PDF as TrueType and drawn as outlines in SVG.
 """
 
 from __future__ import annotations
@@ -29,8 +30,10 @@ SHADE = "#E9E4D4"
 HULL, HULL_EDGE = "#EEF2F5", "#7A8791"
 FAINT = "#9AA3AA"
 
-WIDTH_IN = 7.2
+COLUMN_IN = 88.0 / 25.4
+WIDTH_IN = 180.0 / 25.4
 DPI = 200
+PRINT_DPI = 300
 
 _STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
@@ -53,8 +56,10 @@ _STYLE: dict[str, Any] = {
     "legend.frameon": False,
     "lines.linewidth": 1.1,
     "lines.solid_capstyle": "round",
+    "mathtext.fontset": "dejavusans",
     "pdf.fonttype": 42,
     "savefig.dpi": DPI,
+    "svg.hashsalt": "seatrial",
     "xtick.color": "#595959",
     "xtick.labelsize": 7,
     "xtick.major.width": 0.6,
@@ -97,7 +102,9 @@ def tidy(number: float) -> str:
     return f"{number:.2f}" if number > -9.95 else "below \N{MINUS SIGN}9.9"
 
 
-def save(figure: Figure, path: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")) -> list[Path]:
+def save(
+    figure: Figure, path: str | Path, *, formats: tuple[str, ...] = ("png", "pdf"), dpi: int = DPI
+) -> list[Path]:
     """Paths of the files after the figure was written beside `path` in every format, by its ending.
 
     Raises
@@ -113,8 +120,8 @@ def save(figure: Figure, path: str | Path, *, formats: tuple[str, ...] = ("png",
             for ending in formats:
                 target = base.with_name(f"{base.name}.{ending}")
                 # No date inside: the same data give the same file.
-                metadata = {"CreationDate": None} if ending == "pdf" else None
-                figure.savefig(target, dpi=DPI, metadata=metadata)
+                dated = {"pdf": "CreationDate", "svg": "Date"}.get(ending)
+                figure.savefig(target, dpi=dpi, metadata={dated: None} if dated else None)
                 written.append(target)
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)

@@ -1,6 +1,7 @@
 """The vehicle from three sides: hull, centres of gravity and buoyancy, actuators with their thrust.
 
-Side and top have one scale; the front, seen from ahead, has its own where the vehicle is slender.
+Side and top have one scale; the front, seen from ahead, has its own where the vehicle is slender. The legend
+stands below the front where there is room, else at the foot.
 Actuators that lie behind one another share a label; labels stand in rows above and below the hull, each tied
 to its place by a thin line.
 """
@@ -15,16 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.plot.labels import label_rows
-from seatrial.plot.style import (
-    CYCLE,
-    HULL,
-    HULL_EDGE,
-    RESIDUAL,
-    WIDTH_IN,
-    house_style,
-    new_figure,
-    panel_title,
-)
+from seatrial.plot.style import WIDTH_IN, house_style, new_figure, panel_title
+from seatrial.plot.view_marks import View, centres, hull, legend, thrust
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,47 +29,35 @@ __all__ = ["three_views"]
 
 Array = NDArray[np.float64]
 
-_LEFT_IN, _GAP_IN, _BOTTOM_IN, _TOP_IN, _RIGHT_IN = 0.62, 0.68, 0.62, 0.62, 0.1
+_LEFT_IN, _GAP_IN, _BOTTOM_IN, _FOOT_IN, _TOP_IN, _RIGHT_IN = 0.62, 0.68, 0.62, 0.46, 0.62, 0.1
 _LABELS_IN = 0.28  # height of a row of labels
-_LEGEND_IN = 0.14
+_LEGEND_IN, _LEGEND_ROW_IN = 1.05, 0.2  # as a column, as a row
 _TALLEST_IN = 3.1  # of a view
-_ALONG = 0.15  # a direction with less than this share in the page is drawn as a point or a cross
 
 
-@dataclass(frozen=True)
-class _View:
-    """A view: body axes that run to the right and up the page, with sign, and the one towards the viewer."""
-
-    title: str
-    across: int
-    right: float
-    upright: int
-    up: float
-    viewer: int
-    towards: float
-    labels: tuple[str, str]
-
-    def page(self, vectors: Array) -> Array:
-        """Body vectors (n, 3) on the page (n, 2), right and up."""
-        return np.stack([self.right * vectors[:, self.across], self.up * vectors[:, self.upright]], axis=1)
-
-
-_SIDE = _View("side", 0, 1.0, 2, -1.0, 1, 1.0, ("x forward, m", "z down, m"))
-_TOP = _View("top", 0, 1.0, 1, -1.0, 2, -1.0, ("x forward, m", "y starboard, m"))
-_FRONT = _View("front, seen from ahead", 1, -1.0, 2, -1.0, 0, 1.0, ("y starboard, m", "z down, m"))
+_SIDE = View("side", 0, 1.0, 2, -1.0, 1, 1.0, ("x forward, m", "z down, m"))
+_TOP = View("top", 0, 1.0, 1, -1.0, 2, -1.0, ("x forward, m", "y starboard, m"))
+_FRONT = View("front, seen from ahead", 1, -1.0, 2, -1.0, 0, 1.0, ("y starboard, m", "z down, m"))
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Half extents (3,) in m of hull and actuators, length of an arrow, room for labels, all in m."""
+    """Half extents (3,) of hull, actuators and arrows, and the length of an arrow, m."""
 
-    half: Array
+    reach: Array
     arrow: float
 
-    def window(self, view: _View, room: float) -> tuple[float, float]:
+    @classmethod
+    def of(cls, size: list[float], places: Array, directions: Array) -> _Layout:
+        """Layout of a hull (length, breadth, height, m) and of actuators (n, 3)."""
+        half = np.maximum(0.5 * np.array(size), np.abs(places).max(axis=0, initial=0.0))
+        arrow = 0.3 * float(np.sort(half)[1]) + 0.09 * float(half.max())
+        tips = np.abs(places + 1.35 * arrow * directions).max(axis=0, initial=0.0)
+        return cls(np.maximum(half + 0.9 * arrow, tips), arrow)
+
+    def window(self, view: View, room: float) -> tuple[float, float]:
         """Half width and half height of a view's axes, m."""
-        reach = self.half + 1.35 * self.arrow
-        return float(reach[view.across]), float(reach[view.upright]) + room
+        return float(self.reach[view.across]), float(self.reach[view.upright]) + room
 
 
 def three_views(vehicle: Vehicle) -> Figure:
@@ -88,16 +69,16 @@ def three_views(vehicle: Vehicle) -> Figure:
         names, places, directions = _actuators(vehicle)
         measures = vehicle.geometry()
         size = [measures.get(key, 1.0) for key in ("length", "diameter", "height")]
-        half = np.maximum(0.5 * np.array(size), np.abs(places).max(axis=0, initial=0.0))
-        layout = _Layout(half, 0.32 * float(np.sort(half)[1]) + 0.05 * float(half.max()))
-        boxes, scales, total = _boxes(layout)
+        layout = _Layout.of(size, places, directions)
+        boxes, scales, total, below = _boxes(layout)
         figure = new_figure(total, constrained=False)
         for view, box, inch in zip((_SIDE, _TOP, _FRONT), boxes, scales, strict=True):
             axes = figure.add_axes((box[0] / WIDTH_IN, box[1] / total, box[2] / WIDTH_IN, box[3] / total))
             _axes(axes, view, layout.window(view, _LABELS_IN / inch))
-            _hull(axes, view, size, box_shaped=_is_box(vehicle))
-            _centres(axes, view, vehicle)
-            _thrust(axes, view, places, directions, layout.arrow, inch)
+            if measures:
+                hull(axes, view, size, box_shaped=_is_box(vehicle))
+            centres(axes, view, vehicle)
+            thrust(axes, view, places, directions, layout.arrow, inch)
             signs = np.array([view.right, view.up])
             page, arrows = view.page(places), view.page(directions)
             label_rows(
@@ -109,7 +90,10 @@ def three_views(vehicle: Vehicle) -> Figure:
                 window=layout.window(view, _LABELS_IN / inch),
                 inch=inch,
             )
-        _legend(figure)
+        front = boxes[2]
+        corner = (front[0] / WIDTH_IN, (front[1] - _BOTTOM_IN) / total)
+        fins = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
+        legend(figure, corner if below else None, fins=fins)
         figure.text(
             _LEFT_IN / WIDTH_IN, 1.0 - 0.16 / total, vehicle.name, fontweight="bold", fontsize=10, va="center"
         )
@@ -125,8 +109,11 @@ def three_views(vehicle: Vehicle) -> Figure:
     return figure
 
 
-def _boxes(layout: _Layout) -> tuple[list[tuple[float, float, float, float]], tuple[float, ...], float]:
-    """Boxes (left, bottom, width, height) of side, top and front, in; their scales, in/m; the height, in."""
+def _boxes(layout: _Layout) -> tuple[list[tuple[float, float, float, float]], tuple[float, ...], float, bool]:
+    """Boxes of side, top and front, scales, height of the figure, whether the legend fits below the front.
+
+    A box is (left, bottom, width, height) in inches; scales are in inches per metre.
+    """
     long_m, deep_m = layout.window(_SIDE, 0.0)
     broad_m = layout.window(_TOP, 0.0)[1]
     fixed = 2.0 * _LABELS_IN
@@ -137,19 +124,21 @@ def _boxes(layout: _Layout) -> tuple[list[tuple[float, float, float, float]], tu
     side, top = 2.0 * deep_m * scale + fixed, 2.0 * broad_m * scale + fixed
     left = _LEFT_IN + wide + _GAP_IN
     front_wide = WIDTH_IN - left - _RIGHT_IN
-    front_scale = min(front_wide / (2.0 * broad_m), (side + top + _BOTTOM_IN - fixed) / (2.0 * deep_m))
+    room = side + top + _BOTTOM_IN
+    front_scale = min(front_wide / (2.0 * broad_m), (room - fixed) / (2.0 * deep_m))
     if long_m < 2.0 * broad_m:
         front_scale = min(front_scale, scale)
     front_wide = 2.0 * broad_m * front_scale
     front = 2.0 * deep_m * front_scale + fixed
-    bottom = _BOTTOM_IN + _LEGEND_IN
+    below = room - front > _LEGEND_IN + _BOTTOM_IN
+    bottom = _FOOT_IN + (0.0 if below else _LEGEND_ROW_IN)
     total = bottom + top + _BOTTOM_IN + side + _TOP_IN
     boxes = [
         (_LEFT_IN, bottom + top + _BOTTOM_IN, wide, side),
         (_LEFT_IN, bottom, wide, top),
         (left, total - _TOP_IN - front, front_wide, front),
     ]
-    return boxes, (scale, scale, front_scale), total
+    return boxes, (scale, scale, front_scale), total, below
 
 
 def _actuators(vehicle: Vehicle) -> tuple[list[str], Array, Array]:
@@ -168,14 +157,16 @@ def _is_box(vehicle: Vehicle) -> bool:
 
 def _remark(vehicle: Vehicle, placed: list[str]) -> str:
     measures = vehicle.geometry()
-    size = " x ".join(f"{measures[key]:g}" for key in ("length", "diameter", "height") if key in measures)
+    size = " \N{MULTIPLICATION SIGN} ".join(
+        f"{measures[key]:g}" for key in ("length", "diameter", "height") if key in measures
+    )
     missing = [name for name in vehicle.actuators if name not in placed]
     return (f"{size} m" if size else "no [geometry]") + (
         f"; without place: {', '.join(missing)}" if missing else ""
     )
 
 
-def _axes(axes: Axes, view: _View, window: tuple[float, float]) -> None:
+def _axes(axes: Axes, view: View, window: tuple[float, float]) -> None:
     across, upright = window
     axes.set_xlim(-across * view.right, across * view.right)
     axes.set_ylim(-upright * view.up, upright * view.up)
@@ -184,120 +175,3 @@ def _axes(axes: Axes, view: _View, window: tuple[float, float]) -> None:
     axes.locator_params(nbins=5)
     axes.grid(color="#F0F0F0")
     panel_title(axes, view.title)
-
-
-def _hull(axes: Axes, view: _View, size: list[float], *, box_shaped: bool) -> None:
-    """Outline: a box, or a torpedo with an elliptic nose and a parabolic tail; a circle from ahead."""
-    length, diameter, height = (0.5 * x for x in size)
-    half = {0: length, 1: diameter, 2: height}
-    if box_shaped:
-        a, b = half[view.across], half[view.upright]
-        outline = np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
-    elif view.across == 0:
-        x = length * np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 161))
-        nose, tail = 0.35 * length, 0.55 * length
-        ahead = np.clip((x - (length - nose)) / nose, 0.0, 1.0)
-        astern = np.clip((-length + tail - x) / tail, 0.0, 1.0)
-        r = half[view.upright] * np.sqrt(1.0 - ahead**2) * (1.0 - 0.85 * astern**2)
-        outline = np.concatenate([np.stack([x, r], axis=1), np.stack([x, -r], axis=1)[::-1]])
-    else:
-        angle = np.linspace(0.0, 2.0 * np.pi, 121)
-        outline = np.stack([half[1] * np.cos(angle), half[2] * np.sin(angle)], axis=1)
-    axes.fill(outline[:, 0], outline[:, 1], facecolor=HULL, edgecolor=HULL_EDGE, linewidth=0.8, zorder=1)
-
-
-def _centres(axes: Axes, view: _View, vehicle: Vehicle) -> None:
-    values = vehicle.coefficients()
-    for letter, marker, colour in (("g", "o", "#262626"), ("b", "^", CYCLE[0])):
-        place = [values.get(f"{axis}_{letter}", 0.0) for axis in "xyz"]
-        axes.plot(
-            place[view.across],
-            place[view.upright],
-            marker,
-            color=colour,
-            markersize=4.5,
-            markerfacecolor="none" if letter == "g" else colour,
-            markeredgewidth=0.9,
-            zorder=4,
-        )
-
-
-def _thrust(axes: Axes, view: _View, places: Array, directions: Array, arrow: float, inch: float) -> None:
-    radius = 0.045 / inch
-    for place, direction in zip(places, directions, strict=True):
-        x, y = place[view.across], place[view.upright]
-        dx, dy = direction[view.across], direction[view.upright]
-        if np.hypot(dx, dy) < _ALONG:
-            from matplotlib.patches import Circle
-
-            facing = direction[view.viewer] * view.towards > 0.0
-            axes.add_patch(
-                Circle((x, y), radius, facecolor="white", edgecolor=RESIDUAL, linewidth=0.9, zorder=5)
-            )
-            axes.plot(
-                x, y, "." if facing else "x", color=RESIDUAL, markersize=3, markeredgewidth=0.8, zorder=6
-            )
-            continue
-        axes.plot(x, y, "o", color=RESIDUAL, markersize=2.6, zorder=5)
-        axes.annotate(
-            "",
-            (x + arrow * dx, y + arrow * dy),
-            (x, y),
-            zorder=5,
-            arrowprops={
-                "arrowstyle": "-|>,head_width=0.14,head_length=0.28",
-                "color": RESIDUAL,
-                "linewidth": 0.9,
-                "shrinkA": 0.0,
-                "shrinkB": 0.0,
-            },
-        )
-
-
-def _legend(figure: Figure) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D(
-            [],
-            [],
-            marker="o",
-            linestyle="",
-            color="#262626",
-            markerfacecolor="none",
-            label="centre of gravity",
-        ),
-        Line2D([], [], marker="^", linestyle="", color=CYCLE[0], label="centre of buoyancy"),
-        Line2D(
-            [],
-            [],
-            marker=r"$\rightarrow$",
-            linestyle="",
-            color=RESIDUAL,
-            markersize=9,
-            label="positive thrust",
-        ),
-        Line2D(
-            [],
-            [],
-            marker=r"$\odot$",
-            linestyle="",
-            color=RESIDUAL,
-            markersize=7,
-            markeredgewidth=0.2,
-            label="towards the viewer",
-        ),
-        Line2D(
-            [],
-            [],
-            marker=r"$\otimes$",
-            linestyle="",
-            color=RESIDUAL,
-            markersize=7,
-            markeredgewidth=0.2,
-            label="away",
-        ),
-    ]
-    figure.legend(
-        handles=handles, loc="lower center", ncols=len(handles), handletextpad=0.3, columnspacing=1.4
-    )

@@ -1,0 +1,143 @@
+"""`seatrial gallery`: the figures of a paper about a vehicle, from one command."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from seatrial.bench_test import BenchTest
+    from seatrial.campaign import Campaign
+    from seatrial.identification import Identification
+    from seatrial.plot.paper_figures import PaperGallery
+
+
+def gallery(
+    target: Annotated[
+        str | None,
+        typer.Argument(
+            help="Campaign file, vehicle file or built-in vehicle; CWolf's example campaign by default.",
+            metavar="[CAMPAIGN|VEHICLE]",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the figures; runs/gallery-NAME by default.")
+    ] = None,
+    formats: Annotated[
+        str, typer.Option(help="Formats of the figures, some of png, pdf and svg, with commas.")
+    ] = "png,pdf",
+    bench: Annotated[
+        Path | None,
+        typer.Option(help="Bench file of the vehicle's motors and pulls; the campaign's own by default."),
+    ] = None,
+    run: Annotated[
+        Path | None,
+        typer.Option(help="Run directory whose finished stages are reused; runs/NAME by default."),
+    ] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the list of figures as JSON.")] = False,
+) -> None:
+    """Draw outline, block diagrams, motors, stages and convergence, with a page of captions.
+
+    A campaign is identified first; stages that an earlier run finished from the same inputs are reused.
+    """
+    from seatrial.cli.check import _is_campaign
+    from seatrial.cli.console import print_json
+    from seatrial.cli.new import EXAMPLES
+    from seatrial.plot.paper_figures import check_formats, draw_gallery
+
+    chosen = check_formats(tuple(part.strip() for part in formats.split(",") if part.strip()))
+    if target is None or _is_campaign(target):
+        fit, folder = _identified(
+            target or str(EXAMPLES / "cwolf" / "campaign.toml"), out, run, threads, json
+        )
+        made = draw_gallery(fit, folder, bench=_bench(bench), formats=chosen)
+    else:
+        from seatrial._core import Vehicle
+
+        vehicle = Vehicle.load(target)
+        folder = out or Path("runs") / f"gallery-{vehicle.name}"
+        made = draw_gallery(vehicle, folder, bench=_bench(bench), formats=chosen)
+    if json:
+        print_json(_plain(made))
+    else:
+        _print(made)
+
+
+def _identified(
+    target: str, out: Path | None, earlier: Path | None, threads: int | None, quiet: bool
+) -> tuple[Identification, Path]:
+    """Identification of a campaign, its run directory inside the folder of the figures."""
+    from seatrial.campaign import Campaign
+    from seatrial.cli.identify import run as identified
+
+    campaign = Campaign.load(target)
+    folder = out or Path("runs") / f"gallery-{campaign.name}"
+    own = folder / "run"
+    _bring(campaign, earlier or Path("runs") / campaign.name, own)
+    fit = identified(campaign, own, threads=threads, quiet=quiet)
+    if fit.interrupted:
+        raise typer.Exit(130)
+    return fit, folder
+
+
+def _bring(campaign: Campaign, earlier: Path, own: Path) -> None:
+    """Copy the stages of an earlier run to where this one looks for finished ones.
+
+    The earlier run itself stays as it is. A stage from other inputs does no harm: its hash does not fit.
+    """
+    from seatrial.run_directory import RunDirectory
+
+    directory = RunDirectory(own)
+    for stage in campaign.stages:
+        name = directory.stage_name(stage.name)
+        if (earlier / name).is_file() and not (own / name).is_file():
+            shutil.copyfile(earlier / name, directory.workspace / name)
+
+
+def _bench(path: Path | None) -> BenchTest | None:
+    """Bench test of a file; None without one."""
+    if path is None:
+        return None
+    from seatrial.bench_test import bench
+
+    return bench(path)
+
+
+def _plain(made: PaperGallery) -> dict[str, object]:
+    return {
+        "title": made.title,
+        "figures": [
+            {
+                "number": figure.number,
+                "name": figure.name,
+                "caption": figure.caption,
+                "files": [str(path) for path in figure.files],
+            }
+            for figure in made.figures
+        ],
+        "left_out": list(made.left_out),
+        "index": str(made.index),
+    }
+
+
+def _print(made: PaperGallery) -> None:
+    from seatrial.cli.console import list_figures, output
+
+    console = output()
+    console.print(made.title, style="bold", markup=False)
+    for figure in made.figures:
+        console.print(f"Fig. {figure.number:2d}  {_short(figure.caption)}", soft_wrap=True, markup=False)
+    for sentence in made.left_out:
+        console.print(f"- not drawn: {sentence}", soft_wrap=True, markup=False)
+    list_figures(console, [path for figure in made.figures for path in figure.files])
+    console.print(f"Captions in {made.index}", soft_wrap=True, markup=False)
+
+
+def _short(caption: str) -> str:
+    """First part of a caption, up to its first colon, comma or full stop."""
+    return re.split(r"[:.;,] ", caption, maxsplit=1)[0]
