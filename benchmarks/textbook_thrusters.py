@@ -2,8 +2,8 @@
 -> characteristic -> force.
 
 All of the chain up to the actual revolutions is independent of the hull, so it runs first, over a whole
-record, on the grid of half steps that RK4 visits. In open loop the delay comes first: a pure delay commutes
-with limits, rate limit and lag.
+record, on the grid of half steps that RK4 visits. The delay comes behind the rate limit, where there is one,
+and reads its ramp linearly between the half steps; else it comes first, which a pure delay allows.
 
 Source: Taubert et al., OCEANS 2014 Taipei, static and dynamic behaviour, (34), (35), (36).
 Held by tests/test_textbook_thrusters.py.
@@ -196,15 +196,18 @@ def motor_response(
     n = 0.0 if initial is None else float(thruster.signal(initial))
     r = n / thruster.K_V
     held = np.repeat(static_limits(thruster, command)[:-1], substeps)
-    unlimited = np.isinf(thruster.n_acc) and np.isinf(thruster.n_dec)
+    if np.isinf(thruster.n_acc) and np.isinf(thruster.n_dec):
+        # The lag sees the held command itself, not a ramp towards it.
+        starts = ends = np.repeat(delayed(held, thruster.T_t / h, r), 2)
+    else:
+        ramp = [r]
+        for target in np.repeat(held, 2):
+            ramp.append(rate_limited(ramp[-1], target, h / 2, thruster.n_acc, thruster.n_dec))
+        late = delayed(np.array(ramp), thruster.T_t / (h / 2), r)
+        starts, ends = late[:-1], late[1:]
     response = [n]
-    for target in delayed(held, thruster.T_t / h, r):
-        for _ in range(2):
-            # Without a rate limit the lag sees the held command itself, not a ramp towards it.
-            u = target if unlimited else r
-            r = target if unlimited else rate_limited(r, target, h / 2, thruster.n_acc, thruster.n_dec)
-            n = lag(n, u, r, h / 2, thruster.K_V, thruster.T_1)
-            response.append(n)
+    for u, u_next in zip(starts, ends, strict=True):
+        response.append(lag(response[-1], u, u_next, h / 2, thruster.K_V, thruster.T_1))
     return thruster.command(response)
 
 

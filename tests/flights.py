@@ -53,12 +53,12 @@ class Flights:
         self.names = KINDS[name].split() if names is None else names
         rng = np.random.default_rng(7)
         own = self.vehicle.coefficients()
-        # Absent ones are zero. A dead time of whole steps and a lag of zero have one-sided derivatives only;
-        # and a rate limit hides when within a step a command arrives, unless it is near the step's end.
+        # Absent ones are zero. A dead time of whole half steps and a lag of zero have one-sided derivatives
+        # only.
         found = {n: 1.03 * own.get(n, 0.0) for n in self.names}
         step = DT / SUBSTEPS
         late = [n for n in self.names if n.endswith(".T_t")]
-        found |= {n: step * (round(own.get(n, 0.0) / step) + 0.98) for n in late}
+        found |= {n: step * (round(own.get(n, 0.0) / step) + 0.3) for n in late}
         found |= {n: found[n] + 0.05 for n in self.names if n.endswith(".T_1")}
         self.values = np.array(list(found.values()))
         self.size = np.maximum(np.abs(self.values), 0.05)

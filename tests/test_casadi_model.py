@@ -29,6 +29,7 @@ COUPLED = HULL | {
     "x_g": 0.02, "y_g": -0.01, "z_g": 0.01, "I_xz": 0.3, "I_xy": -0.2, "I_yz": 0.1, "X_0": 0.5, "N_0": -0.2,
     "Y_rdot": 4.0, "Z_qdot": -3.0, "Y_r": 1.0, "N_v": -2.0, "N_vv": 3.0, "M_ww": -2.0,
 }  # fmt: skip
+# CasADi gets commands that are delayed already: behind a rate limit by whole steps only.
 PROPELLER = Thruster(
     name="starboard",
     wrench=wrench_per_newton([-1.08, 0.134, 0.1], [0.96, 0.28, 0.0]),
@@ -41,7 +42,7 @@ PROPELLER = Thruster(
     n_dec=4000.0,
     K_V=0.95,
     T_1=0.15,
-    T_t=0.13,
+    T_t=0.125,
     wake=0.1,
     gain=1.1,
     thrust_deduction=0.05,
@@ -56,6 +57,7 @@ BOW = dataclasses.replace(
     characteristic=Quadratic(p1_ahead=0.0256, p1_astern=0.0226),
     n_acc=np.inf,
     n_dec=np.inf,
+    T_t=0.13,
 )
 SUBSTEPS = 4
 T = np.arange(0.0, 30.01, 0.1)

@@ -102,6 +102,7 @@ def test_step_of_the_global_search_ranks_candidates_as_a_fine_one(tmp_path: Path
         upper = np.array([one.upper for one in stage.parameters])
         shares = np.random.default_rng(3).uniform(size=(64, len(lower)))
         candidates = lower + (upper - lower) * shares
-        # A dead time between two steps blurs the command by up to a step, for all candidates alike.
-        one, other = (np.argsort(criterion(candidates))[:8] for criterion in (coarse, fine))
-        np.testing.assert_array_equal(one, other)
+        one, other = (criterion(candidates) for criterion in (coarse, fine))
+        # Within a step of 0.1 s the end of a motor's ramp is rounded off: found 3e-3 in surge, 2e-4 elsewhere.
+        np.testing.assert_allclose(one, other, rtol=1e-2)
+        np.testing.assert_array_equal(np.argsort(one)[:8], np.argsort(other)[:8])

@@ -71,6 +71,11 @@ pub trait Real:
     /// For what arithmetic cannot express: look-ups in records and measured tables. The slope
     /// carries derivatives; plain numbers ignore it.
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> Self;
+    /// The value at the place `self` in a ring of values, linear between neighbours: place `i` is
+    /// `ring[i mod len]`. The length is a power of two; `self` is not negative.
+    fn among(self, ring: &[Self]) -> Self;
+    /// The largest value of all lanes.
+    fn largest(self) -> f64;
 
     /// Zero in the kind of `self`.
     #[inline(always)]
@@ -160,5 +165,16 @@ impl Real for f64 {
     #[inline(always)]
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> f64 {
         f(self).0
+    }
+    #[inline(always)]
+    fn among(self, ring: &[f64]) -> f64 {
+        let whole = f64::floor(self);
+        let (i, mask) = (whole as usize, ring.len() - 1);
+        let from = ring[i & mask];
+        (self - whole) * (ring[(i + 1) & mask] - from) + from
+    }
+    #[inline(always)]
+    fn largest(self) -> f64 {
+        self
     }
 }

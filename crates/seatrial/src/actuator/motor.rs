@@ -3,8 +3,9 @@
 //! 1. Static ([`Limits`]): above the maximum clip; between zero and the minimum *lift* to the minimum
 //!    (the controller cannot hold less) or, as a true dead band, drop to zero; exactly zero stays.
 //! 2. Rate: `n_acc` while |n| grows, `n_dec` while it shrinks; a reversal first brakes to zero.
-//! 3. Dead time `T_t`: applied first, to the record, since a pure delay commutes with the rest
-//!    ([`crate::open_loop`]).
+//! 3. Dead time `T_t`: the ramp's past is read `T_t` earlier, linearly between half steps ([`DeadTime`]). It is
+//!    smooth in T_t: a delay of the command would move a ramp in whole steps only. Where there is no rate
+//!    limit the command itself is read earlier ([`crate::open_loop`]), which a pure delay allows.
 //! 4. Lag `K_V/(T_1 s + 1)` with first-order hold, because its input is a ramp after the rate limit:
 //!    `n(t+h) = a n(t) + K_V [(1−a) u(t) + (1 − (T_1/h)(1−a)) (u(t+h) − u(t))]`, `a = e^(−h/T_1)`.
 //!    The motor advances by half steps, so that Runge–Kutta sees the signal at its midpoint.
@@ -109,14 +110,25 @@ impl<T: Real> Motor<T> {
 }
 
 impl<T: Real> MotorStep<T> {
-    /// The state one step later under the command `target` (after the static limits).
+    /// The state one step later under the command `target` (after the static limits), without dead time.
     #[inline(always)]
     pub fn advance(&self, state: &MotorState<T>, target: T) -> MotorState<T> {
+        let (from, ramp) = self.course(state.ramp, target);
+        MotorState { ramp, signal: self.lag(state.signal, from, ramp) }
+    }
+
+    /// The rate-limited command at the start and the end of a step; without a limit it jumps at the start.
+    #[inline(always)]
+    pub fn course(&self, ramp: T, target: T) -> (T, T) {
         // A ramp at its target stays there: most of the time this saves the work below.
-        let moving = self.limited && !state.ramp.equals(target);
-        let (from, to) = if moving { (state.ramp, self.ramp(state.ramp, target)) } else { (target, target) };
-        let signal = self.ramped.mul_add(to - from, self.held.mul_add(from, self.decay * state.signal));
-        MotorState { ramp: to, signal: signal.flush() }
+        let moving = self.limited && !ramp.equals(target);
+        if moving { (ramp, self.ramp(ramp, target)) } else { (target, target) }
+    }
+
+    /// The signal one step later while the lag's input goes from `from` to `to`.
+    #[inline(always)]
+    pub fn lag(&self, signal: T, from: T, to: T) -> T {
+        self.ramped.mul_add(to - from, self.held.mul_add(from, self.decay * signal)).flush()
     }
 
     /// The rate-limited command one step later.
@@ -134,5 +146,48 @@ impl<T: Real> MotorStep<T> {
         let shrunk = T::select(wanted.lt(zero), T::select(braked.lt(zero), beyond, braked), shrunk);
         let next = T::select(magnitude.lt(wanted), grown, shrunk);
         T::select(reversed, -next, next)
+    }
+}
+
+/// The dead time behind a rate limit: the ramp's past, half a step apart, and where the lag reads it.
+#[derive(Clone)]
+pub struct DeadTime<T> {
+    /// T_t in half steps.
+    delay: T,
+    ring: Vec<T>,
+    /// Place of the present ramp in the ring, counted on.
+    now: usize,
+    /// What the lag's input is at present.
+    input: T,
+}
+
+impl<T: Real> DeadTime<T> {
+    /// Dead time of `delay` half steps; the ramp has stood at `ramp` for longer.
+    pub fn new(delay: T, ramp: T) -> Self {
+        // The bound keeps the ring finite where a candidate's dead time is not a number.
+        let longest = delay.largest().clamp(0.0, 65_536.0);
+        let length = (longest as usize + 4).next_power_of_two();
+        Self { delay, ring: vec![ramp; length], now: length, input: ramp }
+    }
+
+    /// Forgets the past: the ramp has stood at `ramp`.
+    #[inline(always)]
+    pub fn settle(&mut self, ramp: T) {
+        self.ring.fill(ramp);
+        self.input = ramp;
+    }
+
+    /// The lag's input at the start and the end of half a step that ends with the ramp at `ramp`.
+    #[inline(always)]
+    pub fn pass(&mut self, ramp: T) -> (T, T) {
+        self.now += 1;
+        let mask = self.ring.len() - 1;
+        let before = self.ring[(self.now - 1) & mask];
+        self.ring[self.now & mask] = ramp;
+        // What comes next is read with weight zero, where the dead time is zero; its slope is not.
+        self.ring[(self.now + 1) & mask] = ramp + (ramp - before);
+        let place = (self.delay.splat(self.now as f64) - self.delay).max(self.delay.zero());
+        let from = std::mem::replace(&mut self.input, place.among(&self.ring));
+        (from, self.input)
     }
 }

@@ -1,9 +1,10 @@
 //! The motors of a vehicle at work on a record: from recorded commands to signals at the start, the middle
 //! and the end of every step.
 //!
-//! Dead time comes first: the limited command record is read `T_t` earlier, and where that is no
-//! multiple of the step, linearly between the steps around it (the mean of the held command over the
-//! step). Lanes with different T_t thus read the shared record at different times.
+//! Dead time: behind a rate limit the ramp is read `T_t` earlier. Without one the record of limited commands is
+//! read earlier, and where T_t is no multiple of the step, linearly between the steps around it (the mean of the
+//! held command over the step): a pure delay commutes with the lag. Lanes with different T_t read at different
+//! times.
 //!
 //! In open loop a motor does not feel the vehicle. Where no motor coefficient is sought, all candidates
 //! share its signals and what a measured table makes of them, and they are [played](Record::play) once per
@@ -13,7 +14,7 @@
 
 use super::{MotorStart, Record, Segment};
 use crate::actuator::interact;
-use crate::actuator::motor::{MotorState, MotorStep};
+use crate::actuator::motor::{DeadTime, MotorState, MotorStep};
 use crate::coefficients::{HULL, PER_ACTUATOR};
 use crate::description::Description;
 use crate::real::Real;
@@ -87,8 +88,10 @@ pub struct Motors<'a, T> {
     record: &'a Record,
     substeps: usize,
     half_steps: Vec<MotorStep<T>>,
-    /// Dead time in steps.
+    /// Dead time in steps, where there is no rate limit.
     delays: Vec<T>,
+    /// Dead time behind a rate limit.
+    dead_times: Vec<Option<DeadTime<T>>>,
     targets: Vec<T>,
     /// The command before the record where it is not the record's first one.
     before: Vec<T>,
@@ -111,7 +114,8 @@ impl<'a, T: Real> Motors<'a, T> {
             .as_ref()
             .filter(|played| played.substeps == substeps && matches!(segment.motors, MotorStart::Recorded));
         if matches!(segment.motors, MotorStart::Recorded) && motors.played.is_none() {
-            let warm = segment.start.saturating_sub((WARM_UP_S / record.dt).ceil() as usize);
+            let past = WARM_UP_S + motors.longest_dead_time_s();
+            let warm = segment.start.saturating_sub((past / record.dt).ceil() as usize);
             motors.settle(warm);
             for k in warm..segment.start {
                 for s in 0..substeps {
@@ -145,6 +149,7 @@ impl<'a, T: Real> Motors<'a, T> {
             substeps,
             half_steps: Vec::with_capacity(count),
             delays: Vec::with_capacity(count),
+            dead_times: Vec::with_capacity(count),
             targets: vec![unit; count],
             before: Vec::new(),
             states: Vec::with_capacity(count),
@@ -152,7 +157,6 @@ impl<'a, T: Real> Motors<'a, T> {
         for i in 0..count {
             let motor = vehicle.motor(i);
             motors.half_steps.push(motor.step(0.5 * h));
-            motors.delays.push(motor.t_t * (1.0 / h));
             let state = match start {
                 MotorStart::Recorded => motor.steady(unit.splat(record.commands[i][0])),
                 MotorStart::Held(signals) => {
@@ -162,9 +166,18 @@ impl<'a, T: Real> Motors<'a, T> {
                     MotorState { ramp, signal }
                 }
             };
+            let behind = motor.rate.is_some() && !motor.t_t.equals(motor.t_t.zero());
+            motors.dead_times.push(behind.then(|| DeadTime::new(motor.t_t * (2.0 / h), state.ramp)));
+            motors.delays.push(if motor.rate.is_some() { unit.zero() } else { motor.t_t * (1.0 / h) });
             motors.states.push(state);
         }
         motors
+    }
+
+    /// The longest dead time of all motors and lanes, s.
+    fn longest_dead_time_s(&self) -> f64 {
+        let longest = |i: usize| self.vehicle.motor(i).t_t.largest();
+        (0..self.states.len()).map(longest).filter(|t| t.is_finite()).fold(0.0, f64::max)
     }
 
     /// Sets the motors to the steady state of the command at sample `k`.
@@ -173,10 +186,13 @@ impl<'a, T: Real> Motors<'a, T> {
         for i in 0..self.states.len() {
             let target = self.target(i, k, 0);
             self.states[i] = self.vehicle.motor(i).steady(target);
+            if let Some(dead_time) = &mut self.dead_times[i] {
+                dead_time.settle(target);
+            }
         }
     }
 
-    /// The command that reaches motor `i` in step `s` of sample `k`.
+    /// The command that motor `i` heads for in step `s` of sample `k`.
     #[inline(always)]
     fn target(&self, i: usize, k: usize, s: usize) -> T {
         let commands = &self.record.commands[i];
@@ -250,7 +266,15 @@ impl<'a, T: Real> Motors<'a, T> {
     #[inline(always)]
     fn advance(&mut self) {
         for i in 0..self.states.len() {
-            self.states[i] = self.half_steps[i].advance(&self.states[i], self.targets[i]);
+            let (step, state, target) = (&self.half_steps[i], &self.states[i], self.targets[i]);
+            self.states[i] = match &mut self.dead_times[i] {
+                None => step.advance(state, target),
+                Some(dead_time) => {
+                    let (_, ramp) = step.course(state.ramp, target);
+                    let (from, to) = dead_time.pass(ramp);
+                    MotorState { ramp, signal: step.lag(state.signal, from, to) }
+                }
+            };
         }
     }
 

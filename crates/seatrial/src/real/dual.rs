@@ -227,6 +227,19 @@ impl<P: Real> Real for Dual<P> {
         let (value, slope) = f(self.value);
         self.chain(value, slope)
     }
+    #[inline(always)]
+    fn among(self, ring: &[Self]) -> Self {
+        let whole = self.value.floor();
+        let (i, mask) = (whole as usize, ring.len() - 1);
+        let (from, to) = (ring[i & mask], ring[(i + 1) & mask]);
+        let (share, rise) = (self.value - whole, to.value - from.value);
+        let p = (to.partials - from.partials).mul_add(self.partials.splat(share), from.partials);
+        Self { value: share * rise + from.value, partials: self.partials.mul_add(p.splat(rise), p) }
+    }
+    #[inline(always)]
+    fn largest(self) -> f64 {
+        self.value
+    }
     /// A vehicle at rest still answers to its unknowns: value and partials are flushed each by itself.
     #[inline(always)]
     fn flush(self) -> Self {

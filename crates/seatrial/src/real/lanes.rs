@@ -128,4 +128,28 @@ impl<S: Simd> Real for Lanes<S> {
         }
         f64x8::simd_from(self.simd, values)
     }
+    #[inline(always)]
+    fn among(self, ring: &[Self]) -> Self {
+        let whole = Real::floor(self);
+        let mask = ring.len() - 1;
+        let places: [f64; LANES] = whole.into();
+        let (from, to) = if whole.equals(self.splat(places[0])) {
+            let i = places[0] as usize;
+            (ring[i & mask], ring[(i + 1) & mask])
+        } else {
+            let (mut from, mut to) = ([0.0; LANES], [0.0; LANES]);
+            for lane in 0..LANES {
+                let i = places[lane] as usize;
+                from[lane] = ring[i & mask][lane];
+                to[lane] = ring[(i + 1) & mask][lane];
+            }
+            (f64x8::simd_from(self.simd, from), f64x8::simd_from(self.simd, to))
+        };
+        Real::mul_add(self - whole, to - from, from)
+    }
+    #[inline(always)]
+    fn largest(self) -> f64 {
+        let values: [f64; LANES] = self.into();
+        values.into_iter().fold(f64::NEG_INFINITY, f64::max)
+    }
 }

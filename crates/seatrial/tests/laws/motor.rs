@@ -3,6 +3,7 @@
 use crate::vehicles::{cases, fly_from, load, moving, times, with};
 use proptest::prelude::*;
 use seatrial::actuator::motor::{Limits, Motor, MotorState};
+use seatrial::actuator::response::{Dynamics, Response};
 use seatrial::description::Description;
 use seatrial::open_loop::MotorStart;
 use seatrial::open_loop::inputs::Inputs;
@@ -283,6 +284,33 @@ fn law_a_measured_signal_replaces_the_motor() {
             // Linear between samples: the trapezoid is its integral, and RK4's too, to rounding.
             assert!((10.0 * run.states[k].nu[0] - impulse).abs() < 1e-11, "sample {k}");
             impulse += if k < 39 { 0.05 * (measured[k] + measured[k + 1]) } else { 0.0 };
+        }
+    }
+}
+
+#[test]
+fn law_dead_time_behind_a_rate_limit_shifts_the_ramp() {
+    let commands: Vec<f64> = (0..60).map(|k| if k % 20 < 10 { 1500.0 } else { -700.0 }).collect();
+    let limits = load("cwolf").actuators[0].limits;
+    for t_t in [0.0, 0.04, 0.13, 0.1777] {
+        let description = with(&load("cwolf"), &[("SbU.T_t", t_t)]);
+        let values: Vec<f64> = ["K_V", "T_1", "n_acc", "n_dec"]
+            .iter()
+            .map(|name| {
+                description.coefficients[description.layout.index(&format!("SbU.{name}")).expect("a name")]
+            })
+            .collect();
+        let dynamics =
+            Dynamics { k_v: values[0], t_1: values[1], t_t, growth: [values[2]; 2], shrink: [values[3]; 2] };
+        let exact = Response::new(&times(60, 0.1), &commands, &limits, dynamics);
+        let mut held = vec![0.0; 6];
+        held[0] = commands[0];
+        let found = signals(&description, commands.clone(), MotorStart::Held(held), 2);
+        for (k, signal) in found.iter().enumerate() {
+            let expected = exact.at(0.1 * k as f64);
+            // Half steps of 25 ms: the kinks of the ramp, up to rate × 25 ms² / (8 T_1) each, 2 rpm; a delay in whole steps
+            // would be off by up to 4000 rpm/s × 25 ms = 100 rpm.
+            assert!((signal - expected).abs() < 6.0, "T_t {t_t}, sample {k}: {signal} {expected}");
         }
     }
 }
