@@ -103,6 +103,6 @@ def test_step_of_the_global_search_ranks_candidates_as_a_fine_one(tmp_path: Path
         shares = np.random.default_rng(3).uniform(size=(64, len(lower)))
         candidates = lower + (upper - lower) * shares
         one, other = (criterion(candidates) for criterion in (coarse, fine))
-        # Within a step of 0.1 s the end of a motor's ramp is rounded off: found 3e-3 in surge, 2e-4 elsewhere.
+        # Within a step of 0.1 s the end of a motor's ramp is rounded off: 3e-3 in surge, 2e-4 elsewhere.
         np.testing.assert_allclose(one, other, rtol=1e-2)
         np.testing.assert_array_equal(np.argsort(one)[:8], np.argsort(other)[:8])
