@@ -10,8 +10,8 @@ import pytest
 
 from seatrial.bench_test import bench, bench_file
 from seatrial.bench_test.bench_file import parse
-from seatrial.campaign_file import Section
 from seatrial.errors import CampaignError
+from seatrial.toml_file import Section
 from tests.bench_records import both_ways, pull, write_bench
 
 HEAD = 'format = 1\nname = "basin"\nvehicle = "cwolf"\n'
@@ -57,7 +57,7 @@ PULL = pull("ahead")
             "makes a table; leave kind out",
         ),
         (HEAD + PULL + '[regression]\noutlier = "keep"\n', 'did you mean "outliers"?'),
-        (HEAD + "rho_kg_m3 = 0.0\n" + PULL, "rho_kg_m3: expected greater than 0"),
+        (HEAD + "rho_kg_m3 = 0.0\n" + PULL, "rho_kg_m3: expected greater than or equal to 500"),
     ],
 )
 def test_what_a_bench_file_may_not_hold_is_refused_in_words(text: str, words: str) -> None:
@@ -105,6 +105,18 @@ def test_actuators_of_a_pull_are_not_tested_under_two_names(tmp_path: Path) -> N
     path = both_ways(tmp_path)
     path.write_text(path.read_text().replace('group = "stern"', 'actuators = ["SbU", "SbL"]', 1))
     with pytest.raises(CampaignError, match=r"SbL, SbU is also tested as SbU\+SbL"):
+        bench(path)
+
+
+def test_actuators_of_steps_are_not_tested_under_two_names(tmp_path: Path) -> None:
+    text = "".join(
+        f'[[steps]]\nname = "{name}"\nfile = "ahead.csv"\n{driven}\n'
+        for name, driven in (("alone", 'actuators = ["SbU"]'), ("all", 'group = "stern"'))
+    )
+    path = both_ways(tmp_path)
+    path.write_text(path.read_text() + text)
+    # Whichever came later in the file would replace the other's motor.
+    with pytest.raises(CampaignError, match="steps 'all': SbU is also tested as SbU"):
         bench(path)
 
 

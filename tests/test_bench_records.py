@@ -202,6 +202,17 @@ def test_empty_cells_between_samples_repeat_the_command() -> None:
     assert short == 0
 
 
+def test_commands_of_an_idle_group_do_not_end_plateaus(tmp_path: Path) -> None:
+    table = quiet(staircase())
+    measured = table.rename({f"cmd.{name}": f"meas.{name}" for name in ("SbU", "SbL", "PU", "PL")})
+    alone = points(tmp_path, measured, 'axis = "X"\nuse = "measured"')
+    beside = points(
+        tmp_path, measured.with_columns(pl.lit(0.0).alias("cmd.VTB")), 'axis = "X"\nuse = "measured"'
+    )
+    np.testing.assert_allclose(beside.signal, STEPS)
+    np.testing.assert_array_equal(beside.thrust, alone.thrust)
+
+
 @pytest.mark.parametrize(
     ("change", "keys", "words"),
     [

@@ -29,6 +29,15 @@ def test_the_table_stays_within_its_tolerance_with_few_knots() -> None:
     np.testing.assert_allclose(thrust - found.at(SIGNAL), found.residual, atol=1e-12)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_table_of_one_direction_has_no_thrust_at_rest(side: float) -> None:
+    signal = side * np.linspace(40.0, 400.0, 37)
+    found = from_points(signal, pulse(signal), None, knots=25, tolerance=None, where="test")
+    assert found.at(np.array([0.0, -side * 100.0])).tolist() == [0.0, 0.0]
+    # One per cent of the largest thrust, as is the default.
+    assert np.abs(found.residual).max() <= 0.01 * np.abs(pulse(signal)).max()
+
+
 def test_no_more_knots_than_allowed() -> None:
     found = from_points(SIGNAL, pulse(SIGNAL), None, knots=8, tolerance=1e-6, where="test")
     assert len(found.signal) == 8

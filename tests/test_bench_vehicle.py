@@ -145,6 +145,53 @@ def test_a_direction_that_was_not_tested_keeps_the_old_thrust(tmp_path: Path, or
     assert "not tested, kept" in found.vehicle_text
 
 
+@pytest.mark.parametrize("order", ["2", '"square"'])
+@pytest.mark.parametrize("name", ["gain", "astern_ratio", "p1_astern"])
+def test_a_direction_that_was_not_tested_keeps_its_corrections(tmp_path: Path, order: str, name: str) -> None:
+    lines = "".join(f'"{actuator}.{name}" = 0.04\n' for actuator in ("SbU", "SbL", "PU", "PL"))
+    text = COMMENTED.read_text().replace("[coefficients]\n", f"[coefficients]\n{lines}")
+    path = on_file(tmp_path, more=f"[regression]\norder = {order}\n", text=text)
+    path.write_text(path.read_text()[: path.read_text().index('[[pulls]]\nname = "astern"')])
+    found = bench(path)
+    # Six written digits.
+    np.testing.assert_allclose(thrusts(found.vehicle)[:3], thrusts(found.before)[:3], rtol=1e-5)
+    np.testing.assert_allclose(thrusts(found.vehicle)[3:], fitted(found)[3:], atol=1e-3)
+
+
+@pytest.mark.parametrize("keys", ["order = 2", 'order = "square"', 'order = "points"', "order = 3"])
+def test_a_direction_that_the_motor_does_not_turn_need_not_be_tested(tmp_path: Path, keys: str) -> None:
+    rows = "".join(f"{force},{0.9 * force}\n" for force in range(1, 15))
+    (tmp_path / "ahead.csv").write_text(f"cmd.propeller,load.X_n\n{rows}")
+    text = pull("ahead", group="stern", keys='axis = "X"\ntare = false')
+    found = bench(write_bench(tmp_path, text, vehicle="lauv", more=f"[regression]\n{keys}\n"))
+    written = Vehicle.from_toml(found.vehicle_text, "lauv")
+    assert written.actuator_info()["propeller"]["maximum_astern"] == 0.0
+    for force in (0.0, -5.0):
+        assert bollard(written, {"propeller": force})[0] == pytest.approx(0.0, abs=1e-9)
+    if keys != 'order = "square"':  # which does not fit a straight line
+        assert bollard(written, {"propeller": 10.0})[0] == pytest.approx(9.0, rel=1e-3)
+
+
+def test_an_actuator_that_ran_in_the_dead_band_alone_is_no_trouble(tmp_path: Path) -> None:
+    signals = [-2000, -1500, -1000, -700, -500, -300, 300, 500, 700, 1000, 1500, 2000]
+    load = [0.05 * np.sign(s) * max(abs(s) - 500, 0) for s in signals]
+    rows = [f"{s},0,0,0,{f}\n" for s, f in zip(signals, load, strict=True)]
+    rows += [f"0,0,0,{s},0.0\n" for s in (300, 400, 500)]
+    (tmp_path / "one.csv").write_text("cmd.SbU,cmd.SbL,cmd.PU,cmd.PL,load.X_n\n" + "".join(rows))
+    text = pull("one", keys='axis = "X"\ntare = false')
+    found = bench(write_bench(tmp_path, text, more='[regression]\norder = "points"\n'))
+    assert any("dead band: no thrust from -500 to +500" in sentence for sentence in found.sentences())
+
+
+def test_an_untested_direction_with_unlike_corrections_is_not_written(tmp_path: Path) -> None:
+    text = COMMENTED.read_text().replace("[coefficients]\n", '[coefficients]\n"SbU.gain" = 0.8\n')
+    path = on_file(tmp_path, text=text)
+    path.write_text(path.read_text()[: path.read_text().index('[[pulls]]\nname = "astern"')])
+    found = bench(path)
+    assert thrusts(found.vehicle) == thrusts(found.before)
+    assert any("pull astern too" in warning for warning in found.warnings)
+
+
 def test_what_cannot_be_written_is_said_and_the_rest_is(tmp_path: Path) -> None:
     path = on_file(tmp_path, more='[regression]\norder = "points"\n')
     text = path.read_text()

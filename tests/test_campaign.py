@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from seatrial.bench_test.evaluate import fingerprint
 from seatrial.campaign import Campaign
 from seatrial.errors import CampaignError, VehicleError
 from seatrial.segments import cut
@@ -235,3 +236,34 @@ def test_refusal_before_the_run(text: str, words: list[str]) -> None:
 def test_channel_that_never_moves_cannot_be_scaled() -> None:
     text = WHOLE.replace("segment_s", "channels = { u = 1.0, w = 1.0 }\nsegment_s")
     assert "channel 'w' never moves" in refusal(text, frame(w_m_s=0.25))
+
+
+def test_a_bench_record_that_changes_is_read_again(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(
+        'format = 1\nname = "basin"\nvehicle = "cwolf"\nregression = { order = "square" }\n'
+        'pulls = [{ name = "ahead", file = "ahead.csv", group = "stern", axis = "X" }]\n'
+    )
+    text = WHOLE.replace("[trials.surge]", 'bench = "bench.toml"\n[trials.surge]')
+    p1 = []
+    for factor in (1.0, 2.0):
+        rows = "".join(f"{n},{factor * 7.5e-5 * n * n}\n" for n in (0, 500, 1000, 1500, 2000))
+        (tmp_path / "ahead.csv").write_text(f"cmd.stern,load.X_n\n{rows}")
+        loaded = Campaign.from_toml(text, folder=tmp_path, trials={"surge": frame()})
+        p1.append(loaded.vehicle.coefficients()["SbU.p1_ahead"])
+    # Six written digits.
+    assert p1[1] == pytest.approx(2.0 * p1[0], rel=1e-5)
+
+
+def test_the_truth_of_a_generated_bench_record_is_one_of_its_files(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(
+        'format = 1\nname = "basin"\nvehicle = "cwolf"\n'
+        'pulls = [{ name = "ahead", file = "ahead.toml", group = "stern", axis = "X" }]\n'
+    )
+    (tmp_path / "ahead.toml").write_text(
+        'format = 1\ndescription = "pull"\ntruth = "truth.toml"\nseed = 1\nheld = true\nduration_s = 9.0\n'
+    )
+    found = set()
+    for factor in (1.0, 1.1):
+        (tmp_path / "truth.toml").write_text(f'format = 1\nvehicle = "cwolf"\nfactors = {{ m = {factor} }}\n')
+        found.add(fingerprint(tmp_path / "bench.toml"))
+    assert len(found) == 2

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial._core import State, Vehicle
 from seatrial.check import VehicleCheck, check_vehicle
-from seatrial.check.actuators import bollard, pushes
+from seatrial.check.actuators import bollard, command, pushes
 from seatrial.check.performance import KNOT_M_S, speeds, turns
 from seatrial.check.plausibility import commanded_rows, implausible
 from seatrial.check.stability import damping_gain, growth, statics
@@ -225,3 +226,32 @@ def test_the_check_is_plain_data(cwolf: VehicleCheck) -> None:
     data: dict[str, Any] = json.loads(json.dumps(cwolf.to_dict()))
     assert data["pushes"][0]["sentence"] == str(cwolf.pushes[0])
     assert data["statics"]["net_n"] == pytest.approx(5.0)
+
+
+def test_a_slow_motor_is_waited_for() -> None:
+    rates = {f"{name}.{key}": 60.0 for name in CWOLF.actuators for key in ("n_acc", "n_dec")}
+    commands = dict.fromkeys(("SbU", "SbL", "PU", "PL"), 2000.0)
+    # Lags of 0.15 s settle within 5 s to the last digit.
+    assert bollard(CWOLF.with_coefficients(rates), commands) == pytest.approx(bollard(CWOLF, commands))
+
+
+def test_law_a_reversed_motor_pushes_as_far_with_commands_of_the_other_sign() -> None:
+    table = tomllib.loads(CWOLF.to_toml())
+    table["motors"]["propeller"]["maximum_astern"] = 1000.0
+    straight = Vehicle.from_toml(tomlkit.dumps(table), "straight")
+    for thruster in table["thrusters"]:
+        thruster["reversed"] = True
+    turned = Vehicle.from_toml(tomlkit.dumps(table), "reversed")
+    for share in (1.0, 0.5, -0.5, -1.0):
+        commands = [
+            {name: command(vehicle.actuator_info()[name], share) for name in ("SbU", "SbL", "PU", "PL")}
+            for vehicle in (straight, turned)
+        ]
+        assert commands[1] == {name: -value for name, value in commands[0].items()}
+        assert bollard(turned, commands[1]) == pytest.approx(bollard(straight, commands[0]))
+    assert [(p.step, p.wrench) for p in pushes(turned)][:2] == [
+        (-p.step, p.wrench) for p in reversed(pushes(straight)[:2])
+    ]
+    assert [one.speed_m_s for one in speeds(turned)] == pytest.approx([
+        one.speed_m_s for one in speeds(straight)
+    ])

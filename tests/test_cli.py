@@ -269,7 +269,7 @@ def test_simulate_writes_a_table_that_reads_back_as_a_trial(starter: Path, here:
         ({"cmd.prot": 1.0}, [], 'did you mean "port"?'),
         ({"u_m_s": 1.0}, [], "nothing drives the vehicle"),
         ({"cmd.port": 1.0}, ["--out", "run.xlsx"], "expected the ending .csv or .parquet"),
-        ({"cmd.port": 1.0}, ["--out", "nowhere/run.csv"], "cannot be written"),
+        ({"cmd.port": 1.0}, ["--out", "nowhere/run.csv"], "there is no folder nowhere"),
         ({"cmd.port": 1.0}, ["--free", "Q"], "XYZKMN"),
     ],
 )

@@ -149,7 +149,7 @@ def test_beluga_logs_its_supply(here: Path) -> None:
         ("[sensors.dvl]\nmax_range_m = 60", ["--bottom", "9"], "below the bottom at 9 m"),
         ("[sensors.dvl]", ["--out", "log.parquet"], "expected the ending .csv"),
         ("[sensors.dvl]", ["--run", "run.xlsx"], "expected the ending .csv or .parquet"),
-        ("[sensors.dvl]", ["--out", "nowhere/log.csv"], "cannot be written"),
+        ("[sensors.dvl]", ["--out", "nowhere/log.csv"], "there is no folder nowhere"),
         ("[sensors.dvl]", ["--current", "nan", "0", "0"], "--current: expected three numbers"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -227,6 +228,14 @@ def test_candidates_act_on_free_axes_and_are_not_estimated() -> None:
     assert not {"Y_v", "X_u", "SbU.gain", "stern.gain", "PL.T_1"} & set(names)
     assert names["stern.T_1"] == ("SbU.T_1", "SbL.T_1", "PU.T_1", "PL.T_1")
     assert signal_of("x_g", vehicle.coefficient_info()) == "the centre of gravity, forward of O"
+
+
+def test_actuators_without_a_group_are_no_group_together() -> None:
+    ungrouped = re.sub(r'group = "\w+"\n', "", Vehicle.load("cwolf").to_toml())
+    found = candidates(Vehicle.from_toml(ungrouped, "cwolf"), [], free="XYZKMN")
+    assert {"SbU.T_1", "VTB.gain"} <= {c.name for c in found}
+    assert all(len(c.members) == 1 for c in found)
+    assert not [c.name for c in found if c.name.startswith(".")]
 
 
 def test_figure_shows_every_channel_and_every_finding() -> None:

@@ -7,10 +7,12 @@ import json
 import os
 from pathlib import Path
 
+import polars as pl
 import pytest
 
-from seatrial.errors import SeatrialError
+from seatrial.errors import SeatrialError, TrialError
 from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
+from seatrial.whole_file import write_table
 
 
 def test_published_directory_holds_every_file_and_no_trace_of_the_work(tmp_path: Path) -> None:
@@ -101,3 +103,17 @@ def test_json_has_null_for_numbers_that_are_not_finite() -> None:
         "a": None,
         "b": [1, None, 2.5],
     }
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.parquet"])
+def test_a_file_that_cannot_be_finished_leaves_the_former_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / name).write_text("former")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(TrialError, match=r"cannot be written \(No space left on device\)"):
+        write_table(pl.DataFrame({"t_s": [0.0]}), tmp_path / name)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["former"]

@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 import seatrial as st
-from seatrial.rotation import matrix
+from seatrial.recording.water_current import water_current
+from seatrial.rotation import from_euler, matrix
 
 Array = NDArray[np.float64]
 
@@ -78,3 +79,45 @@ def test_a_recorded_current_is_left_and_too_little_water_track_is_said() -> None
     silent = st.Trial.read(_log(current, drop=slice(20, None)))
     assert silent.current is None
     assert "too few samples" in str(silent.report)
+
+
+@pytest.mark.parametrize("also", [True, False])
+def test_a_log_mounted_the_wrong_way_round_gives_the_same_current(also: bool) -> None:
+    table = _log(np.tile([0.2, -0.1, 0.0], (len(T), 1)))
+    euler = np.deg2rad(np.stack([table[name] for name in ("roll_deg", "pitch_deg", "yaw_deg")], axis=1))
+    over = np.stack([table[name] for name in ("u_m_s", "v_m_s", "w_m_s")], axis=1)
+    places = np.cumsum(np.einsum("nij,nj->ni", matrix(from_euler(euler)), over), axis=0) * 0.1
+    table |= dict(zip(("x_m", "y_m", "z_m"), places.T, strict=True))
+    right = st.Trial.read(table).current
+    wrong = table | {"u_m_s": -table["u_m_s"]}
+    # Where only the velocity over ground has a wrong sign, that through the water stays.
+    trial = st.Trial.read(wrong | ({"u_water_m_s": -table["u_water_m_s"]} if also else {}))
+    assert right is not None
+    assert trial.current is not None
+    np.testing.assert_allclose(trial.current, right, atol=1e-9)
+    assert ("u_water_m_s = { from" in str(trial.report)) == also
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2])
+def test_noise_alone_is_no_change_of_the_current(noise: float) -> None:
+    t = np.arange(0.0, 3600.0, 0.2)
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    steady = 0
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        difference = np.array([0.2, -0.1, 0.0]) + random.normal(0.0, noise, (len(t), 3))
+        found = water_current(t, difference, upright, t >= 0.0)
+        assert found is not None
+        steady += found.steady
+    # 180 medians, each four deviations away in one case of 16000: in one hour out of 90.
+    assert steady >= 18
+
+
+def test_velocities_that_fit_no_water_are_a_warning() -> None:
+    table = _log(np.tile([0.2, -0.1, 0.0], (len(T), 1)))
+    assert not [f for f in st.Trial.read(table).report.findings if f.severity == "warning"]
+    wrong = st.Trial.read(table | {"u_water_m_s": -table["u_water_m_s"]})
+    assert any(
+        f.severity == "warning" and "check sign, unit and frame of both" in str(f)
+        for f in wrong.report.findings
+    )

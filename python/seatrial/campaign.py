@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import os
-import re
 import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -14,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.campaign_file import Budget, CampaignFile, Environment, Input, Stage, TrialSource, parse
-from seatrial.errors import CampaignError, nearest
+from seatrial.campaign_file import Budget, CampaignFile, Environment, Input, Places, Stage, TrialSource, parse
+from seatrial.errors import CampaignError, VehicleError, nearest, reason
 from seatrial.parameters import Parameter, names, parameters
+from seatrial.recording.places import refuse_far
+from seatrial.toml_file import file_path, is_path
 from seatrial.variant import LockedAxes, locked
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ class Campaign:
             stage.name: parameters(stage, self.vehicle, self.place(stage)) for stage in self.stages
         }
         self._check_trial_names()
+        self._check_places()
         self._check_side_by_side()
 
     @classmethod
@@ -111,7 +112,7 @@ class Campaign:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise CampaignError(
-                f"{path}: not readable as a campaign file ({error}); check the path"
+                f"{path}: not readable as a campaign file ({reason(error)}); check the path"
             ) from None
         return cls(parse(text, str(path)), text=text, source=str(path), folder=path.parent, trials=trials)
 
@@ -277,33 +278,33 @@ class Campaign:
         from seatrial._core import Vehicle
 
         name = self.file.vehicle
-        is_path = name.endswith(".toml") or "/" in name or "\\" in name
-        return Vehicle.load(str(self._path(name, "key vehicle")) if is_path else name)
+        try:
+            return Vehicle.load(str(self._path(name, "key vehicle")) if is_path(name) else name)
+        except VehicleError as error:
+            raise VehicleError(f"{self.source}: key vehicle: {error}") from None
 
     def _bench_test(self) -> BenchTest | None:
         """Bench test of the vehicle, where the file names one."""
         if self.file.bench is None:
             return None
         path = self._path(self.file.bench, "key bench")
-        if not path.exists():
+        if not path.is_file():
             raise CampaignError(
                 f"{self.source}: key bench: there is no file {path}; correct the path or remove the key"
             )
-        return _benched(str(path.resolve()), path.stat().st_mtime_ns, self._load_vehicle().to_toml())
+        from seatrial.bench_test.evaluate import fingerprint, vehicle_of
+
+        vehicle, tested = self._load_vehicle(), vehicle_of(path)
+        if tested.name != vehicle.name:
+            raise CampaignError(
+                f"{self.source}: key bench: {path} tests the vehicle {tested.name}, and the campaign"
+                f" identifies {vehicle.name}; name the same vehicle in both"
+            )
+        return _benched(str(path.resolve()), fingerprint(path), vehicle.to_toml())
 
     def _path(self, text: str, where: str) -> Path:
         """Path relative to the campaign file, ``${VARIABLE}`` replaced by the environment's value."""
-
-        def value(match: re.Match[str]) -> str:
-            variable = match.group(1)
-            if variable not in os.environ:
-                raise CampaignError(
-                    f"{self.source}: {where}: environment variable {variable} is not set;"
-                    f" set it to the folder that {text!r} begins with"
-                )
-            return os.environ[variable]
-
-        return self.folder / Path(re.sub(r"\$\{(\w+)\}", value, text)).expanduser()
+        return file_path(text, self.folder, f"{self.source}: {where}")
 
     def _trial_sources(self, given: dict[str, Any]) -> tuple[dict[str, TrialSource], dict[str, Any]]:
         sources = dict(self.file.trials)
@@ -326,6 +327,12 @@ class Campaign:
                         " remove it from the stage or its hold_out"
                     )
 
+    def _check_places(self) -> None:
+        length = self.vehicle.geometry().get("length")
+        refuse_far(self.file.places.over(Places()), length, f"{self.source}: places")
+        for name, trial in self.file.trials.items():
+            refuse_far(trial.places.over(Places()), length, f"{self.source}: trials, {name}, places")
+
     def _check_side_by_side(self) -> None:
         """Refuse two stages that set one coefficient with no order between them."""
         for i, stage in enumerate(self.stages):
@@ -339,8 +346,8 @@ class Campaign:
 
 
 @functools.lru_cache(maxsize=4)
-def _benched(path: str, _changed_ns: int, vehicle: str) -> BenchTest:
-    """Bench test of a vehicle, evaluated once for all variants of a campaign."""
+def _benched(path: str, _fingerprint: str, vehicle: str) -> BenchTest:
+    """Bench test of a vehicle, evaluated once for all variants of a campaign while its files are the same."""
     from seatrial._core import Vehicle
     from seatrial.bench_test import bench
 

@@ -5,44 +5,19 @@ These models are the only owner of the format; unknown keys are refused with the
 
 from __future__ import annotations
 
-import reprlib
-import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from seatrial.errors import CampaignError, nearest
+from seatrial.errors import nearest
 from seatrial.recording.columns import CHANNELS
+from seatrial.toml_file import Count, FolderName, Interval, Name, Number, Positive, Section, checked, tables
 
 AXES = "XYZKMN"
 """Letters of the axes in the core's order."""
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
-Count = Annotated[int, Field(strict=True, gt=0)]
-Interval = tuple[Number, Number]
-Name = Annotated[str, Field(min_length=1)]
 Input = Literal["commands", "tau", "measured"]
-
-
-class Section(BaseModel):
-    """A table of the file: unknown keys are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    advice: ClassVar[str] = ""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _refuse_unknown_keys(cls, data: Any) -> Any:
-        if isinstance(data, Mapping):
-            for key in data:
-                if key not in cls.model_fields:
-                    raise ValueError(
-                        f"unknown key {key!r}{nearest(str(key), cls.model_fields)}; correct or remove it"
-                        + cls.advice
-                    )
-        return data
 
 
 class Environment(Section):
@@ -73,7 +48,7 @@ class TrialSource(Section):
 
     file: Name
     reader: str | None = None
-    columns: dict[str, Any] = {}
+    columns: dict[str, Any] = Field(default_factory=dict)
     rate_hz: Positive | None = None
     environment: Environment = Environment()
     places: Places = Places()
@@ -168,11 +143,13 @@ class Stage(Section):
     name: Name
     trials: Annotated[tuple[Name, ...], Field(min_length=1)]
     axes: Axes
-    coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = {}
+    coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = Field(
+        default_factory=dict
+    )
     after: tuple[Name, ...] = ()
     segment_s: Positive = 10.0
     overlap_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
-    channels: dict[str, Positive] = {}
+    channels: dict[str, Positive] = Field(default_factory=dict)
     loss: Literal["absolute", "squared", "huber"] = "absolute"
     knee: Positive = 1.8
     start: Literal["smoothed", "estimated"] = "smoothed"
@@ -219,10 +196,12 @@ class Polish(Section):
 
     trials: tuple[Name, ...] = ()
     axes: Axes | None = None
-    coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = {}
+    coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = Field(
+        default_factory=dict
+    )
     fixed: tuple[Name, ...] = ()
-    nuisances: dict[str, Annotated[Nuisance, BeforeValidator(_short_nuisance)]] = {}
-    channels: dict[str, Positive] = {}
+    nuisances: dict[str, Annotated[Nuisance, BeforeValidator(_short_nuisance)]] = Field(default_factory=dict)
+    channels: dict[str, Positive] = Field(default_factory=dict)
     segment_s: Positive = 20.0
     loss: Literal["squared", "huber"] = "huber"
     knee: Positive = 3.0
@@ -271,7 +250,7 @@ class Ballast(Section):
     roll_deg: Number | None = None
     pitch_deg: Number | None = None
     position_m: tuple[Number, Number, Number] | None = None
-    commands: dict[str, Number] = {}
+    commands: dict[str, Number] = Field(default_factory=dict)
     voltage_v: Positive | None = None
     sd_percent: Positive | None = None
 
@@ -302,7 +281,7 @@ class CampaignFile(Section):
     """The whole file."""
 
     format: Literal[1]
-    name: Name
+    name: FolderName
     vehicle: Name
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     description: str = ""
@@ -312,7 +291,7 @@ class CampaignFile(Section):
     reader: str | None = None
     rate_hz: Positive | None = None
     input: Input = "commands"
-    columns: dict[str, Any] = {}
+    columns: dict[str, Any] = Field(default_factory=dict)
     budget: Budget = Budget()
     trials: Annotated[dict[str, TrialSource], Field(min_length=1)]
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
@@ -328,47 +307,4 @@ def parse(text: str, source: str) -> CampaignFile:
     CampaignError
         Not TOML, an unknown key, a missing key or a value that a key may not hold; all of them are listed.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise CampaignError(f"{source}: not a TOML file: {error}") from None
-    try:
-        return CampaignFile.model_validate(data)
-    except ValidationError as error:
-        details = error.errors()
-        places = [detail["loc"] for detail in details]
-        # An array whose entries are all wrong is also reported as too short: the entries say why.
-        own = [
-            d
-            for d in details
-            if not any(len(p) > len(d["loc"]) and p[: len(d["loc"])] == d["loc"] for p in places)
-        ]
-        raise CampaignError("\n".join(_message(data, source, detail) for detail in own)) from None
-
-
-def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
-    place = _place(data, detail["loc"])
-    found = detail["input"]
-    if detail["type"] == "missing":
-        return f"{source}: {place}: this key is required and missing; add it"
-    text = str(detail["msg"]).removeprefix("Value error, ")
-    if detail["type"] == "value_error":
-        return f"{source}: {place}: {text}"
-    text = text.replace("Input should be", "expected")
-    return f"{source}: {place}: {text}, found {reprlib.repr(found)}; correct the value"
-
-
-def _place(data: Any, loc: tuple[int | str, ...]) -> str:
-    """Path of a key as people say it: ``stages 'yaw', key segment_s``."""
-    parts: list[str] = []
-    for key in loc:
-        try:
-            data = data[key]
-        except (KeyError, IndexError, TypeError):
-            data = None
-        if isinstance(key, int):
-            name = data.get("name") if isinstance(data, Mapping) else None
-            parts[-1] += f" {name!r}" if isinstance(name, str) else f"[{key + 1}]"
-        else:
-            parts.append(str(key))
-    return ", ".join([*parts[:-1], f"key {parts[-1]}"]) if parts else "the file"
+    return checked(CampaignFile, tables(text, source), source)

@@ -7,43 +7,41 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.channel import readable
 from seatrial.paired_windows import LEAST_WINDOWS
-from seatrial.recording.columns import DEGREE
+from seatrial.score import kind
 
 if TYPE_CHECKING:
     from seatrial.comparison import Comparison, Difference
-    from seatrial.score import Score
 
 SMALL = 0.02
 """A difference of R2 below this is small, even where it is told."""
-
-_DEGREES = ("p", "q", "r", "roll", "pitch", "yaw")
 
 
 def table(comparison: Comparison) -> str:
     """Text table: per channel a row per vehicle, with its difference from the reference."""
     scores, reference = comparison.scores, comparison.reference
-    wide = max([10, *(len(name) for name in scores)]) + 2
+    wide = max([8, *(len(name) for name in scores)]) + 2
     differences = {name: comparison.of(name) for name in scores}
     lines = [
         f"{', '.join(comparison.trials)}: {kind(scores[reference])}; intervals against {reference},"
         f" together {100 * comparison.level:g} %",
-        f"{'channel':<9}{'vehicle':<{wide}}{'R2':>8}{'MAE':>10} {'unit':<7}{'R2 difference':<31}"
-        f"{'error ratio':<26}verdict",
+        f"{'channel':<9}{'vehicle':<{wide}}{'R2':>8}{'MAE':>10} {'unit':<7}{'R2 difference':<28}"
+        f"{'error ratio':<23}verdict",
     ]
     for channel in scores[reference]:
-        scale, unit = _unit(channel)
+        scale, unit = readable(channel)
         for name, score in scores.items():
             one = score[channel]
             label = channel if name == reference else ""
             line = f"{label:<9}{name:<{wide}}{one.r2:>8.3f}{one.mae * scale:>10.4g} {unit:<6} "
             if (found := differences[name].get(channel)) is not None:
-                line += f"{_span(found.r2_difference, found.r2_interval, '+.4f'):<30} "
-                line += f"{_span(found.error_ratio, found.error_interval, '.3f'):<25} {found.verdict}"
+                line += f"{_span(found.r2_difference, found.r2_interval, '+'):<27} "
+                line += f"{_span(found.error_ratio, found.error_interval, ''):<22} {found.verdict}"
             lines.append(line.rstrip())
     for whole in comparison.overall:
-        span = _span(whole.error_ratio, whole.error_interval, ".3f")
-        lines.append(f"{'all':<9}{whole.vehicle:<{wide + 57}}{span:<25} {whole.verdict}")
+        span = _span(whole.error_ratio, whole.error_interval, "")
+        lines.append(f"{'all':<9}{whole.vehicle:<{wide + 54}}{span:<22} {whole.verdict}")
     return "\n".join(lines)
 
 
@@ -85,13 +83,6 @@ def sentence(comparison: Comparison, name: str) -> str:
     return text
 
 
-def kind(score: Score) -> str:
-    """Words for the windows of a score."""
-    count = len(score.windows)
-    words = f"{count} {'window' if count == 1 else 'windows'}"
-    return f"{score.ahead_s:g} s ahead, {words}" if np.isfinite(score.ahead_s) else f"free run, {words}"
-
-
 def _listed(found: Sequence[Difference]) -> str:
     """Channels with both scores and the error ratio."""
     return ", ".join(
@@ -100,17 +91,12 @@ def _listed(found: Sequence[Difference]) -> str:
     )
 
 
-def _span(value: float, interval: tuple[float, float] | None, form: str) -> str:
-    """A value and its interval."""
+def _span(value: float, interval: tuple[float, float] | None, sign: str) -> str:
+    """A value and its interval, in three decimals; in one where there are tens."""
+
+    def number(one: float) -> str:
+        return f"{one:{sign}.{3 if abs(one) < 9.9995 else 1}f}"
+
     if interval is None:
-        return format(value, form)
-    return f"{value:{form}} ({interval[0]:{form}} to {interval[1]:{form}})"
-
-
-def _unit(channel: str) -> tuple[float, str]:
-    """Factor from SI to the unit that people read, and that unit."""
-    degrees = channel in _DEGREES
-    return (
-        1.0 / DEGREE if degrees else 1.0,
-        ("deg" if degrees else "m") + ("/s" if channel in "uvwpqr" else ""),
-    )
+        return number(value)
+    return f"{number(value)} ({number(interval[0])} to {number(interval[1])})"

@@ -14,7 +14,7 @@ from typing import Any
 from seatrial import _core
 from seatrial.campaign import Campaign
 from seatrial.certainty.assessment import Certainty, certainty, conditioning
-from seatrial.errors import CampaignError, TrialError
+from seatrial.errors import CampaignError, SeatrialError, TrialError
 from seatrial.frozen_motion import frozen_sentences
 from seatrial.hold_out import part_scores
 from seatrial.identification import Identification, estimates
@@ -47,7 +47,12 @@ def conduct(
     order = StageOrder(campaign, plans, directory, progress=progress, resume=resume, threads=threads)
     if progress is not None and before:
         progress(replace(order.state(plans[0], None), notes=before))
-    stages = order.stages()
+    try:
+        stages = order.stages()
+    except SeatrialError:
+        if directory is not None:
+            directory.abandon()
+        raise
     vehicle = campaign.vehicle
     for stage in stages:
         vehicle = vehicle.with_coefficients(stage.coefficients)

@@ -17,6 +17,7 @@ from seatrial.campaign_file import Stage
 from seatrial.descent import Slopes
 from seatrial.parameters import Parameter, names, spread
 from seatrial.recording.columns import CHANNELS
+from seatrial.rotation import shorter
 from seatrial.search import Array
 from seatrial.segments import StageData
 
@@ -110,7 +111,7 @@ class Criterion:
             trial = self.data.trials[piece.trial]
             mask = self.data.counted[piece.trial][piece.start : piece.stop]
             error = np.where(mask, trial.observed[piece.start : piece.stop] - simulated, 0.0)
-            error[:, 9:] = (error[:, 9:] + np.pi) % (2 * np.pi) - np.pi
+            error[:, 9:] = shorter(error[:, 9:])
             error[0] = 0.0
             scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
             found.append(error / scale)

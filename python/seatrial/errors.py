@@ -32,6 +32,22 @@ class SimulationError(SeatrialError, RuntimeError):
     """A simulation cannot be started with these inputs."""
 
 
+def reason(error: Exception) -> str:
+    """Why a file cannot be read or written, as the operating system says it, without its number.
+
+    Examples
+    --------
+    >>> try:
+    ...     open("nowhere/log.csv")
+    ... except OSError as error:
+    ...     print(reason(error))
+    No such file or directory
+    """
+    if isinstance(error, UnicodeDecodeError):
+        return "not a text file in UTF-8"
+    return str(getattr(error, "strerror", None) or error)
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Clause "; did you mean ...?" for an unknown `name`, or all known names if none is near.
 

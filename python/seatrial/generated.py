@@ -7,94 +7,35 @@ it into a table like that of any log, so that a recipe stands in a campaign wher
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.errors import TrialError, VehicleError, nearest
+from seatrial.errors import TrialError, nearest
+from seatrial.parameters import actuator_groups
 from seatrial.recipe_file import RecipeFile, TruthFile, read_as
-from seatrial.sensors import Conditions, Sensor, measure, parse_sensors
+from seatrial.sensors import Conditions, Sensor, measure
 from seatrial.sensors.fine_run import held, times
+from seatrial.sensors.load_cell import ON_THE_TETHER, at_sea
 from seatrial.sensors.stamps import finer
+from seatrial.truth import Truth
+from seatrial.whole_file import write_table
 
 if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Run, Vehicle
 
-__all__ = ["Recipe", "Truth", "write_generated"]
+__all__ = ["Recipe", "Truth", "files_of", "write_generated"]
 
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01
-_ON_THE_TETHER = ("load_cell", "revolutions", "voltage")
-
-
-@dataclass(frozen=True)
-class Truth:
-    """A truth vehicle: the one behind generated trials, and the sensors that it carries."""
-
-    description: str
-    vehicle: Vehicle
-    base: Vehicle
-    changed: tuple[str, ...]
-    sensors: Mapping[str, Sensor]
-
-    @property
-    def sailed(self) -> tuple[str, Mapping[str, Sensor]]:
-        """What makes two truths the same one: the vehicle's file and the sensors."""
-        return self.vehicle.to_toml(), self.sensors
-
-    @classmethod
-    def load(cls, path: str | Path) -> Truth:
-        """Truth vehicle from its file: a built-in vehicle, or one beside it, with other coefficients.
-
-        Raises
-        ------
-        TrialError
-            The file cannot be read, has unknown keys or names an unknown sensor.
-        VehicleError
-            The vehicle or a coefficient is unknown, or their values are impossible.
-        """
-        from seatrial._core import Vehicle
-
-        path = Path(path)
-        file = read_as(TruthFile, path)
-        beside = file.vehicle.endswith(".toml")
-        base = Vehicle.load(path.parent / file.vehicle if beside else file.vehicle)
-        if file.vehicle_file:
-            base = _overlaid(base, file.vehicle_file, str(path))
-        known = base.coefficients()
-        for name in file.factors:
-            if name not in known:
-                raise VehicleError(f"{path}: factors: unknown coefficient {name!r}{nearest(name, known)}")
-        changed = {name: factor * known[name] for name, factor in file.factors.items()} | file.values
-        sensors = parse_sensors(file.sensors, str(path))
-        return cls(file.description, base.with_coefficients(changed), base, tuple(changed), sensors)
-
-
-def _overlaid(vehicle: Vehicle, tables: Mapping[str, Any], where: str) -> Vehicle:
-    """The vehicle with tables put over those of its file."""
-    import tomlkit
-
-    from seatrial._core import Vehicle
-
-    def over(below: dict[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-        merged = dict(below)
-        for key, value in above.items():
-            known = merged.get(key)
-            merged[key] = (
-                over(known, value) if isinstance(known, dict) and isinstance(value, Mapping) else value
-            )
-        return merged
-
-    text = tomlkit.dumps(over(tomllib.loads(vehicle.to_toml()), tables))
-    return Vehicle.from_toml(text, f"{where}: vehicle_file")
+_MOST_ROWS = 1e7
 
 
 @dataclass(frozen=True)
@@ -153,7 +94,13 @@ class Recipe:
         file = read_as(RecipeFile, path)
         if truth is None:
             truth = Truth.load(path.parent / file.truth)
-        t = np.arange(round(file.duration_s * file.rate_hz)) / file.rate_hz
+        rows = round(file.duration_s * file.rate_hz)
+        if rows > _MOST_ROWS:
+            raise TrialError(
+                f"{path}: duration_s times rate_hz: expected at most {_MOST_ROWS:.0e} rows of a log, found"
+                f" {rows:.1e}; shorten the trial or log less often"
+            )
+        t = np.arange(rows) / file.rate_hz
         commands, voltage = _commands(file, truth.vehicle, t, str(path))
         current = np.array([file.current.north_m_s, file.current.east_m_s, file.current.down_m_s])
         initial = file.initial.model_dump()
@@ -178,11 +125,11 @@ class Recipe:
 
     @property
     def sensors(self) -> dict[str, Sensor]:
-        """Those of the truth that log: on the tether load cell, motors and supply; at sea all but the cell."""
+        """Those of the truth that log: on the tether cell, motors and supply, at sea all but the cell."""
         carried = self.truth.sensors
         if self.held:
-            return {kind: sensor for kind, sensor in carried.items() if kind in _ON_THE_TETHER}
-        return {kind: sensor for kind, sensor in carried.items() if kind != "load_cell"}
+            return {kind: sensor for kind, sensor in carried.items() if kind in ON_THE_TETHER}
+        return at_sea(carried)
 
     def run(self) -> Run:
         """What the truth vehicle really did, with `every` rows per row of the log."""
@@ -195,7 +142,7 @@ class Recipe:
             nu=[start["surge_m_s"], 0.0, 0.0, 0.0, 0.0, 0.0],
         )
         commands: dict[str, ArrayLike] = {name: held(y, self.every) for name, y in self.commands.items()}
-        return self.truth.vehicle.simulate(
+        run = self.truth.vehicle.simulate(
             times(self.t, self.every),
             commands,
             state,
@@ -204,6 +151,12 @@ class Recipe:
             voltage=self._fine_voltage,
             max_step=_STEP_S,
         )
+        if not np.isfinite(np.asarray(run.nu)).all():
+            raise TrialError(
+                f"{self.path}: the truth vehicle's motion diverges; check current, commands and the truth's"
+                " coefficients"
+            )
+        return run
 
     def table(self, *, run: Run | None = None, seed: int | None = None) -> pl.DataFrame:
         """What its `sensors` logged, with canonical columns, the commands, and the supply as set.
@@ -252,6 +205,20 @@ class Recipe:
         write_generated(self.table(), path, f"{self.path.name}, seed {self.seed}", self.description)
 
 
+def files_of(path: str | Path) -> tuple[Path, ...]:
+    """Files that a generated trial is made of: its recipe, the truth, the truth's own vehicle file.
+
+    Raises
+    ------
+    TrialError
+        The recipe or its truth file cannot be read.
+    """
+    recipe = Path(path)
+    truth = recipe.parent / read_as(RecipeFile, recipe).truth
+    vehicle = read_as(TruthFile, truth).vehicle
+    return (recipe, truth, *((truth.parent / vehicle,) if vehicle.endswith(".toml") else ()))
+
+
 def write_generated(table: pl.DataFrame, path: str | Path, origin: str, description: str = "") -> None:
     """Write a table as a CSV file whose first lines say that it was generated, and from what.
 
@@ -261,12 +228,7 @@ def write_generated(table: pl.DataFrame, path: str | Path, origin: str, descript
         The file cannot be written.
     """
     lines = [f"GENERATED by seatrial from {origin}: no vehicle was at sea.", *description.splitlines()]
-    try:
-        with Path(path).open("wb") as stream:
-            stream.write("".join(f"# {line}\n" for line in lines).encode())
-            table.write_csv(stream)
-    except OSError as error:
-        raise TrialError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+    write_table(table, path, comments="".join(f"# {line}\n" for line in lines))
 
 
 def _commands(
@@ -274,9 +236,7 @@ def _commands(
 ) -> tuple[dict[str, Array], Array | None]:
     """Commands (n,) of every actuator and the supply (n,); a row sets them from its ``t_s`` on."""
     facts = vehicle.actuator_info()
-    members = {name: [name] for name in vehicle.actuators}
-    for name in vehicle.actuators:
-        members.setdefault(str(facts[name]["group"]), []).append(name)
+    members = actuator_groups(vehicle) | {name: [name] for name in vehicle.actuators}
     commands = {name: np.full(len(t), float(facts[name]["neutral"])) for name in vehicle.actuators}
     voltage = np.full(len(t), np.nan if file.voltage_v is None else file.voltage_v)
     last = -np.inf

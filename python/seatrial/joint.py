@@ -17,6 +17,7 @@ from seatrial.linearisation import Unknown
 from seatrial.nuisance import nuisances, rows
 from seatrial.parameters import coefficients, names, parameters, spread
 from seatrial.recording.columns import CHANNELS
+from seatrial.rotation import shorter
 from seatrial.search import Array
 from seatrial.segments import Segment, cut
 from seatrial.step import stage_step
@@ -257,7 +258,7 @@ class Joint:
         error = observed - shown[:, self.used]
         for column, channel in enumerate(self.used):
             if channel >= 9:
-                error[:, column] = (error[:, column] + np.pi) % (2 * np.pi) - np.pi
+                error[:, column] = shorter(error[:, column])
         return np.where(counted, error, 0.0)
 
     def counted(self, index: int) -> NDArray[np.bool_]:

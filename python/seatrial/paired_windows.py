@@ -27,8 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.recording.columns import CHANNELS
-from seatrial.score import Score
+from seatrial.certainty.first_order_memory import neighbours, widening
+from seatrial.score import Score, channel_errors
 
 __all__ = ["LEAST_WINDOWS", "PairedWindows", "log_errors", "ratio", "typical", "window_sums"]
 
@@ -81,24 +81,11 @@ class PairedWindows:
 
 def window_sums(score: Score, channel: str) -> Array:
     """Sums (windows, 4) of one channel: squared errors, absolute errors, measured squared, samples; SI."""
-    k = CHANNELS.index(channel)
-    angle = channel in ("roll", "pitch", "yaw")
-    errors, measured = [], []
-    for window in score.windows:
-        samples = slice(window.start + 1, window.stop)
-        counted = window.trial.valid[samples, k]
-        measured.append(window.trial.observed[samples, k][counted])
-        error = window.simulated[1:, k][counted] - measured[-1]
-        errors.append(_shorter(error) if angle else error)
-    pooled = np.concatenate([np.zeros(0), *measured])
-    if not len(pooled):
-        return np.zeros((len(errors), 4))
-    centre = np.angle(np.mean(np.exp(1j * pooled))) if angle else pooled.mean()
-    rows = []
-    for error, values in zip(errors, measured, strict=True):
-        away = _shorter(values - centre) if angle else values - centre
-        rows.append([float(error @ error), float(np.abs(error).sum()), float(away @ away), len(values)])
-    return np.array(rows, dtype=float)
+    rows = [
+        (float(error @ error), float(np.abs(error).sum()), float(away @ away), len(error))
+        for error, away in zip(*channel_errors(channel, score.windows), strict=True)
+    ]
+    return np.array(rows, dtype=float).reshape(-1, 4)
 
 
 def ratio(y: Array, x: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
@@ -143,23 +130,6 @@ def _reach(left: Array, trial: NDArray[np.str_], alpha: float) -> float:
     n = len(left)
     if n < LEAST_WINDOWS:
         return math.inf
-    variance = float(left @ left) / (n * (n - 1)) * _widening(left, trial)
+    memory = neighbours(left, most=_MOST_ALIKE, together=trial[1:] == trial[:-1])
+    variance = float(left @ left) / (n * (n - 1)) * widening(memory)
     return float(t.ppf(1.0 - 0.5 * alpha, n - 1)) * math.sqrt(variance)
-
-
-def _widening(left: Array, trial: NDArray[np.str_]) -> float:
-    """Factor (1 + r) / (1 - r), at least 1, of residuals whose neighbours in a trial correlate by r."""
-    power = float(left @ left)
-    together = trial[1:] == trial[:-1]
-    if power == 0.0 or not together.any():
-        return 1.0
-    n = len(left)
-    # About their own mean, n independent residuals correlate by -1 / n.
-    alike = float(left[1:][together] @ left[:-1][together]) / power * n / int(together.sum()) + 1.0 / n
-    alike = min(max(alike, 0.0), _MOST_ALIKE)
-    return (1.0 + alike) / (1.0 - alike)
-
-
-def _shorter(angle: Array) -> Array:
-    """The same angle the shorter way round, in [-pi, pi), rad."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

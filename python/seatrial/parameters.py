@@ -101,11 +101,11 @@ def coefficients(found: Sequence[Parameter], values: Sequence[float] | Array) ->
 
 
 def actuator_groups(vehicle: Vehicle) -> dict[str, list[str]]:
-    """Actuators of each group, in the vehicle's order."""
+    """Actuators of each group, in the vehicle's order; one without a group is its own."""
     groups: dict[str, list[str]] = {}
     facts = vehicle.actuator_info()
     for actuator in vehicle.actuators:
-        groups.setdefault(str(facts[actuator]["group"]), []).append(actuator)
+        groups.setdefault(str(facts[actuator]["group"]) or actuator, []).append(actuator)
     return groups
 
 

@@ -6,14 +6,13 @@ These models are the only owner of the formats, but for the keys of a sensor, wh
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from seatrial.campaign_file import Name, Number, Positive, Section
-from seatrial.errors import TrialError
+from seatrial.errors import TrialError, reason
+from seatrial.toml_file import Name, Number, Positive, Section, checked, tables
 
 __all__ = ["RecipeFile", "SensorFile", "TruthFile", "read_as"]
 
@@ -96,21 +95,13 @@ def read_as(model: type[_File], path: Path) -> _File:
         The file cannot be read, is no TOML, or a key or value is wrong.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         what = "a set of sensors" if model is SensorFile else "the file of a generated trial"
-        raise TrialError(f"{path}: not readable as {what} ({error}); check the path") from None
-    except tomllib.TOMLDecodeError as error:
-        raise TrialError(f"{path}: not a TOML file: {error}") from None
+        advice = "check the path, or say typical" if model is SensorFile else "check the path"
+        raise TrialError(f"{path}: not readable as {what} ({reason(error)}); {advice}") from None
+    data = tables(text, str(path), error=TrialError)
     if model is SensorFile:
         # What a truth file says of its vehicle is another reader's business.
         data = {key: value for key, value in data.items() if key not in _OF_THE_VEHICLE}
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise TrialError("\n".join(f"{path}: {_complaint(detail)}" for detail in error.errors())) from None
-
-
-def _complaint(detail: Any) -> str:
-    place = ", ".join(str(part) for part in detail["loc"]) or "the file"
-    return f"{place}: {str(detail['msg']).removeprefix('Value error, ')}"
+    return checked(model, data, str(path), error=TrialError)

@@ -18,6 +18,7 @@ __all__ = [
     "from_euler",
     "matrix",
     "product",
+    "shorter",
     "to_euler",
 ]
 
@@ -106,3 +107,14 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> Array:
     """Angle in rad of the rotation from a to b, shape (n,)."""
     d = product(conjugate(a), b)
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(d[..., 1:], axis=-1), np.abs(d[..., 0])))
+
+
+def shorter(angle: ArrayLike) -> Array:
+    """The same angle the shorter way round, in [-pi, pi), rad.
+
+    Examples
+    --------
+    >>> shorter([0.5 + 2.0 * np.pi, -6.0]).round(3).tolist()
+    [0.5, 0.283]
+    """
+    return np.asarray((np.asarray(angle, dtype=float) + np.pi) % (2.0 * np.pi) - np.pi)

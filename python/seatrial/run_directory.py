@@ -6,11 +6,11 @@ inputs. When the run is over, the whole folder is renamed into place.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import hashlib
 import json
 import math
-import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from seatrial.errors import SeatrialError
+from seatrial.whole_file import write_whole
 
 RUN_FILE = "run.json"
 """The file that makes a folder a run directory."""
@@ -80,7 +81,7 @@ class RunDirectory:
                 )
         try:
             (self.workspace / _STAGES).mkdir(parents=True, exist_ok=True)
-            self._write(self.workspace / ".probe", b"\0" * 4096)
+            write_whole(self.workspace / ".probe", b"\0" * 4096)
             (self.workspace / ".probe").unlink()
         except OSError as error:
             raise _refusal(self.workspace, error) from None
@@ -106,6 +107,18 @@ class RunDirectory:
         """
         self._put(self._stage_file(self.workspace, stage), to_json(result).encode())
 
+    def abandon(self) -> None:
+        """Take the workspace away again when no stage was kept in it: the run was refused."""
+        stages = self.workspace / _STAGES
+        if stages.is_dir() and not any(stages.iterdir()):
+            with contextlib.suppress(OSError):  # what else lies there stays
+                stages.rmdir()
+                self.workspace.rmdir()
+
+    def discard(self) -> None:
+        """Take the workspace away with all that is in it."""
+        shutil.rmtree(self.workspace, ignore_errors=True)
+
     def part(self, name: str) -> Part:
         """Stages of one part of this run, kept apart from those of the other parts."""
         return Part(self, name)
@@ -120,6 +133,8 @@ class RunDirectory:
         """
         for name, content in files.items():
             self._put(self.workspace / name, content.encode() if isinstance(content, str) else content)
+        with contextlib.suppress(OSError):  # it stays where it holds stages
+            (self.workspace / _STAGES).rmdir()
         former = self.path.with_name(self.path.name + ".former")
         try:
             if former.exists():
@@ -151,23 +166,9 @@ class RunDirectory:
     def _put(self, path: Path, content: bytes) -> None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._write(path, content)
+            write_whole(path, content)
         except OSError as error:
             raise _refusal(path, error) from None
-
-    @staticmethod
-    def _write(path: Path, content: bytes) -> None:
-        """Write a file so that its name never stands for a part of it."""
-        partial = path.with_name(path.name + ".writing")
-        try:
-            with partial.open("wb") as stream:
-                stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
-            partial.replace(path)
-        except OSError:
-            partial.unlink(missing_ok=True)
-            raise
 
 
 def to_json(value: Any) -> str:

@@ -15,19 +15,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.channel import deviations, difference, readable
 from seatrial.errors import TrialError, nearest
 from seatrial.prediction import Window, predict, windows
-from seatrial.recording.columns import CHANNELS, DEGREE
+from seatrial.recording.columns import CHANNELS
 from seatrial.trial import Input, Trial
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["ChannelScore", "Score", "score"]
+__all__ = ["ChannelScore", "Score", "channel_errors", "kind", "score"]
 
 Array = NDArray[np.float64]
-
-_DEGREES = ("p", "q", "r", "roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True)
@@ -99,15 +98,12 @@ class Score(Mapping[str, ChannelScore]):
         return "Score(" + ", ".join(f"{name} {channel.r2:.3f}" for name, channel in self.items()) + ")"
 
     def __str__(self) -> str:
-        kind = f"{self.ahead_s:g} s ahead" if np.isfinite(self.ahead_s) else "free run"
         lines = [
-            f"{', '.join(self.trials)}: {kind}, {len(self.windows)} windows "
-            f"({self.shifted} started late, {self.skipped} left out)",
+            f"{', '.join(self.trials)}: {kind(self)} ({self.shifted} started late, {self.skipped} left out)",
             f"{'channel':<8}{'R2':>8}{'MAE':>11}{'RMSE':>11}  {'unit':<6}{'samples':>8}",
         ]
         for name, channel in self.items():
-            scale = 1.0 / DEGREE if name in _DEGREES else 1.0
-            unit = ("deg" if name in _DEGREES else "m") + ("/s" if name in "uvwpqr" else "")
+            scale, unit = readable(name)
             lines.append(
                 f"{name:<8}{channel.r2:>8.3f}{channel.mae * scale:>11.4g}{channel.rmse * scale:>11.4g}"
                 f"  {unit:<6}{channel.n:>8}"
@@ -186,38 +182,51 @@ def score(
 
 def _scored(trials: Sequence[Trial], channels: Sequence[str] | None) -> list[str]:
     recorded = [name for name in CHANNELS if any(name in trial.channels for trial in trials)]
+    if not recorded:
+        raise TrialError(
+            f"score: {', '.join(trial.name for trial in trials)}: expected at least one of the channels"
+            f" {', '.join(CHANNELS)}, found none; map columns to them"
+        )
     for name in channels or ():
         if name not in recorded:
             raise TrialError(f'score: channel "{name}" is not in the trials{nearest(name, recorded)}')
     return [name for name in recorded if channels is None or name in channels]
 
 
-def _channel_score(name: str, simulated: Sequence[Window]) -> ChannelScore:
-    """Score over the samples that count, pooled over the windows."""
+def kind(score: Score) -> str:
+    """Words for the windows of a score: how far ahead, and how many."""
+    count = len(score.windows)
+    words = f"{count} {'window' if count == 1 else 'windows'}"
+    return f"{score.ahead_s:g} s ahead, {words}" if np.isfinite(score.ahead_s) else f"free run, {words}"
+
+
+def channel_errors(name: str, simulated: Sequence[Window]) -> tuple[list[Array], list[Array]]:
+    """Simulated minus measured, and measured minus the mean of all, (n,) per window and both in SI.
+
+    Only samples that count are among them: not the first one of a window, no masked one.
+    """
     k = CHANNELS.index(name)
-    angle = name in ("roll", "pitch", "yaw")
-    errors, measured = [np.zeros(0)], [np.zeros(0)]
+    errors, measured = [], []
     for window in simulated:
         samples = slice(window.start + 1, window.stop)
         counted = window.trial.valid[samples, k]
         measured.append(window.trial.observed[samples, k][counted])
-        errors.append(window.simulated[1:, k][counted] - measured[-1])
-    error, y = np.concatenate(errors), np.concatenate(measured)
+        with np.errstate(invalid="ignore"):  # a simulation that diverged
+            errors.append(difference(window.simulated[1:, k][counted], measured[-1], name))
+    if not any(len(one) for one in measured):
+        return errors, measured
+    ends = np.cumsum([len(one) for one in measured])
+    return errors, np.split(deviations(np.concatenate(measured), name), ends[:-1])
+
+
+def _channel_score(name: str, simulated: Sequence[Window]) -> ChannelScore:
+    """Score over the samples that count, pooled over the windows."""
+    error, deviation = (np.concatenate([np.zeros(0), *one]) for one in channel_errors(name, simulated))
     n = len(error)
     if n == 0:
         return ChannelScore(np.nan, np.nan, np.nan, 0)
     if not np.isfinite(error).all():
         return ChannelScore(-np.inf, np.inf, np.inf, n)
-    if angle:
-        # An angle has no beginning: its mean is that of its direction, its deviations are below half a turn.
-        error, deviation = _shorter(error), _shorter(y - np.angle(np.mean(np.exp(1j * y))))
-    else:
-        deviation = y - y.mean()
     sse, sst = float(error @ error), float(deviation @ deviation)
     r2 = 1.0 - sse / sst if sst > 0.0 else np.nan
     return ChannelScore(r2, float(np.mean(np.abs(error))), float(np.sqrt(sse / n)), n)
-
-
-def _shorter(angle: Array) -> Array:
-    """The same angle the shorter way round, in [-pi, pi), rad."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

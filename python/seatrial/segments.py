@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.campaign_file import AXES, Stage
+from seatrial.channel import deviations
 from seatrial.errors import CampaignError
 from seatrial.recording.columns import CHANNELS
 from seatrial.search import Array
@@ -115,7 +116,7 @@ def cut(campaign: Campaign, stage: Stage) -> StageData:
 
 
 def _check_channels(stage: Stage, trial: Trial, where: str) -> None:
-    has = f"it has {', '.join(trial.channels)}"
+    has = f"it has {', '.join(trial.channels) or 'none'}"
     for channel in stage.weights():
         if channel not in trial.channels:
             raise CampaignError(
@@ -167,14 +168,6 @@ def _scale(trials: list[Trial], counted: list[NDArray[np.bool_]]) -> Array:
         for channel in range(len(CHANNELS)):
             values = trial.observed[mask[:, channel], channel]
             if len(values):
-                squares[channel] += (_deviations(values, CHANNELS[channel]) ** 2).sum()
+                squares[channel] += (deviations(values, CHANNELS[channel]) ** 2).sum()
                 counts[channel] += len(values)
     return np.sqrt(squares / np.maximum(counts, 1))
-
-
-def _deviations(values: Array, channel: str) -> Array:
-    """Values minus their mean; of an angle minus the mean of its direction, the shorter way round."""
-    if channel not in ("roll", "pitch", "yaw"):
-        return np.asarray(values - values.mean())
-    apart = values - np.angle(np.mean(np.exp(1j * values)))
-    return np.asarray((apart + np.pi) % (2 * np.pi) - np.pi)

@@ -15,6 +15,7 @@ import seatrial as st
 from seatrial import _core, campaign_file
 from seatrial.cli import app
 from seatrial.recording.columns import CANONICAL, CHANNELS
+from seatrial.toml_file import Section
 from tests.docs.pages import NAMES, ROOT, text
 
 INTERFACE = "docs/interface.md"
@@ -70,7 +71,7 @@ def test_every_parameter_is_documented(name: str, thing: Any, doc: str) -> None:
 
 def _sections() -> Iterator[type[BaseModel]]:
     for thing in vars(campaign_file).values():
-        if inspect.isclass(thing) and issubclass(thing, campaign_file.Section):
+        if inspect.isclass(thing) and issubclass(thing, Section):
             yield thing
 
 

@@ -71,9 +71,9 @@ pub trait Real:
     /// For what arithmetic cannot express: look-ups in records and measured tables. The slope
     /// carries derivatives; plain numbers ignore it.
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> Self;
-    /// The value at the place `self` in a ring of values, linear between neighbours: place `i` is
-    /// `ring[i mod len]`. The length is a power of two; `self` is not negative.
-    fn among(self, ring: &[Self]) -> Self;
+    /// The value `self` places before the newest one in a ring, linear between neighbours; place `i` is
+    /// `ring[i mod len]`. The length is a power of two; `self` is neither negative nor as long.
+    fn before(self, ring: &[Self], newest: usize) -> Self;
     /// The largest value of all lanes.
     fn largest(self) -> f64;
 
@@ -167,11 +167,11 @@ impl Real for f64 {
         f(self).0
     }
     #[inline(always)]
-    fn among(self, ring: &[f64]) -> f64 {
+    fn before(self, ring: &[f64], newest: usize) -> f64 {
         let whole = f64::floor(self);
-        let (i, mask) = (whole as usize, ring.len() - 1);
+        let (i, mask) = (newest.wrapping_sub(whole as usize), ring.len() - 1);
         let from = ring[i & mask];
-        (self - whole) * (ring[(i + 1) & mask] - from) + from
+        (self - whole) * (ring[i.wrapping_sub(1) & mask] - from) + from
     }
     #[inline(always)]
     fn largest(self) -> f64 {

@@ -16,12 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.errors import TrialError, nearest
+from seatrial.parameters import actuator_groups
 from seatrial.readers import read_table
 from seatrial.recording import frames, units
-from seatrial.recording.columns import Source
-from seatrial.recording.columns import _source as source_of
-from seatrial.recording.table import _numbers as numbers
-from seatrial.recording.table import time_base
+from seatrial.recording.columns import Source, source_of
+from seatrial.recording.table import numbers, time_base
 
 if TYPE_CHECKING:
     import polars as pl
@@ -114,12 +113,7 @@ def _sources(
 ) -> dict[str, Source]:
     """Source by canonical name; groups resolved to their actuators."""
     known = ["t_s", "voltage_v", SINGLE, *LOADS]
-    facts = vehicle.actuator_info()
-    members: dict[str, list[str]] = {}
-    for name in vehicle.actuators:
-        members.setdefault(str(facts[name].get("group", "")), []).append(name)
-    members |= {name: [name] for name in vehicle.actuators}
-    members.pop("", None)
+    members = actuator_groups(vehicle) | {name: [name] for name in vehicle.actuators}
     known += [f"{kind}.{name}" for kind in ("cmd", "meas") for name in members]
     given = {name: Source(name) for name in present if name in known}
     for canonical, entry in columns.items():

@@ -6,14 +6,11 @@ Tests: ``tests/test_bench_file.py``.
 
 from __future__ import annotations
 
-import tomllib
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from seatrial.campaign_file import Name, Number, Positive, Section
-from seatrial.campaign_file import _message as message
-from seatrial.errors import CampaignError
+from seatrial.toml_file import FolderName, Name, NotNegative, Number, Positive, Section, checked, tables
 
 __all__ = ["BenchFile", "Pull", "Regression", "SignOf", "Steps", "parse"]
 
@@ -27,7 +24,9 @@ SENSES = {
 }
 """Axis and sign of what a single cell measures, by the direction in which the vehicle pulls."""
 
-NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+Density = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=500.0, le=2000.0)]
+"""kg/m3; the limits catch a density in g/cm3 or a specific gravity."""
+
 Names = Annotated[tuple[Name, ...], Field(min_length=1)]
 
 
@@ -45,6 +44,9 @@ class _Driven(Section):
     def _one_choice(self) -> _Driven:
         if (self.group is None) == (self.actuators is None):
             raise ValueError('give what was driven, either group = "NAME" or actuators = ["NAME", ...]')
+        for name in self.actuators or ():
+            if (self.actuators or ()).count(name) > 1:
+                raise ValueError(f"actuators names {name!r} twice; name it once")
         return self
 
 
@@ -91,7 +93,7 @@ class Regression(Section):
     kind: Literal["quadratic", "polynomial", "table"] | None = None
     knots: Annotated[int, Field(strict=True, ge=4)] | None = None
     tolerance_n: Positive | None = None
-    table_voltage_v: tuple[Positive, ...] | None = None
+    table_voltage_v: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Regression:
@@ -133,10 +135,10 @@ class BenchFile(Section):
     """The whole file."""
 
     format: Literal[1]
-    name: Name
+    name: FolderName
     vehicle: Name
     description: str = ""
-    rho_kg_m3: Positive | None = None
+    rho_kg_m3: Density | None = None
     reader: str | None = None
     columns: dict[str, Any] = Field(default_factory=dict)
     pulls: tuple[Pull, ...] = ()
@@ -179,11 +181,4 @@ def parse(text: str, source: str) -> BenchFile:
     >>> file.regression_of("stern").order
     2
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise CampaignError(f"{source}: not a TOML file: {error}") from None
-    try:
-        return BenchFile.model_validate(data)
-    except ValidationError as error:
-        raise CampaignError("\n".join(message(data, source, detail) for detail in error.errors())) from None
+    return checked(BenchFile, tables(text, source), source)

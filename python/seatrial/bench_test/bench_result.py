@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.bench_test.bench_text import motor_sentences, pull_sentences
-from seatrial.errors import SeatrialError
+from seatrial.errors import SeatrialError, reason
 from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
+from seatrial.whole_file import write_whole
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -103,14 +104,20 @@ class BenchTest:
         SeatrialError
             The directory cannot be written; nothing is left half-written.
         """
-        return RunDirectory(run_dir).publish({
+        directory = RunDirectory(run_dir)
+        files = {
             RUN_FILE: to_json(self.facts),
             "bench.toml": self.text,
             "bench.json": to_json(self.to_dict()),
             "vehicle.toml": self.vehicle_text,
             "summary.txt": "\n".join(self.sentences()) + "\n",
             "points.csv": self.points_csv(),
-        })
+        }
+        try:
+            return directory.publish(files)
+        except BaseException:  # Ctrl-C too: nothing here is worth resuming
+            directory.discard()
+            raise
 
     def points_csv(self) -> str:
         """Operating points of all groups as CSV, with what was fitted and which are outliers."""
@@ -162,15 +169,11 @@ class BenchTest:
                 f"{target}: this file exists and is not overwritten; give another name, or --in-place for the"
                 " vehicle file of the bench test"
             )
-        partial = target.with_name(target.name + ".writing")
         try:
-            partial.write_text(self.vehicle_text, encoding="utf-8")
-            partial.replace(target)
+            write_whole(target, self.vehicle_text.encode())
         except OSError as error:
-            partial.unlink(missing_ok=True)
             raise SeatrialError(
-                f"{target}: cannot be written ({error.strerror or error}); choose a place that you may"
-                " write to"
+                f"{target}: cannot be written ({reason(error)}); choose a place that you may write to"
             ) from None
         return target
 

@@ -44,7 +44,7 @@ def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> li
 
 def motor_sentences(unit: str, motor: MotorEstimate) -> list[str]:
     """What the steps of a group say."""
-    return [f"{unit} motor: {text}" for text in motor.sentences()]
+    return [f"{unit} motor: {text.removesuffix('.')}" for text in motor.sentences()]
 
 
 def share(value: float, digits: int = 5) -> str:
@@ -80,9 +80,14 @@ def _largest(fit: UnitFit, side: str) -> str:
 def _goodness(one: DirectionFit) -> str:
     fit = one.fit
     return (
-        f"R2 = 1 - SSE/SST = {share(fit.r2)} decides (the paper's B, blind to a wrong gain, {share(fit.b)});"
-        f" points scatter by {fit.sigma:.2g} N (standard deviation, {fit.dof} degrees of freedom)"
+        f"R2 = 1 - SSE/SST {_is(share(fit.r2))} decides (the paper's B, blind to a wrong gain,"
+        f" {_is(share(fit.b))}); points scatter by {fit.sigma:.2g} N (standard"
+        f" deviation, {fit.dof} degrees of freedom)"
     )
+
+
+def _is(value: str) -> str:
+    return value if value.startswith(">") else f"= {value}"
 
 
 def _exponent(one: DirectionFit) -> str:

@@ -1,20 +1,18 @@
-"""What was driven in a bench test: actuators of one group, by name, and the places of their files."""
+"""What was driven in a bench test: actuators of one group, by name. Tests: ``tests/test_bench_file.py``."""
 
 from __future__ import annotations
 
-import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from seatrial.errors import CampaignError, nearest
+from seatrial.parameters import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Unit", "file_path", "unit_of"]
+__all__ = ["Unit", "unit_of"]
 
 
 @dataclass(frozen=True)
@@ -47,9 +45,11 @@ def unit_of(vehicle: Vehicle, group: str | None, actuators: Sequence[str] | None
     """
     facts = vehicle.actuator_info()
     thrusters = [name for name in vehicle.actuators if facts[name]["kind"] == "thruster"]
-    groups: dict[str, list[str]] = {}
-    for name in thrusters:
-        groups.setdefault(str(facts[name]["group"]) or name, []).append(name)
+    members_of = {
+        name: [one for one in members if one in thrusters]
+        for name, members in actuator_groups(vehicle).items()
+    }
+    groups = {name: members for name, members in members_of.items() if members}
     if group is not None:
         if group not in groups:
             raise CampaignError(f"{where}, key group: unknown group {group!r}{nearest(group, groups)}")
@@ -69,24 +69,3 @@ def unit_of(vehicle: Vehicle, group: str | None, actuators: Sequence[str] | None
         )
     whole = next((name for name, own in groups.items() if own == members), None)
     return Unit(whole or "+".join(members), tuple(members), units.pop())
-
-
-def file_path(text: str, folder: Path, where: str) -> Path:
-    """Path relative to a folder, ``${VARIABLE}`` replaced by the environment's value.
-
-    Raises
-    ------
-    CampaignError
-        The variable is not set.
-    """
-
-    def value(match: re.Match[str]) -> str:
-        variable = match.group(1)
-        if variable not in os.environ:
-            raise CampaignError(
-                f"{where}: environment variable {variable} is not set; set it to the folder that {text!r}"
-                " begins with"
-            )
-        return os.environ[variable]
-
-    return folder / Path(re.sub(r"\$\{(\w+)\}", value, text)).expanduser()

@@ -8,25 +8,28 @@ from __future__ import annotations
 import hashlib
 import platform
 import tomllib
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.bench_test.bench_file import BenchFile, parse
+from seatrial.bench_test.bench_file import BenchFile, Pull, Steps, parse
 from seatrial.bench_test.bench_result import BenchTest
-from seatrial.bench_test.driven import Unit, file_path, unit_of
-from seatrial.bench_test.plausibility import warnings_of
+from seatrial.bench_test.driven import Unit, unit_of
+from seatrial.bench_test.plausibility import motor_warnings, warnings_of
 from seatrial.bench_test.pull_points import PullPoints, read_pull
 from seatrial.bench_test.step_records import read_steps
 from seatrial.bench_test.unit_fit import UnitFit, fit_unit
 from seatrial.bench_test.vehicle_text import write_results
-from seatrial.errors import CampaignError, nearest
+from seatrial.errors import CampaignError, TrialError, VehicleError, nearest, reason
+from seatrial.generated import files_of
+from seatrial.toml_file import file_path, is_path
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.motor_dynamics import MotorEstimate, StepRecord
 
-__all__ = ["bench"]
+__all__ = ["bench", "fingerprint"]
 
 
 def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
@@ -76,10 +79,7 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
     from seatrial._core import Vehicle
 
     path = Path(source)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CampaignError(f"{path}: not readable as a bench file ({error}); check the path") from None
+    text = _text(path)
     file = parse(text, str(path))
     base, vehicle_path, vehicle_text = _vehicle(file, path, vehicle)
     _check_units(file, base, str(path))
@@ -103,7 +103,8 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
     written = write_results(
         with_motors.text, driven, list(fits.values()), {}, name=file.name, rho=file.rho_kg_m3
     )
-    warnings = [text for fit in fits.values() for text in warnings_of(fit, driven)]
+    warnings = [text for name, (_, motor) in motors.items() for text in motor_warnings(name, motor)]
+    warnings += [text for fit in fits.values() for text in warnings_of(fit, driven)]
     return BenchTest(
         file=file,
         text=text,
@@ -128,6 +129,53 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
     )
 
 
+def fingerprint(source: str | Path) -> str:
+    """SHA-256 of a bench file and of all files that its records are made of, for a result that is kept.
+
+    Raises
+    ------
+    CampaignError
+        The bench file cannot be read.
+    TrialError
+        The recipe of a generated record cannot be read.
+    """
+    path = Path(source)
+    text = _text(path)
+    digest = hashlib.sha256(text.encode())
+    file = parse(text, str(path))
+    for entry in (*file.pulls, *file.steps):
+        record = file_path(entry.file, path.parent, f"{path}: {entry.name!r}, key file")
+        recipe = (entry.reader or file.reader or record.suffix) in ("generated", ".toml")
+        # What is not there is said by the evaluation.
+        if record.is_file():
+            for one in files_of(record) if recipe else (record,):
+                digest.update(one.read_bytes() if one.is_file() else b"-")
+    return digest.hexdigest()
+
+
+def vehicle_of(source: str | Path) -> Vehicle:
+    """Vehicle that a bench file names.
+
+    Raises
+    ------
+    CampaignError
+        The bench file cannot be read.
+    VehicleError
+        The vehicle cannot be loaded.
+    """
+    path = Path(source)
+    return _vehicle(parse(_text(path), str(path)), path, None)[0]
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CampaignError(
+            f"{path}: not readable as a bench file ({reason(error)}); check the path"
+        ) from None
+
+
 def _vehicle(file: BenchFile, path: Path, given: Vehicle | None) -> tuple[Vehicle, Path | None, str]:
     """Vehicle, its file where it has one, and its text."""
     from seatrial._core import Vehicle
@@ -135,31 +183,38 @@ def _vehicle(file: BenchFile, path: Path, given: Vehicle | None) -> tuple[Vehicl
     if given is not None:
         return given, None, given.to_toml()
     name = file.vehicle
-    if not (name.endswith(".toml") or "/" in name or "\\" in name):
-        built_in = Vehicle.load(name)
-        return built_in, None, built_in.to_toml()
-    own = file_path(name, path.parent, f"{path}: key vehicle")
-    loaded = Vehicle.load(str(own))
-    return loaded, own, own.read_text(encoding="utf-8")
+    own = file_path(name, path.parent, f"{path}: key vehicle") if is_path(name) else None
+    try:
+        loaded = Vehicle.load(str(own or name))
+    except VehicleError as error:
+        raise VehicleError(f"{path}: key vehicle: {error}") from None
+    return loaded, own, loaded.to_toml() if own is None else own.read_text(encoding="utf-8")
 
 
 def _check_units(file: BenchFile, vehicle: Vehicle, source: str) -> None:
     """Refuse actuators under two names and regressions of what is not pulled, before anything is read."""
+    pulled = _units(file.pulls, vehicle, f"{source}: pulls")
+    _units(file.steps, vehicle, f"{source}: steps")
+    for name in file.regressions:
+        if name not in pulled:
+            raise CampaignError(f"{source}: regressions, key {name}: no pull tests it{nearest(name, pulled)}")
+
+
+def _units(entries: Sequence[Pull | Steps], vehicle: Vehicle, source: str) -> dict[str, Unit]:
+    """Units of pulls or of steps by name; an actuator is in one of them only."""
     tested: dict[str, Unit] = {}
-    for pull in file.pulls:
-        where = f"{source}: pulls {pull.name!r}"
-        unit = unit_of(vehicle, pull.group, pull.actuators, where)
+    for entry in entries:
+        where = f"{source} {entry.name!r}"
+        unit = unit_of(vehicle, entry.group, entry.actuators, where)
         for other in tested.values():
             shared = set(other.actuators) & set(unit.actuators)
             if other.name != unit.name and shared:
                 raise CampaignError(
                     f"{where}: {', '.join(sorted(shared))} is also tested as {other.name}; name the same"
-                    " group or actuators in both pulls"
+                    " group or actuators in both"
                 )
         tested[unit.name] = unit
-    for name in file.regressions:
-        if name not in tested:
-            raise CampaignError(f"{source}: regressions, key {name}: no pull tests it{nearest(name, tested)}")
+    return tested
 
 
 def _pulls(
@@ -198,13 +253,14 @@ def _motors(
                 steps, unit, vehicle, source, where=where, reader=file.reader, columns=dict(file.columns)
             )
         )
-    motors = {
-        name: (
-            units[name],
-            identify_motor(own, start=_motor_table(vehicle_text, units[name]), unit=units[name].command),
-        )
-        for name, own in records.items()
-    }
+    motors: dict[str, tuple[Unit, MotorEstimate]] = {}
+    for name, own in records.items():
+        unit = units[name]
+        try:
+            found = identify_motor(own, start=_motor_table(vehicle_text, unit), unit=unit.command)
+        except TrialError as error:
+            raise TrialError(f"{path}: steps of {name}: {error}") from None
+        motors[name] = (unit, found)
     return motors, {name: tuple(own) for name, own in records.items()}
 
 

@@ -94,7 +94,8 @@ def lack_of_fit(found: tuple[Candidate, ...], chosen: tuple[Term, ...], n: int) 
         return f"of the usual models {best.name} describes the points best ({best.keys})"
     if own.aicc - best.aicc < _AS_GOOD:
         fewer = len(best.terms) < len(own.terms)
-        return f"{own.name} fits" + (f"; {best.name} as well, with fewer coefficients" if fewer else "")
+        name = "thrust per n|n|" if own.name == "square" else own.name
+        return f"{name} fits" + (f"; {best.name} as well, with fewer coefficients" if fewer else "")
     if set(best.terms) < set(own.terms):
         return (
             f"{best.name} fits as well, with fewer coefficients ({best.keys}): the intervals would be"

@@ -6,8 +6,8 @@ those between plateaus, and their scatter holds whatever makes a repeated platea
 
 A plateau begins where a command changes and its first ``settle_s`` are left out. Where no command is logged,
 it begins where the measured revolutions leave their mean. A table without time is steady already: every row
-is one plateau. The standard error of a plateau's mean allows for samples that remember (first-order
-autoregression, factor ``(1 + r)/(1 - r)`` on the variance).
+is one plateau. The standard error of a plateau's mean allows for samples that remember the one before
+(`seatrial.certainty.first_order_memory`).
 
 Tests: ``tests/test_bench_records.py``.
 """
@@ -21,9 +21,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.certainty.first_order_memory import neighbours, widening
 from seatrial.errors import TrialError
 
-__all__ = ["LEAST_SAMPLES", "Plateau", "held", "plateaus", "rows_as_plateaus"]
+__all__ = ["LEAST_SAMPLES", "Plateau", "held", "plateaus", "rows_as_plateaus", "standard_error"]
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,7 @@ _COMMAND_SHARE = 0.002
 _MEASURED_SHARE = 0.03
 _NOISES = 6.0
 _DRIFT_SHARE, _DRIFT_ERRORS = 0.02, 6.0
+_MOST_MEMORY = 0.95
 
 
 @dataclass(frozen=True)
@@ -189,10 +191,9 @@ def standard_error(samples: Array) -> float:
     n = len(samples)
     centred = samples - samples.mean()
     power = float(centred @ centred)
-    if n < 2 or power <= 0.0:
+    if n < 2:
         return 0.0
-    memory = float(np.clip(centred[1:] @ centred[:-1] / power, 0.0, 0.95))
-    return float(np.sqrt(power / (n - 1) / n * (1.0 + memory) / (1.0 - memory)))
+    return float(np.sqrt(power / (n - 1) / n * widening(neighbours(centred, most=_MOST_MEMORY))))
 
 
 def _changes(commands: list[Array]) -> list[int]:

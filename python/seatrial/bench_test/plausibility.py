@@ -16,8 +16,9 @@ from seatrial.bench_test.unit_fit import SIDES
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.bench_test.unit_fit import UnitFit
+    from seatrial.motor_dynamics import MotorEstimate
 
-__all__ = ["warnings_of"]
+__all__ = ["motor_warnings", "warnings_of"]
 
 _POINTS = 400
 _NOISE = 1e-3
@@ -25,6 +26,16 @@ _BEYOND = 1.05
 _POOR = 0.9
 _SAGGED = 1.05
 _QUIET = 3
+_SLOWEST_S = 10.0  # no propeller or servo of an underwater vehicle lags so long
+
+
+def motor_warnings(unit: str, motor: MotorEstimate) -> list[str]:
+    """Sentences about what looks wrong in a group's motor."""
+    return [
+        f"{unit} motor: {name} = {one.value:.3g} s is not that of a motor; is t_s in seconds?"
+        for name, one in motor.parameters.items()
+        if name in ("T_1", "T_t") and one.value is not None and one.value > _SLOWEST_S
+    ]
 
 
 def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:

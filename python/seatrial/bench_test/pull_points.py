@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 _ZERO_SHARE = 1e-6
 _ZERO_MEASURED = 0.01
 _APART = 4.0
+_NOTHING_N = 1e-9  # rounding of a load that never changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +125,8 @@ def read_pull(
             raise TrialError(f"{where}: no row of {table.file} has both signal and load; check the columns")
     else:
         commands = {name: table.commands[name] for name in signal if name in table.commands}
+        if not commands.keys() & set(unit.actuators):
+            commands = {}  # those of idle groups do not tell where a plateau of this one ends
         found, left = plateaus(table.t, commands, signal, load, voltage, settle_s=pull.settle_s, where=where)
         counts = [plateau.samples for plateau in found]
         notes = [
@@ -174,6 +177,11 @@ def _gathered(
             " hold longer or raise settle_s"
         )
     separated = [point for _, point in points]
+    if not any(abs(point.thrust) > _NOTHING_N for point in separated):
+        raise TrialError(
+            f"{file}: the load is the same at rest and under every command; expected a force that answers the"
+            " commands, so check the load cell's column"
+        )
     strong = [p for p in separated if abs(p.thrust) > 0.3 * max(abs(q.thrust) for q in separated)]
     across = max(p.across / (abs(p.thrust) * p.factor) for p in strong)
     if across > 0.05:

@@ -42,11 +42,7 @@ def settled(vehicle: Vehicle, actuator: str, commands: ArrayLike) -> Array:
     wanted = np.asarray(commands, dtype=float)
     distinct = np.unique(wanted[np.isfinite(wanted)])
     facts = vehicle.actuator_info()[actuator]
-    rate = vehicle.coefficients().get(f"{actuator}.n_acc", np.inf)
-    rates = [rate, vehicle.coefficients().get(f"{actuator}.n_dec", rate)]
-    slowest = min((r for r in rates if np.isfinite(r) and r > 0.0), default=np.inf)
-    hold = settling_s(vehicle) + 2.0 * max(largest(facts, 1.0), largest(facts, -1.0)) / slowest
-    steps = int(np.ceil(hold / _STEP_S))
+    steps = int(np.ceil(settling_s(vehicle) / _STEP_S))
     held: dict[str, ArrayLike] = {actuator: np.repeat(distinct, steps)}
     t: Array = _STEP_S * np.arange(steps * len(distinct), dtype=float)
     if len(distinct) == 0:

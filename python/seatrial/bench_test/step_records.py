@@ -58,6 +58,11 @@ def read_steps(
     records = []
     for name in both:
         given = np.isfinite(table.measured[name])
+        if not given.any():
+            raise TrialError(
+                f"{where}: meas.{name}: no cell of {table.file} is a number; check the column of the"
+                " revolutions"
+            )
         try:
             records.append(
                 StepRecord(
@@ -69,5 +74,5 @@ def read_steps(
                 )
             )
         except TrialError as error:
-            raise TrialError(f"{where}: {name}: {error}") from None
+            raise TrialError(f"{where}: {error}") from None
     return records

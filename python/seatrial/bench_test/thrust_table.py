@@ -159,8 +159,10 @@ def from_points(
     goal = _TOLERANCE * largest if tolerance is None else tolerance
     allowed = goal * (_AT_REST + (1.0 - _AT_REST) * np.abs(thrust) / largest)
     silent = dead_band(signal, thrust)
-    edges = [x for x in (silent if silent[0] < silent[1] else (0.0,)) if distinct[0] < x < distinct[-1]]
-    chosen = sorted({float(distinct[0]), *edges, float(distinct[-1])})
+    # Held beyond its ends, a table of one direction alone would push at rest, too: it begins at zero.
+    lowest, highest = min(float(distinct[0]), 0.0), max(float(distinct[-1]), 0.0)
+    edges = [x for x in (silent if silent[0] < silent[1] else (0.0,)) if lowest < x < highest]
+    chosen = sorted({lowest, *edges, highest})
     while True:
         grid = np.array(chosen)
         force = np.array([

@@ -148,14 +148,15 @@ class UnitFit:
 def unlike(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
     """Thrust over that of the group's curve and its standard deviation, per set of actuators that ran.
 
-    Least squares over each set's points; empty where only one set ran.
+    Least squares over each set's points; empty where only one set ran, without those that ran where the
+    curve has no thrust.
     """
     points = fit.points
     fitted = fit.thrust(points.signal, points.voltage if fit.regression.with_voltage else None)
     found = {}
     for names in dict.fromkeys(points.running):
         own = np.array([other == names for other in points.running]) & np.isfinite(fitted)
-        if own.sum() > _LEAST_ALONE:
+        if own.sum() > _LEAST_ALONE and fitted[own].any():
             one = least_squares(fitted[own, None], points.thrust[own], terms_of(1, 1, through_origin=True))
             found[names] = float(one.coefficients[0]), float(one.standard_deviations[0])
     return found if len(found) > 1 else {}

@@ -3,14 +3,15 @@
 The entry keeps what a bollard test does not measure: inflow term, wake, torque, power, thrust deduction. The
 test measures the pull of the vehicle, ``(1 - t) F`` at the density of the basin; the file holds F at the
 vehicle's density, so that coefficients are multiplied by ``rho / rho_test / (1 - t)``. A direction that was
-not tested keeps its old regression.
+not tested keeps its old thrust: what ``[coefficients]`` corrected in it (gain, astern_ratio, p1 ...) is taken
+into the entry, because the correction itself is taken out with that of the tested direction.
 
 Tests: ``tests/test_bench_vehicle.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,10 +31,12 @@ PER_MINUTE = 3600.0
 """rpm² per (rev/s)²: revolutions are in rpm in the file's regression, in rev/s in p1."""
 
 _TERMS = {"a0": 0, "a1": 1, "a11": 2}
+_SAME = 1e-9
+_UNREACHABLE = "the motor does not turn this way"
 
 
 def entry_of(
-    fit: UnitFit, old: Mapping[str, Any], actuator: str, vehicle: Vehicle, rho: float | None
+    fit: UnitFit, old: Mapping[str, Any], users: Sequence[str], vehicle: Vehicle, rho: float | None
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Keys of the new entry, and remarks by key (standard deviations, what was kept).
 
@@ -42,8 +45,8 @@ def entry_of(
     fit : UnitFit
     old : mapping
         The entry that is replaced.
-    actuator : str
-        One that uses it.
+    users : sequence of str
+        The tested actuators that use it.
     vehicle : Vehicle
         The vehicle as it was.
     rho : float, optional
@@ -52,21 +55,26 @@ def entry_of(
     Raises
     ------
     VehicleError
-        A direction was not tested and the old entry has no regression to keep for it.
+        A direction was not tested, and the old entry has no regression to keep for it or one that was
+        corrected for each actuator differently.
     """
-    coefficients = vehicle.coefficients()
     factor = 1.0 if rho is None else vehicle.environment()["rho"] / rho
-    factor /= 1.0 - coefficients.get(f"{actuator}.t", 0.0)
+    factor /= 1.0 - vehicle.coefficients().get(f"{users[0]}.t", 0.0)
     if fit.kind == "table":
-        return _table(fit, factor)
+        return _table(fit, users, vehicle, factor)
     kept = {key: old[key] for key in KEPT if key in old}
     if fit.kind == "quadratic":
-        return _quadratic(fit, old, kept, vehicle, factor)
-    return _polynomial(fit, old, kept, actuator, coefficients, factor)
+        return _quadratic(fit, old, kept, users, vehicle, factor)
+    return _polynomial(fit, old, kept, users, vehicle, factor)
 
 
 def _quadratic(
-    fit: UnitFit, old: Mapping[str, Any], kept: dict[str, Any], vehicle: Vehicle, factor: float
+    fit: UnitFit,
+    old: Mapping[str, Any],
+    kept: dict[str, Any],
+    users: Sequence[str],
+    vehicle: Vehicle,
+    factor: float,
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """``p1 |n| n``, or the alpha form where the old entry has it."""
     alpha = "alpha1_ahead" in old or "alpha2" in old
@@ -74,24 +82,24 @@ def _quadratic(
     name = "alpha1" if alpha else "p1"
     entry: dict[str, Any] = {"kind": "quadratic"}
     remarks = {}
-    if "ahead" not in fit.directions and f"{name}_ahead" not in old:
-        raise VehicleError(
-            "ahead was not tested and the old characteristic has no p1 to keep; pull ahead too"
-        )
     for side in SIDES:
         found, key = fit.directions.get(side), f"{name}_{side}"
+        if found is None and _unreachable(users, side, vehicle):
+            entry[key], remarks[key] = 0.0, _UNREACHABLE
+            continue
         if found is None:
+            if f"{name}_ahead" not in old:
+                raise VehicleError(
+                    f"{side} was not tested and the old characteristic has no p1 to keep; pull {side} too"
+                )
             # Without its own number astern would follow the new one ahead.
-            entry[key] = old.get(key, old.get(f"{name}_ahead"))
+            written = float(old.get(key, old[f"{name}_ahead"]))
+            entry[key] = _unchanged(written, _old_thrust(users, "p1", side, vehicle) / divisor)
             remarks[key] = "not tested, kept"
             continue
         scale = PER_MINUTE * factor / divisor
         entry[key] = rounded(float(found.fit.coefficients[0]) * scale)
         remarks[key] = f"+- {float(found.fit.standard_deviations[0]) * scale:.2g}"
-    if entry["alpha1_astern" if alpha else "p1_astern"] is None:
-        raise VehicleError(
-            "astern was not tested and the old characteristic has no p1 to keep; pull astern too"
-        )
     return entry | kept, remarks
 
 
@@ -99,8 +107,8 @@ def _polynomial(
     fit: UnitFit,
     old: Mapping[str, Any],
     kept: dict[str, Any],
-    actuator: str,
-    coefficients: Mapping[str, float],
+    users: Sequence[str],
+    vehicle: Vehicle,
     factor: float,
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """``F = a0 + a1 s + a11 s^2`` per direction."""
@@ -112,10 +120,16 @@ def _polynomial(
             entry[side] = [rounded(factor * x) for x in _padded(found, found.fit.coefficients)]
             deviations = _padded(found, found.fit.standard_deviations)
             remarks[side] = "+- " + ", ".join(f"{factor * x:.2g}" for x in deviations)
+        elif _unreachable(users, side, vehicle):
+            entry[side], remarks[side] = [0.0, 0.0, 0.0], _UNREACHABLE
         elif old.get("kind") == "polynomial":
-            entry[side], remarks[side] = list(old[side]), "not tested, kept"
+            entry[side] = [
+                _unchanged(float(written), _old_thrust(users, name, side, vehicle))
+                for name, written in zip(_TERMS, old[side], strict=True)
+            ]
+            remarks[side] = "not tested, kept"
         elif old.get("kind") == "quadratic":
-            p1 = coefficients[f"{actuator}.p1_{side}"]
+            p1 = _old_thrust(users, "p1", side, vehicle)
             entry[side], remarks[side] = [0.0, 0.0, rounded(p1 / PER_MINUTE)], "not tested, kept"
         else:
             raise VehicleError(
@@ -127,10 +141,46 @@ def _polynomial(
     return entry | kept, remarks
 
 
-def _table(fit: UnitFit, factor: float) -> tuple[dict[str, Any], dict[str, str]]:
+def _old_thrust(users: Sequence[str], name: str, side: str, vehicle: Vehicle) -> float:
+    """Coefficient of the thrust in one direction as the vehicle has it, with gain and astern_ratio.
+
+    Raises
+    ------
+    VehicleError
+        The actuators that share the entry have different ones.
+    """
+    values = vehicle.coefficients()
+    each = [
+        values[f"{user}.{name}_{side}"]
+        * values.get(f"{user}.gain", 1.0)
+        * (values.get(f"{user}.astern_ratio", 1.0) if side == "astern" else 1.0)
+        for user in users
+    ]
+    if max(each) - min(each) > _SAME * max(map(abs, each)):
+        raise VehicleError(
+            f"{side} was not tested and [coefficients] corrects it differently for {', '.join(users)}, which"
+            f" share one characteristic; pull {side} too"
+        )
+    return each[0]
+
+
+def _unreachable(users: Sequence[str], side: str, vehicle: Vehicle) -> bool:
+    """Whether no motor of these actuators turns this way."""
+    facts = vehicle.actuator_info()
+    return all(facts[user][f"maximum_{side}"] == 0.0 for user in users)
+
+
+def _unchanged(written: float, value: float) -> float:
+    """A number as it was written, or another value where a correction changes it."""
+    return written if abs(value - written) <= _SAME * abs(written) else rounded(value)
+
+
+def _table(
+    fit: UnitFit, users: Sequence[str], vehicle: Vehicle, factor: float
+) -> tuple[dict[str, Any], dict[str, str]]:
     table = fit.table
     assert table is not None
-    missing = [side for side in SIDES if side not in fit.sides]
+    missing = [side for side in SIDES if side not in fit.sides and not _unreachable(users, side, vehicle)]
     if missing:
         raise VehicleError(
             f"{missing[0]} was not tested, and a table holds both directions; pull {missing[0]} too"

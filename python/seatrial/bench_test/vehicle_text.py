@@ -2,7 +2,8 @@
 
 An entry that other actuators use as well is left alone: the tested ones get their own. Factors in
 ``[coefficients]`` that corrected the old characteristic (gain, astern_ratio, p1 ...) of the tested actuators
-are taken out, because the test replaces what they corrected.
+are taken out, because the test replaces what they corrected; a direction that was not tested keeps them in
+its entry (`seatrial.bench_test.vehicle_entry`).
 
 Tests: ``tests/test_bench_vehicle.py``.
 """
@@ -68,22 +69,24 @@ def write_results(
     for fit in fits:
         members = fit.unit.actuators
         try:
-            for old_name, users in _entries(document, "characteristic", members).items():
-                old = document["characteristics"][old_name].unwrap()
-                entry, remarks = entry_of(fit, old, users[0], vehicle, rho)
-                new = _own_entry(
-                    document, "characteristics", "characteristic", old_name, users, fit.unit.name
-                )
-                _put(document["characteristics"][new], entry, remarks, name, drop=True)
-                notes.append(_said("characteristic", old_name, new, fit.unit.name, fit.kind))
-                lost = sorted(key for key in ("p2", "alpha2") if old.get(key) and key not in entry)
-                if lost:
-                    notes.append(
-                        f"WARNING: kind {fit.kind} knows no inflow: {', '.join(lost)} of {old_name} dropped"
-                    )
+            # All of the group's entries before the first one is put in: a refusal leaves none behind.
+            made = [
+                (old_name, users, old, entry_of(fit, old, users, vehicle, rho))
+                for old_name, users in _entries(document, "characteristic", members).items()
+                for old in (document["characteristics"][old_name].unwrap(),)
+            ]
         except VehicleError as error:
             refused.append(f"{fit.unit.name} is not written into the vehicle file: {error}")
             continue
+        for old_name, users, old, (entry, remarks) in made:
+            new = _own_entry(document, "characteristics", "characteristic", old_name, users, fit.unit.name)
+            _put(document["characteristics"][new], entry, remarks, name, drop=True)
+            notes.append(_said("characteristic", old_name, new, fit.unit.name, fit.kind))
+            lost = sorted(key for key in ("p2", "alpha2") if old.get(key) and key not in entry)
+            if lost:
+                notes.append(
+                    f"WARNING: kind {fit.kind} knows no inflow: {', '.join(lost)} of {old_name} dropped"
+                )
         removed = _remove_factors(document, members)
         if removed:
             notes.append(f"removed from [coefficients], which the test replaces: {', '.join(removed)}")

@@ -191,31 +191,6 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
     )
 
 
-def interval_table(found: Uncertainty) -> list[tuple[str, str, str, str]]:
-    """Rows to print: name, estimate ± sigma with unit, 95 % interval, remark."""
-    rows = []
-    for index, name in enumerate(found.names):
-        sigma = float(found.sigma[index])
-        unit = "" if found.units[index] == "1" else found.units[index]
-        numbers = (float(found.estimate[index]), sigma, float(found.lower[index]), float(found.upper[index]))
-        bound = found.at_bound[index]
-        remarks = [f"at {bound} bound"] if bound else []
-        if not np.isfinite(sigma):
-            remarks.append("not determined")
-            rows.append((name, f"{numbers[0]:.4g} {unit}".strip(), "", ", ".join(remarks)))
-            continue
-        if found.alone[index]:
-            remarks.append("from one block")
-        estimate, spread, lower, upper = _rounded(numbers, sigma)
-        rows.append((
-            name,
-            f"{estimate} ± {spread} {unit}".strip(),
-            f"[{lower}, {upper}]",
-            ", ".join(remarks),
-        ))
-    return rows
-
-
 def _bound(unknown: Unknown, value: float) -> str | None:
     near = _AT_BOUND * (unknown.upper - unknown.lower)
     if not np.isfinite(near):
@@ -223,14 +198,3 @@ def _bound(unknown: Unknown, value: float) -> str | None:
     if value <= unknown.lower + near:
         return "lower"
     return "upper" if value >= unknown.upper - near else None
-
-
-def _rounded(numbers: tuple[float, ...], sigma: float) -> list[str]:
-    """Numbers rounded to two digits of sigma."""
-    if sigma <= 0:
-        return [f"{number:.4g}" for number in numbers]
-    decimals = 1 - int(np.floor(np.log10(sigma)))
-    if -3 <= decimals <= 6:
-        return [f"{round(number, decimals) + 0.0:.{max(decimals, 0)}f}" for number in numbers]
-    digits = [decimals + int(np.floor(np.log10(max(abs(number), sigma)))) for number in numbers]
-    return [f"{number:.{max(places, 0)}e}" for number, places in zip(numbers, digits, strict=True)]

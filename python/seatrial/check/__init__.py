@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from seatrial.check.actuators import NOMINAL_V, Push, pushes
+from seatrial.check.actuators import NOMINAL_V, Push, beyond_tables, pushes
+from seatrial.check.fin_turn import FinTurn, fin_turn, rudders
 from seatrial.check.performance import (
     KNOT_M_S,
-    TURN_KINDS,
     TURN_SHARES,
     Speed,
     Turn,
@@ -16,11 +16,13 @@ from seatrial.check.performance import (
     drivers,
     round_speeds_kn,
     speeds,
+    turn_kinds,
     turning_senses,
     turns,
 )
-from seatrial.check.plausibility import commanded_rows, implausible
-from seatrial.check.stability import Gain, Statics, damping_gain, growth, statics
+from seatrial.check.plausibility import commanded_rows, implausible, unused_rows
+from seatrial.check.stability import Gain, Statics, damping_gain, statics
+from seatrial.check.stability_text import stability_sentences
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["Gain", "Push", "Speed", "Statics", "Turn", "VehicleCheck", "check_vehicle"]
 
 _FASTEST_M_S = 15.0
+_NO_POWER = {"direct": "thrust commanded in newtons", "table": "a table of thrust"}
 _FINE = tuple(
     0.05 * k for k in range(1, 21)
 )  # shares of the largest command among which the farthest is sought
@@ -44,7 +47,7 @@ class VehicleCheck:
     name, description
         Of the vehicle.
     pushes
-        What each actuator does, ahead and astern.
+        What each actuator does, ahead, and astern where it can.
     speeds, turns
         Steady motion by simulation, at shares of the largest command.
     cruises
@@ -78,9 +81,18 @@ class VehicleCheck:
         return data
 
     def sentences(self) -> list[str]:
-        """A sentence per actuator, both directions in one."""
-        pairs = zip(self.pushes[::2], self.pushes[1::2], strict=True)
-        return [f"{ahead} | {astern.step:+g}: {astern.words}" for ahead, astern in pairs]
+        """A sentence per actuator, its directions in one."""
+        return [
+            " | ".join([str(first), *(f"{push.step:+g}: {push.words}" for push in others)])
+            for first, *others in self.by_actuator()
+        ]
+
+    def by_actuator(self) -> list[list[Push]]:
+        """The pushes of every actuator: ahead, and astern where it can."""
+        found: dict[str, list[Push]] = {}
+        for push in self.pushes:
+            found.setdefault(push.actuator, []).append(push)
+        return list(found.values())
 
     def __str__(self) -> str:
         parts = [f"{self.name}: {self.description}", *self.sentences(), *self.notes]
@@ -115,20 +127,24 @@ def check_vehicle(
     running = [row.speed_m_s for row in rows if row.speed_m_s > 1e-3]
     notes = [
         *_statics_notes(rest),
+        *beyond_tables(vehicle, voltage_v),
         *_speed_notes(vehicle, rows, voltage_v),
         *missed,
         *_turn_notes(vehicle, turning),
+        *_fin_turn_notes(vehicle, voltage_v),
         _row_note(able),
+        *unused_rows(vehicle, able),
     ]
     warnings = [*_static_warnings(rest), *implausible(vehicle)]
     if running:
-        motion, unstable = _stability(vehicle, running)
+        motion, unstable = stability_sentences(vehicle, running, able)
         notes, warnings = notes + motion, warnings + unstable
     gain = damping_gain(vehicle, [s for speed in (running or [1.0]) for s in (speed, -speed)])
     if gain is not None:
         warnings.append(
-            f"damping and lift add energy: at {gain.speed_m_s:+.2f} m/s along x a disturbance of {gain.words}"
-            f" receives {gain.power_w:.3g} W; check signs and sizes of the off-diagonal and lift coefficients"
+            f"{_forces(vehicle)} add energy: at {gain.speed_m_s:+.2f} m/s along x a disturbance of"
+            f" {gain.words} receives {gain.power_w:.3g} W; check signs and sizes of the off-diagonal and lift"
+            " coefficients"
         )
     if running and max(running) > _FASTEST_M_S:
         warnings.append(
@@ -147,6 +163,12 @@ def check_vehicle(
         notes=tuple(notes),
         warnings=tuple(warnings),
     )
+
+
+def _forces(vehicle: Vehicle) -> str:
+    """What takes energy from a vehicle."""
+    fins = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
+    return "damping, lift and fins at neutral" if fins else "damping and lift"
 
 
 def _statics_notes(rest: Statics) -> list[str]:
@@ -208,7 +230,7 @@ def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) ->
     if not rows:
         return ["Speed: no actuator drives ahead"]
     top = rows[-1]
-    notes = [f"Top speed: {top.speed_m_s:.2f} m/s ({top.speed_kn:.1f} kn) at {top.command:g} {top.unit}"]
+    notes = [f"Top speed: {top.speed_m_s:.2f} m/s ({top.speed_kn:.1f} kn) at {top.command:.4g} {top.unit}"]
     if top.endurance_h is not None:
         fine = speeds(vehicle, voltage_v=voltage_v, shares=_FINE)
         farthest = max(fine, key=lambda row: row.range_km or 0.0)
@@ -220,12 +242,10 @@ def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) ->
         notes.append("Endurance: not known without [power]: hotel_w and battery_wh")
     else:
         facts = vehicle.actuator_info()
-        kinds = {str(facts[name]["characteristic"]) for name in drivers(vehicle)} - {
-            "quadratic",
-            "polynomial",
-        }
-        why = f"{' and '.join(sorted(kinds))} of thrust" if kinds else "characteristic without power_w_s3"
-        notes.append(f"Endurance: not known, a {why} tells no power")
+        kinds = {str(facts[name]["characteristic"]) for name in drivers(vehicle)}
+        silent = [words for kind, words in _NO_POWER.items() if kind in kinds]
+        why = " and ".join(silent) or "a characteristic without power_w_s3"
+        notes.append(f"Endurance: not known, {why} tells no power")
     return notes
 
 
@@ -233,21 +253,42 @@ def _turn_notes(vehicle: Vehicle, turning: tuple[Turn, ...]) -> list[str]:
     if not drivers(vehicle):
         return []
     if not turning_senses(vehicle):
+        if rudders(vehicle):
+            return []
         return ["Turn: the actuators that drive ahead do not turn it, they lie on no two sides"]
-    missing = len(TURN_KINDS) * len(TURN_SHARES) - len(turning)
+    missing = len(turn_kinds(vehicle)) * len(TURN_SHARES) - len(turning)
     notes = [f"Turn: {missing} of the turns tried never become steady and are left out"] if missing else []
     for turn in turning:
         if turn.kind == "under way" and turn.share == 0.5:
             notes.append(
-                f"Turn under way, outer side at {turn.command:g} {turn.unit}, inner at half: radius"
-                f" {turn.radius_m:.1f} m, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s"
+                f"Turn under way, outer side at {turn.command:.4g} {turn.unit}, inner at half: radius"
+                f" {_radius(turn)}, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s"
             )
         elif turn.kind == "on the spot" and turn.share == 0.5:
             notes.append(
-                f"Turn on the spot, both sides opposed at {turn.command:g} {turn.unit}:"
+                f"Turn on the spot, both sides opposed at {turn.command:.4g} {turn.unit}:"
                 f" {abs(turn.rate_deg_s):.1f} deg/s (O moves at {turn.speed_m_s:.2f} m/s)"
             )
     return notes
+
+
+def _fin_turn_notes(vehicle: Vehicle, voltage_v: float) -> list[str]:
+    """A turn by movable fins, where there are any that turn it."""
+    steering = rudders(vehicle)
+    if not steering or not drivers(vehicle):
+        return []
+    turn = fin_turn(vehicle, voltage_v=voltage_v)
+    names = " and ".join(dict.fromkeys(str(vehicle.actuator_info()[n]["group"] or n) for n in steering))
+    if turn is None:
+        return [f"Turn by {names}: it never becomes steady"]
+    return [
+        f"Turn by {names} at {turn.fin_deg:.2g} deg, all ahead at {turn.command:.4g} {turn.unit}: radius"
+        f" {_radius(turn)}, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s, roll and pitch held"
+    ]
+
+
+def _radius(turn: Turn | FinTurn) -> str:
+    return f"{turn.radius_m:.{2 if turn.radius_m < 10.0 else 1}f} m"
 
 
 def _row_note(able: tuple[str, ...]) -> str:
@@ -255,28 +296,3 @@ def _row_note(able: tuple[str, ...]) -> str:
     return f"Commanded independently: {' '.join(able) or 'nothing'}" + (
         f"; not: {' '.join(lacking)}" if lacking else ""
     )
-
-
-def _stability(vehicle: Vehicle, running: list[float]) -> tuple[list[str], list[str]]:
-    """Notes and warnings on course and pitch stability at half and top speed, ahead and astern."""
-    middle, top = running[len(running) // 2], running[-1]
-    notes, warnings = [], []
-    for plane, cure in (("course", "N_uv, N_ur, Y_uv, Y_ur"), ("pitch", "M_uw, M_uq, Z_uw, Z_uq")):
-        rates = {speed: growth(vehicle, speed, plane) for speed in (middle, top, -0.5 * middle)}
-        ahead = {speed: rate for speed, rate in rates.items() if speed > 0.0}
-        worst = max(ahead, key=lambda speed: ahead[speed])
-        if ahead[worst] > 1e-3:
-            warnings.append(
-                f"{plane} unstable at {worst:.2f} m/s: without control a disturbance doubles in"
-                f" {0.693 / ahead[worst]:.2g} s. Lift of hull and fixed fins ({cure}) balances the Munk"
-                " moment of a slender hull; give it where the vehicle has fins"
-            )
-        else:
-            time = -0.693 / ahead[worst]
-            notes.append(f"{plane.capitalize()} stable ahead: a disturbance halves in {time:.2g} s or less")
-        if (astern := rates[-0.5 * middle]) > 1e-3:
-            notes.append(
-                f"{plane.capitalize()} unstable astern: at {0.5 * middle:.2f} m/s a disturbance doubles in"
-                f" {0.693 / astern:.2g} s"
-            )
-    return notes, warnings

@@ -6,6 +6,7 @@ free) until the motor has settled, at rest for a thruster, in a steady flow from
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -85,12 +86,19 @@ class Push:
 
 
 def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...]:
-    """What every actuator does at half its largest command, ahead and astern, in the vehicle's order."""
+    """What every actuator does at half its largest command, in the vehicle's order.
+
+    A command above neutral, then one below; a direction that its motor does not have (largest command
+    zero) is left out.
+    """
     facts = vehicle.actuator_info()
     found = []
     for name in vehicle.actuators:
         for sign in (1.0, -1.0):
-            step = sign * half(facts[name], sign)
+            way = -sign if facts[name]["reversed"] else sign
+            if not turns_that_way(facts[name], way):
+                continue
+            step = sign * half(facts[name], way)
             commands = {name: facts[name]["neutral"] + step}
             speed = UNDER_WAY_M_S if facts[name]["kind"] == "fin" else 0.0
             wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed)
@@ -118,15 +126,15 @@ def bollard(
 
 
 def settling_s(vehicle: Vehicle) -> float:
-    """Time in s after which every motor follows its command."""
-    values = vehicle.coefficients()
-    slow = [
-        values[f"{name}.{key}"]
-        for name in vehicle.actuators
-        for key in ("T_1", "T_t")
-        if f"{name}.{key}" in values
-    ]
-    return 5.0 + 10.0 * max(slow, default=0.0)
+    """Time in s after which every motor follows its command, after a full reversal, too."""
+    values, facts = vehicle.coefficients(), vehicle.actuator_info()
+    times = [0.0]
+    for name in vehicle.actuators:
+        lags = 10.0 * max(values.get(f"{name}.T_1", 0.0), values.get(f"{name}.T_t", 0.0))
+        rates = [rate for key in ("n_acc", "n_dec") if (rate := values.get(f"{name}.{key}", 0.0)) > 0.0]
+        way = 2.0 * max(largest(facts[name], 1.0), largest(facts[name], -1.0))
+        times.append(lags + (way / min(rates) if rates else 0.0))
+    return 5.0 + max(times)
 
 
 def voltage_for(vehicle: Vehicle, t: Array, voltage_v: float) -> Array | None:
@@ -135,14 +143,33 @@ def voltage_for(vehicle: Vehicle, t: Array, voltage_v: float) -> Array | None:
     return np.full(len(t), voltage_v) if needed else None
 
 
+def beyond_tables(vehicle: Vehicle, voltage_v: float) -> list[str]:
+    """Sentence per table of thrust that does not reach to this supply voltage in V."""
+    tables = tomllib.loads(vehicle.to_toml()).get("characteristics", {})
+    return [
+        f"Supply: {voltage_v:g} V lies outside the {min(known):g} to {max(known):g} V of the table {name},"
+        " which is read at its edge"
+        for name, table in tables.items()
+        if (known := table.get("voltage_v")) and not min(known) <= voltage_v <= max(known)
+    ]
+
+
 def largest(facts: Mapping[str, Any], sign: float) -> float:
-    """Largest step of a command away from neutral, in its unit; a usual one where there is no limit."""
+    """Largest step of a command away from neutral that pushes along (sign > 0) or against the direction.
+
+    In its unit; a usual one where there is no limit. Of a reversed motor it is the command that changes sign.
+    """
     limit = float(facts["maximum_ahead" if sign > 0.0 else "maximum_astern"])
     return limit if np.isfinite(limit) and limit > 0.0 else _USUAL[str(facts["unit"])]
 
 
+def turns_that_way(facts: Mapping[str, Any], sign: float) -> bool:
+    """Whether the actuator pushes along (sign > 0) or against its direction: its largest step is not zero."""
+    return float(facts["maximum_ahead" if sign > 0.0 else "maximum_astern"]) > 0.0
+
+
 def half(facts: Mapping[str, Any], sign: float) -> float:
-    """Half the largest step, in two digits."""
+    """Half of `largest`, in two digits."""
     step = 0.5 * largest(facts, sign)
     digits = 1 - int(np.floor(np.log10(step)))
     return float(round(step, digits))
@@ -151,7 +178,7 @@ def half(facts: Mapping[str, Any], sign: float) -> float:
 def command(facts: Mapping[str, Any], share: float) -> float:
     """Command for a share from -1 to 1 of the largest step; positive thrust is along the direction."""
     sense = -1.0 if facts["reversed"] else 1.0
-    return float(facts["neutral"]) + sense * share * largest(facts, sense * share)
+    return float(facts["neutral"]) + sense * share * largest(facts, share)
 
 
 def _force(axis: int, force: float) -> str:

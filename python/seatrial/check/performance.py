@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.check.actuators import NOMINAL_V, command, largest, settling_s, voltage_for
+from seatrial.check.actuators import NOMINAL_V, command, largest, settling_s, turns_that_way, voltage_for
 from seatrial.check.steady import steady
 
 if TYPE_CHECKING:
@@ -21,7 +21,17 @@ if TYPE_CHECKING:
 
     from seatrial._core import Vehicle
 
-__all__ = ["Speed", "Turn", "cruise", "drivers", "round_speeds_kn", "speeds", "turning_senses", "turns"]
+__all__ = [
+    "Speed",
+    "Turn",
+    "cruise",
+    "drivers",
+    "round_speeds_kn",
+    "speeds",
+    "turn_kinds",
+    "turning_senses",
+    "turns",
+]
 
 Array = NDArray[np.float64]
 
@@ -179,6 +189,15 @@ def turn_commands(vehicle: Vehicle, outer: float, inner: float, *, side: float =
     }
 
 
+def turn_kinds(vehicle: Vehicle) -> dict[str, float]:
+    """Those of `TURN_KINDS` that the vehicle can do; inner sides astern need actuators that drive astern."""
+    if not turning_senses(vehicle):
+        return {}
+    facts = vehicle.actuator_info()
+    astern = all(turns_that_way(facts[name], -sense) for name, sense in drivers(vehicle).items())
+    return {kind: ratio for kind, ratio in TURN_KINDS.items() if ratio >= 0.0 or astern}
+
+
 def turns(
     vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = TURN_SHARES
 ) -> tuple[Turn, ...]:
@@ -187,9 +206,9 @@ def turns(
     The outer side runs at shares of its largest command, the inner side at half of that, stopped, half
     astern or fully opposed; turns that never become steady are left out.
     """
-    yaw, driving, facts = turning_senses(vehicle), drivers(vehicle), vehicle.actuator_info()
+    driving, facts = drivers(vehicle), vehicle.actuator_info()
     found = []
-    for kind, ratio in TURN_KINDS.items() if yaw else ():
+    for kind, ratio in turn_kinds(vehicle).items():
         for share in shares:
             commands = turn_commands(vehicle, share, ratio * share)
             turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)

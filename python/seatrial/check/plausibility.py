@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["commanded_rows", "implausible"]
+__all__ = ["commanded_rows", "implausible", "unused_rows"]
 
 Array = NDArray[np.float64]
 
@@ -126,12 +127,18 @@ def _places(vehicle: Vehicle) -> list[str]:
 def _rows(vehicle: Vehicle) -> list[str]:
     able = commanded_rows(vehicle)
     declared = vehicle.controllable
-    found = []
-    if lacking := [row for row in declared if row not in able]:
-        found.append(
-            f"controllable lists {', '.join(lacking)}, which the actuators cannot command independently of"
-            " the others; correct controllable, or positions and directions"
-        )
-    if unused := [row for row in able if row not in declared]:
-        found.append(f"the actuators can also command {', '.join(unused)}, which controllable does not list")
-    return found
+    lacking = [row for row in declared if row not in able]
+    if not lacking:
+        return []
+    return [
+        f"controllable lists {', '.join(lacking)}, which the actuators cannot command independently of"
+        " the others; correct controllable, or positions and directions"
+    ]
+
+
+def unused_rows(vehicle: Vehicle, able: Collection[str]) -> list[str]:
+    """Sentence about rows that the actuators can command and the vehicle file leaves out of controllable."""
+    unused = [row for row in able if row not in vehicle.controllable]
+    if not unused:
+        return []
+    return [f"The actuators can also command {', '.join(unused)}; controllable leaves it out"]

@@ -1,7 +1,8 @@
 """Statics and linear stability: buoyancy, roll and pitch periods, course and pitch stability, damping.
 
 Course and pitch stability are eigenvalues of the motion linearised about straight running (Fossen 2011,
-chapter 12); the hull alone, without the propellers' own damping.
+chapter 12): hull, and movable fins held at neutral, without the propellers' own damping. Held by
+tests/test_check.py and tests/test_check_fins.py.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.check.actuators import NOMINAL_V, voltage_for
+
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Gain", "Statics", "damping_gain", "growth", "statics"]
+__all__ = ["Gain", "Statics", "damping_gain", "growth", "neutral_fins", "statics"]
 
 Array = NDArray[np.float64]
 
@@ -42,7 +45,7 @@ class Statics:
 
 @dataclass(frozen=True)
 class Gain:
-    """Damping and lift that push: where the power on the vehicle is positive.
+    """Damping, lift and fins that push: where the power on the vehicle is positive.
 
     ``direction`` (6,) is the disturbance in m/s and rad/s, scaled to a largest entry of one; ``power_w`` is
     the power for that disturbance at ``speed_m_s`` ahead (negative: astern).
@@ -94,7 +97,7 @@ def growth(vehicle: Vehicle, speed_m_s: float, plane: str) -> float:
     """
     axes = (1, 5) if plane == "course" else (2, 4)
     size = len(axes) + (plane == "pitch")
-    matrix = np.zeros((size, size))
+    matrix, mass = np.zeros((size, size)), np.asarray(vehicle.mass_matrix())
     for column in range(size):
         nu, attitude = np.zeros((2, 6)), np.zeros((2, 3))
         nu[:, 0] = speed_m_s
@@ -102,16 +105,17 @@ def growth(vehicle: Vehicle, speed_m_s: float, plane: str) -> float:
             nu[:, axes[column]] = [_SMALL, -_SMALL]
         else:
             attitude[:, 1] = [_SMALL, -_SMALL]
-        rates = np.asarray(vehicle.acceleration(nu, attitude, np.zeros(6)))
+        rates = np.asarray(vehicle.acceleration(nu, attitude, neutral_fins(vehicle, nu)))
         slope = (rates[0] - rates[1]) / (2.0 * _SMALL)
-        matrix[: len(axes), column] = slope[list(axes)]
+        # The other axes are held, so that no roll that has only begun takes part.
+        matrix[: len(axes), column] = np.linalg.solve(mass[np.ix_(axes, axes)], (mass @ slope)[list(axes)])
     if plane == "pitch":
         matrix[2, 1] = 1.0
     return float(np.linalg.eigvals(matrix).real.max())
 
 
 def damping_gain(vehicle: Vehicle, speeds_m_s: Sequence[float]) -> Gain | None:
-    """The worst way in which damping and lift put energy into the vehicle, None where they only take it.
+    """The worst way in which damping, lift and fins at neutral put energy in, None where they only take it.
 
     At each speed along x the symmetric part of the force's slope tells small disturbances in the other five
     axes; random velocities of all sizes tell the quadratic terms.
@@ -137,7 +141,11 @@ def damping_gain(vehicle: Vehicle, speeds_m_s: Sequence[float]) -> Gain | None:
             found.append(_gain(speed, direction, symmetric_power=float(values[-1])))
     random = np.random.default_rng(0)
     directions = random.standard_normal((4000, 6)) * scale * random.choice([0.1, 1.0, 10.0], (4000, 1))
-    power = np.einsum("ij,ij->i", directions, _dissipation(vehicle, directions))
+    power = np.einsum("ij,ij->i", directions, _hull(vehicle, directions))
+    # A fin at neutral only takes energy, so that only what the hull pushes needs its fins looked at.
+    pushed = np.flatnonzero(power > 0.0)
+    fins = neutral_fins(vehicle, directions[pushed])
+    power[pushed] += np.einsum("ij,ij->i", directions[pushed], fins)
     worst = int(np.argmax(power))
     if power[worst] > 1e-9 * float(np.abs(power).max()):
         found.append(
@@ -146,7 +154,27 @@ def damping_gain(vehicle: Vehicle, speeds_m_s: Sequence[float]) -> Gain | None:
     return max(found, key=lambda gain: gain.power_w, default=None)
 
 
+def neutral_fins(vehicle: Vehicle, nu: Array) -> Array:
+    """Wrench (n, 6) in N and N m about O of the movable fins at neutral, at velocities (n, 6).
+
+    The wrench of the held vehicle with its motors stopped, from the model's own chain; zero without fins.
+    """
+    from seatrial._core import State
+
+    if not any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values()):
+        return np.zeros(nu.shape)
+    t = np.array([0.0, 0.01])  # two samples, of which the first is taken: nothing moves
+    voltage = voltage_for(vehicle, t, NOMINAL_V)
+    runs = [vehicle.simulate(t, {}, State(nu=row), free="", voltage=voltage) for row in nu]
+    return np.array([np.asarray(run.tau)[0] for run in runs]).reshape(nu.shape)
+
+
 def _dissipation(vehicle: Vehicle, nu: Array) -> Array:
+    """Force (n, 6) of damping, lift and fins at neutral."""
+    return _hull(vehicle, nu) + neutral_fins(vehicle, nu)
+
+
+def _hull(vehicle: Vehicle, nu: Array) -> Array:
     """Force (n, 6) of damping and lift."""
     terms = vehicle.forces(nu, _LEVEL)
     return np.asarray(terms["damping"]) + np.asarray(terms["lift"])

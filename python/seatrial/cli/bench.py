@@ -37,6 +37,10 @@ def bench(
         raise SeatrialError("--write and --in-place: give one of them")
     if write is not None and write.exists():
         raise SeatrialError(f"--write {write}: this file exists and is not overwritten; give another name")
+    if write is not None and not write.absolute().parent.is_dir():
+        raise SeatrialError(
+            f"--write {write}: there is no folder {write.parent}; make it or give another name"
+        )
     found = evaluate(bench_file)
     if in_place and found.vehicle_path is None:
         raise SeatrialError(
@@ -102,8 +106,7 @@ def _print(console: Console, found: BenchTest) -> None:
             deviations, bounds = one.fit.standard_deviations, one.fit.intervals()
             for k, name in enumerate(one.fit.names):
                 rows.append([
-                    unit if k == 0 else "",
-                    side if k == 0 else "",
+                    f"{unit} {side}" if k == 0 else "",
                     name,
                     _unit(one.fit.terms[k], fit.unit.command),
                     f"{one.fit.coefficients[k]:.5g}",
@@ -111,24 +114,23 @@ def _print(console: Console, found: BenchTest) -> None:
                     f"{bounds[k, 0]:.4g} to {bounds[k, 1]:.4g}",
                 ])
     if rows:
-        head = ["group", "direction", "", "unit", "estimate", "sd", "95 % interval"]
-        console.print(table("Regression per direction, of a single actuator", head, rows, left=4))
+        head = ["group", "", "unit", "estimate", "sd", "95 % interval"]
+        console.print(table("Regression per direction, of a single actuator", head, rows, left=3))
         scores = [
             [
-                unit,
-                side,
+                f"{unit} {side}",
                 str(len(one.points)),
                 str(len(one.outliers)),
-                share(one.fit.r2),
-                share(one.fit.b),
+                share(one.fit.r2).replace(" ", ""),
+                share(one.fit.b).replace(" ", ""),
                 f"{one.fit.sigma:.2g}",
                 f"{one.fit.condition:.2g}",
             ]
             for unit, fit in found.pulls.items()
             for side, one in fit.directions.items()
         ]
-        head = ["group", "direction", "points", "outliers", "R2", "paper's B", "scatter, N", "condition"]
-        console.print(table("Fit (R2 = 1 - SSE/SST decides)", head, scores, left=2))
+        head = ["group", "points", "outliers", "R2", "paper's B", "scatter, N", "condition"]
+        console.print(table("Fit (R2 = 1 - SSE/SST decides)", head, scores))
     tables = [
         [
             unit,

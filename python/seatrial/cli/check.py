@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from seatrial.check.actuators import NOMINAL_V
+from seatrial.errors import SeatrialError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,6 +19,14 @@ if TYPE_CHECKING:
     from seatrial.check import Speed, VehicleCheck
     from seatrial.check.campaign import CampaignCheck
     from seatrial.scale.inputs import InputJudgement
+
+_OTHER_FILES = {
+    "pulls": ("a bench file", "; evaluate it with seatrial bench {}"),
+    "steps": ("a bench file", "; evaluate it with seatrial bench {}"),
+    "truth": ("the recipe of a generated trial", "; check the campaign that names it"),
+    "factors": ("the truth of generated trials", "; check the vehicle that it names"),
+}
+"""Files that are taken for a vehicle by mistake, by a key that only they have."""
 
 TURN_HEADS = {
     "under way": "inner side at half",
@@ -51,7 +61,11 @@ def check(
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Check a vehicle (signs, speeds, turns, stability, implausible numbers) or a campaign before it runs."""
+    _check_options(target, voltage, speed_kn or [])
     if _is_campaign(target):
+        if speed_kn or out is not None:
+            option = "--speed-kn" if speed_kn else "--out"
+            raise SeatrialError(f"{option} is for a vehicle, and {target} is a campaign; leave it out")
         _check_campaign(target, json=json)
         return
     from seatrial._core import Vehicle
@@ -81,13 +95,30 @@ def check(
     list_figures(console, written)
 
 
-def _is_campaign(target: str) -> bool:
-    """Whether the file is a campaign rather than a vehicle; what cannot be read is left to the vehicle."""
-    path = Path(target)
+def _check_options(target: str, voltage: float, speed_kn: list[float]) -> None:
+    """Refuse numbers that are no voltage or speed, and files that are neither vehicle nor campaign."""
+    for option, values in (("--voltage", [voltage]), ("--speed-kn", speed_kn)):
+        for value in values:
+            if not math.isfinite(value):
+                raise SeatrialError(f"{option}: expected a finite number, found {value}")
+    for key, (kind, advice) in _OTHER_FILES.items():
+        if key in _tables(target):
+            raise SeatrialError(
+                f"{target}: expected a vehicle or campaign file, found {kind}{advice.format(target)}"
+            )
+
+
+def _tables(target: str) -> dict[str, Any]:
+    """Tables of the file; empty where it cannot be read, which is left to the vehicle."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(Path(target).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return False
+        return {}
+
+
+def _is_campaign(target: str) -> bool:
+    """Whether the file is a campaign rather than a vehicle."""
+    data = _tables(target)
     return "stages" in data or "trials" in data
 
 
@@ -95,14 +126,13 @@ def _print_vehicle(console: Console, found: VehicleCheck) -> None:
     from seatrial.cli.console import table
 
     console.print(f"[bold]{found.name}[/bold]: {found.description}\n", soft_wrap=True)
-    for ahead, astern in zip(found.pushes[::2], found.pushes[1::2], strict=True):
-        console.print(str(ahead), soft_wrap=True, markup=False)
-        console.print(
-            f"{astern.size}: {astern.words}", soft_wrap=True, markup=False, style="dim"
-        )
+    for first, *others in found.by_actuator():
+        console.print(str(first), soft_wrap=True, markup=False)
+        for push in others:
+            console.print(f"{push.size}: {push.words}", soft_wrap=True, markup=False, style="dim")
     if found.speeds:
         console.print()
-        straight = [(f"{row.command:g} {row.unit}", row) for row in found.speeds]
+        straight = [(_command(row), row) for row in found.speeds]
         console.print(_speed_table("Speed on a straight course", "all ahead", straight))
     if found.cruises:
         asked = [(f"{row.speed_kn:g} kn", row) for row in found.cruises]
@@ -125,16 +155,26 @@ def _speed_table(title: str, first: str, rows: list[tuple[str, Speed]]) -> Table
 
     columns: dict[str, list[str]] = {first: [label for label, _ in rows]}
     if first == "speed":
-        columns["all ahead"] = [f"{row.command:.0f} {row.unit}" for _, row in rows]
+        columns["all ahead"] = [_command(row) for _, row in rows]
     columns["m/s"] = [f"{row.speed_m_s:.2f}" for _, row in rows]
     if first != "speed":
         columns["kn"] = [f"{row.speed_kn:.1f}" for _, row in rows]
     columns["thrust, N"] = [f"{row.thrust_n:.3g}" for _, row in rows]
-    columns["power, W"] = ["" if row.power_w is None else f"{row.power_w:.0f}" for _, row in rows]
+    columns["power, W"] = ["" if row.power_w is None else _rounded(row.power_w) for _, row in rows]
     columns["endurance, h"] = ["" if row.endurance_h is None else f"{row.endurance_h:.2g}" for _, row in rows]
-    columns["range, km"] = ["" if row.range_km is None else f"{row.range_km:.0f}" for _, row in rows]
+    columns["range, km"] = ["" if row.range_km is None else _rounded(row.range_km) for _, row in rows]
     known = {head: cells for head, cells in columns.items() if any(cells)}
     return table(title, list(known), zip(*known.values(), strict=True))
+
+
+def _command(row: Speed) -> str:
+    """The command as a person sets it: whole revolutions and microseconds, newtons in three digits."""
+    return f"{row.command:.3g} N" if row.unit == "N" else f"{row.command:.0f} {row.unit}"
+
+
+def _rounded(value: float) -> str:
+    """Two digits of what is small, no decimals of what is not."""
+    return f"{value:.2g}" if value < 9.95 else f"{value:.0f}"
 
 
 def _turn_rows(found: VehicleCheck, kinds: list[str]) -> list[list[str]]:
@@ -142,8 +182,8 @@ def _turn_rows(found: VehicleCheck, kinds: list[str]) -> list[list[str]]:
     cells: dict[str, dict[str, str]] = {}
     for turn in found.turns:
         digits = 2 if turn.radius_m < 10.0 else 1
-        cells.setdefault(f"{turn.command:g} {turn.unit}", {})[turn.kind] = (
-            f"{turn.radius_m:.{digits}f} m, {abs(turn.rate_deg_s):.1f}°/s"
+        cells.setdefault(f"{turn.command:.4g} {turn.unit}", {})[turn.kind] = (
+            f"{turn.radius_m:.{digits}f} m {abs(turn.rate_deg_s):.1f}°/s"
         )
     return [[command, *(row.get(kind, "") for kind in kinds)] for command, row in cells.items()]
 

@@ -33,6 +33,14 @@ def complain(message: str) -> None:
     print(f"seatrial: {message}", file=sys.stderr)
 
 
+def check_axes(free: str, option: str) -> None:
+    """Refuse letters that are no axes, said twice, or none at all."""
+    from seatrial.errors import TrialError
+
+    if not free or set(free) - set("XYZKMN") or len(set(free)) < len(free):
+        raise TrialError(f"{option} {free!r}: expected letters of XYZKMN, each once, at least one")
+
+
 def print_json(value: Any) -> None:
     """Print plain data as JSON; numbers that are not finite become null."""
     from seatrial.run_directory import to_json

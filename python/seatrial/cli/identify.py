@@ -51,12 +51,16 @@ def identify(
     from seatrial.cli.console import output, print_json
     from seatrial.cli.restart_table import print_restarts
     from seatrial.cli.tables import print_identification
+    from seatrial.run_directory import RunDirectory
 
     loaded = Campaign.load(campaign, trials=_replacements(trial or []))
     name = loaded.name
     if locked_axes is not None:
         loaded, name = loaded.with_locked_axes(_mode(locked_axes)), f"{name}-{locked_axes}"
     folder = out or Path("runs") / name
+    beside = folder.with_name(f"{folder.name}-random-starts")
+    if random_starts is not None:
+        RunDirectory(beside).abandon()  # refused now rather than after the search
     fit = run(loaded, folder, threads=threads, resume=resume, quiet=json)
     written = draw(fit, folder) if figures and not fit.interrupted else []
     if not json:
@@ -64,11 +68,14 @@ def identify(
 
         console = output()
         print_identification(console, fit)
-        console.print(f"Results in {folder}: vehicle.toml, identification.json, summary.txt, Parquet tables")
+        console.print(
+            f"Results in {folder}: vehicle.toml, identification.json, summary.txt, Parquet tables",
+            soft_wrap=True,
+            markup=False,
+        )
         list_figures(console, written)
     again: Restarts | None = None
     if random_starts is not None and not fit.interrupted:
-        beside = folder.with_name(f"{folder.name}-random-starts")
         again = _restart(fit, beside, random_starts, threads=threads, resume=resume, quiet=json)
         drawn = _draw_starts(again, beside) if figures and not again.interrupted else []
         if not json:
@@ -147,5 +154,7 @@ def _replacements(entries: list[str]) -> dict[str, str]:
         name, equals, path = entry.partition("=")
         if not equals or not name or not path:
             raise CampaignError(f"--trial {entry!r}: expected NAME=FILE, for example --trial surge=log.csv")
+        if not Path(path).is_file():
+            raise CampaignError(f"--trial {entry}: there is no file {path}; correct the path")
         found[name] = path
     return found

@@ -18,10 +18,11 @@ def print_restarts(console: Console, found: Restarts, folder: Path, *, asked: in
     """Print where random starts ended, stage by stage, and what that says."""
     rows = []
     for stage in found.stages:
-        for row in stage.rows():
+        rows_of = list(stage.rows())
+        for row in rows_of:
             ratio = row["scatter_in_sigma"]
             rows.append([
-                stage.name,
+                stage.name if row is rows_of[0] else "",
                 row["parameter"],
                 row["unit"],
                 f"{row['least']:.5g} to {row['most']:.5g}",
@@ -39,4 +40,8 @@ def print_restarts(console: Console, found: Restarts, folder: Path, *, asked: in
             soft_wrap=True,
         )
     else:
-        console.print(f"Random starts in {folder}: random_starts.json, Parquet tables, summary.txt")
+        console.print(
+            f"Random starts in {folder}: random_starts.json, Parquet tables, summary.txt",
+            soft_wrap=True,
+            markup=False,
+        )

@@ -37,11 +37,12 @@ def score(
     With --against, which vehicle predicts better, and whether these trials can tell.
     """
     from seatrial._core import Vehicle
-    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.cli.console import check_axes, list_figures, output, print_json
     from seatrial.comparison import compare
     from seatrial.plot.variants import draw_variants
     from seatrial.score import score as scored
 
+    check_axes(free, "--free")
     vehicles = {label: Vehicle.load(name) for label, name in _labels([vehicle, *(against or [])]).items()}
     chosen = _read(trials, columns_from)
     measured = "".join(axis for axis in "XYZKMN" if axis not in free)
@@ -83,6 +84,12 @@ def _labels(names: list[str]) -> dict[str, str]:
 
 def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
     """Trials, each a file or a name that the campaign knows."""
+    from seatrial.errors import TrialError, nearest
+
+    if twice := next((path for path in trials if trials.count(path) > 1), None):
+        raise TrialError(
+            f"TRIAL {twice}: it is given twice, and counting it twice tells nothing; name it once"
+        )
     if columns_from is None:
         from seatrial.trial import Trial
 
@@ -91,6 +98,11 @@ def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
 
     known = Campaign.load(columns_from).trials
     names = [name if name in known else Path(name).stem for name in trials]
+    for path in trials:
+        if path not in known and not Path(path).exists():
+            raise TrialError(
+                f"TRIAL {path}: expected a file, or a trial of {columns_from}{nearest(path, known)}"
+            )
     files = {name: path for name, path in zip(names, trials, strict=True) if path not in known}
     campaign = Campaign.load(columns_from, trials=files)
     return [campaign.trials[name] for name in names]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from seatrial.trial import Trial
 
 _ENDINGS = (".csv", ".parquet")
+_SEES_BOTTOM = {"dvl", "dvl_water"}
+_DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
 _RISE_M = 1.0  # a vehicle with its centre higher than this has left the water
 
 
@@ -60,17 +62,23 @@ def simulate(
     import numpy as np
 
     from seatrial._core import Vehicle
-    from seatrial.cli.console import output, print_json, table
+    from seatrial.cli.console import check_axes, output, print_json, table
+    from seatrial.cli.simulate_refusals import check_ending, check_finite, check_places
     from seatrial.errors import TrialError
+    from seatrial.sensors.load_cell import ON_THE_TETHER, at_sea
     from seatrial.sensors.sensor_file import load_sensors
     from seatrial.trial import Trial
 
     loaded = Vehicle.load(vehicle)
     kind = "run" if sensors is None else "log"
     target = out or commands.with_name(f"{commands.stem}-{kind}.csv")
-    _check_ending(target, _ENDINGS if sensors is None else _ENDINGS[:1])
+    check_ending(target, _ENDINGS if sensors is None else _ENDINGS[:1])
     if run is not None:
-        _check_ending(run, _ENDINGS)
+        check_ending(run, _ENDINGS)
+    check_axes(free, "--free")
+    if held and free != "XYZKMN":
+        raise TrialError("--held and --free: a tied vehicle moves along no axis; give one of them")
+    check_places(commands, target, run)
     if sensors is None:
         for option, value in (("--seed", seed), ("--bottom", bottom), ("--run", run)):
             if value is not None:
@@ -78,27 +86,36 @@ def simulate(
     if bottom is not None and not 0.0 < bottom < float("inf"):
         raise TrialError(f"--bottom: expected a depth in m below the surface, found {bottom:g}")
     fitted = None if sensors is None else load_sensors(sensors, loaded)
+    if fitted is not None and not held and not fitted.keys() <= set(ON_THE_TETHER):
+        fitted = at_sea(fitted)  # sensors of the tether alone are refused: --held was forgotten
+    if bottom is not None and fitted is not None and not fitted.keys() & _SEES_BOTTOM:
+        raise TrialError(f"--bottom is for a Doppler log; {sensors} has none")
     trial = Trial.read(commands, align=False)
     made = _Simulation(loaded, trial, free, held, current, fitted)
+    check_finite(made.run, trial)
     truth = _frame(made.run, trial, made.every)
     if fitted is None:
-        _write(truth, target)
+        _write(truth, target, "--out")
     else:
         label = f"{loaded.name} under {commands.name}, sensors {sensors}, seed {1 if seed is None else seed}"
-        made.write_log(target, 1 if seed is None else seed, bottom, label)
         if run is not None:
-            _write(truth, run)
+            _write(truth, run, "--run")
+        made.write_log(target, 1 if seed is None else seed, bottom, label)
     summary = _summary(made.run) | {"file": str(target)} | ({} if run is None else {"run": str(run)})
     if json:
         print_json(summary)
         return
     console = output()
-    rows = [[name, f"{value:.4g}"] for name, value in summary.items() if not isinstance(value, str)]
+    rows = [[name, _cell(name, value)] for name, value in summary.items() if not isinstance(value, str)]
     console.print(table(f"{loaded.name} under {commands.name}", ["quantity", "value"], rows))
     what = "Run" if fitted is None else f"Log of {', '.join(fitted)}"
     console.print(f"{what} in {target}", soft_wrap=True, markup=False)
     if run is not None:
         console.print(f"Run in {run}", soft_wrap=True, markup=False)
+    if held and fitted is not None and "load_cell" not in fitted:
+        console.print(
+            "The pull of the tied vehicle is not in the log: these sensors have no load_cell", soft_wrap=True
+        )
     rise = -float(np.asarray(made.run.position)[:, 2].min())
     if rise > _RISE_M:
         console.print(
@@ -170,14 +187,6 @@ class _Simulation:
         write_generated(log, path, label)
 
 
-def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
-    from seatrial.errors import TrialError
-
-    if path.suffix not in endings:
-        why = "" if len(endings) > 1 else "; the first lines of a log say that it was generated"
-        raise TrialError(f'{path}: expected the ending {" or ".join(endings)}, found "{path.suffix}"{why}')
-
-
 def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, float, float] | None) -> None:
     import numpy as np
 
@@ -216,13 +225,15 @@ def _start(trial: Trial) -> State:
     return State(trial.position[0], trial.attitude[0], trial.nu[0])
 
 
-def _write(frame: pl.DataFrame, path: Path) -> None:
-    from seatrial.errors import TrialError
+def _write(frame: pl.DataFrame, path: Path, option: str) -> None:
+    from seatrial.whole_file import write_table
 
-    try:
-        frame.write_csv(path) if path.suffix == ".csv" else frame.write_parquet(path)
-    except OSError as error:
-        raise TrialError(f"{path}: cannot be written ({error}); choose another place with --out") from None
+    write_table(frame, path, advice=f"choose another place with {option}")
+
+
+def _cell(name: str, value: float) -> str:
+    """A quantity of the summary with the decimals that its unit deserves; no minus before zero."""
+    return f"{round(value, _DECIMALS[name.rsplit(', ', 1)[1]]) + 0.0:.{_DECIMALS[name.rsplit(', ', 1)[1]]}f}"
 
 
 def _frame(run: Run, trial: Trial, every: int) -> pl.DataFrame:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.channel import readable
 from seatrial.cli.console import table
 from seatrial.hold_out import POOLED
 from seatrial.identification import derived
 from seatrial.identification_text import advice, distinct, plus_minus
-from seatrial.recording.columns import DEGREE
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from seatrial.identification import Identification
     from seatrial.score import Score
-
-_DEGREES = ("p", "q", "r", "roll", "pitch", "yaw")
 
 
 def print_identification(
@@ -54,6 +52,11 @@ def coefficients(fit: Identification, truth: Mapping[str, float] | None = None) 
             cells.append(f"{100.0 * (row.estimate / true - 1.0):+.1f} %" if true else "")
         verdict = "" if row.verdict == "identifiable" else row.verdict or ""
         rows.append([*cells, verdict, f"at {row.at_bound}" if row.at_bound else "", row.stage])
+    # What is said of no coefficient takes no room: the table is to fit 80 columns.
+    silent = {
+        k for k, name in enumerate(head) if name in ("verdict", "bound") and not any(r[k] for r in rows)
+    }
+    head, *rows = ([cell for k, cell in enumerate(row) if k not in silent] for row in (head, *rows))
     return table(f"{fit.vehicle.name}: identified coefficients", head, rows, left=2)
 
 
@@ -89,7 +92,7 @@ def stages(fit: Identification) -> Table:
         ]
         rows.append([*cells, "", "", f"{polished.wall_s:.1f} s"])
     head = ["stage", "cost at start", "best", "candidates", "samples", "step", "time"]
-    return table("Stages (cost: mean weighted error in standard deviations)", head, rows)
+    return table("Stages (cost: mean weighted error in standard deviations)", head, rows, left=0)
 
 
 def held_out(fit: Identification) -> Table | None:
@@ -100,8 +103,7 @@ def held_out(fit: Identification) -> Table | None:
         return None
     rows = []
     for channel, one in ahead.items():
-        scale = 1.0 / DEGREE if channel in _DEGREES else 1.0
-        unit = ("deg" if channel in _DEGREES else "m") + ("/s" if channel in "uvwpqr" else "")
+        scale, unit = readable(channel)
         run = free[channel].r2 if free is not None and channel in free else np.nan
         rows.append([channel, unit, number(one.r2), number(run), f"{scale * one.mae:.3g}", str(one.n)])
     head = ["channel", "unit", "R2 10 s ahead", "R2 free run", "mean error 10 s ahead", "samples"]

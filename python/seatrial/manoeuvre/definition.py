@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from seatrial.errors import TrialError, VehicleError
+from seatrial.errors import VehicleError
 from seatrial.search import Array
+from seatrial.whole_file import write_table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -95,11 +96,7 @@ class Manoeuvre:
         TrialError
             The file cannot be written.
         """
-        try:
-            with Path(path).open("wb") as stream:
-                self.table().write_csv(stream)
-        except OSError as error:
-            raise TrialError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+        write_table(self.table(), path)
 
 
 def times(duration_s: float) -> Array:

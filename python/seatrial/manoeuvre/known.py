@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.campaign_file import Axes, Coefficient, Stage
+from seatrial.certainty.first_order_memory import widening
 from seatrial.certainty.information import eliminate
 from seatrial.errors import CampaignError
 from seatrial.manoeuvre.fisher import Instruments
@@ -119,8 +120,7 @@ def seen_by(recorded: Linearisation) -> Instruments:
         power += float((error[1:] ** 2).sum())
         lagged += float((error[1:] * error[:-1]).sum())
     r = min(max(lagged / power, 0.0), 0.99) if power > 0.0 else 0.0
-    # n samples of an AR(1) sequence tell as much as n (1 - r) / (1 + r) independent ones.
     return Instruments(
         dict(zip(recorded.channels, map(float, recorded.noise), strict=True)),
-        correlation_s=recorded.dt * (1.0 + r) / (1.0 - r),
+        correlation_s=recorded.dt * widening(r),
     )

@@ -17,7 +17,7 @@ import numpy as np
 
 from seatrial.search import Array
 
-__all__ = ["coast_down", "crest_factor", "held", "multisine", "spiral", "staircase", "zigzag"]
+__all__ = ["coast_down", "held", "multisine", "spiral", "staircase", "zigzag"]
 
 _LEAST_HOLD_S = 4.0
 _ROUNDS = 40
@@ -108,11 +108,6 @@ def multisine(
     return np.asarray(
         np.where(t < duration_s - 1e-9, levels / max(np.abs(signal).max(), np.abs(levels).max()), 0.0)
     )
-
-
-def crest_factor(levels: Array) -> float:
-    """Largest size of a signal over its root mean square; 1.41 of a sine."""
-    return float(np.abs(levels).max() / np.sqrt(np.mean(levels**2)))
 
 
 def _even(

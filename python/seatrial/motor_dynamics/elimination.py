@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.motor_dynamics.evidence import Reason, unseen_rates, wide
-from seatrial.motor_dynamics.motor_certainty import MotorCertainty, certainty
+from seatrial.motor_dynamics.motor_certainty import NORMAL, MotorCertainty, certainty
 from seatrial.motor_dynamics.motor_fit import Fit, Problem, fit, spread
 from seatrial.motor_dynamics.motor_model import NAMES, MotorModel, symbol
 from seatrial.motor_dynamics.plateaus import Noise
@@ -25,8 +25,7 @@ __all__ = ["Found", "eliminated"]
 
 Array = NDArray[np.float64]
 
-_NORMAL = 1.959964
-_CHANCE = 2.0 * _NORMAL**2  # rise of the squared errors, in variances; doubled because errors are coloured
+_CHANCE = 2.0 * NORMAL**2  # rise of the squared errors, in variances; doubled because errors are coloured
 _LONGEST = 40.0  # samples at which the search for the longest lag ends
 _HALVINGS = 8
 _LAG, _DELAY = NAMES.index("T_1"), NAMES.index("T_t")
@@ -84,7 +83,7 @@ def _near_zero(
         problem, best = _hold(problem, best, _LAG, prior, otherwise=float(best.x[_LAG]))
     known = certainty(problem, best.x, noise)
     sigma, half, dof = known.sigma.copy(), known.half.copy(), known.dof.copy()
-    sigma[_LAG], half[_LAG], dof[_LAG] = longest / _NORMAL, max(longest - best.x[_LAG], 0.0), math.inf
+    sigma[_LAG], half[_LAG], dof[_LAG] = longest / NORMAL, max(longest - best.x[_LAG], 0.0), math.inf
     # What the lag may be longer, the dead time is shorter.
     sigma[_DELAY], half[_DELAY] = math.hypot(sigma[_DELAY], sigma[_LAG]), math.hypot(half[_DELAY], half[_LAG])
     return problem, best, replace(known, sigma=sigma, half=half, dof=dof)

@@ -29,11 +29,13 @@ from seatrial.motor_dynamics.motor_fit import Problem
 from seatrial.motor_dynamics.motor_model import NAMES
 from seatrial.motor_dynamics.plateaus import Noise
 
-__all__ = ["MotorCertainty", "certainty"]
+__all__ = ["NORMAL", "MotorCertainty", "certainty"]
 
 Array = NDArray[np.float64]
 
-_NORMAL = 1.959964
+NORMAL = 1.959964
+"""Standard deviations of half a 95 % interval of a normal distribution."""
+
 _LEVEL = 0.2  # of a quantum: modelled levels closer than this are one
 
 
@@ -84,12 +86,12 @@ def certainty(problem: Problem, x: Array, noise: Noise) -> MotorCertainty:
     found = covariance(lin, length=view.length)
     even = np.sqrt(np.diag(view.transform @ view.coloured @ view.transform.T))
     with np.errstate(invalid="ignore"):
-        student = np.where(found.sigma > 0, (found.upper - found.estimate) / found.sigma, _NORMAL)
+        student = np.where(found.sigma > 0, (found.upper - found.estimate) / found.sigma, NORMAL)
     hidden = _hidden(problem, x, noise, slopes, weight)
     unseen = np.sqrt(np.diag(hidden))
     sigma, half = np.full(len(NAMES), np.inf), np.full(len(NAMES), np.inf)
     sigma[free] = np.hypot(np.maximum(found.sigma, even), unseen)
-    half[free] = np.hypot(np.maximum(student * found.sigma, _NORMAL * even), _NORMAL * unseen)
+    half[free] = np.hypot(np.maximum(student * found.sigma, NORMAL * even), NORMAL * unseen)
     sigma[np.isnan(sigma)] = half[np.isnan(half)] = np.inf
     dof, matrix = np.zeros(len(NAMES)), np.zeros((len(NAMES), len(NAMES)))
     dof[free] = found.dof

@@ -6,7 +6,8 @@ window), so that neither gains a delay. Its latency is the shift of least absolu
 samples; its uncertainty comes from leaving out one eighth of the record at a time (jackknife). It is removed
 only if it is several times its uncertainty and the shifted sensor really follows the pose; otherwise it is
 only reported. A velocity that runs against the pose is reversed, unless a place of the sensor away from O
-explains it better: in a turn the bow goes sideways against the stern.
+explains it better: in a turn the bow goes sideways against the stern. The velocity through the water, of the
+same instrument, is reversed with it where it has the same sense.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ _COLUMN = {
     channel: column
     for group in GROUPS
     for column, channel in zip(group.columns, group.channels, strict=True)
-    if group.name in ("velocity", "rates")
+    if group.name in ("velocity", "water velocity", "rates")
 }
 _SLOWEST_S = 0.6  # interval of a position that can tell a latency: both ends of the filter's window
 _BLOCKS = 8
@@ -90,6 +91,9 @@ def align(
         reference = reference[:, columns]
         turning = pose_motion(signals, t, "rates")[0] if name == "velocity" else None
         sensor = _correct_signs(signals[name], t, reference, known, report, sources, turning)
+        if name == "velocity" and "water velocity" in signals:
+            water = _same_signs(signals["water velocity"], signals[name], sensor, report, sources)
+            aligned["water velocity"] = water
         aligned[name] = sensor
         if not remove:
             continue
@@ -106,7 +110,7 @@ def align(
             )
             aligned[name] = sensor.earlier(found.seconds)
             if name == "velocity" and "water velocity" in signals:  # one instrument, one delay
-                aligned["water velocity"] = signals["water velocity"].earlier(found.seconds)
+                aligned["water velocity"] = aligned["water velocity"].earlier(found.seconds)
         else:
             report.add(
                 "info",
@@ -228,6 +232,34 @@ def _correct_signs(
                 f"does not follow the recorded pose (correlation {strongest:.2f}); is the column map right?",
             )
     return replace(sensor, y=sensor.y * signs)
+
+
+def _same_signs(
+    water: Signal, recorded: Signal, corrected: Signal, report: RecordingReport, sources: Mapping[str, Source]
+) -> Signal:
+    """Velocity through the water with the channels reversed that ran as reversed ones over ground did.
+
+    One instrument has one sense; a single reversed velocity would make a current of twice the speed.
+    """
+    signs = np.ones(len(water.channels))
+    over, valid = linear(recorded, water.t)
+    for k, channel in enumerate(recorded.channels):
+        same = np.array_equal(recorded.y[:, k], corrected.y[:, k], equal_nan=True)
+        if same or f"{channel}_water" not in water.channels:
+            continue
+        column = water.channels.index(f"{channel}_water")
+        both = valid[:, k] & ~water.bad[:, column]
+        if float(over[both, k] @ water.y[both, column]) > 0.0:
+            signs[column] = -1.0
+            name = _COLUMN[water.channels[column]]
+            entry = replace(sources[name], sign=-sources[name].sign)
+            report.add(
+                "warning",
+                water.channels[column],
+                f"runs as {channel} did before its sign was reversed; sign reversed here. State it in the"
+                f" column map: {name} = {entry}",
+            )
+    return replace(water, y=water.y * signs)
 
 
 def _on_an_arm(channel: str, measured: Array, reference: Array, rates: Array) -> bool:

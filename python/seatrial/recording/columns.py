@@ -16,7 +16,7 @@ import numpy as np
 
 from seatrial.errors import TrialError, nearest
 
-__all__ = ["CANONICAL", "CHANNELS", "GROUPS", "Group", "Source", "parse"]
+__all__ = ["CANONICAL", "CHANNELS", "GROUPS", "Group", "Source", "parse", "source_of"]
 
 CHANNELS = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "roll", "pitch", "yaw")
 """Order of the channels wherever an array has twelve columns: m/s, rad/s, m, rad."""
@@ -99,7 +99,7 @@ def parse(columns: Mapping[str, Any] | None, present: Sequence[str], file: str) 
     sources: dict[str, Source] = {}
     for canonical, given in (columns or {}).items():
         _check_canonical(canonical, file)
-        source = _source(given, f"{file}: column map, {canonical}")
+        source = source_of(given, f"{file}: column map, {canonical}")
         if source.column not in present:
             raise TrialError(
                 f'{file}: column map, {canonical}: there is no column "{source.column}" in the recording'
@@ -133,7 +133,19 @@ def _check_canonical(name: str, file: str) -> None:
         raise TrialError(f'{file}: column map: "{name}" is no canonical column{nearest(name, known)}')
 
 
-def _source(given: Any, where: str) -> Source:
+def source_of(given: Any, where: str) -> Source:
+    """Source of a canonical column from its entry in a column map: the column's name, or a table.
+
+    Raises
+    ------
+    TrialError
+        An unknown key or a value of the wrong type; the message begins with `where`.
+
+    Examples
+    --------
+    >>> source_of({"from": "speed", "unit": "cm/s"}, "u_m_s").unit
+    'cm/s'
+    """
     if isinstance(given, str):
         return Source(given)
     if not isinstance(given, Mapping):

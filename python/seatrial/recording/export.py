@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from seatrial.errors import TrialError
 from seatrial.recording.columns import CHANNELS, GROUPS
+from seatrial.whole_file import write_table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -61,10 +62,4 @@ def write(frame: pl.DataFrame, path: Path) -> None:
     """
     if path.suffix not in (".csv", ".parquet"):
         raise TrialError(f'{path}: expected the ending .csv or .parquet, found "{path.suffix}"')
-    try:
-        if path.suffix == ".csv":
-            frame.write_csv(path)
-        else:
-            frame.write_parquet(path)
-    except OSError as error:
-        raise TrialError(f"{path}: cannot be written ({error}); choose another place") from None
+    write_table(frame, path)

@@ -13,15 +13,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.errors import TrialError, nearest
+from seatrial.errors import CampaignError, TrialError, nearest
 from seatrial.recording.report import RecordingReport
 from seatrial.recording.resampling import linear
 from seatrial.recording.signal import Signal
 from seatrial.rotation import matrix
 
-__all__ = ["SENSORS", "parse_places", "to_origin"]
+__all__ = ["SENSORS", "parse_places", "refuse_far", "to_origin"]
 
 Array = NDArray[np.float64]
+
+_FAR = 2.0  # of the hull's length; nothing is carried that far out
 
 SENSORS = ("velocity", "position", "depth")
 """Sensors that may sit elsewhere than in O: velocity (over ground and through water), position, depth."""
@@ -50,6 +52,22 @@ def parse_places(places: Mapping[str, Sequence[float]] | None, file: str) -> dic
             )
         found[sensor] = vector
     return found
+
+
+def refuse_far(places: Mapping[str, Sequence[float]], length: float | None, where: str) -> None:
+    """Refuse places far outside a hull of this length in m: they are not in m.
+
+    Raises
+    ------
+    CampaignError
+        The message begins with `where`.
+    """
+    for sensor, place in places.items():
+        if length is not None and max(map(abs, place)) > _FAR * length:
+            raise CampaignError(
+                f"{where}, key {sensor}_m: {list(place)} lies far outside the hull of {length:g} m; are the"
+                " places in m?"
+            )
 
 
 def to_origin(

@@ -19,7 +19,7 @@ from seatrial.rotation import continuous, from_euler
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["MINIMUM_ROWS", "signals", "time_base"]
+__all__ = ["MINIMUM_ROWS", "numbers", "signals", "time_base"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -49,7 +49,7 @@ def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
         t = (microseconds - microseconds[0]) * unit
     else:
         scale = units.factor(source.unit, ("s",), f"{file}: t_s") if source.unit else 1.0
-        t = _numbers(column, "t_s", file) * scale * source.sign
+        t = numbers(column, "t_s", file) * scale * source.sign
     where = f'{file}: t_s (column "{source.column}")'
     if not np.isfinite(t).all():
         row = int(np.flatnonzero(~np.isfinite(t))[0])
@@ -115,7 +115,7 @@ def _group(
             if source.unit
             else group.factor
         )
-        y[:, k] = _numbers(column, name, file) * scale * source.sign
+        y[:, k] = numbers(column, name, file) * scale * source.sign
         present[:, k] = column.is_not_null().to_numpy()
         _note_not_finite(column, y[:, k], name, report)
         y[~np.isfinite(y[:, k]), k] = np.nan
@@ -242,7 +242,7 @@ def _actuator(
         raise TrialError(f"{file}: {name}: a scalar has no frame; leave it out")
     column = table[source.column]
     scale = units.factor(source.unit, units.ACTUATOR_UNITS, f"{file}: {name}") if source.unit else 1.0
-    y = _numbers(column, name, file) * scale * source.sign
+    y = numbers(column, name, file) * scale * source.sign
     _note_not_finite(column, y, name, report)
     good = column.is_not_null().to_numpy() & np.isfinite(y)
     if not good.any():
@@ -256,8 +256,20 @@ def _note_not_finite(column: pl.Series, y: Array, name: str, report: RecordingRe
     report.add("warning", name, f"NaN or infinite samples; {after}", missing)
 
 
-def _numbers(column: pl.Series, canonical: str, file: str) -> Array:
-    """Cells as numbers, shape (m,); empty cells are NaN."""
+def numbers(column: pl.Series, canonical: str, file: str) -> Array:
+    """Cells of a column as numbers, shape (m,); empty cells are NaN.
+
+    Parameters
+    ----------
+    column : polars.Series
+    canonical, file : str
+        Its canonical name and the recording, for messages.
+
+    Raises
+    ------
+    TrialError
+        A cell holds text, or the column no numbers; names column and row.
+    """
     import polars as pl
 
     where = f'{file}: {canonical} (column "{column.name}")'
@@ -265,15 +277,15 @@ def _numbers(column: pl.Series, canonical: str, file: str) -> Array:
         column = column.cast(pl.String)
     if column.dtype == pl.String:
         text = column.str.strip_chars()
-        numbers = text.cast(pl.Float64, strict=False)
-        wrong = (numbers.is_null() & text.is_not_null() & (text != "")).arg_true()
+        values = text.cast(pl.Float64, strict=False)
+        wrong = (values.is_null() & text.is_not_null() & (text != "")).arg_true()
         if len(wrong):
             row = int(wrong[0])
             raise TrialError(
                 f'{where}: row {row + 1}: expected a number, found the text "{column[row]}" '
                 f"({len(wrong)} such cells); correct it or leave the cell empty"
             )
-        return numbers.to_numpy().astype(float)
+        return values.to_numpy().astype(float)
     if not (column.dtype.is_numeric() or column.dtype in (pl.Boolean, pl.Null)):
         raise TrialError(f"{where}: expected numbers, found {column.dtype}")
     return column.cast(pl.Float64).to_numpy().astype(float)

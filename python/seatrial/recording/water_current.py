@@ -27,6 +27,7 @@ _PART_S = 60.0
 _FEWEST = 50  # samples that know both velocities
 _STEADY = 0.02  # m/s: parts that differ by less are one current
 _CERTAIN = 4.0  # deviations
+_DOUBTFUL = 0.1  # m/s: no steady water is as uncertain after minutes of Doppler samples
 _NAMES = ("north", "east", "down")
 
 
@@ -71,9 +72,10 @@ def add_current(
         for name, value, sd in zip(_NAMES, mean, found.deviation, strict=True)
     )
     manner = "steady" if found.steady else "changing, its mean"
-    report.add(
-        "info", "current", f"{manner} {numbers} m/s, from velocity over ground less that through water"
-    )
+    said = f"{manner} {numbers} m/s, from velocity over ground less that through water"
+    if found.deviation.max() > _DOUBTFUL:
+        said += "; the two do not fit one water: check sign, unit and frame of both"
+    report.add("warning" if found.deviation.max() > _DOUBTFUL else "info", "current", said)
 
 
 def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> WaterCurrent | None:
@@ -109,14 +111,15 @@ def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> 
     deviation = medians.std(axis=0, ddof=1) / np.sqrt(len(medians))
     white = 1.2533 * np.median(np.abs(earth - centre), axis=0) / 0.6745 / np.sqrt(len(index))
     deviation = np.maximum(deviation, white)
-    within = np.array([_sure(earth[part]) for part in parts])
+    # Four quarters tell a part's own deviation badly; all parts together tell what they have in common.
+    within = np.sqrt(np.mean([_sure(earth[part]) ** 2 for part in parts], axis=0))
     apart = np.abs(medians - centre)
     changing = (apart > _STEADY) & (apart > _CERTAIN * within)
     if not changing.any():
         return WaterCurrent(np.tile(centre, (len(t), 1)), deviation, True)
     middles = np.array([t[index[part]].mean() for part in parts])
     course = np.stack([np.interp(t, middles, medians[:, k]) for k in range(3)], axis=1)
-    return WaterCurrent(course, within.mean(axis=0), False)
+    return WaterCurrent(course, within, False)
 
 
 def _sure(samples: Array) -> Array:

@@ -19,8 +19,8 @@ import numpy as np
 
 from seatrial.campaign_file import Anchor
 from seatrial.errors import CampaignError
+from seatrial.parameters import actuator_groups
 from seatrial.scale.anchor_factors import MOTIONS, Factor, ballast_factor, bollard_factor, dry_mass_factor
-from seatrial.scale.gain_options import groups_of
 from seatrial.scale.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ def _implied(
     righting = weight * values.get("z_g", 0.0) - buoyancy * values.get("z_b", 0.0)
     diagonal, s = np.asarray(vehicle.mass_matrix()).diagonal(), factor.value
     gains: dict[str, float] = {}
-    for group, members in groups_of(vehicle).items():
+    for group, members in actuator_groups(vehicle).items():
         own = {name: s * thrust[name] for name in members if name in thrust}
         alike = own and max(own.values()) - min(own.values()) <= 1e-6 * abs(max(own.values()))
         gains |= {group: max(own.values())} if alike else own

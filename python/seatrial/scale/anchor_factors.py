@@ -23,7 +23,7 @@ import numpy as np
 from seatrial.campaign_file import Ballast, Bollard, DryMass
 from seatrial.check.actuators import NOMINAL_V, bollard
 from seatrial.errors import CampaignError, nearest
-from seatrial.scale.gain_options import groups_of
+from seatrial.parameters import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -144,7 +144,7 @@ def _added_ratio(vehicle: Vehicle, mass: float, axis: int) -> tuple[float, float
 
 def _thrust(vehicle: Vehicle, test: Bollard | Ballast) -> list[float]:
     """Force (3,) at rest under a test's commands, those of a group given to each of its actuators, N."""
-    groups = groups_of(vehicle)
+    groups = actuator_groups(vehicle)
     commands: dict[str, float] = {}
     for name, value in test.commands.items():
         if name not in groups and name not in vehicle.actuators:

@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from seatrial.campaign_file import AXES
+from seatrial.parameters import actuator_groups
 from seatrial.scale.combinations import Dependence, dependence
 from seatrial.search import Array
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Drive", "GainOption", "centred", "groups_of", "offered", "per_axis", "per_group"]
+__all__ = ["Drive", "GainOption", "centred", "offered", "per_axis", "per_group"]
 
 _USED = 0.1
 """A direction with less than this share of the impulse tells no gain of its own: a tenth of the data."""
@@ -53,22 +54,13 @@ class GainOption:
     told_apart: bool
 
 
-def groups_of(vehicle: Vehicle) -> dict[str, list[str]]:
-    """Actuators of each group; one without a group is its own."""
-    groups: dict[str, list[str]] = {}
-    facts = vehicle.actuator_info()
-    for name in vehicle.actuators:
-        groups.setdefault(str(facts[name]["group"]) or name, []).append(name)
-    return groups
-
-
 def _group_keys(vehicle: Vehicle, group: str, drives: Iterable[Drive]) -> dict[str, float]:
     """Keys of a group's gains with the sign of the thrust that each acts on, 0 for both.
 
     A quadratic characteristic has a factor per direction; a table, a regression and a direct thrust have one,
     and a ratio of the thrust astern.
     """
-    facts, names = vehicle.actuator_info(), groups_of(vehicle)[group]
+    facts, names = vehicle.actuator_info(), actuator_groups(vehicle)[group]
     own = [drive for drive in drives if drive.group == group and drive.rms_n > 0.0]
     if not own:
         return {}
@@ -86,7 +78,7 @@ def per_group(
 ) -> GainOption:
     """One gain per group and direction: the input behind each is the wrench of all that it acts on."""
     names, columns = [], []
-    for group, members in groups_of(vehicle).items():
+    for group, members in actuator_groups(vehicle).items():
         index = [vehicle.actuators.index(name) for name in members]
         for key, sign in _group_keys(vehicle, group, drives).items():
             counted = thrust[:, index] * sign >= 0.0
@@ -101,7 +93,7 @@ def per_group(
 
 def per_axis(vehicle: Vehicle, each: Array, weight: Array, rows: Dependence) -> GainOption:
     """One gain per row of the wrench: of forces the strongest group's gain, of moments its levers."""
-    groups, values = groups_of(vehicle), vehicle.coefficients()
+    groups, values = actuator_groups(vehicle), vehicle.coefficients()
     total = centred(each.sum(axis=1), weight)
     driven = [row for row in AXES if row not in rows.still]
     for one in rows.combinations:  # of rows that move only together the strongest speak
@@ -134,7 +126,7 @@ def _own(wrench: Array, axis: int) -> float:
 def offered(vehicle: Vehicle, drives: tuple[Drive, ...], found: Dependence) -> tuple[str, ...]:
     """Single gains for the groups whose members are all told apart, else the group's."""
     keys: list[str] = []
-    for group, members in groups_of(vehicle).items():
+    for group, members in actuator_groups(vehicle).items():
         if set(members) & {*found.involved, *found.still}:
             keys += _group_keys(vehicle, group, drives)
         else:

@@ -20,8 +20,7 @@ import numpy as np
 from seatrial.campaign_file import AXES
 from seatrial.check.actuators import pushes
 from seatrial.joint import joint_stage
-from seatrial.parameters import VELOCITIES, names, parameters
-from seatrial.scale.gain_options import groups_of
+from seatrial.parameters import VELOCITIES, actuator_groups, names, parameters
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -203,7 +202,7 @@ def _thrust(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
         if f"{name}.gain" in free or (curve & free) or not np.any(np.abs(matrix[acting, k]) > _LEVER):
             continue
         held.append(name)
-    for group, members in groups_of(vehicle).items():
+    for group, members in actuator_groups(vehicle).items():
         own = [name for name in members if name in held]
         yield from [group] if len(own) == len(members) else own
 

@@ -23,8 +23,9 @@ import numpy as np
 
 from seatrial.campaign_file import AXES
 from seatrial.errors import SimulationError, TrialError
+from seatrial.parameters import actuator_groups
 from seatrial.scale.combinations import Dependence, dependence
-from seatrial.scale.gain_options import Drive, GainOption, centred, groups_of, offered, per_axis, per_group
+from seatrial.scale.gain_options import Drive, GainOption, centred, offered, per_axis, per_group
 from seatrial.search import Array
 
 if TYPE_CHECKING:
@@ -241,7 +242,7 @@ def _flown(vehicle: Vehicle, trial: Trial, *, measured: bool) -> Array:
 
 def _drives(vehicle: Vehicle, thrust: Array, weight: Array) -> tuple[Drive, ...]:
     total, ahead = weight @ np.abs(thrust), weight @ np.clip(thrust, 0.0, None)
-    groups = {name: group for group, names in groups_of(vehicle).items() for name in names}
+    groups = {name: group for group, names in actuator_groups(vehicle).items() for name in names}
     rms = np.linalg.norm(centred(thrust, weight), axis=0)
     return tuple(
         Drive(name, groups[name], float(rms[k]), float(ahead[k] / total[k]) if total[k] > 0.0 else 0.0)

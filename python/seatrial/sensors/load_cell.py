@@ -10,6 +10,7 @@ a push forward, to starboard, down. Held by tests/test_sensors_load_cell.py.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,13 +18,22 @@ from numpy.typing import NDArray
 
 from seatrial.errors import TrialError
 from seatrial.sensors.conditions import Conditions
+from seatrial.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from seatrial._core import Run
 
-__all__ = ["tether_force"]
+__all__ = ["ON_THE_TETHER", "at_sea", "tether_force"]
 
 Array = NDArray[np.float64]
+
+ON_THE_TETHER = ("load_cell", "revolutions", "voltage")
+"""Sensors that tell something of a tied vehicle."""
+
+
+def at_sea(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
+    """Those of a vehicle's sensors that log while no tether holds it: all but the load cell."""
+    return {kind: sensor for kind, sensor in sensors.items() if kind != "load_cell"}
 
 
 def tether_force(run: Run, conditions: Conditions) -> Array:

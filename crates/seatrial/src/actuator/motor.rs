@@ -155,39 +155,46 @@ pub struct DeadTime<T> {
     /// T_t in half steps.
     delay: T,
     ring: Vec<T>,
-    /// Place of the present ramp in the ring, counted on.
+    /// Place of the present ramp in the ring.
     now: usize,
     /// What the lag's input is at present.
     input: T,
+    /// For how many half steps the ramp has stood.
+    still: usize,
 }
 
 impl<T: Real> DeadTime<T> {
     /// Dead time of `delay` half steps; the ramp has stood at `ramp` for longer.
     pub fn new(delay: T, ramp: T) -> Self {
-        // The bound keeps the ring finite where a candidate's dead time is not a number.
-        let longest = delay.largest().clamp(0.0, 65_536.0);
-        let length = (longest as usize + 4).next_power_of_two();
-        Self { delay, ring: vec![ramp; length], now: length, input: ramp }
+        // The bounds keep the ring finite where a candidate's dead time is not a number.
+        let length = (delay.largest().clamp(0.0, 65_536.0) as usize + 2).next_power_of_two();
+        Self { delay, ring: vec![ramp; length], now: 0, input: ramp, still: length }
     }
 
     /// Forgets the past: the ramp has stood at `ramp`.
     #[inline(always)]
     pub fn settle(&mut self, ramp: T) {
         self.ring.fill(ramp);
-        self.input = ramp;
+        (self.input, self.still) = (ramp, self.ring.len());
     }
 
     /// The lag's input at the start and the end of half a step that ends with the ramp at `ramp`.
     #[inline(always)]
     pub fn pass(&mut self, ramp: T) -> (T, T) {
-        self.now += 1;
         let mask = self.ring.len() - 1;
-        let before = self.ring[(self.now - 1) & mask];
-        self.ring[self.now & mask] = ramp;
-        // What comes next is read with weight zero, where the dead time is zero; its slope is not.
-        self.ring[(self.now + 1) & mask] = ramp + (ramp - before);
-        let place = (self.delay.splat(self.now as f64) - self.delay).max(self.delay.zero());
-        let from = std::mem::replace(&mut self.input, place.among(&self.ring));
+        let before = self.ring[self.now];
+        if ramp.equals(before) {
+            // All of the past is the present: most of the time this saves the work below.
+            if self.still > mask {
+                return (ramp, ramp);
+            }
+            self.still += 1;
+        } else {
+            self.still = 0;
+        }
+        self.now = (self.now + 1) & mask;
+        self.ring[self.now] = ramp;
+        let from = std::mem::replace(&mut self.input, self.delay.before(&self.ring, self.now));
         (from, self.input)
     }
 }

@@ -228,10 +228,10 @@ impl<P: Real> Real for Dual<P> {
         self.chain(value, slope)
     }
     #[inline(always)]
-    fn among(self, ring: &[Self]) -> Self {
+    fn before(self, ring: &[Self], newest: usize) -> Self {
         let whole = self.value.floor();
-        let (i, mask) = (whole as usize, ring.len() - 1);
-        let (from, to) = (ring[i & mask], ring[(i + 1) & mask]);
+        let (i, mask) = (newest.wrapping_sub(whole as usize), ring.len() - 1);
+        let (from, to) = (ring[i & mask], ring[i.wrapping_sub(1) & mask]);
         let (share, rise) = (self.value - whole, to.value - from.value);
         let p = (to.partials - from.partials).mul_add(self.partials.splat(share), from.partials);
         Self { value: share * rise + from.value, partials: self.partials.mul_add(p.splat(rise), p) }

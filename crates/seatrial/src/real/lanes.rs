@@ -129,19 +129,19 @@ impl<S: Simd> Real for Lanes<S> {
         f64x8::simd_from(self.simd, values)
     }
     #[inline(always)]
-    fn among(self, ring: &[Self]) -> Self {
+    fn before(self, ring: &[Self], newest: usize) -> Self {
         let whole = Real::floor(self);
         let mask = ring.len() - 1;
         let places: [f64; LANES] = whole.into();
         let (from, to) = if whole.equals(self.splat(places[0])) {
-            let i = places[0] as usize;
-            (ring[i & mask], ring[(i + 1) & mask])
+            let i = newest.wrapping_sub(places[0] as usize);
+            (ring[i & mask], ring[i.wrapping_sub(1) & mask])
         } else {
             let (mut from, mut to) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..LANES {
-                let i = places[lane] as usize;
+                let i = newest.wrapping_sub(places[lane] as usize);
                 from[lane] = ring[i & mask][lane];
-                to[lane] = ring[(i + 1) & mask][lane];
+                to[lane] = ring[i.wrapping_sub(1) & mask][lane];
             }
             (f64x8::simd_from(self.simd, from), f64x8::simd_from(self.simd, to))
         };
