@@ -130,5 +130,14 @@ def _facts(campaign: Campaign) -> dict[str, Any]:
             "campaign": hashlib.sha256(campaign.text.encode()).hexdigest(),
             "vehicle": hashlib.sha256(campaign.vehicle.to_toml().encode()).hexdigest(),
         }
+        | _bench_hashes(campaign)
         | {f"trial {name}": campaign.file_hash(name) for name in campaign.trials},
     }
+
+
+def _bench_hashes(campaign: Campaign) -> dict[str, str]:
+    """SHA-256 of the bench file and of what it reads."""
+    if campaign.bench is None:
+        return {}
+    facts = campaign.bench.facts
+    return {"bench": facts["bench_sha256"]} | {f"bench {k}": v for k, v in facts["inputs_sha256"].items()}

@@ -19,6 +19,7 @@ __all__ = ["model_criticism"]
 
 _COLUMNS, _ROW_IN, _BAR_IN = 3, 1.15, 0.24
 _WEAK = 0.1
+_LABEL = 24  # letters of names beside a bar
 
 
 def model_criticism(criticism: Criticism) -> Figure:
@@ -64,7 +65,7 @@ def _autocorrelation(axes: Axes, one: Autocorrelation) -> None:
 def _ranked(axes: Axes, criticism: Criticism) -> None:
     """Bars of suggestions, then of signals, the largest at the top."""
     entries = [
-        (f"{' or '.join([one.name, *one.alternatives][:3])}  ({one.channel} follows {one.follows})", one.gain)
+        (f"{_names([one.name, *one.alternatives])}  ({one.channel} follows {one.follows})", one.gain)
         for one in criticism.suggestions
     ]
     entries += [
@@ -89,6 +90,12 @@ def _ranked(axes: Axes, criticism: Criticism) -> None:
     axes.set_xlim(0.0, 1.12 * max(value for _, value in entries))
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("fall of the cost (blue) or share of the channel's residual (grey), %")
+
+
+def _names(names: list[str]) -> str:
+    """Up to three names, as many as leave room for the bars."""
+    shown = [name for k, name in enumerate(names[:3]) if len(" or ".join(names[: k + 1])) <= _LABEL or k == 0]
+    return " or ".join(shown) + (" …" if len(shown) < len(names) else "")
 
 
 def _lag(lag_s: float) -> str:

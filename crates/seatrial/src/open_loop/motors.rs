@@ -120,8 +120,9 @@ impl<'a, T: Real> Motors<'a, T> {
             for k in warm..segment.start {
                 for s in 0..substeps {
                     motors.command(k, s);
-                    motors.advance();
-                    motors.advance();
+                    for _half in 0..2 {
+                        motors.advance();
+                    }
                 }
             }
         }

@@ -137,12 +137,7 @@ impl<S: Simd> Real for Lanes<S> {
             let i = newest.wrapping_sub(places[0] as usize);
             (ring[i & mask], ring[i.wrapping_sub(1) & mask])
         } else {
-            let (mut from, mut to) = ([0.0; LANES], [0.0; LANES]);
-            for lane in 0..LANES {
-                let i = newest.wrapping_sub(places[lane] as usize);
-                from[lane] = ring[i & mask][lane];
-                to[lane] = ring[i.wrapping_sub(1) & mask][lane];
-            }
+            let (from, to) = gathered(ring, &places, newest);
             (f64x8::simd_from(self.simd, from), f64x8::simd_from(self.simd, to))
         };
         Real::mul_add(self - whole, to - from, from)
@@ -152,4 +147,22 @@ impl<S: Simd> Real for Lanes<S> {
         let values: [f64; LANES] = self.into();
         values.into_iter().fold(f64::NEG_INFINITY, f64::max)
     }
+}
+
+/// Per lane the values so many places before the newest one in a ring, and one more. Out of line: it is rare, and
+/// long code in the hot loop costs more than the call.
+#[inline(never)]
+fn gathered<S: Simd>(
+    ring: &[Lanes<S>],
+    places: &[f64; LANES],
+    newest: usize,
+) -> ([f64; LANES], [f64; LANES]) {
+    let mask = ring.len() - 1;
+    let (mut from, mut to) = ([0.0; LANES], [0.0; LANES]);
+    for lane in 0..LANES {
+        let i = newest.wrapping_sub(places[lane] as usize);
+        from[lane] = ring[i & mask][lane];
+        to[lane] = ring[i.wrapping_sub(1) & mask][lane];
+    }
+    (from, to)
 }
