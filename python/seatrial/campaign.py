@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import threading
 from collections.abc import Iterator, Mapping
@@ -287,20 +286,10 @@ class Campaign:
         """Bench test of the vehicle, where the file names one."""
         if self.file.bench is None:
             return None
-        path = self._path(self.file.bench, "key bench")
-        if not path.is_file():
-            raise CampaignError(
-                f"{self.source}: key bench: there is no file {path}; correct the path or remove the key"
-            )
-        from seatrial.bench_test.evaluate import fingerprint, vehicle_of
+        from seatrial.bench_of_campaign import bench_test
 
-        vehicle, tested = self._load_vehicle(), vehicle_of(path)
-        if tested.name != vehicle.name:
-            raise CampaignError(
-                f"{self.source}: key bench: {path} tests the vehicle {tested.name}, and the campaign"
-                f" identifies {vehicle.name}; name the same vehicle in both"
-            )
-        return _benched(str(path.resolve()), fingerprint(path), vehicle.to_toml())
+        path = self._path(self.file.bench, "key bench")
+        return bench_test(path, self._load_vehicle(), f"{self.source}: key bench")
 
     def _path(self, text: str, where: str) -> Path:
         """Path relative to the campaign file, ``${VARIABLE}`` replaced by the environment's value."""
@@ -343,15 +332,6 @@ class Campaign:
                         f"{self.place(stage)}: coefficient {min(shared)!r} is also freed by stage"
                         f" {other.name!r} and neither runs after the other; set after = [{other.name!r}]"
                     )
-
-
-@functools.lru_cache(maxsize=4)
-def _benched(path: str, _fingerprint: str, vehicle: str) -> BenchTest:
-    """Bench test of a vehicle, evaluated once for all variants of a campaign while its files are the same."""
-    from seatrial._core import Vehicle
-    from seatrial.bench_test import bench
-
-    return bench(path, vehicle=Vehicle.from_toml(vehicle, path))
 
 
 class _Trials(Mapping[str, "Trial"]):
