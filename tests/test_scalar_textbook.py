@@ -255,3 +255,14 @@ def steady(v: st.Vehicle, name: str, command: float) -> float:
     """The actual value under a command that has lasted."""
     (drive,) = [d for d in build(from_vehicle(v)).drives if d.name == name]
     return float(drive.command(drive.K_V * static_limits(drive, command)))
+
+
+def test_scalar_a_candidate_does_not_see_a_neighbours_dead_time() -> None:
+    v, t = vehicle("cwolf"), np.arange(400) * 0.1
+    motion = np.column_stack([np.sin(0.1 * t), *np.zeros((11, 400))])
+    record = _core.Record(t, commands(v, 400, 5), observed=motion, weight=np.ones((400, 12)))
+    late = (0, 200, 300, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(6))
+    loop = _core.OpenLoop(v, [record], [late], substeps=2, names=["SbU.T_t", "SbU.T_1"])
+    own, other = [0.13, 0.4], [2.9, 0.05]
+    # The segment begins after the motors' warm-up, which must not be longer for the neighbour's sake.
+    np.testing.assert_array_equal(loop.errors([own, other])[0], loop.errors([own])[0])

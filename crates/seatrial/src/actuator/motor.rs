@@ -171,11 +171,16 @@ impl<T: Real> DeadTime<T> {
         Self { delay, ring: vec![ramp; length], now: 0, input: ramp, still: length }
     }
 
-    /// Forgets the past: the ramp has stood at `ramp`.
+    /// Takes for the past ramp what `past` gives so many half steps ago; returns the lag's input at present.
     #[inline(always)]
-    pub fn settle(&mut self, ramp: T) {
-        self.ring.fill(ramp);
-        (self.input, self.still) = (ramp, self.ring.len());
+    pub fn settle(&mut self, past: impl Fn(usize) -> T) -> T {
+        let mask = self.ring.len() - 1;
+        for ago in 0..=mask {
+            self.ring[self.now.wrapping_sub(ago) & mask] = past(ago);
+        }
+        self.still = 0;
+        self.input = self.delay.before(&self.ring, self.now);
+        self.input
     }
 
     /// The lag's input at the start and the end of half a step that ends with the ramp at `ramp`.

@@ -20,8 +20,9 @@ use crate::description::Description;
 use crate::real::Real;
 use crate::vehicle::{Instant, Mode, Structure, Vehicle};
 
-/// How long before a segment the motors start to run, so that the segment meets them as they were.
-const WARM_UP_S: f64 = 3.0;
+/// How long before a segment the motors start to run, so that the segment meets them as they were: the same for
+/// every candidate, whatever its own and its neighbours' dead times.
+const WARM_UP_S: f64 = 4.0;
 
 /// The offsets of the motor's coefficients among an actuator's: K_v, T_1, T_t and the rate limits.
 const MOTOR: std::ops::Range<usize> = 14..19;
@@ -114,8 +115,7 @@ impl<'a, T: Real> Motors<'a, T> {
             .as_ref()
             .filter(|played| played.substeps == substeps && matches!(segment.motors, MotorStart::Recorded));
         if matches!(segment.motors, MotorStart::Recorded) && motors.played.is_none() {
-            let past = WARM_UP_S + motors.longest_dead_time_s();
-            let warm = segment.start.saturating_sub((past / record.dt).ceil() as usize);
+            let warm = segment.start.saturating_sub((WARM_UP_S / record.dt).ceil() as usize);
             motors.settle(warm);
             for k in warm..segment.start {
                 for s in 0..substeps {
@@ -175,20 +175,18 @@ impl<'a, T: Real> Motors<'a, T> {
         motors
     }
 
-    /// The longest dead time of all motors and lanes, s.
-    fn longest_dead_time_s(&self) -> f64 {
-        let longest = |i: usize| self.vehicle.motor(i).t_t.largest();
-        (0..self.states.len()).map(longest).filter(|t| t.is_finite()).fold(0.0, f64::max)
-    }
-
-    /// Sets the motors to the steady state of the command at sample `k`.
+    /// Sets the motors to the steady state of the command that reaches them at sample `k`; behind a rate limit
+    /// the commands before it stand for the ramp.
     #[inline(always)]
     fn settle(&mut self, k: usize) {
         for i in 0..self.states.len() {
             let target = self.target(i, k, 0);
             self.states[i] = self.vehicle.motor(i).steady(target);
             if let Some(dead_time) = &mut self.dead_times[i] {
-                dead_time.settle(target);
+                let (commands, unit, half_steps) = (&self.record.commands[i], self.unit, 2 * self.substeps);
+                let input =
+                    dead_time.settle(|ago| unit.splat(commands[k.saturating_sub(ago.div_ceil(half_steps))]));
+                self.states[i].signal = self.vehicle.motor(i).k_v * input;
             }
         }
     }
