@@ -64,6 +64,12 @@ pub trait Real:
     fn lt(self, other: Self) -> Self::Mask;
     /// Whether the numbers are equal in every lane: for work that can be left out without changing a bit.
     fn equals(self, other: Self) -> bool;
+    /// Where both masks hold.
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Where at least one of the masks holds.
+    fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Whether the mask holds in any lane.
+    fn any(mask: Self::Mask) -> bool;
     /// `if_true` where the mask holds, `if_false` elsewhere.
     fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self;
     /// A tabulated function: `f` returns value and slope at a point.
@@ -81,6 +87,12 @@ pub trait Real:
     #[inline(always)]
     fn zero(self) -> Self {
         self.splat(0.0)
+    }
+
+    /// The number within bounds.
+    #[inline(always)]
+    fn clamped(self, lowest: Self, highest: Self) -> Self {
+        self.max(lowest).min(highest)
     }
 
     /// An angle wrapped to [−π, π).
@@ -157,6 +169,18 @@ impl Real for f64 {
     #[inline(always)]
     fn equals(self, other: f64) -> bool {
         self == other
+    }
+    #[inline(always)]
+    fn both(a: bool, b: bool) -> bool {
+        a && b
+    }
+    #[inline(always)]
+    fn either(a: bool, b: bool) -> bool {
+        a || b
+    }
+    #[inline(always)]
+    fn any(mask: bool) -> bool {
+        mask
     }
     #[inline(always)]
     fn select(mask: bool, if_true: f64, if_false: f64) -> f64 {

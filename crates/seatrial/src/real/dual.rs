@@ -219,6 +219,18 @@ impl<P: Real> Real for Dual<P> {
         self.value == other.value && self.partials.equals(other.partials)
     }
     #[inline(always)]
+    fn both(a: bool, b: bool) -> bool {
+        a && b
+    }
+    #[inline(always)]
+    fn either(a: bool, b: bool) -> bool {
+        a || b
+    }
+    #[inline(always)]
+    fn any(mask: bool) -> bool {
+        mask
+    }
+    #[inline(always)]
     fn select(mask: bool, if_true: Self, if_false: Self) -> Self {
         if mask { if_true } else { if_false }
     }

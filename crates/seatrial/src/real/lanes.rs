@@ -111,6 +111,18 @@ impl<S: Simd> Real for Lanes<S> {
         self.simd.simd_eq_f64x8(self, other).all_true()
     }
     #[inline(always)]
+    fn both(a: mask64x8<S>, b: mask64x8<S>) -> mask64x8<S> {
+        a & b
+    }
+    #[inline(always)]
+    fn either(a: mask64x8<S>, b: mask64x8<S>) -> mask64x8<S> {
+        a | b
+    }
+    #[inline(always)]
+    fn any(mask: mask64x8<S>) -> bool {
+        mask.any_true()
+    }
+    #[inline(always)]
     fn select(mask: mask64x8<S>, if_true: Self, if_false: Self) -> Self {
         mask.select(if_true, if_false)
     }
