@@ -10,7 +10,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from seatrial._core import Run, State, Vehicle, simulate_batch
+from seatrial._core import Autopilot, Flights, Run, State, Vehicle, simulate_batch
 from seatrial.errors import CampaignError, SeatrialError, SimulationError, TrialError, VehicleError
 from seatrial.identify import identify
 from seatrial.score import Score, score
@@ -22,7 +22,13 @@ if TYPE_CHECKING:
     from seatrial.campaign import Campaign as Campaign
     from seatrial.comparison import Comparison as Comparison
     from seatrial.comparison import compare as compare
+    from seatrial.flight import Fault as Fault
+    from seatrial.flight import Flight as Flight
+    from seatrial.flight import Outage as Outage
+    from seatrial.flight.fly import fly as fly
+    from seatrial.flight.fly_batch import fly_batch as fly_batch
     from seatrial.identification import Identification as Identification
+    from seatrial.mission import Mission as Mission
     from seatrial.random_starts import restarts as restarts
     from seatrial.restart_result import Restarts as Restarts
 
@@ -30,19 +36,31 @@ _LAZY = {
     "BenchTest": "seatrial.bench_test",
     "Campaign": "seatrial.campaign",
     "Comparison": "seatrial.comparison",
+    "Fault": "seatrial.flight",
+    "Flight": "seatrial.flight",
     "Identification": "seatrial.identification",
+    "Mission": "seatrial.mission",
+    "Outage": "seatrial.flight",
     "Restarts": "seatrial.restart_result",
     "bench": "seatrial.bench_test",
     "compare": "seatrial.comparison",
+    "fly": "seatrial.flight",
+    "fly_batch": "seatrial.flight",
     "restarts": "seatrial.random_starts",
 }
 
 __all__ = [
+    "Autopilot",
     "BenchTest",
     "Campaign",
     "CampaignError",
     "Comparison",
+    "Fault",
+    "Flight",
+    "Flights",
     "Identification",
+    "Mission",
+    "Outage",
     "Restarts",
     "Run",
     "Score",
@@ -55,6 +73,8 @@ __all__ = [
     "VehicleError",
     "bench",
     "compare",
+    "fly",
+    "fly_batch",
     "identify",
     "restarts",
     "score",

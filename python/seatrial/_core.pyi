@@ -9,7 +9,206 @@ from numpy.typing import ArrayLike, NDArray
 from os import PathLike
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["OpenLoop", "Record", "Run", "State", "Vehicle", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
+__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "autopilot_names", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
+
+@final
+class Autopilot:
+    """
+    An autopilot: guidance, gains, modes, allocation and safety. Immutable.
+    """
+    def __repr__(self, /) -> str: ...
+    @property
+    def description(self, /) -> str:
+        """
+        What the autopilot is for, in a sentence.
+        """
+    def engage(self, /, vehicle: Vehicle, mission: Mission) -> Helm:
+        """
+        The autopilot at work on a vehicle, which is its model, and a mission: one step at a time.
+        """
+    @staticmethod
+    def from_toml(text: str, source: str = "<text>") -> Autopilot:
+        """
+        The autopilot of the TOML text of an autopilot file; `source` stands in messages.
+        """
+    def gains(self, /) -> dict[str, float]:
+        """
+        The numbers that a batch may vary by name: heading.K_P.1 … (supporting points from 1; K_I per s, K_D times
+        s), heading.reference_rad_s, guidance.lookahead_m …
+        """
+    @staticmethod
+    def load(name_or_path: str | PathLike[str]) -> Autopilot:
+        """
+        The autopilot of a built-in name or a file.
+
+        Raises VehicleError (a ValueError) that names file, key, what was expected and what was found.
+        """
+    @property
+    def modes(self, /) -> list[dict[str, Any]]:
+        """
+        The mode table: per mode name, loops (six flags in the order X Y Z K M N), depth_by and from_speed_m_s.
+        """
+    @property
+    def name(self, /) -> str:
+        """
+        Name of the autopilot.
+        """
+    @staticmethod
+    def names() -> list[str]:
+        """
+        Names of the built-in autopilots, those of the built-in vehicles.
+        """
+    @property
+    def period_s(self, /) -> float:
+        """
+        Control period, s.
+        """
+    @property
+    def speeds_m_s(self, /) -> list[float]:
+        """
+        Desired speeds of the six supporting points, m/s.
+        """
+    def to_toml(self, /) -> str:
+        """
+        The autopilot file, TOML.
+        """
+    def with_gains(self, /, gains: Mapping[str, ArrayLike]) -> Autopilot:
+        """
+        The same autopilot with other values of some gains.
+
+        Raises VehicleError for an unknown name or an impossible value.
+        """
+
+@final
+class Flights:
+    """
+    The flights of k cases: a log of each, where one was kept, and their figures.
+    """
+    def __len__(self, /) -> int:
+        """
+        Number of cases.
+        """
+    @property
+    def columns(self, /) -> list[str]:
+        """
+        Names of the columns of a log; cmd.<actuator> and act.<actuator> are in the unit of the command.
+        """
+    @property
+    def figures(self, /) -> dict[str, NDArray[float64]]:
+        """
+        The figures of all cases by name, shape (k,) each; SI and rad, a diverged flight is not a number.
+        """
+    def log(self, /, case: SupportsIndex) -> NDArray[float64]:
+        """
+        The log of a case, shape (n, columns), one row per control period; SI and rad.
+        """
+    def t(self, /, case: SupportsIndex) -> NDArray[float64]:
+        """
+        Time of the rows of a case, shape (n,), s.
+        """
+
+@final
+class Helm:
+    """
+    An autopilot at work: a measurement in, commands out, once per control period.
+    """
+    def declare_failed(self, /, actuator: str) -> None:
+        """
+        Takes an actuator out of the allocation from the next step on.
+        """
+    def step(self, /, measurement: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike] | None = None) -> dict[str, float]:
+        """
+        Commands {actuator: value in its own unit} for the next control period.
+
+        measurement: the channels that were measured since the last step: x y z in m (NED), roll pitch yaw in rad,
+        u v w over ground in m/s, p q r in rad/s, altitude in m, u_water v_water w_water in m/s, battery (share left),
+        voltage in V. Missing channels keep their last value and grow old. signals: measured commands of the
+        actuators, in the unit of the command, by which a failed one is found.
+        """
+
+@final
+class Mission:
+    """
+    A mission: waypoints, where it starts and what it may not leave. Immutable.
+
+    Raises
+    ------
+    VehicleError
+        What is wrong with the file, in which leg, at which key, and what to do.
+
+    Examples
+    --------
+    >>> from seatrial._core import Mission
+    >>> head = 'format = 1\\nname = "out"\\nspeed_m_s = 2.0\\nacceptance_radius_m = 3.0\\n'
+    >>> mission = Mission.from_toml(head + '[[legs]]\\nnorth_m = 30.0\\neast_m = 40.0\\n')
+    >>> mission.length, mission.planned_time, mission.waypoints["label"]
+    (50.0, 25.0, ['waypoint 1'])
+    """
+    @property
+    def description(self, /) -> str:
+        """
+        What the mission is for, in a sentence.
+        """
+    @property
+    def fence(self, /) -> NDArray[float64]:
+        """
+        Corners (n, 2) of the fence, north and east in m; no row without one.
+        """
+    @staticmethod
+    def from_toml(text: str, source: str = "<text>") -> Mission:
+        """
+        The mission of the TOML text of a mission file in metres; `source` stands in messages.
+        """
+    @property
+    def length(self, /) -> float:
+        """
+        Length of the path in m, from the start to the last waypoint, circles included.
+        """
+    @property
+    def limits(self, /) -> dict[str, float]:
+        """
+        What the mission may not leave: `max_depth_m` and `max_time_s` (infinite without a limit), `min_altitude_m` (0
+        without).
+        """
+    @property
+    def name(self, /) -> str:
+        """
+        Name of the mission.
+        """
+    @property
+    def origin(self, /) -> tuple[float, float] | None:
+        """
+        Latitude and longitude of the origin in degrees; none where the file has none.
+        """
+    @property
+    def planned_time(self, /) -> float:
+        """
+        Time for the path in s at the speeds of its legs, with station-keeping and circles.
+        """
+    @property
+    def start(self, /) -> dict[str, float]:
+        """
+        Where the first leg begins: `north_m`, `east_m`, `depth_m`, and `heading` in rad.
+        """
+    @property
+    def steepest(self, /) -> tuple[int, float]:
+        """
+        Index of the waypoint with the steepest way to it, and that slope in rad, positive upwards.
+        """
+    def to_toml(self, /, *, expanded: bool = False) -> str:
+        """
+        The mission file as written, TOML; with `expanded` every pattern as waypoints.
+        """
+    @property
+    def waypoints(self, /) -> dict[str, NDArray[float64] | list[str]]:
+        """
+        The waypoints as columns of equal length, in the order of travel.
+
+        Places `north_m`, `east_m`, `depth_m`, `altitude_m` (NaN in the one of the last two that `vertical` does not
+        name); `speed_m_s` on the way there; `acceptance_radius_m`; `hold_s` (0 without) with `heading` in rad (NaN where
+        free); `circle_radius_m` (0 without) with `turns`, positive to starboard; `course` and `slope` of the straight
+        way there in rad, the slope positive upwards; `label`.
+        """
 
 @final
 class OpenLoop:
@@ -251,6 +450,22 @@ class Vehicle:
 
         Raises VehicleError for an unknown name or an impossible mass matrix.
         """
+
+def autopilot_names() -> dict[str, list[str]]:
+    """
+    The names behind the numbers of a flight: channels, groups, reactions and watches of the autopilot.
+    """
+
+def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step: SupportsFloat | SupportsIndex = 0.02, max_time: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None) -> Flights:
+    """
+    Flies k cases of a mission; see `seatrial.fly`, which says it in the words of a user.
+
+    seeds (k,); position (k, 3) or (3,), attitude (k, 4|3), nu (k, 6), current (k, 3); coefficients {name: (k,)} of the
+    vehicle that flies and gains {name: (k,)} of the autopilot; model: the vehicle that the autopilot takes it for.
+    faults: rows (case, actuator, time in s, command or nan: where it is). errors (16, 4): noise, bias, drift and
+    quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
+    rows (group, from, until in s). seabed (3,): depth in m and slopes north and east.
+    """
 
 def initial_names() -> list[str]:
     """

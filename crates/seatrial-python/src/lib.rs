@@ -2,9 +2,12 @@
 
 use pyo3::prelude::*;
 
+mod autopilot;
+mod closed_loop;
 mod convert;
 mod error;
 mod identify;
+mod mission;
 mod motor;
 mod simulate;
 mod vehicle;
@@ -13,7 +16,13 @@ mod vehicle;
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
+    use crate::autopilot::{Autopilot, Helm, autopilot_names};
+    #[pymodule_export]
+    use crate::closed_loop::{Flights, fly};
+    #[pymodule_export]
     use crate::identify::{OpenLoop, Record, all_nuisance_names, initial_names};
+    #[pymodule_export]
+    use crate::mission::Mission;
     #[pymodule_export]
     use crate::motor::motor_response;
     #[pymodule_export]

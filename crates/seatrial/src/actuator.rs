@@ -13,6 +13,7 @@
 //! A [`fin`] turns its signal, a deflection, into lift and drag.
 
 pub mod characteristic;
+pub mod drive;
 pub mod fin;
 pub mod motor;
 pub mod response;

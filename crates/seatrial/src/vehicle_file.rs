@@ -13,6 +13,7 @@ mod fin_table;
 use crate::error::{Error, nearest};
 use crate::geometry::Geometry;
 pub use fin_table::FinTable;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -312,15 +313,7 @@ impl VehicleFile {
     /// # Errors
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
     pub fn parse(text: &str, source_name: &str) -> Result<Self, Error> {
-        let refused = |error: toml::de::Error| Error::vehicle(source_name, explain(&error, text));
-        // The format first: another one may have keys that this one does not know.
-        match toml::from_str(text).map_err(refused)? {
-            Format { format: Some(found) } if found != 1 => Err(Error::vehicle(
-                source_name,
-                format!("format: this version reads format = 1, found {found}"),
-            )),
-            _ => toml::from_str(text).map_err(refused),
-        }
+        parsed(text, source_name)
     }
 
     /// The file as TOML.
@@ -329,8 +322,23 @@ impl VehicleFile {
     }
 }
 
+/// A file of this format, read: also the autopilot's and the mission's.
+///
+/// # Errors
+/// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
+pub(crate) fn parsed<F: DeserializeOwned>(text: &str, source_name: &str) -> Result<F, Error> {
+    let refused = |error: toml::de::Error| Error::vehicle(source_name, explain(&error, text));
+    // The format first: another one may have keys that this one does not know.
+    match toml::from_str(text).map_err(refused)? {
+        Format { format: Some(found) } if found != 1 => {
+            Err(Error::vehicle(source_name, format!("format: this version reads format = 1, found {found}")))
+        }
+        _ => toml::from_str(text).map_err(refused),
+    }
+}
+
 /// The reader's message with its line, and the nearest known name of an unknown key.
-fn explain(error: &toml::de::Error, text: &str) -> String {
+pub(crate) fn explain(error: &toml::de::Error, text: &str) -> String {
     let line = error.span().map(|span| 1 + text[..span.start].matches('\n').count());
     let message = error.message().trim();
     let place = line.map(|n| format!("line {n}: ")).unwrap_or_default();

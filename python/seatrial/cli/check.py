@@ -1,4 +1,4 @@
-"""`seatrial check`: what a vehicle file says, in sentences and three views; what a campaign will do."""
+"""`seatrial check`: what a vehicle, autopilot or mission file says, in sentences; what a campaign will do."""
 
 from __future__ import annotations
 
@@ -28,6 +28,21 @@ _OTHER_FILES = {
 }
 """Files that are taken for a vehicle by mistake, by a key that only they have."""
 
+_KEYS = {
+    "a campaign": ("stages", "trials"),
+    "a mission": ("legs",),
+    "an autopilot": ("schedule", "modes", "loops"),
+}
+"""Keys that tell what a file is; without any of them it is a vehicle."""
+
+_OPTIONS: dict[str, tuple[str, ...]] = {
+    "a vehicle": ("--speed-kn", "--out"),
+    "a campaign": (),
+    "a mission": ("--vehicle", "--autopilot", "--out"),
+    "an autopilot": ("--vehicle",),
+}
+"""Options that only some files have."""
+
 TURN_HEADS = {
     "under way": "inner side at half",
     "inner side stopped": "stopped",
@@ -39,8 +54,18 @@ TURN_HEADS = {
 def check(
     target: Annotated[
         str,
-        typer.Argument(help="Vehicle file, built-in vehicle, or campaign file.", metavar="VEHICLE|CAMPAIGN"),
+        typer.Argument(
+            help="Vehicle file, built-in vehicle, campaign, mission or autopilot file.",
+            metavar="VEHICLE|CAMPAIGN|MISSION|AUTOPILOT",
+        ),
     ],
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="Vehicle that a mission or an autopilot is for: file or name.", metavar="VEHICLE"),
+    ] = None,
+    autopilot: Annotated[
+        str | None, typer.Option(help="Autopilot that flies a mission: file or name.", metavar="AUTOPILOT")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for figures; runs/check-NAME by default.")
     ] = None,
@@ -56,18 +81,36 @@ def check(
         ),
     ] = None,
     figures: Annotated[
-        bool, typer.Option(help="Draw three views, characteristics and performance (PNG and PDF).")
+        bool,
+        typer.Option(help="Draw three views, characteristics and performance, or the mission (PNG and PDF)."),
     ] = True,
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Check a vehicle (signs, speeds, turns, stability, implausible numbers) or a campaign before it runs."""
+    """Check a vehicle (signs, speeds, turns, stability), an autopilot, a mission or a campaign beforehand."""
     _check_options(target, voltage, speed_kn or [])
-    if _is_campaign(target):
-        if speed_kn or out is not None:
-            option = "--speed-kn" if speed_kn else "--out"
-            raise SeatrialError(f"{option} is for a vehicle, and {target} is a campaign; leave it out")
+    kind = _kind(target)
+    given = {"--vehicle": vehicle, "--autopilot": autopilot, "--speed-kn": speed_kn or None, "--out": out}
+    for option, value in given.items():
+        if value is not None and option not in _OPTIONS[kind]:
+            fitting = " or ".join(name for name, options in _OPTIONS.items() if option in options)
+            raise SeatrialError(f"{option} is for {fitting}, and {target} is {kind}; leave it out")
+    if kind == "a campaign":
         _check_campaign(target, json=json)
-        return
+    elif kind == "a mission":
+        from seatrial.cli.check_mission import check_mission_file
+
+        check_mission_file(target, vehicle, autopilot, voltage_v=voltage, out=out, figures=figures, json=json)
+    elif kind == "an autopilot":
+        from seatrial.cli.check_mission import check_autopilot_file
+
+        check_autopilot_file(target, vehicle, voltage_v=voltage, json=json)
+    else:
+        _check_vehicle(target, voltage, speed_kn, out=out, figures=figures, json=json)
+
+
+def _check_vehicle(
+    target: str, voltage: float, speed_kn: list[float] | None, *, out: Path | None, figures: bool, json: bool
+) -> None:
     from seatrial._core import Vehicle
     from seatrial.check import check_vehicle
     from seatrial.cli.console import list_figures, output, print_json
@@ -96,7 +139,7 @@ def check(
 
 
 def _check_options(target: str, voltage: float, speed_kn: list[float]) -> None:
-    """Refuse numbers that are no voltage or speed, and files that are neither vehicle nor campaign."""
+    """Refuse numbers that are no voltage or speed, and files that are none of those."""
     for option, values in (("--voltage", [voltage]), ("--speed-kn", speed_kn)):
         for value in values:
             if not math.isfinite(value):
@@ -104,7 +147,8 @@ def _check_options(target: str, voltage: float, speed_kn: list[float]) -> None:
     for key, (kind, advice) in _OTHER_FILES.items():
         if key in _tables(target):
             raise SeatrialError(
-                f"{target}: expected a vehicle or campaign file, found {kind}{advice.format(target)}"
+                f"{target}: expected a vehicle, campaign, mission or autopilot file, found"
+                f" {kind}{advice.format(target)}"
             )
 
 
@@ -116,10 +160,18 @@ def _tables(target: str) -> dict[str, Any]:
         return {}
 
 
-def _is_campaign(target: str) -> bool:
-    """Whether the file is a campaign rather than a vehicle."""
+def _kind(target: str) -> str:
+    """What the file is, by the keys that only it has."""
     data = _tables(target)
-    return "stages" in data or "trials" in data
+    for kind, keys in _KEYS.items():
+        if any(key in data for key in keys):
+            return kind
+    return "a vehicle"
+
+
+def _is_campaign(target: str) -> bool:
+    """Whether the file is a campaign."""
+    return _kind(target) == "a campaign"
 
 
 def _print_vehicle(console: Console, found: VehicleCheck) -> None:

@@ -12,9 +12,13 @@
 //! the thrust.
 //!
 //! Source: Taubert et al. (2014), equations 35–38; Fossen (1994), section 4.1.
-//! Tests: `tests/laws.rs`, `tests/test_scalar_textbook.py`.
+//! Tests: `tests/laws.rs`, `tests/test_scalar_textbook.py`. The way back, from thrust to signal:
+//! [`Characteristic::signal`].
+
+mod inverse;
 
 use crate::real::Real;
+pub use inverse::Bias;
 use std::sync::Arc;
 
 /// Thrust and reaction torque, each affine in the inflow velocity u_a.

@@ -14,11 +14,15 @@
 //! until the profile stands across the flow. No added mass of the fin, no wake of hull or propeller.
 //!
 //! Source: Fossen (2011), section 9.8; Hoerner and Borst (1975), chapters 3 and 17; Prestero (2001), section
-//! 4.7 (its small-angle form is the limit). Tests: `tests/laws.rs::law_fin_…`, `tests/test_scalar_textbook.py`.
+//! 4.7 (its small-angle form is the limit). The way back, from force to deflection: [`Fin::deflection`].
+//! Tests: `tests/laws.rs::law_fin_…`, `tests/test_scalar_textbook.py`.
+
+mod inverse;
 
 use super::motor::Motor;
 use crate::algebra::{Vec3, Vec6, cross, dot};
 use crate::real::Real;
+pub use inverse::Flow;
 
 /// A fin behind its servo.
 #[derive(Clone)]

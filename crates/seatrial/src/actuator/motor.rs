@@ -27,21 +27,17 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The signal that the controller asks of the motor.
-    pub fn apply(&self, command: f64) -> f64 {
-        let side = usize::from(command < 0.0);
+    /// The signal that the controller asks of the motor; of what is not a number, the same.
+    #[inline(always)]
+    pub fn apply<T: Real>(&self, command: T) -> T {
+        let zero = command.zero();
+        let astern = command.lt(zero);
+        let of = |[ahead, back]: [f64; 2]| T::select(astern, zero.splat(back), zero.splat(ahead));
+        let (maximum, minimum) = (of(self.maximum), of(self.minimum));
         let magnitude = command.abs();
-        if magnitude == 0.0 || magnitude.is_nan() {
-            return command;
-        }
-        let held = if magnitude >= self.minimum[side] {
-            magnitude.min(self.maximum[side])
-        } else if self.dead_band {
-            0.0
-        } else {
-            self.minimum[side].min(self.maximum[side])
-        };
-        held.copysign(command)
+        let lifted = if self.dead_band { zero } else { minimum.min(maximum) };
+        let held = T::select(magnitude.lt(minimum), lifted, magnitude.min(maximum));
+        T::select(zero.lt(magnitude), T::select(astern, -held, held), command)
     }
 }
 

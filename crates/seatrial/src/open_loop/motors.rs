@@ -13,8 +13,8 @@
 //! Tests: `tests/laws/motor.rs`, `tests/scalars.rs`.
 
 use super::{MotorStart, Record, Segment};
-use crate::actuator::interact;
-use crate::actuator::motor::{DeadTime, MotorState, MotorStep};
+use crate::actuator::drive::{Drive, UnlimitedDelay, act};
+use crate::actuator::motor::MotorState;
 use crate::coefficients::{HULL, PER_ACTUATOR};
 use crate::description::Description;
 use crate::real::Real;
@@ -88,15 +88,12 @@ pub struct Motors<'a, T> {
     vehicle: &'a Vehicle<T>,
     record: &'a Record,
     substeps: usize,
-    half_steps: Vec<MotorStep<T>>,
+    drive: Drive<T>,
     /// Dead time in steps, where there is no rate limit.
     delays: Vec<T>,
-    /// Dead time behind a rate limit.
-    dead_times: Vec<Option<DeadTime<T>>>,
     targets: Vec<T>,
     /// The command before the record where it is not the record's first one.
     before: Vec<T>,
-    states: Vec<MotorState<T>>,
 }
 
 impl<'a, T: Real> Motors<'a, T> {
@@ -121,7 +118,7 @@ impl<'a, T: Real> Motors<'a, T> {
                 for s in 0..substeps {
                     motors.command(k, s);
                     for _half in 0..2 {
-                        motors.advance();
+                        motors.drive.advance(&motors.targets);
                     }
                 }
             }
@@ -139,7 +136,20 @@ impl<'a, T: Real> Motors<'a, T> {
     ) -> Self {
         let h = record.dt / substeps as f64;
         let count = vehicle.actuators.len() + vehicle.fins.len();
-        let mut motors = Self {
+        let at_start = |i: usize| match start {
+            MotorStart::Recorded => vehicle.motor(i).steady(unit.splat(record.commands[i][0])),
+            MotorStart::Held(signals) => {
+                let signal = unit.splat(signals[i]);
+                MotorState { ramp: signal / vehicle.motor(i).k_v, signal }
+            }
+        };
+        let drive = Drive::new(vehicle, h, UnlimitedDelay::InTheRecord, at_start);
+        let delay = |i: usize| {
+            let motor = vehicle.motor(i);
+            if motor.rate.is_some() { unit.zero() } else { motor.t_t * (1.0 / h) }
+        };
+        let held = matches!(start, MotorStart::Held(_));
+        Self {
             unit: unit.zero(),
             any_ideal: (0..count).any(|i| vehicle.motor(i).ideal),
             signals: vec![unit.zero(); count],
@@ -148,46 +158,23 @@ impl<'a, T: Real> Motors<'a, T> {
             vehicle,
             record,
             substeps,
-            half_steps: Vec::with_capacity(count),
-            delays: Vec::with_capacity(count),
-            dead_times: Vec::with_capacity(count),
+            delays: (0..count).map(delay).collect(),
             targets: vec![unit; count],
-            before: Vec::new(),
-            states: Vec::with_capacity(count),
-        };
-        for i in 0..count {
-            let motor = vehicle.motor(i);
-            motors.half_steps.push(motor.step(0.5 * h));
-            let state = match start {
-                MotorStart::Recorded => motor.steady(unit.splat(record.commands[i][0])),
-                MotorStart::Held(signals) => {
-                    let signal = unit.splat(signals[i]);
-                    let ramp = signal / motor.k_v;
-                    motors.before.push(ramp);
-                    MotorState { ramp, signal }
-                }
-            };
-            let behind = motor.rate.is_some() && !motor.t_t.equals(motor.t_t.zero());
-            motors.dead_times.push(behind.then(|| DeadTime::new(motor.t_t * (2.0 / h), state.ramp)));
-            motors.delays.push(if motor.rate.is_some() { unit.zero() } else { motor.t_t * (1.0 / h) });
-            motors.states.push(state);
+            before: if held { drive.states.iter().map(|s| s.ramp).collect() } else { Vec::new() },
+            drive,
         }
-        motors
     }
 
     /// Sets the motors to the steady state of the command that reaches them at sample `k`; behind a rate limit
     /// the commands before it stand for the ramp.
     #[inline(always)]
     fn settle(&mut self, k: usize) {
-        for i in 0..self.states.len() {
+        let (unit, half_steps) = (self.unit, 2 * self.substeps);
+        for i in 0..self.targets.len() {
             let target = self.target(i, k, 0);
-            self.states[i] = self.vehicle.motor(i).steady(target);
-            if let Some(dead_time) = &mut self.dead_times[i] {
-                let (commands, unit, half_steps) = (&self.record.commands[i], self.unit, 2 * self.substeps);
-                let input =
-                    dead_time.settle(|ago| unit.splat(commands[k.saturating_sub(ago.div_ceil(half_steps))]));
-                self.states[i].signal = self.vehicle.motor(i).k_v * input;
-            }
+            let commands = &self.record.commands[i];
+            let past = |ago: usize| unit.splat(commands[k.saturating_sub(ago.div_ceil(half_steps))]);
+            self.drive.settle(self.vehicle, i, target, past);
         }
     }
 
@@ -223,7 +210,7 @@ impl<'a, T: Real> Motors<'a, T> {
     #[inline(always)]
     pub fn go_on(&mut self, k: usize, s: usize, half: usize) {
         if self.played.is_none() {
-            self.advance();
+            self.drive.advance(&self.targets);
         }
         self.show(k, s, half);
     }
@@ -241,7 +228,7 @@ impl<'a, T: Real> Motors<'a, T> {
         let fraction = (s as f64 + 0.5 * half as f64) / self.substeps as f64;
         for (i, measured) in self.record.signals.iter().enumerate() {
             self.signals[i] = match measured {
-                None => self.states[i].signal,
+                None => self.drive.states[i].signal,
                 Some(signal) => {
                     let next = signal[(k + 1).min(signal.len() - 1)];
                     self.unit.splat(signal[k] + fraction * (next - signal[k]))
@@ -252,28 +239,12 @@ impl<'a, T: Real> Motors<'a, T> {
 
     #[inline(always)]
     fn command(&mut self, k: usize, s: usize) {
-        for i in 0..self.states.len() {
+        for i in 0..self.targets.len() {
             self.targets[i] = self.target(i, k, s);
             let motor = self.vehicle.motor(i);
             if motor.ideal {
-                self.states[i] = motor.steady(self.targets[i]);
+                self.drive.states[i] = motor.steady(self.targets[i]);
             }
-        }
-    }
-
-    /// Moves every motor by half a step.
-    #[inline(always)]
-    fn advance(&mut self) {
-        for i in 0..self.states.len() {
-            let (step, state, target) = (&self.half_steps[i], &self.states[i], self.targets[i]);
-            self.states[i] = match &mut self.dead_times[i] {
-                None => step.advance(state, target),
-                Some(dead_time) => {
-                    let (_, ramp) = step.course(state.ramp, target);
-                    let (from, to) = dead_time.pass(ramp);
-                    MotorState { ramp, signal: step.lag(state.signal, from, to) }
-                }
-            };
         }
     }
 
@@ -285,21 +256,8 @@ impl<'a, T: Real> Motors<'a, T> {
     /// The thrusts and deflections at the present signals.
     #[inline(always)]
     pub fn thrust(&self, k: usize, instant: &mut Instant<T>) {
-        let voltage = self.voltage(k);
-        instant.thrusts.clear();
-        for (i, actuator) in self.vehicle.actuators.iter().enumerate() {
-            let thrust = match self.now.get(i) {
-                Some((_, Some(force))) => actuator.characteristic.scaled(self.unit.splat(*force)),
-                _ => actuator.characteristic.thrust(self.signals[i], voltage),
-            };
-            instant.thrusts.push(actuator.directed(thrust));
-        }
-        interact(&self.vehicle.actuators, &mut instant.thrusts);
-        instant.deflections.clear();
-        for signal in &self.signals[self.vehicle.actuators.len()..] {
-            instant.deflections.push(signal.sin_cos());
-        }
-        self.vehicle.sum_inflow_free(instant, self.unit);
+        let table = |i: usize| self.now.get(i).and_then(|(_, force)| force.map(|f| self.unit.splat(f)));
+        act(self.vehicle, &self.signals, self.voltage(k), table, instant);
     }
 }
 

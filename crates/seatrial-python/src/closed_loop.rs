@@ -1,0 +1,265 @@
+//! `fly`: cases of a closed-loop flight, and `Flights`, what they were.
+
+use crate::autopilot::Autopilot;
+use crate::convert::{Array, Named, Numbers};
+use crate::error::{interruptible, raised, refused};
+use crate::mission::Mission;
+use crate::vehicle::Vehicle;
+use pyo3::prelude::*;
+use seatrial::autopilot::settings::tunable_index;
+use seatrial::closed_loop::Flight;
+use seatrial::closed_loop::batch::{Case, Cases, Outcome};
+use seatrial::closed_loop::faults::ActuatorFault;
+use seatrial::closed_loop::log;
+use seatrial::closed_loop::summary::Summary;
+use seatrial::description::Description;
+use seatrial::integrate;
+use seatrial::navigation::{CHANNELS, ChannelErrors, GROUPS, GroupTiming, Outage, Sensors};
+use seatrial::open_loop::inputs::actuator_index;
+use seatrial::vehicle_file::Environment;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The flights of k cases: a log of each, where one was kept, and their figures.
+#[pyclass(frozen, module = "seatrial")]
+pub struct Flights {
+    description: Arc<Description>,
+    outcomes: Vec<Outcome>,
+    dt: f64,
+}
+
+#[pymethods]
+impl Flights {
+    /// Number of cases.
+    fn __len__(&self) -> usize {
+        self.outcomes.len()
+    }
+
+    /// Names of the columns of a log; cmd.<actuator> and act.<actuator> are in the unit of the command.
+    #[getter]
+    fn columns(&self) -> Vec<String> {
+        let names = || self.description.actuators.iter().map(|a| &a.name);
+        let own = log::columns().into_iter();
+        own.chain(names().map(|n| format!("cmd.{n}"))).chain(names().map(|n| format!("act.{n}"))).collect()
+    }
+
+    /// The log of a case, shape (n, columns), one row per control period; SI and rad.
+    fn log(&self, case: usize) -> PyResult<Array> {
+        let outcome = self
+            .outcomes
+            .get(case)
+            .ok_or_else(|| refused(format!("case: expected below {}, found {case}", self.outcomes.len())))?;
+        let actuators = &self.description.actuators;
+        let log = &outcome.log;
+        let width = log.values.len() / log.rows.max(1);
+        let mut values = log.values.clone();
+        let first = width.saturating_sub(2 * actuators.len());
+        for row in values.chunks_exact_mut(width.max(1)) {
+            for (i, value) in row[first..].iter_mut().enumerate() {
+                *value = actuators[i % actuators.len()].command(*value);
+            }
+        }
+        Ok(Array::new(&[log.rows, width], values))
+    }
+
+    /// Time of the rows of a case, shape (n,), s.
+    fn t(&self, case: usize) -> PyResult<Array> {
+        let rows = self.log(case).map(|_| self.outcomes[case].log.rows)?;
+        Ok(Array::new(&[rows], (0..rows).map(|k| k as f64 * self.dt).collect()))
+    }
+
+    /// The figures of all cases by name, shape (k,) each; SI and rad, a diverged flight is not a number.
+    #[getter]
+    fn figures(&self) -> BTreeMap<&'static str, Array> {
+        let column = |read: fn(&Summary<f64>) -> f64| {
+            Array::new(&[self.outcomes.len()], self.outcomes.iter().map(|o| read(&o.summary)).collect())
+        };
+        BTreeMap::from([
+            ("ending", column(|s| s.ending)),
+            ("duration", column(|s| s.duration)),
+            ("distance", column(|s| s.distance)),
+            ("energy", column(|s| s.energy)),
+            ("cross_track_largest", column(|s| s.cross_track[0])),
+            ("cross_track_rms", column(|s| s.cross_track[1])),
+            ("vertical_largest", column(|s| s.vertical[0])),
+            ("vertical_rms", column(|s| s.vertical[1])),
+            ("excursion", column(|s| s.excursion)),
+            ("depth_largest", column(|s| s.depth)),
+            ("altitude_smallest", column(|s| s.altitude)),
+            ("waypoints", column(|s| s.waypoints)),
+            ("missed_by", column(|s| s.missed_by)),
+            ("switches", column(|s| s.switches)),
+            ("alert", column(|s| s.alert[0])),
+            ("alert_cause", column(|s| s.alert[1])),
+            ("alert_time", column(|s| s.alert[2])),
+            ("roll_largest", column(|s| s.tilt[0])),
+            ("pitch_largest", column(|s| s.tilt[1])),
+        ])
+    }
+}
+
+/// Flies k cases of a mission; see `seatrial.fly`, which says it in the words of a user.
+///
+/// seeds (k,); position (k, 3) or (3,), attitude (k, 4|3), nu (k, 6), current (k, 3); coefficients {name: (k,)} of the
+/// vehicle that flies and gains {name: (k,)} of the autopilot; model: the vehicle that the autopilot takes it for.
+/// faults: rows (case, actuator, time in s, command or nan: where it is). errors (16, 4): noise, bias, drift and
+/// quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
+/// rows (group, from, until in s). seabed (3,): depth in m and slopes north and east.
+#[pyfunction]
+#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage = f64::NAN, rho = None, g = None, max_step = 0.02, max_time, logs = true, threads = None))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
+pub fn fly(
+    py: Python<'_>,
+    vehicle: PyRef<'_, Vehicle>,
+    autopilot: PyRef<'_, Autopilot>,
+    mission: PyRef<'_, Mission>,
+    seeds: Vec<u64>,
+    model: Option<PyRef<'_, Vehicle>>,
+    position: Numbers,
+    attitude: Numbers,
+    nu: Numbers,
+    current: Numbers,
+    coefficients: Option<Named>,
+    gains: Option<Named>,
+    faults: Vec<(usize, String, f64, f64)>,
+    errors: Numbers,
+    timing: Numbers,
+    outages: Vec<(usize, f64, f64)>,
+    feedback: bool,
+    seabed: Option<Numbers>,
+    voltage: f64,
+    rho: Option<f64>,
+    g: Option<f64>,
+    max_step: f64,
+    max_time: f64,
+    logs: bool,
+    threads: Option<usize>,
+) -> PyResult<Flights> {
+    let description = &vehicle.description;
+    let settings = &autopilot.settings;
+    let dt = settings.file.period_s;
+    for (name, x) in [("max_step", max_step), ("max_time", max_time)] {
+        if !(x.is_finite() && x > 0.0) {
+            return Err(refused(format!("{name}: expected a positive time in s, found {x}")));
+        }
+    }
+    let k = seeds.len();
+    let starts = Starts {
+        position: spread("position", position.rows::<3>("position")?, k)?,
+        attitude: spread("attitude", attitude.attitudes("attitude")?, k)?,
+        nu: spread("nu", nu.rows::<6>("nu")?, k)?,
+        current: spread("current", current.rows::<3>("current")?, k)?,
+    };
+    let (sought, columns) = varied(coefficients, k, |name| description.layout.find(name).map_err(refused))?;
+    let (tuned, tunings) = varied(gains, k, |name| tunable_index(name).map_err(refused))?;
+    let mut cases: Vec<Case> = (0..k)
+        .map(|i| Case {
+            coefficients: columns.iter().map(|c| c[i]).collect(),
+            tunables: tunings.iter().map(|c| c[i]).collect(),
+            state: integrate::State {
+                position: starts.position[i],
+                attitude: starts.attitude[i],
+                nu: starts.nu[i],
+            },
+            current: starts.current[i],
+            seed: seeds[i] & ((1 << 53) - 1),
+            faults: Vec::new(),
+        })
+        .collect();
+    for (case, name, from, command) in faults {
+        let actuator = actuator_index(description, &name).map_err(raised)?;
+        let signal = (!command.is_nan()).then(|| description.actuators[actuator].signal(command));
+        let case = cases
+            .get_mut(case)
+            .ok_or_else(|| refused(format!("faults: expected a case below {k}, found {case}")))?;
+        case.faults.push(ActuatorFault { actuator, from, signal });
+    }
+    let sensors = sensors(&errors, &timing, outages)?;
+    let model = model.as_ref().map_or(description, |m| &m.description);
+    if model.actuators.len() != description.actuators.len() {
+        return Err(refused("model: expected the actuators of the vehicle that flies"));
+    }
+    settings.fits(model).map_err(raised)?;
+    let own = description.file.environment;
+    let flight = Flight {
+        description,
+        model,
+        settings,
+        mission: &mission.core,
+        sensors: &sensors,
+        feedback,
+        seabed: seabed.map(|s| s.row::<3>("seabed")).transpose()?,
+        environment: Environment { rho_kg_m3: rho.unwrap_or(own.rho_kg_m3), g_m_s2: g.unwrap_or(own.g_m_s2) },
+        voltage,
+        substeps: (dt / max_step - 1e-9).ceil().max(1.0) as usize,
+        periods: (max_time / dt).ceil() as usize,
+    };
+    let cases = Cases { coefficients: &sought, tunables: &tuned, cases: &cases };
+    let outcomes = interruptible(py, threads, |stop| flight.fly(&cases, logs, stop))?;
+    Ok(Flights { description: description.clone(), outcomes, dt })
+}
+
+/// Where the cases begin.
+struct Starts {
+    position: Vec<[f64; 3]>,
+    attitude: Vec<[f64; 4]>,
+    nu: Vec<[f64; 6]>,
+    current: Vec<[f64; 3]>,
+}
+
+/// One row for each of `k` cases, from as many or one.
+fn spread<const C: usize>(name: &str, rows: Vec<[f64; C]>, k: usize) -> PyResult<Vec<[f64; C]>> {
+    if rows.iter().flatten().any(|x| !x.is_finite()) {
+        return Err(refused(format!("{name}: expected finite numbers")));
+    }
+    match rows.len() {
+        1 => Ok(vec![rows[0]; k]),
+        n if n == k => Ok(rows),
+        n => Err(refused(format!("{name}: expected one row or {k}, found {n}"))),
+    }
+}
+
+/// Indices and columns of what varies from case to case.
+fn varied(
+    named: Option<Named>,
+    k: usize,
+    find: impl Fn(&str) -> PyResult<usize>,
+) -> PyResult<(Vec<usize>, Vec<Vec<f64>>)> {
+    let (mut indices, mut columns) = (Vec::new(), Vec::new());
+    for (name, values) in Named::vectors(named)? {
+        if values.len() != k {
+            return Err(refused(format!(
+                "{name}: expected {k} values, one per case, found {}",
+                values.len()
+            )));
+        }
+        indices.push(find(&name)?);
+        columns.push(values);
+    }
+    Ok((indices, columns))
+}
+
+/// The sensors of the arrays that Python gives.
+fn sensors(errors: &Numbers, timing: &Numbers, outages: Vec<(usize, f64, f64)>) -> PyResult<Sensors> {
+    let (errors, timing) = (errors.rows::<4>("errors")?, timing.rows::<5>("timing")?);
+    if errors.len() != CHANNELS || timing.len() != GROUPS {
+        return Err(refused(format!(
+            "sensors: expected {CHANNELS} rows of errors and {GROUPS} of timing, found {} and {}",
+            errors.len(),
+            timing.len()
+        )));
+    }
+    let of = |[noise, bias, drift, quantum]: [f64; 4]| ChannelErrors { noise, bias, drift, quantum };
+    let when = |[present, every, latency, dropout_every, dropout]: [f64; 5]| GroupTiming {
+        present: present > 0.5,
+        every: every.max(1.0) as usize,
+        latency: latency.max(0.0) as usize,
+        dropout_every,
+        dropout,
+    };
+    Ok(Sensors {
+        errors: std::array::from_fn(|c| of(errors[c])),
+        timing: std::array::from_fn(|g| when(timing[g])),
+        outages: outages.into_iter().map(|(group, from, until)| Outage { group, from, until }).collect(),
+    })
+}

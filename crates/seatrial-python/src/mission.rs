@@ -1,0 +1,158 @@
+//! `Mission`: a mission file, and its waypoints as columns.
+
+use crate::convert::Array;
+use crate::error::raised;
+use pyo3::prelude::*;
+use seatrial::mission::{Mission as Core, Task, Vertical, Waypoint};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A column of a table: numbers or words.
+#[derive(IntoPyObject)]
+pub enum Column {
+    /// Numbers.
+    Numbers(Array),
+    /// Words.
+    Words(Vec<String>),
+}
+
+/// A mission: waypoints, where it starts and what it may not leave. Immutable.
+///
+/// Raises
+/// ------
+/// VehicleError
+///     What is wrong with the file, in which leg, at which key, and what to do.
+///
+/// Examples
+/// --------
+/// >>> from seatrial._core import Mission
+/// >>> head = 'format = 1\nname = "out"\nspeed_m_s = 2.0\nacceptance_radius_m = 3.0\n'
+/// >>> mission = Mission.from_toml(head + '[[legs]]\nnorth_m = 30.0\neast_m = 40.0\n')
+/// >>> mission.length, mission.planned_time, mission.waypoints["label"]
+/// (50.0, 25.0, ['waypoint 1'])
+#[pyclass(frozen, module = "seatrial")]
+pub struct Mission {
+    pub core: Arc<Core>,
+}
+
+#[pymethods]
+impl Mission {
+    /// The mission of the TOML text of a mission file in metres; `source` stands in messages.
+    #[staticmethod]
+    #[pyo3(signature = (text, source = "<text>"))]
+    fn from_toml(text: &str, source: &str) -> PyResult<Self> {
+        Core::from_toml(text, source).map(|core| Self { core: Arc::new(core) }).map_err(raised)
+    }
+
+    /// The mission file as written, TOML; with `expanded` every pattern as waypoints.
+    #[pyo3(signature = (*, expanded = false))]
+    fn to_toml(&self, expanded: bool) -> String {
+        if expanded { self.core.to_expanded_toml() } else { self.core.to_toml() }
+    }
+
+    /// Name of the mission.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.core.file.name
+    }
+
+    /// What the mission is for, in a sentence.
+    #[getter]
+    fn description(&self) -> &str {
+        &self.core.file.description
+    }
+
+    /// Latitude and longitude of the origin in degrees; none where the file has none.
+    #[getter]
+    fn origin(&self) -> Option<(f64, f64)> {
+        self.core.file.origin.map(|origin| (origin.latitude_deg, origin.longitude_deg))
+    }
+
+    /// The waypoints as columns of equal length, in the order of travel.
+    ///
+    /// Places `north_m`, `east_m`, `depth_m`, `altitude_m` (NaN in the one of the last two that `vertical` does not
+    /// name); `speed_m_s` on the way there; `acceptance_radius_m`; `hold_s` (0 without) with `heading` in rad (NaN where
+    /// free); `circle_radius_m` (0 without) with `turns`, positive to starboard; `course` and `slope` of the straight
+    /// way there in rad, the slope positive upwards; `label`.
+    #[getter]
+    fn waypoints(&self) -> BTreeMap<&'static str, Column> {
+        let points = &self.core.waypoints;
+        let numbers = |values: Vec<f64>| Column::Numbers(Array::new(&[values.len()], values));
+        let column = |value: &dyn Fn(&Waypoint) -> f64| numbers(points.iter().map(value).collect());
+        let words = |word: &dyn Fn(&Waypoint) -> String| Column::Words(points.iter().map(word).collect());
+        let level = |of: Vertical| {
+            column(&move |w: &Waypoint| if w.vertical == of { w.position[2] } else { f64::NAN })
+        };
+        let hold = |w: &Waypoint| match w.task {
+            Task::Hold { seconds, heading } => (seconds, heading.unwrap_or(f64::NAN)),
+            _ => (0.0, f64::NAN),
+        };
+        let circle = |w: &Waypoint| match w.task {
+            Task::Circle { radius, clockwise, turns } => (radius, if clockwise { turns } else { -turns }),
+            _ => (0.0, 0.0),
+        };
+        BTreeMap::from([
+            ("north_m", column(&|w| w.position[0])),
+            ("east_m", column(&|w| w.position[1])),
+            ("depth_m", level(Vertical::Depth)),
+            ("altitude_m", level(Vertical::Altitude)),
+            (
+                "vertical",
+                words(&|w| if w.vertical == Vertical::Depth { "depth" } else { "altitude" }.to_owned()),
+            ),
+            ("speed_m_s", column(&|w| w.speed)),
+            ("acceptance_radius_m", column(&|w| w.acceptance)),
+            ("hold_s", column(&|w| hold(w).0)),
+            ("heading", column(&|w| hold(w).1)),
+            ("circle_radius_m", column(&|w| circle(w).0)),
+            ("turns", column(&|w| circle(w).1)),
+            ("course", numbers(self.core.courses())),
+            ("slope", numbers(self.core.slopes())),
+            ("label", words(&|w| w.label.clone())),
+        ])
+    }
+
+    /// Where the first leg begins: `north_m`, `east_m`, `depth_m`, and `heading` in rad.
+    #[getter]
+    fn start(&self) -> BTreeMap<&'static str, f64> {
+        let [north, east, depth] = self.core.start.position;
+        let heading = self.core.start_heading();
+        BTreeMap::from([("north_m", north), ("east_m", east), ("depth_m", depth), ("heading", heading)])
+    }
+
+    /// What the mission may not leave: `max_depth_m` and `max_time_s` (infinite without a limit), `min_altitude_m` (0
+    /// without).
+    #[getter]
+    fn limits(&self) -> BTreeMap<&'static str, f64> {
+        let limits = &self.core.limits;
+        BTreeMap::from([
+            ("max_depth_m", limits.depth),
+            ("min_altitude_m", limits.altitude),
+            ("max_time_s", limits.time),
+        ])
+    }
+
+    /// Corners (n, 2) of the fence, north and east in m; no row without one.
+    #[getter]
+    fn fence(&self) -> Array {
+        Array::rows(&self.core.limits.fence, false)
+    }
+
+    /// Length of the path in m, from the start to the last waypoint, circles included.
+    #[getter]
+    fn length(&self) -> f64 {
+        self.core.path_length()
+    }
+
+    /// Time for the path in s at the speeds of its legs, with station-keeping and circles.
+    #[getter]
+    fn planned_time(&self) -> f64 {
+        self.core.planned_time()
+    }
+
+    /// Index of the waypoint with the steepest way to it, and that slope in rad, positive upwards.
+    #[getter]
+    fn steepest(&self) -> (usize, f64) {
+        self.core.steepest()
+    }
+}

@@ -1,0 +1,232 @@
+//! The figures of a flight, summed while it goes on, so that ten thousand flights need no logs.
+//!
+//! Errors of guidance count on the second half of every straight leg, where the vehicle has had time to settle; the
+//! depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends.
+//!
+//! Tests: `tests/closed_loop.rs`, `tests/test_fly.py` (equal to the same figures from the log).
+
+use super::Flight;
+use crate::autopilot::Thought;
+use crate::integrate::State;
+use crate::mission::{Task, Vertical};
+use crate::navigation::CHANNELS;
+use crate::real::Real;
+
+/// How a flight ended.
+pub const ENDINGS: [&str; 4] = ["out of time", "complete", "surfaced", "aborted"];
+
+/// An aborted flight is followed for so long, s, if it does not surface before.
+const AFTER_ABORT_S: f64 = 120.0;
+
+/// The figures of a flight.
+#[derive(Clone, Debug)]
+pub struct Summary<T> {
+    /// Index into [`ENDINGS`].
+    pub ending: T,
+    /// Duration, s.
+    pub duration: T,
+    /// Way over ground, m.
+    pub distance: T,
+    /// Electrical energy, J.
+    pub energy: T,
+    /// Largest and root mean square cross-track error on settled legs, m.
+    pub cross_track: [T; 2],
+    /// Largest and root mean square vertical error on settled legs, m.
+    pub vertical: [T; 2],
+    /// Largest excursion from the depth band of a leg, m.
+    pub excursion: T,
+    /// Largest depth, m, and smallest altitude, m.
+    pub depth: T,
+    /// Smallest altitude above the bottom, m; infinite without one.
+    pub altitude: T,
+    /// Waypoints behind the vehicle.
+    pub waypoints: T,
+    /// Largest of the smallest distances to the waypoints behind the vehicle, m.
+    pub missed_by: T,
+    /// Starts and stops of actuators, per minute and actuator.
+    pub switches: T,
+    /// Strongest reaction, its cause and its time, s.
+    pub alert: [T; 3],
+    /// Largest roll and pitch, rad.
+    pub tilt: [T; 2],
+    flying: T,
+    settled: T,
+    last: [T; 3],
+    turning: Vec<T>,
+}
+
+impl<T: Real> Summary<T> {
+    /// A flight that has not begun.
+    #[inline(always)]
+    pub fn new(unit: T, actuators: usize) -> Self {
+        let zero = unit.zero();
+        Self {
+            ending: zero,
+            duration: zero,
+            distance: zero,
+            energy: zero,
+            cross_track: [zero; 2],
+            vertical: [zero; 2],
+            excursion: zero,
+            depth: zero.splat(f64::NEG_INFINITY),
+            altitude: zero.splat(f64::INFINITY),
+            waypoints: zero,
+            missed_by: zero,
+            switches: zero,
+            alert: [zero; 3],
+            tilt: [zero; 2],
+            flying: zero.splat(1.0),
+            settled: zero,
+            last: [zero; 3],
+            turning: vec![zero; actuators],
+        }
+    }
+
+    /// Whether any lane still flies.
+    #[inline(always)]
+    pub fn any_flying(&self) -> bool {
+        T::any(self.flying.splat(0.5).lt(self.flying))
+    }
+
+    /// Takes one more control period `k`, its commands and the energy used so far.
+    #[inline(always)]
+    pub fn add(
+        &mut self,
+        flight: &Flight<'_>,
+        truth: &[T; CHANNELS],
+        thought: &Thought<T>,
+        (k, commands, used): (usize, &[T], T),
+    ) {
+        let zero = self.flying.zero();
+        let (one, half) = (zero.splat(1.0), zero.splat(0.5));
+        let dt = flight.settings.file.period_s;
+        let flying = half.lt(self.flying);
+        let keep = |new: T, old: T| T::select(flying, new, old);
+        let [x, y, z, roll, pitch, ..] = *truth;
+        if k > 0 {
+            let [a, b, c] = [x - self.last[0], y - self.last[1], z - self.last[2]];
+            let way = a.mul_add(a, b.mul_add(b, c * c)).sqrt();
+            self.distance = keep(self.distance + way, self.distance);
+        }
+        self.last = [x, y, z];
+        self.duration = keep(zero.splat(k as f64 * dt), self.duration);
+        self.energy = keep(used, self.energy);
+        self.depth = keep(self.depth.max(z), self.depth);
+        self.altitude = keep(self.altitude.min(truth[12]), self.altitude);
+        self.tilt = [
+            keep(self.tilt[0].max(roll.abs()), self.tilt[0]),
+            keep(self.tilt[1].max(pitch.abs()), self.tilt[1]),
+        ];
+        let desired = &thought.desired;
+        let alert = thought.alert;
+        let on_mission = T::both(flying, T::both(alert.level.lt(half), desired.done.lt(half)));
+        let (near, upper, lower) = self.leg(flight, desired.leg, desired.distance);
+        let counts = T::both(T::both(on_mission, desired.holding.lt(half)), half.lt(near));
+        let share = T::select(counts, one, zero);
+        self.settled += share;
+        for (sum, error) in
+            [(&mut self.cross_track, desired.cross_track), (&mut self.vertical, desired.vertical_error)]
+        {
+            sum[0] = T::select(counts, sum[0].max(error.abs()), sum[0]);
+            sum[1] += T::select(counts, error * error, zero);
+        }
+        let out = (z - lower).max(upper - z).max(zero);
+        self.excursion = T::select(on_mission, self.excursion.max(out), self.excursion);
+        self.waypoints = keep(desired.leg + desired.done, self.waypoints);
+        self.missed_by = keep(thought.missed_by, self.missed_by);
+        for (was, &command) in self.turning.iter_mut().zip(commands) {
+            let turns = T::select(zero.lt(command.abs()), one, zero);
+            if k > 0 {
+                self.switches += T::select(flying, (turns - *was).abs(), zero);
+            }
+            *was = turns;
+        }
+        self.alert = [
+            keep(alert.level, self.alert[0]),
+            keep(alert.cause, self.alert[1]),
+            keep(alert.since, self.alert[2]),
+        ];
+        let ended = half.lt(thought.ended);
+        let aborted = zero.splat(2.5).lt(alert.level);
+        let over = (alert.since + AFTER_ABORT_S).lt(zero.splat(k as f64 * dt));
+        let ends = T::either(ended, T::both(aborted, over));
+        let rises = zero.splat(1.5).lt(alert.level);
+        let ending = T::select(aborted, zero.splat(3.0), T::select(rises, zero.splat(2.0), one));
+        self.ending = T::select(T::both(flying, ends), ending, self.ending);
+        self.flying = T::select(ends, zero, self.flying);
+    }
+
+    /// 1 on the second half of a straight leg, and the band of its depths.
+    #[inline(always)]
+    fn leg(&self, flight: &Flight<'_>, leg: T, distance: T) -> (T, T, T) {
+        let waypoints = &flight.mission.waypoints;
+        let at = |leg: f64| (leg.max(0.0) as usize).min(waypoints.len() - 1);
+        let before = |i: usize| match i {
+            0 => flight.mission.start.position,
+            _ => waypoints[i - 1].position,
+        };
+        let half_length = leg.tabulated(|leg| {
+            let (from, waypoint) = (before(at(leg)), &waypoints[at(leg)]);
+            if matches!(waypoint.task, Task::Circle { .. }) {
+                return (0.0, 0.0);
+            }
+            let to = waypoint.position;
+            (0.5 * (to[0] - from[0]).hypot(to[1] - from[1]), 0.0)
+        });
+        let depths = |leg: f64| {
+            let i = at(leg);
+            let follows = |i: usize| waypoints[i].vertical == Vertical::Altitude;
+            let free = follows(i) || (i > 0 && follows(i - 1));
+            if free {
+                [f64::NEG_INFINITY, f64::INFINITY]
+            } else {
+                let (from, to) = (before(i)[2], waypoints[i].position[2]);
+                [from.min(to), from.max(to)]
+            }
+        };
+        let upper = leg.tabulated(|leg| (depths(leg)[0], 0.0));
+        let lower = leg.tabulated(|leg| (depths(leg)[1], 0.0));
+        let near = T::select(distance.lt(half_length), leg.splat(1.0), leg.zero());
+        (near, upper, lower)
+    }
+
+    /// The same figures in another number type: one lane of eight.
+    pub fn read(&self, lane: impl Fn(&T) -> f64) -> Summary<f64> {
+        let two = |x: &[T; 2]| [lane(&x[0]), lane(&x[1])];
+        let three = |x: &[T; 3]| [lane(&x[0]), lane(&x[1]), lane(&x[2])];
+        Summary {
+            ending: lane(&self.ending),
+            duration: lane(&self.duration),
+            distance: lane(&self.distance),
+            energy: lane(&self.energy),
+            cross_track: two(&self.cross_track),
+            vertical: two(&self.vertical),
+            excursion: lane(&self.excursion),
+            depth: lane(&self.depth),
+            altitude: lane(&self.altitude),
+            waypoints: lane(&self.waypoints),
+            missed_by: lane(&self.missed_by),
+            switches: lane(&self.switches),
+            alert: three(&self.alert),
+            tilt: two(&self.tilt),
+            flying: lane(&self.flying),
+            settled: lane(&self.settled),
+            last: three(&self.last),
+            turning: self.turning.iter().map(&lane).collect(),
+        }
+    }
+
+    /// Turns sums into means.
+    #[inline(always)]
+    pub fn finish(&mut self, state: &State<T>) {
+        let one = self.settled.splat(1.0);
+        for sum in [&mut self.cross_track, &mut self.vertical] {
+            sum[1] = (sum[1] / self.settled.max(one)).sqrt();
+        }
+        let minutes = (self.duration * (1.0 / 60.0)).max(one.splat(1e-9));
+        self.switches = self.switches / (minutes * self.turning.len().max(1) as f64);
+        // What diverged is not a number, whatever was summed before.
+        let finite = state.position[0] - state.position[0];
+        self.duration += finite;
+    }
+}

@@ -1,0 +1,257 @@
+//! What the autopilot watches, and what it does then: go on, hold, surface or abort.
+//!
+//! | watch | true when |
+//! |---|---|
+//! | `stale_position` … `stale_altitude` | no good sample of the group for so many seconds |
+//! | `depth`, `altitude`, `fence`, `time` | a limit of the mission is passed |
+//! | `battery` | less than the share is left |
+//! | `actuator` | an actuator does not follow its command |
+//!
+//! The reactions are ordered, hold < surface < abort. The strongest that was called for stays: a vehicle that turns
+//! back at a limit must not take up its mission again. *Hold* keeps the station, or circles where the vehicle cannot;
+//! *surface* comes up under control; *abort* stops all actuators and lets buoyancy bring the vehicle up.
+//!
+//! Tests: `tests/safety.rs` (each watch, each reaction).
+
+use crate::mission::{Limits, outside};
+use crate::navigation::{GROUP_NAMES, Measurement};
+use crate::real::Real;
+use serde::{Deserialize, Serialize};
+
+/// What is done when a watch is true, in rising order.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, PartialOrd, Ord)]
+#[serde(rename_all = "lowercase")]
+pub enum Reaction {
+    /// The mission goes on.
+    #[default]
+    Continue,
+    /// Station-keeping, or a circle.
+    Hold,
+    /// Up to the surface under control.
+    Surface,
+    /// All actuators stop.
+    Abort,
+}
+
+/// The names of the reactions by their level.
+pub const REACTIONS: [&str; 4] = ["continue", "hold", "surface", "abort"];
+
+/// The number of watches.
+pub const WATCHES: usize = 12;
+
+/// The names of the watches; cause `i + 1` is watch `i`, cause 0 is none.
+pub const WATCH_NAMES: [&str; WATCHES] = [
+    "stale_position",
+    "stale_depth",
+    "stale_attitude",
+    "stale_velocity",
+    "stale_rates",
+    "stale_altitude",
+    "depth",
+    "altitude",
+    "fence",
+    "time",
+    "battery",
+    "actuator",
+];
+
+/// A group whose samples may fail to come.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Stale {
+    /// Without a good sample for so long, s.
+    pub after_s: f64,
+    /// What is done then.
+    pub reaction: Reaction,
+}
+
+/// The battery.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Battery {
+    /// Share of the charge below which it is low.
+    pub below: f64,
+    /// What is done then.
+    pub reaction: Reaction,
+}
+
+/// Actuators whose measured signal does not follow.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ActuatorWatch {
+    /// Deviation from the expected signal, as a share of the largest one.
+    pub deviation: f64,
+    /// For so long, s.
+    pub after_s: f64,
+    /// What is done besides allocating anew without it.
+    pub reaction: Reaction,
+}
+
+/// The table `[safety]` of the autopilot file.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct SafetyTable {
+    /// Forward speed while surfacing, m/s.
+    pub surface_speed_m_s: f64,
+    /// Depth at which the vehicle counts as surfaced, m.
+    pub surfaced_above_m: f64,
+    /// Horizontal position.
+    pub stale_position: Stale,
+    /// Depth.
+    pub stale_depth: Stale,
+    /// Roll, pitch and heading.
+    pub stale_attitude: Stale,
+    /// Velocity over ground.
+    pub stale_velocity: Stale,
+    /// Turn rates.
+    pub stale_rates: Stale,
+    /// Altitude, on legs that follow the bottom.
+    pub stale_altitude: Stale,
+    /// The mission's largest depth is passed.
+    pub depth: Reaction,
+    /// The altitude is below the mission's smallest one.
+    pub altitude: Reaction,
+    /// The vehicle is outside the mission's fence.
+    pub fence: Reaction,
+    /// The mission takes longer than its limit.
+    pub time: Reaction,
+    /// The battery is low.
+    pub battery: Battery,
+    /// An actuator does not follow.
+    pub actuator: ActuatorWatch,
+}
+
+impl Default for SafetyTable {
+    fn default() -> Self {
+        let stale = |after_s, reaction| Stale { after_s, reaction };
+        Self {
+            surface_speed_m_s: 0.5,
+            surfaced_above_m: 0.5,
+            stale_position: stale(60.0, Reaction::Surface),
+            stale_depth: stale(5.0, Reaction::Abort),
+            stale_attitude: stale(2.0, Reaction::Abort),
+            stale_velocity: stale(10.0, Reaction::Surface),
+            stale_rates: stale(2.0, Reaction::Abort),
+            stale_altitude: stale(10.0, Reaction::Surface),
+            depth: Reaction::Surface,
+            altitude: Reaction::Surface,
+            fence: Reaction::Hold,
+            time: Reaction::Surface,
+            battery: Battery { below: 0.1, reaction: Reaction::Surface },
+            actuator: ActuatorWatch { deviation: 0.2, after_s: 2.0, reaction: Reaction::Continue },
+        }
+    }
+}
+
+impl SafetyTable {
+    /// What is wrong with the table, if anything.
+    pub fn complaint(&self) -> Option<String> {
+        let stale = self.stale();
+        let times =
+            stale.iter().zip(GROUP_NAMES).map(|(s, name)| (format!("stale_{name}.after_s"), s.after_s));
+        let others = [
+            ("surface_speed_m_s".to_owned(), self.surface_speed_m_s),
+            ("surfaced_above_m".to_owned(), self.surfaced_above_m),
+            ("actuator.after_s".to_owned(), self.actuator.after_s),
+            ("actuator.deviation".to_owned(), self.actuator.deviation),
+        ];
+        let wrong = times.chain(others).find(|(_, x)| x.is_nan() || *x <= 0.0);
+        if let Some((key, x)) = wrong {
+            return Some(format!("safety.{key}: expected a positive number, found {x}"));
+        }
+        let below = self.battery.below;
+        if !(0.0..1.0).contains(&below) {
+            return Some(format!("safety.battery.below: expected a share from 0 to 1, found {below}"));
+        }
+        None
+    }
+
+    fn stale(&self) -> [Stale; 6] {
+        [
+            self.stale_position,
+            self.stale_depth,
+            self.stale_attitude,
+            self.stale_velocity,
+            self.stale_rates,
+            self.stale_altitude,
+        ]
+    }
+
+    fn reactions(&self) -> [Reaction; WATCHES] {
+        let [a, b, c, d, e, f] = self.stale().map(|s| s.reaction);
+        let (battery, actuator) = (self.battery.reaction, self.actuator.reaction);
+        [a, b, c, d, e, f, self.depth, self.altitude, self.fence, self.time, battery, actuator]
+    }
+}
+
+/// What has been called for so far.
+#[derive(Clone, Copy, Debug)]
+pub struct Alert<T> {
+    /// Level of the strongest reaction, see [`REACTIONS`].
+    pub level: T,
+    /// The watch that called for it, counted from 1; 0 for none.
+    pub cause: T,
+    /// When, s.
+    pub since: T,
+}
+
+impl<T: Real> Alert<T> {
+    /// Nothing yet.
+    pub fn none(unit: T) -> Self {
+        Self { level: unit.zero(), cause: unit.zero(), since: unit.zero() }
+    }
+}
+
+/// What is watched besides the measurement.
+#[derive(Clone, Copy, Debug)]
+pub struct Circumstances<'a, T> {
+    /// Limits of the mission.
+    pub limits: &'a Limits,
+    /// Time since the start, s.
+    pub time: f64,
+    /// 1 on a leg that follows the bottom.
+    pub altitude_leg: T,
+    /// 1 when an actuator has been declared failed.
+    pub failed: T,
+}
+
+/// The alert after one more look.
+#[inline(always)]
+pub fn watch<T: Real>(
+    table: &SafetyTable,
+    alert: &Alert<T>,
+    measured: &Measurement<T>,
+    around: &Circumstances<'_, T>,
+) -> Alert<T> {
+    let zero = alert.level.zero();
+    let (one, half) = (zero.splat(1.0), zero.splat(0.5));
+    let flag = |mask: T::Mask| T::select(mask, one, zero);
+    let [north, east, depth] = measured.position();
+    let [.., altitude, _, _, _] = measured.channels;
+    let mut called = [zero; WATCHES];
+    for (i, stale) in table.stale().iter().enumerate() {
+        // What was never measured counts from the start.
+        let age = measured.age[i].min(zero.splat(around.time));
+        called[i] = flag(zero.splat(stale.after_s).lt(age));
+    }
+    // A sensor of the altitude matters where the mission asks for one.
+    called[5] = called[5] * around.altitude_leg;
+    let limits = around.limits;
+    called[6] = flag(zero.splat(limits.depth).lt(depth));
+    called[7] = flag(altitude.lt(zero.splat(limits.altitude)));
+    if !limits.fence.is_empty() {
+        called[8] = outside(&limits.fence, north, east);
+    }
+    called[9] = flag(zero.splat(limits.time).lt(zero.splat(around.time)));
+    called[10] = flag(measured.battery.lt(zero.splat(table.battery.below)));
+    called[11] = around.failed;
+    let mut next = *alert;
+    for (i, reaction) in table.reactions().into_iter().enumerate() {
+        let level = zero.splat(f64::from(reaction as u8));
+        let stronger = T::both(half.lt(called[i]), next.level.lt(level));
+        next.level = T::select(stronger, level, next.level);
+        next.cause = T::select(stronger, zero.splat(i as f64 + 1.0), next.cause);
+        next.since = T::select(stronger, zero.splat(around.time), next.since);
+    }
+    next
+}

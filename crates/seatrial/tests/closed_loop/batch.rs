@@ -1,0 +1,71 @@
+//! Many cases: a case is a function of itself alone, and lanes fly as plain numbers do.
+
+use crate::flights::{DIVE, Trip, case, column, fault};
+use seatrial::autopilot::settings::tunable_index;
+use seatrial::closed_loop::batch::{Case, Outcome};
+use seatrial::navigation::{ChannelErrors, GroupTiming};
+
+fn trip() -> Trip {
+    let mut trip = Trip::cwolf(DIVE);
+    trip.seconds = 120.0;
+    for channel in &mut trip.sensors.errors[..12] {
+        *channel = ChannelErrors { noise: 0.005, bias: 0.002, ..ChannelErrors::default() };
+    }
+    trip.sensors.timing[0] = GroupTiming { every: 10, latency: 3, ..GroupTiming::default() };
+    trip.sensors.timing[3] = GroupTiming { dropout_every: 30.0, dropout: 2.0, ..GroupTiming::default() };
+    trip
+}
+
+/// Cases that differ in everything, so that every lane takes its own branches.
+fn cases(trip: &Trip) -> (Vec<Case>, Vec<usize>, Vec<usize>) {
+    let drag = trip.description.layout.find("X_uu").expect("known");
+    let gain = tunable_index("heading.K_P.4").expect("known");
+    let cases = (0..11).map(|k| {
+        let share = f64::from(k) / 10.0;
+        let mut one = case([0.1 * share, 0.4 * share - 0.2, 0.0]);
+        one.coefficients = vec![-9.781 * (0.8 + 0.4 * share)];
+        one.tunables = vec![25.0 + 15.0 * share];
+        one.seed = k as u64;
+        one.state.nu[0] = share;
+        if k % 3 == 1 {
+            one.faults = vec![fault(trip, "SbU", 20.0 + 5.0 * f64::from(k), Some(0.0))];
+        }
+        one
+    });
+    (cases.collect(), vec![drag], vec![gain])
+}
+
+fn course(trip: &Trip, outcome: &Outcome) -> Vec<f64> {
+    ["x", "y", "z", "yaw"].into_iter().flat_map(|c| column(trip, outcome, c)).collect()
+}
+
+#[test]
+fn scalar_closed_loop_cases_do_not_know_their_neighbours() {
+    let trip = trip();
+    let (all, coefficients, tunables) = cases(&trip);
+    let together = trip.fly_with(&all, &coefficients, &tunables);
+    // Another batch, other lanes: bit for bit the same.
+    let others = trip.fly_with(&all[3..], &coefficients, &tunables);
+    for (a, b) in together[3..].iter().zip(&others) {
+        assert_eq!(course(&trip, a), course(&trip, b));
+        assert_eq!(a.summary.cross_track, b.summary.cross_track);
+    }
+}
+
+#[test]
+fn scalar_closed_loop_lanes_fly_as_plain_numbers() {
+    let trip = trip();
+    let (all, coefficients, tunables) = cases(&trip);
+    let together = trip.fly_with(&all, &coefficients, &tunables);
+    for (k, lane) in together.iter().enumerate() {
+        let alone = trip.fly_with(&all[k..=k], &coefficients, &tunables).remove(0);
+        let (a, b) = (course(&trip, lane), course(&trip, &alone));
+        assert_eq!(a.len(), b.len());
+        let apart = a.iter().zip(&b).fold(0.0, |worst: f64, (x, y)| worst.max((x - y).abs()));
+        // Lanes fuse operations; the closed loop damps what that changes.
+        assert!(apart < 1e-7, "case {k}: {apart:.1e}");
+        let energy = (lane.summary.energy / alone.summary.energy - 1.0).abs();
+        assert!(energy < 1e-7, "case {k}: {energy:.1e} of {} J", alone.summary.energy);
+        assert_eq!(lane.summary.ending, alone.summary.ending);
+    }
+}

@@ -1,0 +1,113 @@
+//! The sensors of a simulated vehicle.
+
+use seatrial::current::Current;
+use seatrial::integrate::State;
+use seatrial::navigation::{CHANNELS, ChannelErrors, GroupTiming, Navigation, Outage, Sensors, truth};
+
+const DT: f64 = 0.1;
+
+fn ramp(k: usize) -> [f64; CHANNELS] {
+    std::array::from_fn(|c| {
+        if c == 5 {
+            (0.05 * k as f64 + 3.1).rem_euclid(std::f64::consts::TAU)
+        } else {
+            k as f64 + 100.0 * c as f64
+        }
+    })
+}
+
+#[test]
+fn law_sensors_sample_late_and_seldom_as_they_are_told() {
+    let mut sensors = Sensors::default();
+    sensors.timing[0] = GroupTiming { every: 5, latency: 3, ..GroupTiming::default() };
+    let mut navigation = Navigation::new(&sensors, 0.0);
+    for k in 0..40 {
+        let shown = navigation.sample(ramp(k), (k, DT));
+        assert_eq!(shown.channels[2], ramp(k)[2], "depth is sampled at once");
+        match k {
+            0..3 => assert_eq!(shown.channels[0], 0.0, "the place of the launch is known"),
+            _ => {
+                let sampled = (k - 3) / 5 * 5;
+                assert_eq!(shown.channels[0], ramp(sampled)[0], "step {k}");
+                assert!((shown.age[0] - (k - sampled) as f64 * DT).abs() < 1e-12, "step {k}"); // sums of 0.1
+            }
+        }
+    }
+}
+
+#[test]
+fn law_sensors_are_silent_in_an_outage_and_grow_old() {
+    let outages = vec![Outage { group: 3, from: 1.0, until: 2.0 }];
+    let sensors = Sensors { outages, ..Sensors::default() };
+    let mut navigation = Navigation::new(&sensors, 0.0);
+    for k in 0..30 {
+        let shown = navigation.sample(ramp(k), (k, DT));
+        let out = (10..20).contains(&k);
+        assert_eq!(shown.age[3] > 0.0, out, "step {k}");
+        if out {
+            assert_eq!(shown.channels[7], ramp(9)[7], "held at step {k}");
+        }
+    }
+}
+
+#[test]
+fn law_sensors_drop_out_as_often_and_as_long_as_they_are_told() {
+    let mut sensors = Sensors::default();
+    sensors.timing[3] = GroupTiming { dropout_every: 20.0, dropout: 2.0, ..GroupTiming::default() };
+    let mut navigation = Navigation::new(&sensors, 5.0);
+    let steps = 200_000;
+    let silent = (0..steps).filter(|&k| navigation.sample(ramp(k), (k, DT)).age[3] > 0.0).count();
+    // Drop-outs that begin at the rate 1/20 s and last 2 s on average cover 1 − exp(−0.1) of the time, those of a
+    // period or less round up or down; 1000 drop-outs tell the share to 3 %.
+    let share = silent as f64 / steps as f64;
+    assert!((share - (1.0 - (-0.1f64).exp())).abs() < 0.012, "{share}");
+}
+
+#[test]
+fn law_sensors_noise_bias_and_digits_have_their_size() {
+    let mut sensors = Sensors::default();
+    sensors.errors[6] = ChannelErrors { noise: 0.2, ..ChannelErrors::default() };
+    sensors.errors[7] = ChannelErrors { bias: 0.3, ..ChannelErrors::default() };
+    sensors.errors[8] = ChannelErrors { quantum: 0.25, ..ChannelErrors::default() };
+    sensors.errors[0] = ChannelErrors { drift: 0.1, ..ChannelErrors::default() };
+    let flat = [0.4; CHANNELS];
+    let n = 20_000;
+    let mut navigation = Navigation::new(&sensors, 3.0);
+    let (mut sum, mut square) = (0.0, 0.0);
+    for k in 0..n {
+        let shown = navigation.sample(flat, (k, DT));
+        sum += shown.channels[6] - 0.4;
+        square += (shown.channels[6] - 0.4).powi(2);
+        assert_eq!(shown.channels[8], 0.5);
+        assert_eq!(shown.channels[1], 0.4, "no error was asked for");
+    }
+    assert!((sum / n as f64).abs() < 5.0 * 0.2 / (n as f64).sqrt());
+    assert!(((square / n as f64).sqrt() - 0.2).abs() < 5.0 * 0.2 / (2.0 * n as f64).sqrt());
+    let runs = 2_000;
+    let of = |channel: usize, steps: usize| -> f64 {
+        let squares = (0..runs).map(|seed| {
+            let mut navigation = Navigation::new(&sensors, f64::from(seed));
+            let mut last = 0.0;
+            for k in 0..steps {
+                last = navigation.sample(flat, (k, DT)).channels[channel];
+            }
+            (last - 0.4).powi(2)
+        });
+        (squares.sum::<f64>() / f64::from(runs)).sqrt()
+    };
+    // One offset per run; a walk of 0.1 per root second over 10 s.
+    assert!((of(7, 2) - 0.3).abs() < 5.0 * 0.3 / (2.0 * f64::from(runs)).sqrt());
+    assert!((of(0, 100) - 0.1 * 10f64.sqrt()).abs() < 5.0 * 0.32 / (2.0 * f64::from(runs)).sqrt());
+}
+
+#[test]
+fn law_sensors_see_ground_and_water_apart() {
+    // Heading east: a current to the north comes from starboard to port.
+    let turned = seatrial::kinematics::from_euler(&[0.0, 0.0, std::f64::consts::FRAC_PI_2]);
+    let state = State { position: [1.0, 2.0, 3.0], attitude: turned, nu: [1.5, 0.0, 0.0, 0.0, 0.0, 0.0] };
+    let current = Current { velocity: [0.4, 0.0, 0.0], rate: [0.0; 3] };
+    let shown = truth(&state, Some(&current), Some(&[20.0, 0.5, 0.0]));
+    assert!((shown[13] - 1.5).abs() < 1e-12 && (shown[14] - 0.4).abs() < 1e-12, "{shown:?}"); // rounding
+    assert!((shown[12] - (20.0 + 0.5 - 3.0)).abs() < 1e-12, "depth 20 m, falling 0.5 m per metre north");
+    assert!((shown[5] - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+}

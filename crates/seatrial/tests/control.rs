@@ -1,0 +1,10 @@
+//! Laws of the control loops: schedule, reference filter, PID.
+
+#[path = "control/pid.rs"]
+mod pid;
+#[path = "control/reference_filter.rs"]
+mod reference_filter;
+#[path = "control/schedule.rs"]
+mod schedule;
+#[path = "support/vehicles.rs"]
+mod vehicles;

@@ -1,0 +1,183 @@
+"""The legs of a mission as its file names them: length, time, slope and corners of the way that is planned.
+
+As the core plans: straight between waypoints, at the speeds of the legs; a circle is joined at its point
+nearest to where the vehicle comes from. Held by tests/test_check_mission.py against the core's own sums.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from seatrial.mission import Mission
+
+__all__ = ["Corner", "LegRow", "Way", "corners", "leg_numbers", "leg_rows", "ways"]
+
+Array = NDArray[np.float64]
+
+_TURNS = np.deg2rad(1.0)  # a smaller change of course is no corner
+
+
+@dataclass(frozen=True)
+class Way:
+    """The way to every waypoint: straight and circular length in m, shape (n,), and time under way in s."""
+
+    straight: Array
+    circle: Array
+    travel_s: Array
+
+    @property
+    def length(self) -> Array:
+        """Length in m, shape (n,)."""
+        return self.straight + self.circle
+
+
+@dataclass(frozen=True)
+class LegRow:
+    """A leg of the file; a pattern has many waypoints.
+
+    ``first`` is the index of its first waypoint; ``slope_deg`` is the steepest, positive upwards; ``level_m``
+    runs from the shallowest depth (or lowest altitude) to the deepest (or highest). Time is with
+    station-keeping; power is at the actuators in still water, None where it is not known.
+    """
+
+    number: int
+    kind: str
+    label: str
+    first: int
+    waypoints: int
+    length_m: float
+    time_s: float
+    hold_s: float
+    slope_deg: float
+    vertical: str
+    level_m: tuple[float, float]
+    speed_m_s: float
+    power_w: float | None = None
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A change of course at a waypoint that the vehicle passes.
+
+    ``room_m`` is the radius of the largest circle that touches the ways before and behind within their nearer
+    halves.
+    """
+
+    index: int
+    turn: float
+    room_m: float
+
+
+def ways(mission: Mission) -> Way:
+    """Length and time of the way to every waypoint."""
+    points = mission.waypoints
+    here = np.array([mission.start["north_m"], mission.start["east_m"]])
+    straight, circle = [], []
+    for k, place in enumerate(np.stack([points["north_m"], points["east_m"]], axis=1)):
+        radius, turns = float(points["circle_radius_m"][k]), float(points["turns"][k])
+        to = place - here
+        across, here = float(np.hypot(*to)), place
+        if radius > 0.0:
+            across = abs(across - radius)
+            bearing = np.arctan2(to[1], to[0]) + np.pi + 2.0 * np.pi * turns
+            here = place + radius * np.array([np.cos(bearing), np.sin(bearing)])
+        straight.append(float(np.hypot(across, _down(mission, k))))
+        circle.append(2.0 * np.pi * radius * abs(turns))
+    lengths = np.array(straight), np.array(circle)
+    return Way(*lengths, travel_s=sum(lengths) / np.asarray(points["speed_m_s"]))
+
+
+def _down(mission: Mission, k: int) -> float:
+    """Change of depth in m on the way to waypoint k; none is known between a depth and an altitude."""
+    points = mission.waypoints
+    before = "depth" if k == 0 else points["vertical"][k - 1]
+    if before != points["vertical"][k]:
+        return 0.0
+    column = points[f"{before}_m"]
+    return float(column[k] - (mission.start["depth_m"] if k == 0 else column[k - 1]))
+
+
+def leg_numbers(mission: Mission) -> list[int]:
+    """Number of the leg in the file, from 1, of every waypoint.
+
+    A leg that is a pattern says how many waypoints it has when the file ends with it.
+    """
+    from seatrial._core import Mission as Core
+
+    data = tomllib.loads(mission.to_toml())
+    legs, total = data["legs"], len(mission.waypoints["label"])
+    patterns = [k for k, leg in enumerate(legs) if _kind(leg) != "waypoint"]
+    counts = [1] * len(legs)
+    for k in patterns:
+        if k == patterns[-1]:
+            counts[k] = total - (sum(counts) - 1)
+            continue
+        import tomlkit
+
+        beginning = Core.from_toml(tomlkit.dumps(data | {"legs": legs[: k + 1]}), mission.name)
+        counts[k] = len(beginning.waypoints["label"]) - sum(counts[:k])
+    return [k + 1 for k, count in enumerate(counts) for _ in range(count)]
+
+
+def leg_rows(mission: Mission, powers: dict[float, float | None]) -> tuple[LegRow, ...]:
+    """The legs of the file; `powers` in W by speed."""
+    points, way = mission.waypoints, ways(mission)
+    legs = tomllib.loads(mission.to_toml())["legs"]
+    numbers = np.array(leg_numbers(mission))
+    rows = []
+    for number, leg in enumerate(legs, start=1):
+        chosen = np.flatnonzero(numbers == number)
+        vertical = points["vertical"][chosen[0]]
+        levels = np.asarray(points[f"{vertical}_m"])[chosen]
+        slopes = np.rad2deg(np.asarray(points["slope"])[chosen])
+        hold = np.asarray(points["hold_s"])[chosen]
+        speed = float(points["speed_m_s"][chosen[0]])
+        kind = _kind(leg)
+        rows.append(
+            LegRow(
+                number=number,
+                kind=kind,
+                label=points["label"][chosen[0]] if kind == "waypoint" else str(leg.get("label", kind)),
+                first=int(chosen[0]),
+                waypoints=len(chosen),
+                length_m=float(way.length[chosen].sum()),
+                time_s=float((way.travel_s[chosen] + hold).sum()),
+                hold_s=float(hold.sum()),
+                slope_deg=float(slopes[np.abs(slopes).argmax()]),
+                vertical=vertical,
+                level_m=(float(levels.min()), float(levels.max())),
+                speed_m_s=speed,
+                power_w=powers.get(speed),
+            )
+        )
+    return tuple(rows)
+
+
+def _kind(leg: dict[str, Any]) -> str:
+    return str(leg.get("kind", "waypoint"))
+
+
+def corners(mission: Mission) -> list[Corner]:
+    """Changes of course at waypoints that the vehicle only passes, and the room for each."""
+    points = mission.waypoints
+    places = np.stack([points["north_m"], points["east_m"]], axis=1)
+    steps = np.diff(places, axis=0, prepend=[[mission.start["north_m"], mission.start["east_m"]]])
+    lengths = np.hypot(*steps.T)
+    found = []
+    for k in range(len(places) - 1):
+        busy = points["hold_s"][k] > 0.0 or points["circle_radius_m"][k] > 0.0
+        if busy or points["circle_radius_m"][k + 1] > 0.0 or min(lengths[k], lengths[k + 1]) <= 0.0:
+            continue
+        before, after = steps[k], steps[k + 1]
+        across = before[0] * after[1] - before[1] * after[0]
+        turn = float(np.arctan2(across, before @ after))
+        if abs(turn) > _TURNS:
+            half = 0.5 * float(min(lengths[k], lengths[k + 1]))
+            found.append(Corner(k, turn, half / np.tan(0.5 * abs(turn))))
+    return found

@@ -1,0 +1,208 @@
+"""`seatrial fly`: a vehicle with its autopilot on a mission, and what became of it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from seatrial.flight import Flight, Leg
+
+_MOST_LEGS = 30
+_LABEL = 13  # characters of a waypoint's name: the table is to fit 80 columns
+_FIGURES = {
+    "duration_s": ("duration, s", 1),
+    "distance_m": ("way over ground, m", 1),
+    "energy_wh": ("energy, Wh", 2),
+    "cross_track_rms_m": ("cross-track error, rms, m", 3),
+    "cross_track_largest_m": ("cross-track error, largest, m", 3),
+    "vertical_rms_m": ("vertical error, rms, m", 3),
+    "vertical_largest_m": ("vertical error, largest, m", 3),
+    "depth_excursion_m": ("excursion from the depths of a leg, m", 3),
+    "depth_largest_m": ("largest depth, m", 2),
+    "altitude_smallest_m": ("smallest altitude, m", 2),
+    "pitch_largest_deg": ("largest pitch, deg", 1),
+    "roll_largest_deg": ("largest roll, deg", 1),
+    "switches_per_minute": ("starts and stops per minute and actuator", 2),
+}
+
+
+def fly(
+    vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle that flies.")],
+    autopilot: Annotated[str, typer.Argument(help="Autopilot file or built-in autopilot.")],
+    mission: Annotated[Path, typer.Argument(help="Mission file.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Run directory; runs/fly-VEHICLE-MISSION by default.")
+    ] = None,
+    current: Annotated[
+        tuple[float, float, float],
+        typer.Option(metavar="NORTH EAST DOWN", help="Velocity of the water, m/s."),
+    ] = (0.0, 0.0, 0.0),
+    sensors: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Sensors of the vehicle, or: typical. Perfect ones when missing."),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of the sensors' errors; the same seed, the same flight.")
+    ] = 0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ACTUATOR@TIME[=stuck|=VALUE]",
+            help="An actuator is dead from a time in s on, or stuck there, or stuck at a value; repeatable.",
+        ),
+    ] = None,
+    outage: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="GROUP@FROM[-UNTIL]",
+            help="No samples of position, depth, attitude, velocity, rates, altitude or water between two"
+            " times in s; repeatable.",
+        ),
+    ] = None,
+    seabed: Annotated[float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom, m.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Vehicle that the autopilot believes in, if it is another.")
+    ] = None,
+    voltage: Annotated[float | None, typer.Option(help="Supply, V, where thrust depends on it.")] = None,
+    feedback: Annotated[bool, typer.Option(help="The autopilot sees what its actuators do.")] = True,
+    max_time: Annotated[
+        float | None,
+        typer.Option(help="Longest duration, s; three times the planned one and five minutes by default."),
+    ] = None,
+    figures: Annotated[bool, typer.Option(help="Write figures (PNG and PDF) into the run directory.")] = True,
+    json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Fly a mission in closed loop: vehicle, sensors, autopilot and current together.
+
+    The exit code is 0 when the mission was complete and every waypoint reached, 1 when not, 2 for bad input.
+    """
+    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.flight import Fault, Outage
+    from seatrial.flight import fly as flown
+
+    flight = flown(
+        vehicle,
+        autopilot,
+        mission,
+        model=model,
+        sensors=sensors,
+        current=current,
+        faults=[Fault.parse(text) for text in fault or []],
+        outages=[Outage.parse(text) for text in outage or []],
+        seabed=seabed,
+        seed=seed,
+        voltage=voltage,
+        feedback=feedback,
+        max_time=max_time,
+    )
+    folder = flight.write(out or Path("runs") / _folder(flight), figures=figures)
+    written = sorted((folder / "figures").glob("*"))
+    if json:
+        print_json(
+            flight.to_dict() | {"run_directory": str(folder), "figure_files": [str(path) for path in written]}
+        )
+    else:
+        console = output()
+        _print(console, flight)
+        console.print(
+            f"Results in {folder}: flight.json, flight.parquet, summary.txt and the inputs",
+            soft_wrap=True,
+            markup=False,
+        )
+        list_figures(console, written)
+    if not flight.complete:
+        raise typer.Exit(1)
+
+
+def _folder(flight: Flight) -> str:
+    """Name of the run directory."""
+    name = f"fly-{flight.vehicle.name}-{flight.route.name}"
+    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)
+
+
+def _print(console: Console, flight: Flight) -> None:
+    console.print(_whole(flight.figures, f"{flight.vehicle.name} on {flight.route.name}: {flight.ending}"))
+    console.print(_legs(flight))
+    if not flight.diverged:
+        console.print(_loops(flight))
+    for line in flight.sentences():
+        console.print(f"- {line}", soft_wrap=True, markup=False)
+
+
+def _whole(figures: Mapping[str, float], title: str) -> Table:
+    from seatrial.cli.console import table
+
+    rows = [
+        [label, _number(figures[name], decimals)]
+        for name, (label, decimals) in _FIGURES.items()
+        if math.isfinite(figures.get(name, math.nan))
+    ]
+    return table(title, ["figure", "value"], rows)
+
+
+def _legs(flight: Flight) -> Table:
+    from seatrial.cli.console import table
+
+    shown = list(flight.legs)
+    title = "Legs; errors of the second half of straight ones, m"
+    if len(shown) > _MOST_LEGS:
+        shown = sorted(shown, key=_importance, reverse=True)[:_MOST_LEGS]
+        shown = [leg for leg in flight.legs if leg in shown]
+        title = f"The {_MOST_LEGS} of {len(flight.legs)} legs that say most; errors of the second half, m"
+    rows = [
+        [
+            leg.label if len(leg.label) <= _LABEL else f"{leg.label[: _LABEL - 1]}…",
+            "yes" if leg.reached else "no",
+            _number(leg.smallest_m, 1),
+            _number(leg.time_s, 1),
+            _number(leg.cross_track_mean_m, 2),
+            _number(leg.cross_track_largest_m, 2),
+            _number(leg.vertical_largest_m, 2),
+            _number(leg.depth_overshoot_percent, 1),
+        ]
+        for leg in shown
+    ]
+    head = ["waypoint", "reached", "near, m", "time, s", "across", "most", "vertical", "over, %"]
+    return table(title, head, rows)
+
+
+def _importance(leg: Leg) -> tuple[bool, float]:
+    return not leg.reached, leg.cross_track_largest_m if _known(leg.cross_track_largest_m) else -1.0
+
+
+def _loops(flight: Flight) -> Table:
+    from seatrial.cli.console import table
+
+    rows = [
+        [
+            loop.name,
+            f"{loop.error_rms:.3g}",
+            f"{loop.error_largest:.3g}",
+            loop.error_unit,
+            f"{loop.demand_rms:.3g}",
+            f"{loop.demand_largest:.3g}",
+            loop.demand_unit,
+            f"{100.0 * loop.saturated:.1f} %",
+        ]
+        for loop in flight.loops.values()
+    ]
+    head = ["loop", "error, rms", "largest", "", "demand, rms", "largest", "", "saturated"]
+    return table("Control loops while they were at work", head, rows)
+
+
+def _known(value: Any) -> bool:
+    return bool(math.isfinite(value))
+
+
+def _number(value: float, decimals: int) -> str:
+    """A number with so many decimals and no minus before zero; nothing where there is none."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if _known(value) else ""

@@ -1,0 +1,276 @@
+"""The vehicle about a trim, sampled, behind its actuators' lag and dead time, and closed by a control law.
+
+State: the ten deviations z, roll, pitch, heading, u, v, w, p, q, r as far as they matter, the lag of each
+commanded row and its past demands, and the integrals of the law. PID and regulator are one matrix K of
+the fifteen `STATES`, tau = -K x. Quadratic damping counts by its secant over a small motion: at rest a
+tangent would have none. Source: Åström and Wittenmark, *Computer-Controlled Systems* (1997), section 2.3.
+Held by tests/test_control_design.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.check.stability import neutral_fins
+from seatrial.control_design.authority import LOOPS, ROWS, Delay, mixing
+from seatrial.control_design.trim import Trim
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["STATES", "Margins", "Plant", "Sampled", "margins", "plant", "sampled"]
+
+Array = NDArray[np.float64]
+
+STATES = ("z", "roll", "pitch", "heading", "u", "v", "w", "p", "q", "r",
+          "int u", "int v", "int z", "int pitch", "int heading")  # fmt: skip
+"""Columns of K: deviations "measured minus desired" in m, rad, m/s, rad/s, then integrals of some of them."""
+
+PLAIN = 10
+INTEGRATED = {"surge": (4, 10), "sway": (5, 11), "heave": (0, 12), "pitch": (2, 13), "heading": (3, 14)}
+"""Per loop the state that is integrated and its integral, as columns of K."""
+
+SMALL_MOTION = 0.02
+"""In m/s and rad/s; within the motion that is designed for, a hull that turns about by itself may wander."""
+
+_TANGENT = 1e-5
+_FREQUENCIES = 400
+
+
+@dataclass(frozen=True)
+class Plant:
+    """x' = a x + b tau about a trim: a (n, n), b (n, rows); ``states`` (n,) are columns of K."""
+
+    a: Array
+    b: Array
+    states: tuple[int, ...]
+    rows: str
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """One step x+ = phi x + gamma tau of [plant, lags, past demands, integrals].
+
+    ``columns`` (m,) of K are seen, at the places ``seen`` (m,) of the state.
+    """
+
+    phi: Array
+    gamma: Array
+    columns: tuple[int, ...]
+    seen: tuple[int, ...]
+    rows: str
+    period_s: float
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Largest closed-loop |eigenvalue| per step, and the least margins over the rows, each opened alone.
+
+    Phase margin in deg, gain margin upwards as a factor, delay margin in s; ``sensitivity`` is the largest
+    |1/(1 + L)|.
+    """
+
+    radius: float
+    phase_deg: float
+    gain: float
+    delay_s: float
+    sensitivity: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether every motion dies away."""
+        return self.radius < 1.0
+
+
+def plant(vehicle: Vehicle, at: Trim, loops: tuple[str, ...], *, motion: float = SMALL_MOTION) -> Plant:
+    """Linear motion about a trim with the wrench rows of some loops as input.
+
+    Depth and heading are left out where no loop holds them: they act on nothing else. Quadratic damping
+    counts by its secant over a ``motion`` in m/s and rad/s.
+    """
+    a, _ = vehicle.linearize(at.nu, at.attitude, at.tau, form="euler")
+    mass = np.asarray(vehicle.mass_matrix())
+    a = np.asarray(a).copy()
+    tangent = _slope(vehicle, at.nu, np.full(6, _TANGENT))
+    fins = _fin_slope(vehicle, at.nu, motion)
+    a[6:, 6:] += np.linalg.solve(mass, _slope(vehicle, at.nu, np.full(6, motion)) - tangent + fins)
+    rows = "".join(ROWS[LOOPS.index(loop)] for loop in LOOPS if loop in loops)
+    b = np.vstack([np.zeros((6, len(rows))), np.linalg.solve(mass, mixing(vehicle, rows))])
+    dropped = {k for k, loop in ((0, "heave"), (3, "heading")) if loop not in loops}
+    states = tuple(k for k in range(PLAIN) if k not in dropped)
+    places = [k + 2 for k in states]
+    return Plant(a[np.ix_(places, places)], b[places], states, rows)
+
+
+def sampled(of: Plant, delays: Mapping[str, Delay], period_s: float, loops: tuple[str, ...]) -> Sampled:
+    """The plant behind lag and dead time under demands held for a period, with the integrals of the loops."""
+    from scipy.linalg import expm
+
+    n, m = of.b.shape
+    a = np.zeros((n + m, n + m))
+    b = np.zeros((n + m, m))
+    a[:n, :n], a[:n, n:] = of.a, of.b
+    # The ramp of a rate limit is taken as a lag; the bound keeps one that is none finite.
+    lags = [max(delays[row].lag_s + delays[row].ramp_s, 0.02 * period_s) for row in of.rows]
+    a[n:, n:], b[n:] = -np.diag(1.0 / np.array(lags)), np.diag(1.0 / np.array(lags))
+
+    def held(column: int, duration: float) -> tuple[Array, Array]:
+        block = np.zeros((n + m + 1, n + m + 1))
+        block[: n + m, : n + m], block[: n + m, -1] = a, b[:, column]
+        step = expm(block * duration)
+        return step[: n + m, : n + m], step[: n + m, -1]
+
+    past = [int(np.ceil(delays[row].dead_s / period_s - 1e-9)) for row in of.rows]
+    size, integrals = n + m + sum(past), [INTEGRATED[loop] for loop in loops if loop in INTEGRATED]
+    phi = np.zeros((size + len(integrals), size + len(integrals)))
+    gamma = np.zeros((size + len(integrals), m))
+    phi[: n + m, : n + m] = held(0, period_s)[0]
+    place = n + m
+    for k, row in enumerate(of.rows):
+        # Within a step the demand of `past` steps ago holds first, then the one after it.
+        early = delays[row].dead_s - (past[k] - 1) * period_s if past[k] else 0.0
+        late_step, late = held(k, period_s - early)
+        _, first = held(k, early)
+        chain = [place + i for i in range(past[k])]  # youngest first
+        if chain:
+            phi[: n + m, chain[-1]] = late_step @ first
+            for older, younger in zip(chain[1:], chain[:-1], strict=True):
+                phi[older, younger] = 1.0
+            gamma[chain[0], k] = 1.0
+        if past[k] > 1:
+            phi[: n + m, chain[-2]] = late
+        else:
+            gamma[: n + m, k] = late
+        place += past[k]
+    seen, columns = list(range(n)), list(of.states)
+    for k, (state, integral) in enumerate(integrals):
+        phi[size + k, size + k] = 1.0
+        phi[size + k, of.states.index(state)] = period_s
+        seen.append(size + k)
+        columns.append(integral)
+    return Sampled(phi, gamma, tuple(columns), tuple(seen), of.rows, period_s)
+
+
+def feedback(of: Sampled, gain: Array) -> Array:
+    """K (rows, state) of a sampled plant from the law's K (6, 15)."""
+    full = np.zeros(of.gamma.T.shape)
+    full[:, of.seen] = gain[[ROWS.index(row) for row in of.rows]][:, of.columns]
+    return full
+
+
+def closed(of: Sampled, gain: Array) -> Array:
+    """One step of the closed loop, phi - gamma K, of the law's K (6, 15)."""
+    return of.phi - of.gamma @ feedback(of, gain)
+
+
+def restoring_law(vehicle: Vehicle, rows: str) -> Array:
+    """The restoring feed-forward at the measured attitude as a law K (6, 15), for roll and pitch near level.
+
+    It takes the hull's righting stiffness away, as late as the actuators are.
+    """
+    size, full = 1e-5, np.zeros((6, len(STATES)))
+    for column in (1, 2):
+        attitude = np.zeros((2, 3))
+        attitude[:, column - 1] = [size, -size]
+        force = np.asarray(vehicle.forces(np.zeros((2, 6)), attitude)["restoring"])
+        full[:, column] = (force[0] - force[1]) / (2.0 * size)
+    full[[k for k, row in enumerate(ROWS) if row not in rows]] = 0.0
+    return full
+
+
+def with_law(of: Sampled, gain: Array) -> Sampled:
+    """The sampled plant with a law K (6, 15) at work in it."""
+    return replace(of, phi=closed(of, gain))
+
+
+def margins(of: Sampled, gain: Array) -> Margins:
+    """Least margins of the law K (6, 15) over the rows, each opened alone at the vehicle's input."""
+    rows = row_margins(of, gain).values()
+    return Margins(
+        radius=max(row.radius for row in rows),
+        phase_deg=min(row.phase_deg for row in rows),
+        gain=min(row.gain for row in rows),
+        delay_s=min(row.delay_s for row in rows),
+        sensitivity=max(row.sensitivity for row in rows),
+    )
+
+
+def row_margins(of: Sampled, gain: Array) -> dict[str, Margins]:
+    """Margins of the law K (6, 15) per row: opened alone at the vehicle's input, the others closed."""
+    k = feedback(of, gain)
+    radius = float(np.abs(np.linalg.eigvals(of.phi - of.gamma @ k)).max())
+    omega = np.geomspace(1e-3, np.pi / of.period_s, _FREQUENCIES)
+    z = np.exp(1j * omega * of.period_s)[:, None, None]
+    # All rows opened at once, by solutions: the poles of a chain of delays are defective.
+    g = k @ np.linalg.solve(z * np.eye(len(of.phi)) - of.phi, of.gamma.astype(complex))
+    found = {}
+    for row, name in enumerate(of.rows):
+        others = [i for i in range(len(k)) if i != row]
+        closing = np.eye(len(others)) + g[:, others][:, :, others]
+        through = np.linalg.solve(closing, g[:, others, row][:, :, None])
+        loop = g[:, row, row] - (g[:, row, others][:, None] @ through)[:, 0, 0]
+        found[name] = _of_loop(np.asarray(loop, dtype=complex), omega, radius)
+    return found
+
+
+def _of_loop(gains: NDArray[np.complex128], omega: Array, radius: float) -> Margins:
+    """Margins of an open loop's frequency response at omega (rad/s)."""
+    phase, factor, delay = 180.0, np.inf, np.inf
+    size, angle = np.log(np.maximum(np.abs(gains), 1e-300)), np.unwrap(np.angle(gains))
+    for i in np.flatnonzero((size[:-1] >= 0.0) != (size[1:] >= 0.0)):
+        share = size[i] / (size[i] - size[i + 1])
+        turned = angle[i] + share * (angle[i + 1] - angle[i]) + np.pi
+        over = float((turned + np.pi) % (2.0 * np.pi) - np.pi)  # above -180 deg
+        phase = min(phase, abs(float(np.rad2deg(over))))
+        crossover = omega[i] * (omega[i + 1] / omega[i]) ** share
+        if over > 0.0:
+            delay = min(delay, over / float(crossover))
+    turns = (angle - np.pi) / (2.0 * np.pi)
+    for i in np.flatnonzero(np.floor(turns[:-1]) != np.floor(turns[1:])):
+        share = (max(np.floor(turns[i]), np.floor(turns[i + 1])) - turns[i]) / (turns[i + 1] - turns[i])
+        crossed = size[i] + share * (size[i + 1] - size[i])
+        if crossed < 0.0:
+            factor = min(factor, float(np.exp(-crossed)))
+    return Margins(radius, phase, factor, delay, max(1.0, float((1.0 / np.abs(1.0 + gains)).max())))
+
+
+def step_response(of: Sampled, gain: Array, loop: str, seconds: float, *, known: float = 0.0) -> Array:
+    """Answer (n,) of a loop's measurement to a unit step of its reference, one sample per period.
+
+    ``known`` is the part of the loop's own gain in K that does not act on the reference, of a feed-forward.
+    """
+    column = {"surge": 4, "sway": 5, "heave": 0, "roll": 1, "pitch": 2, "heading": 3}[loop]
+    k = feedback(of, gain)
+    place = of.seen[of.columns.index(column)]
+    integral = INTEGRATED.get(loop, (0, -1))[1]
+    step, x = of.phi - of.gamma @ k, np.zeros(len(of.phi))
+    drive = of.gamma @ (k[:, place] - known * np.eye(len(k))[of.rows.index(ROWS[LOOPS.index(loop)])])
+    if integral in of.columns:
+        drive[of.seen[of.columns.index(integral)]] -= of.period_s
+    track = []
+    for _ in range(int(seconds / of.period_s)):
+        x = step @ x + drive
+        track.append(x[place])
+    return np.array(track)
+
+
+def _slope(vehicle: Vehicle, nu: Array, size: Array) -> Array:
+    """Slope (6, 6) of damping and lift over a motion of this size about nu."""
+    moved = np.concatenate([nu + np.diag(size), nu - np.diag(size)])
+    terms = vehicle.forces(moved, np.zeros(3))
+    force = np.asarray(terms["damping"]) + np.asarray(terms["lift"])
+    slope: Array = ((force[:6] - force[6:]) / (2.0 * size[:, None])).T
+    return slope
+
+
+def _fin_slope(vehicle: Vehicle, nu: Array, motion: float) -> Array:
+    """Slope (6, 6) of the wrench of the fins at neutral, over a motion of this size."""
+    size = np.full(6, motion)
+    force = neutral_fins(vehicle, np.concatenate([nu + np.diag(size), nu - np.diag(size)]))
+    slope: Array = ((force[:6] - force[6:]) / (2.0 * size[:, None])).T
+    return slope

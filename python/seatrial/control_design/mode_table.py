@@ -1,0 +1,104 @@
+"""Modes and supporting speeds that suit a vehicle, from the rows that its actuators can command.
+
+A vehicle that commands the heave force hovers. A frame that also commands the sway force cruises as it
+hovers, without swaying; any other pitches under way, with its depth by pitch. The supporting speeds span
+95 % of the reachable range; those of a vehicle that cannot hover begin where it flies level. Held by
+tests/test_control_design_start.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.check.actuators import NOMINAL_V, command
+from seatrial.check.performance import drivers
+from seatrial.check.steady import steady
+from seatrial.control_design.authority import LOOPS, ROWS, reach
+from seatrial.control_design.trim import trim
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["CRUISE", "POINTS", "Mode", "flies", "mode_table", "supporting_speeds", "top_speeds"]
+
+POINTS = 6
+"""Number of supporting speeds, that of the core."""
+
+RANGE = 0.95
+CRUISE = 0.3
+"""Share of the top speed from which cruise takes over from hover."""
+
+_SLOWEST = 0.25  # of the top speed, where fins do not bite any more
+_TRIM_PITCH, _HELD = (
+    np.deg2rad(10.0),
+    0.9,
+)  # level flight: largest pitch, and share of the reach that holds it
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A row of the mode table."""
+
+    name: str
+    loops: tuple[str, ...]
+    depth_by: str
+    from_speed_m_s: float | None = None
+
+
+def top_speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[float, float]:
+    """Top speeds astern (not positive) and ahead, m/s, straight at the largest commands."""
+    facts, found = vehicle.actuator_info(), []
+    for share in (-1.0, 1.0):
+        commands = {name: command(facts[name], share * sense) for name, sense in drivers(vehicle).items()}
+        found.append(
+            float(steady(vehicle, commands, free="X", voltage_v=voltage_v).nu[0]) if commands else 0.0
+        )
+    return min(found[0], 0.0), found[1]
+
+
+def supporting_speeds(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> list[float]:
+    """Six supporting speeds in m/s over 95 % of the reachable range; without hovering, of level flight."""
+    if "Z" in rows:
+        return [float(u) for u in np.linspace(RANGE * top[0], RANGE * top[1], POINTS)]
+    slowest = _slowest(vehicle, rows, top[1])
+    return [float(u) for u in np.linspace(slowest, RANGE * top[1], POINTS)]
+
+
+def _slowest(vehicle: Vehicle, rows: str, top: float) -> float:
+    """Least speed of level flight that the fins can hold, a quarter of the top speed or more."""
+    commanded = rows.replace("Z", "")
+    for share in np.linspace(_SLOWEST, 0.8, 23):
+        flight = trim(vehicle, share * top, commanded)
+        if flight is None or abs(flight.attitude[1]) > _TRIM_PITCH:
+            continue
+        low, high = reach(vehicle, share * top, commanded)["M"] if "M" in commanded else (-np.inf, np.inf)
+        if _HELD * low < flight.tau[4] < _HELD * high:
+            return float(share * top)
+    return 0.8 * top
+
+
+def mode_table(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> tuple[Mode, ...]:
+    """The modes for the commanded rows and the top speeds astern and ahead (m/s)."""
+    hovers = "Z" in rows
+    every = tuple(LOOPS[ROWS.index(row)] for row in rows)
+    cruising = tuple(loop for loop in every if loop not in ("heave", "sway"))
+    modes = [Mode("hover", every, "heave")] if hovers else []
+    if hovers and "Y" in rows:
+        # A frame with thrusters all around goes down as it is; it only stops to sway.
+        without = tuple(loop for loop in every if loop != "sway")
+        modes.append(Mode("cruise", without, "heave", CRUISE * top[1]))
+    elif "M" in rows:
+        start = max(_slowest(vehicle, rows, top[1]), CRUISE * top[1]) if hovers else None
+        modes.append(Mode("cruise", cruising, "pitch", start))
+    return tuple(modes)
+
+
+def flies(mode: Mode, modes: tuple[Mode, ...], speed: float) -> bool:
+    """Whether a mode works at this desired speed: hover astern and up to where cruise takes over."""
+    if len(modes) == 1:
+        return True
+    start = modes[-1].from_speed_m_s or 0.0
+    return speed >= start if mode is modes[-1] else speed < start

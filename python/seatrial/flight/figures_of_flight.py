@@ -1,0 +1,64 @@
+"""The figures of a flight under names that carry their units.
+
+The core sums them while it flies (`closed_loop/summary.rs`). Errors of guidance count on the second half of
+straight legs, where the vehicle has had time to settle, and are those that guidance saw; the depth excursion
+is how far the vehicle leaves the band between the depths of a leg's two ends.
+
+Held by ``test_figures_of_the_core_are_those_of_the_log`` in ``tests/test_flight.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial._core import Flights, autopilot_names
+
+__all__ = ["DIVERGED", "ending_of", "figures_of"]
+
+Array = NDArray[np.float64]
+
+DIVERGED = "diverged"
+
+_DEG = 180.0 / math.pi
+_NAMES = {
+    "duration": ("duration_s", 1.0),
+    "distance": ("distance_m", 1.0),
+    "energy": ("energy_wh", 1.0 / 3600.0),
+    "cross_track_largest": ("cross_track_largest_m", 1.0),
+    "cross_track_rms": ("cross_track_rms_m", 1.0),
+    "vertical_largest": ("vertical_largest_m", 1.0),
+    "vertical_rms": ("vertical_rms_m", 1.0),
+    "excursion": ("depth_excursion_m", 1.0),
+    "depth_largest": ("depth_largest_m", 1.0),
+    "altitude_smallest": ("altitude_smallest_m", 1.0),
+    "waypoints": ("waypoints_behind", 1.0),
+    "missed_by": ("missed_by_m", 1.0),
+    "switches": ("switches_per_minute", 1.0),
+    "alert_time": ("alert_time_s", 1.0),
+    "roll_largest": ("roll_largest_deg", _DEG),
+    "pitch_largest": ("pitch_largest_deg", _DEG),
+}
+
+
+def figures_of(flights: Flights) -> dict[str, Array]:
+    """Figures of all cases by name, (k,) each; a diverged flight has no duration.
+
+    ``ending``, ``alert`` and ``alert_cause`` are numbers of a list, see `ending_of` and
+    ``seatrial._core.autopilot_names``.
+    """
+    found: dict[str, Array] = {}
+    for name, values in flights.figures.items():
+        renamed, scale = _NAMES.get(name, (name, 1.0))
+        found[renamed] = scale * np.asarray(values)
+    return found
+
+
+def ending_of(figures: Mapping[str, Array], case: int = 0) -> str:
+    """How a case ended: complete, surfaced, aborted, out of time or diverged."""
+    if not np.isfinite(figures["duration_s"][case]):
+        return DIVERGED
+    return autopilot_names()["endings"][int(figures["ending"][case])]

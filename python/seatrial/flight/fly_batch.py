@@ -1,0 +1,154 @@
+"""`fly_batch`: many flights of one mission side by side, each with other gains, coefficients or faults.
+
+Tests: ``tests/test_fly.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from seatrial.errors import SimulationError
+from seatrial.flight.failures import Fault, Outage, fault_rows
+from seatrial.flight.set_up import checked_seed, set_up
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Flights, State, Vehicle
+    from seatrial.mission import Mission
+    from seatrial.sensors import Sensor
+
+__all__ = ["fly_batch"]
+
+Array = NDArray[np.float64]
+
+
+def fly_batch(
+    vehicle: Vehicle | str | Path,
+    autopilot: Autopilot | str | Path,
+    mission: Mission | str | Path,
+    *,
+    coefficients: Mapping[str, ArrayLike] | None = None,
+    gains: Mapping[str, ArrayLike] | None = None,
+    current: ArrayLike = (0.0, 0.0, 0.0),
+    seeds: int | Sequence[int] = 0,
+    faults: Sequence[Fault] | Sequence[Sequence[Fault]] = (),
+    model: Vehicle | str | Path | None = None,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
+    initial: State | None = None,
+    outages: Sequence[Outage] = (),
+    seabed: ArrayLike | None = None,
+    voltage: float | None = None,
+    feedback: bool = True,
+    max_step: float = 0.02,
+    max_time: float | None = None,
+    rho: float | None = None,
+    g: float | None = None,
+    logs: bool = False,
+    threads: int | None = None,
+) -> Flights:
+    """Flights of k cases of one mission, their figures in SI and rad; on all threads, eight to a vector.
+
+    What is given once holds for all cases; k is the length of whatever is given per case. A case flies as it
+    would alone.
+
+    Parameters
+    ----------
+    vehicle, autopilot, mission
+        As for `seatrial.fly`.
+    coefficients : mapping of str to (k,) array_like, optional
+        Of the vehicle that flies, by name; the autopilot's model keeps its own.
+    gains : mapping of str to (k,) array_like, optional
+        Of the autopilot, by the names of `Autopilot.gains`.
+    current : (3,) or (k, 3) array_like, optional
+        Velocity of the water, north, east, down, m/s.
+    seeds : int or sequence of int, optional
+        Of the sensors' errors; one for all cases lets them meet the same noise.
+    faults : sequence of Fault, or k of them, optional
+        For all cases, or per case.
+    model, sensors, initial, outages, seabed, voltage, feedback, max_step, max_time, rho, g
+        As for `seatrial.fly`, for all cases.
+    logs : bool, optional
+        Whether to keep the logs, some megabytes an hour of flight and case.
+    threads : int, optional
+        All when omitted.
+
+    Raises
+    ------
+    VehicleError
+        A file or name is not usable.
+    SimulationError, TrialError
+        Lengths do not fit together, or a number, a failure or a sensor is not usable.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> text = '''
+    ... format = 1
+    ... name = "out"
+    ... speed_m_s = 1.5
+    ... acceptance_radius_m = 5.0
+    ... [[legs]]
+    ... north_m = 100.0
+    ... east_m = 0.0
+    ... depth_m = 5.0
+    ... '''
+    >>> lookahead = {"guidance.lookahead_m": [5.0, 10.0, 20.0]}
+    >>> flights = st.fly_batch("cwolf", "cwolf", st.Mission.from_toml(text), gains=lookahead)
+    >>> flights.figures["ending"]
+    array([1., 1., 1.])
+    """
+    per_case = bool(len(faults)) and not all(isinstance(fault, Fault) for fault in faults)
+    rows = np.asarray(current, float)
+    lengths = {
+        name: len(np.atleast_1d(values))
+        for given in (coefficients, gains)
+        for name, values in (given or {}).items()
+    }
+    if rows.ndim == 2:
+        lengths["current"] = len(rows)
+    if not isinstance(seeds, int | np.integer):
+        lengths["seeds"] = len(seeds)
+    if per_case:
+        lengths["faults"] = len(faults)
+    k = max(lengths.values(), default=1)
+    for name, length in lengths.items():
+        if length != k:
+            raise SimulationError(f"{name}: expected {k} values, one per case, found {length}")
+    if k == 0:
+        raise SimulationError("fly_batch: expected at least one case, found none")
+    if rows.ndim > 2 or rows.shape[-1:] != (3,) or not np.isfinite(rows).all():
+        raise SimulationError(
+            f"current: expected finite rows of north, east, down in m/s, found the shape {rows.shape}"
+            if np.isfinite(rows).all()
+            else "current: expected finite numbers, north, east, down in m/s, found one that is not"
+        )
+    every = [seeds] * k if isinstance(seeds, int | np.integer) else list(seeds)
+    shared: list[Any] = [] if per_case else list(faults)
+    ready = set_up(
+        (vehicle, autopilot, mission),
+        model=model,
+        sensors=sensors,
+        current=rows if rows.ndim == 1 else rows[0],
+        initial=initial,
+        faults=shared,
+        outages=outages,
+        seabed=seabed,
+        seed=checked_seed(every[0]),
+        voltage=voltage,
+        feedback=feedback,
+        max_step=max_step,
+        max_time=max_time,
+        rho=rho,
+        g=g,
+    )
+    longest = ready.circumstances.max_time
+    each = cast(Sequence[Sequence[Fault]], faults) if per_case else [shared] * k
+    failing = [
+        row for case, some in enumerate(each) for row in fault_rows(some, ready.vehicle, longest, case=case)
+    ]
+    varied: dict[str, Any] = {"coefficients": coefficients, "gains": gains, "threads": threads}
+    return ready.fly([checked_seed(seed) for seed in every], failing, current=rows, logs=logs, **varied)

@@ -1,0 +1,193 @@
+"""What became of every leg: was its waypoint reached, how far off the path, how far beyond the depth.
+
+A waypoint is reached when the vehicle really came within its radius of acceptance, whatever the sensors
+showed. Errors of guidance are those of the second half of a straight leg, where the vehicle has had time to
+settle. The overshoot in depth counts after a change of depth, beyond the new one, until the next change, as a
+share of the change.
+
+Held by ``tests/test_flight.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.flight.route import Route
+
+if TYPE_CHECKING:
+    from seatrial.flight.flight import Flight
+
+__all__ = ["Leg", "legs_of"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_LEAST_STEP_M = 0.1  # smaller changes of depth are none
+_ROUNDING_M = 1e-6
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A leg of a flight and the waypoint at its end.
+
+    Attributes
+    ----------
+    label, task
+        Name of the waypoint; "pass", "hold" or "circle".
+    acceptance_m, smallest_m, reached
+        Radius, smallest distance (to a circle: to its circumference), whether it is within the radius.
+    begin_s, time_s
+        When the leg began and how long it took; nan if it was never begun.
+    cross_track_mean_m, cross_track_largest_m
+        On the second half: mean, and largest magnitude; nan where it was not flown straight.
+    vertical_mean_m, vertical_largest_m
+        The same of the vertical error.
+    depth_step_m, depth_overshoot_m, depth_overshoot_percent
+        Change of depth, how far the vehicle went beyond the new depth, and as a share; nan without a change.
+    hold_rms_m, hold_largest_m
+        Distance from the waypoint while station was kept; nan where it was not.
+    modes
+        Share of the leg's time in each mode.
+    """
+
+    label: str
+    task: str
+    acceptance_m: float
+    smallest_m: float
+    reached: bool
+    begin_s: float
+    time_s: float
+    cross_track_mean_m: float
+    cross_track_largest_m: float
+    vertical_mean_m: float
+    vertical_largest_m: float
+    depth_step_m: float
+    depth_overshoot_m: float
+    depth_overshoot_percent: float
+    hold_rms_m: float
+    hold_largest_m: float
+    modes: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return asdict(self)
+
+
+def legs_of(flight: Flight) -> tuple[Leg, ...]:
+    """Legs of a flight, one per waypoint of its mission."""
+    return tuple(_leg(flight, k) for k in range(len(flight.route.stops)))
+
+
+def _leg(flight: Flight, k: int) -> Leg:
+    path = flight.route
+    stop = path.stops[k]
+    rows = flight.under_way & (flight.leg == k)
+    distance = _distance(flight, k)
+    found = np.flatnonzero(rows)
+    if not len(found):
+        return _never(path, k)
+    first, last = int(found[0]), int(found[-1])
+    # The row in which guidance goes on to the next leg is the one in which it saw the waypoint reached.
+    switched = min(last + 1, len(flight.t) - 1)
+    smallest = float(np.nanmin(distance[first : switched + 1]))
+    half = 0.5 * path.length(k)
+    settled = rows & ~flight.holding & (flight.distance < half) & (stop.task != "circle")
+    held = rows & flight.holding & (stop.task == "hold")
+    step, beyond = _overshoot(flight, k)
+    modes = np.bincount(flight.mode[rows], minlength=len(flight.modes)) / len(found)
+    return Leg(
+        label=stop.label,
+        task=stop.task,
+        acceptance_m=stop.acceptance,
+        smallest_m=smallest,
+        reached=smallest <= stop.acceptance + _ROUNDING_M,
+        begin_s=float(flight.t[first]),
+        time_s=float(flight.t[switched] - flight.t[first]),
+        cross_track_mean_m=_mean(flight.errors["cross_track"][settled]),
+        cross_track_largest_m=_largest(flight.errors["cross_track"][settled]),
+        vertical_mean_m=_mean(flight.errors["vertical"][settled]),
+        vertical_largest_m=_largest(flight.errors["vertical"][settled]),
+        depth_step_m=step,
+        depth_overshoot_m=beyond,
+        depth_overshoot_percent=100.0 * beyond / abs(step),
+        hold_rms_m=math.sqrt(_mean(distance[held] ** 2)),
+        hold_largest_m=_largest(distance[held]),
+        modes={name: float(share) for name, share in zip(flight.modes, modes, strict=True) if share},
+    )
+
+
+def _never(path: Route, k: int) -> Leg:
+    """A leg that was not begun."""
+    stop, nan = path.stops[k], math.nan
+    return Leg(
+        label=stop.label,
+        task=stop.task,
+        acceptance_m=stop.acceptance,
+        smallest_m=math.inf,
+        reached=False,
+        begin_s=nan,
+        time_s=nan,
+        cross_track_mean_m=nan,
+        cross_track_largest_m=nan,
+        vertical_mean_m=nan,
+        vertical_largest_m=nan,
+        depth_step_m=_step(path, k),
+        depth_overshoot_m=nan,
+        depth_overshoot_percent=nan,
+        hold_rms_m=nan,
+        hold_largest_m=nan,
+        modes={},
+    )
+
+
+def _distance(flight: Flight, k: int) -> Array:
+    """Distance to waypoint `k`, or to its circle, of every row, (n,), m."""
+    stop = flight.route.stops[k]
+    aside = np.hypot(*(flight.position[:, :2] - stop.position[:2]).T)
+    third = flight.altitude if stop.vertical == "altitude" else flight.position[:, 2]
+    below = third - stop.position[2]
+    if stop.task == "circle":
+        return np.asarray(np.hypot(aside - stop.radius, below))
+    to_point = np.hypot(aside, below)
+    if stop.task == "hold" and flight.loiter_radius > 0.0:
+        # A vehicle that cannot stop circles the point instead.
+        return np.asarray(np.minimum(to_point, np.hypot(aside - flight.loiter_radius, below)))
+    return np.asarray(to_point)
+
+
+def _step(path: Route, k: int) -> float:
+    """Change of depth along leg `k`, m; nan where there is none or the bottom is followed."""
+    if path.follows_bottom(k):
+        return math.nan
+    step = float(path.stops[k].position[2] - path.before(k)[2])
+    return step if abs(step) >= _LEAST_STEP_M else math.nan
+
+
+def _overshoot(flight: Flight, k: int) -> tuple[float, float]:
+    """Change of depth on leg `k` and how far beyond it the vehicle went before the next change, m."""
+    path = flight.route
+    step = _step(path, k)
+    if math.isnan(step):
+        return math.nan, math.nan
+    last = k
+    while (
+        last + 1 < len(path.stops) and not path.follows_bottom(last + 1) and math.isnan(_step(path, last + 1))
+    ):
+        last += 1
+    rows = flight.under_way & (flight.leg >= k) & (flight.leg <= last)
+    beyond = math.copysign(1.0, step) * (flight.position[rows, 2] - path.stops[k].position[2])
+    return step, max(0.0, float(np.max(beyond)))
+
+
+def _mean(values: Array) -> float:
+    return float(np.mean(values)) if len(values) else math.nan
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values))) if len(values) else math.nan

@@ -1,0 +1,230 @@
+"""From the sensors of a vehicle to the sixteen channels of the closed loop.
+
+The core samples seven groups of channels at whole control periods: white noise, an offset drawn once per
+flight, a random walk, digits, a sampling interval, a latency and drop-outs. Sensors are described by kind
+in the units of their columns (`seatrial.sensors`); here degrees become radians and seconds become control
+periods. What a closed loop cannot represent is said in `SensorChannels.sentences`, never dropped in silence.
+
+| kind | group |
+|---|---|
+| `position`, else dead reckoning from `dvl` | position |
+| `depth`, `attitude`, `gyro`, `dvl`, `dvl_water` | depth, attitude, rates, velocity, water |
+| `dvl` | altitude too, without error |
+
+A Doppler log whose velocity has white noise of deviation s per sample, T seconds apart, integrates to a
+random walk of deviation s √T after one second: the drift of dead reckoning. It begins with the offset of a
+GPS fix.
+
+Tests: ``tests/test_sensor_channels.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial._core import autopilot_names
+from seatrial.errors import TrialError, nearest
+from seatrial.sensors.kinds import KINDS
+from seatrial.sensors.sensor import Sensor, one_each
+from seatrial.sensors.sensor_file import load_sensors
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["GROUP_OF_KIND", "SensorChannels", "perfect", "sensor_channels", "sensors_of"]
+
+Array = NDArray[np.float64]
+
+GROUP_OF_KIND = {
+    "position": "position",
+    "gps": "position",
+    "depth": "depth",
+    "attitude": "attitude",
+    "dvl": "velocity",
+    "gyro": "rates",
+    "dvl_water": "water",
+}
+"""The group that a kind of sensor tells."""
+
+_CHANNELS_OF_GROUP = {
+    "position": (0, 1),
+    "depth": (2,),
+    "attitude": (3, 4, 5),
+    "velocity": (6, 7, 8),
+    "rates": (9, 10, 11),
+    "altitude": (12,),
+    "water": (13, 14, 15),
+}
+_TICK = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SensorChannels:
+    """Sensors as the closed loop takes them.
+
+    Attributes
+    ----------
+    errors
+        Per channel noise, offset, random walk after one second and digit, (16, 4), SI and rad.
+    timing
+        Per group whether it is there, its interval and latency in control periods, mean time between
+        drop-outs and their mean duration in s, (7, 5).
+    sentences
+        What differs from the sensors as described.
+    """
+
+    errors: Array
+    timing: Array
+    sentences: tuple[str, ...] = ()
+
+
+def perfect() -> SensorChannels:
+    """Channels without error at every control period.
+
+    Examples
+    --------
+    >>> perfect().errors.any(), perfect().timing.shape
+    (np.False_, (7, 5))
+    """
+    return SensorChannels(np.zeros((16, 4)), np.tile([1.0, 1.0, 0.0, np.inf, 0.0], (7, 1)))
+
+
+def sensors_of(
+    source: Mapping[str, Sensor] | str | Path | None, vehicle: Vehicle
+) -> dict[str, Sensor] | None:
+    """Sensors by kind of "typical", a file or a mapping; None for perfect ones.
+
+    Raises
+    ------
+    TrialError
+        The file or a kind is not usable.
+    """
+    if source is None:
+        return None
+    if isinstance(source, str | Path):
+        return load_sensors(source, vehicle)
+    for kind, sensor in source.items():
+        if kind not in KINDS:
+            raise TrialError(f'sensors: unknown sensor "{kind}"{nearest(kind, KINDS)}')
+        if not isinstance(sensor, Sensor):
+            raise TrialError(f"sensors: {kind}: expected a seatrial.sensors.Sensor, found {sensor!r}")
+    one_each(source)
+    return dict(source)
+
+
+def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> SensorChannels:
+    """Channels that the sensors tell at a control period, s; perfect ones for None.
+
+    Raises
+    ------
+    TrialError
+        There is no sensor at all.
+
+    Examples
+    --------
+    >>> sensor_channels({"gyro": Sensor(noise=1.0)}, 0.1).errors[9, 0].round(6)
+    np.float64(0.017453)
+    """
+    if sensors is None:
+        return perfect()
+    if not sensors:
+        raise TrialError(
+            "sensors: expected at least one, found none; leave the argument out for perfect ones"
+        )
+    errors, timing = np.zeros((16, 4)), np.tile([0.0, 1.0, 0.0, np.inf, 0.0], (7, 1))
+    groups = autopilot_names()["groups"]
+    said: list[str] = []
+    for kind, sensor in sensors.items():
+        group = GROUP_OF_KIND.get(kind)
+        if group is None or kind == "gps":
+            continue
+        scale = math.pi / 180.0 if KINDS[kind].unit.startswith("deg") else 1.0
+        for channel in _CHANNELS_OF_GROUP[group]:
+            errors[channel] = scale * np.array([sensor.noise, sensor.bias, 0.0, sensor.quantum])
+        timing[groups.index(group)] = _timing(kind, sensor, period_s, said)
+    if "dvl" in sensors:
+        timing[groups.index("altitude")] = timing[groups.index("velocity")]
+    if "position" not in sensors:
+        said += _dead_reckoning(sensors, errors, timing, groups)
+    said += _left_out(sensors)
+    told = {groups[k] for k in np.flatnonzero(timing[:, 0])}
+    blind = [group for group in ("position", "depth", "attitude", "velocity", "rates") if group not in told]
+    if blind:
+        said.append(f"No sensor tells {_listed(blind)}: the autopilot's watches will find that missing.")
+    return SensorChannels(errors, timing, tuple(said))
+
+
+def _timing(kind: str, sensor: Sensor, period_s: float, said: list[str]) -> list[float]:
+    """Row of the group; what was rounded is said."""
+    interval = period_s if sensor.rate_hz is None else 1.0 / sensor.rate_hz
+    every = max(1, round(interval / period_s))
+    if abs(every * period_s - interval) > _TICK * interval:
+        said.append(
+            f"{kind}: {sensor.rate_hz:g} Hz becomes a sample every {every * period_s:.3g} s, a whole number"
+            f" of control periods of {period_s:g} s."
+        )
+    late = round(sensor.latency_s / period_s)
+    if abs(late * period_s - sensor.latency_s) > _TICK:
+        said.append(
+            f"{kind}: a latency of {sensor.latency_s:g} s becomes {late * period_s:.3g} s, whole"
+            " control periods."
+        )
+    silence = (np.inf, 0.0) if sensor.dropout_every_s is None else (sensor.dropout_every_s, sensor.dropout_s)
+    return [1.0, float(every), float(late), float(silence[0]), float(silence[1] or 0.0)]
+
+
+def _dead_reckoning(
+    sensors: Mapping[str, Sensor], errors: Array, timing: Array, groups: list[str]
+) -> list[str]:
+    """Position from the Doppler log, begun at a GPS fix where there is one."""
+    fix = sensors.get("gps")
+    log = sensors.get("dvl")
+    if log is None:
+        return [] if fix is None else ["gps: under water it has no fix, and no dvl carries its last one on."]
+    velocity = groups.index("velocity")
+    walk = log.noise * math.sqrt(1.0 if log.rate_hz is None else 1.0 / log.rate_hz)
+    offset = 0.0 if fix is None else fix.bias
+    errors[[0, 1]] = [0.0, offset, walk, 0.0]
+    timing[groups.index("position")] = [1.0, timing[velocity, 1], timing[velocity, 2], np.inf, 0.0]
+    begins = "the true start" if fix is None else f"a GPS fix with an offset of {offset:g} m"
+    return [
+        f"Position is dead reckoning from {begins}: noise of the dvl makes a random walk of {walk:.2g} m"
+        " after one second; its offset and that of the heading would add a steady drift, which is left out."
+    ]
+
+
+def _left_out(sensors: Mapping[str, Sensor]) -> list[str]:
+    """Sentences on what sensors have and a closed loop has not."""
+    carried = {kind: sensor for kind, sensor in sensors.items() if kind in GROUP_OF_KIND and kind != "gps"}
+    said = []
+    clocks = [kind for kind, sensor in carried.items() if sensor.phase_s > 0.0 or sensor.jitter_s > 0.0]
+    if clocks:
+        said.append(f"Phase and jitter of {_listed(clocks)} are left out: samples come at control periods.")
+    placed = [kind for kind, sensor in carried.items() if any(sensor.position)]
+    if placed:
+        said.append(f"Lever arms of {_listed(placed)} are left out: they show the motion of O.")
+    ranged = [kind for kind, sensor in carried.items() if sensor.max_range_m is not None]
+    if ranged:
+        said.append(f"The range of {_listed(ranged)} is left out: the bottom is always within it.")
+    if "dvl" in carried:
+        said.append("The dvl tells the altitude too where there is a bottom, without error.")
+    for kind, why in (
+        ("revolutions", "the autopilot sees the actuators' signals without error"),
+        ("voltage", "the autopilot knows the supply without error"),
+        ("load_cell", "a flight has no tether"),
+    ):
+        if kind in sensors:
+            said.append(f"{kind} is left out: {why}.")
+    return said
+
+
+def _listed(names: Iterable[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
