@@ -13,11 +13,11 @@ from typer.testing import CliRunner, Result
 
 from seatrial._core import Autopilot, Vehicle
 from seatrial.check.fence import clearance
-from seatrial.check.fin_turn import fin_turn
+from seatrial.check.fin_turn import FinTurn, fin_turn
 from seatrial.check.legs import corners, leg_numbers, ways
 from seatrial.check.mission import MissionCheck, check_mission
 from seatrial.check.mission_turns import beyond
-from seatrial.check.performance import cruise, speeds, turns
+from seatrial.check.performance import Turn, cruise, speeds, turns
 from seatrial.check.turning import turning_radius
 from seatrial.cli import app
 from seatrial.mission import Mission
@@ -25,6 +25,33 @@ from seatrial.mission import Mission
 EXAMPLES = Path(__file__).parent.parent / "examples" / "missions"
 CWOLF, REMUS, ROV = (Vehicle.load(name) for name in ("cwolf", "remus100", "bluerov2-heavy"))
 HEAD = 'format = 1\nname = "made"\nspeed_m_s = {speed}\nacceptance_radius_m = {radius}\n'
+
+AUTOPILOT = """
+format = 1
+name = "made"
+period_s = 0.1
+[schedule]
+speeds_m_s = [-2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
+[loops]
+surge = { K_P = 100.0, tau_max = 100.0 }
+heave = { K_P = 20.0, tau_max = 20.0 }
+pitch = { K_P = 40.0, tau_max = 5.0 }
+heading = { K_P = 30.0, tau_max = 5.0 }
+[[modes]]
+name = "hover"
+loops = ["surge", "heave", "pitch", "heading"]
+depth_by = "heave"
+[[modes]]
+name = "cruise"
+loops = ["surge", "pitch", "heading"]
+depth_by = "pitch"
+from_speed_m_s = 0.8
+[guidance]
+pitch_max_deg = 20.0
+depth_rate_max_m_s = 0.4
+loiter_radius_m = 20.0
+turn_rate_max_deg_s = 15.0
+"""
 
 
 def made(*legs: str, speed: float = 1.5, radius: float = 2.0, top: str = "") -> Mission:
@@ -100,9 +127,9 @@ def test_every_waypoint_knows_its_leg() -> None:
 @pytest.mark.parametrize("name", ["cwolf", "remus100", "lauv"])
 def test_no_steady_turn_of_the_whole_chain_is_tighter(name: str) -> None:
     vehicle = Vehicle.load(name)
-    found = [turn for turn in turns(vehicle) if turn.kind != "on the spot"]
+    found: list[Turn | FinTurn] = [turn for turn in turns(vehicle) if turn.kind != "on the spot"]
     by_fins = fin_turn(vehicle)
-    for turn in [*found, *([by_fins] if by_fins else [])]:
+    for turn in found if by_fins is None else [*found, by_fins]:
         tightest = turning_radius(vehicle, turn.speed_m_s)
         # The speed along the circle is that ahead over the cosine of the drift, a few per cent more.
         assert tightest is not None
@@ -228,7 +255,7 @@ def test_a_vehicle_that_cannot_stop_is_not_asked_to() -> None:
 
 
 def test_steep_ways_are_judged_by_the_mode_at_their_speed() -> None:
-    autopilot = Autopilot.load("cwolf")
+    autopilot = Autopilot.from_toml(AUTOPILOT)
     under_way = check_mission(made(at(20.0, 0.0, "depth_m = 15.0\n")), autopilot=autopilot)
     assert warned(
         under_way, "37 deg steep, more than pitch_max_deg = 20: the rest of its depth is made on the spot"
@@ -240,13 +267,9 @@ def test_steep_ways_are_judged_by_the_mode_at_their_speed() -> None:
 
 
 def test_an_autopilot_that_does_not_hover_circles() -> None:
-    text = Autopilot.load("cwolf").to_toml()
-    start, end = text.index("[[modes]]"), text.index("[[modes]]", text.index("[[modes]]") + 1)
-    body = text[:start] + text[end:]
-    body = "\n".join(
-        line for line in body.splitlines() if "from_speed_m_s" not in line and "hysteresis" not in line
-    )
-    autopilot = Autopilot.from_toml(body)
+    hover, cruise_ = AUTOPILOT.index("[[modes]]"), AUTOPILOT.rindex("[[modes]]")
+    text = AUTOPILOT[:hover] + AUTOPILOT[cruise_:].replace("from_speed_m_s = 0.8\n", "")
+    autopilot = Autopilot.from_toml(text)
     mission = made(at(60.0, 0.0, "depth_m = 30.0\nhold_s = 10.0\n"))
     found = check_mission(mission, autopilot=autopilot)
     assert warned(found, "it circles at loiter_radius_m = 20 m")
@@ -254,8 +277,7 @@ def test_an_autopilot_that_does_not_hover_circles() -> None:
 
 
 def test_a_speed_beyond_that_of_the_autopilot_is_told() -> None:
-    text = Autopilot.load("cwolf").to_toml()
-    autopilot = Autopilot.from_toml(text.replace("speed_max_m_s = 5.0", "speed_max_m_s = 1.0"))
+    autopilot = Autopilot.from_toml(AUTOPILOT + "speed_max_m_s = 1.0\n")
     assert warned(
         check_mission(made(at(100.0, 0.0)), autopilot=autopilot), "speed_max_m_s of the autopilot is 1"
     )

@@ -130,6 +130,25 @@ def test_faults_and_outages_are_read_from_their_options() -> None:
 
 
 @pytest.mark.usefixtures("here")
+def test_many_seeds_tell_how_the_figures_spread() -> None:
+    Path("sensors.toml").write_text(
+        "format = 1\n[sensors.position]\nnoise_m = 0.3\n[sensors.depth]\n[sensors.attitude]\n"
+        "noise_deg = 0.3\n[sensors.gyro]\n[sensors.dvl]\n"
+    )
+    result = quick("--sensors", "sensors.toml", "--seed", 3, "--seeds", 10, "--out", "run")
+    assert result.exit_code == 0, result.output
+    assert "10 seeds from 3 on: 10 complete." in result.stdout
+    table = pl.read_parquet("run/seeds.parquet")
+    assert table["seed"].to_list() == list(range(3, 13))
+    assert table["distance_m"].n_unique() == 10
+    single = json.loads(Path("run/flight.json").read_text())
+    # The first of them is the flight that is told in full; lanes differ by rounding.
+    assert table["distance_m"][0] == pytest.approx(single["figures"]["distance_m"], rel=1e-6)
+    late = json.loads(quick("--seeds", 2, "--max-time", 10, "--json").stdout)
+    assert late["seeds"]["endings"] == ["out of time", "out of time"]
+
+
+@pytest.mark.usefixtures("here")
 def test_another_model_is_kept_with_the_inputs() -> None:
     heavy = st.Vehicle.load("cwolf").with_coefficients({"X_uu": -60.0})
     Path("heavy.toml").write_text(heavy.to_toml())

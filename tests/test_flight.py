@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import seatrial as st
 from seatrial.run_directory import to_json
+from seatrial.sensors import Sensor
 from tests.flying import BOX, OUT, STATION, flown
 
 Array = NDArray[np.float64]
@@ -111,7 +112,8 @@ def test_station_keeping_is_judged_by_its_distance() -> None:
     flight = flown(STATION, (0.0, 0.1, 0.0))
     assert flight.ending == "complete"
     (leg,) = flight.legs
-    held = flight.holding & ~flight.done
+    near = np.linalg.norm(flight.position - [40.0, 0.0, 5.0], axis=1) <= 3.0
+    held = flight.holding & ~flight.done & (np.cumsum(near) > 0)
     away = np.linalg.norm(flight.position[held] - [40.0, 0.0, 5.0], axis=1)
     assert leg.task == "hold"
     assert leg.hold_largest_m == pytest.approx(away.max(), rel=1e-12)
@@ -161,6 +163,7 @@ def test_a_flight_reads_back_as_a_trial_of_its_vehicle() -> None:
     assert trial.dt == pytest.approx(flight.period_s)
     assert set(trial.commands) == set(flight.commands)
     np.testing.assert_allclose(trial.nu, flight.nu, atol=1e-9)
+    assert trial.current is not None
     np.testing.assert_allclose(trial.current, np.tile([0.0, 0.3, 0.0], (len(flight.t), 1)))
     for source, least in (("commands", 0.98), ("measured", 0.999)):
         found = st.score(flight.vehicle, trial, input=source)  # type: ignore[arg-type]
@@ -194,9 +197,11 @@ def test_plain_data_are_complete_and_go_into_json() -> None:
 
 
 def test_sentences_tell_ending_way_errors_and_depth() -> None:
-    text = str(flown())
+    flight = flown()
+    text = str(flight)
     assert text.startswith("cwolf on box: complete, 3 of 3 waypoints reached.")
-    assert "310 m over ground in 3 min 28 s" in text
+    assert f"{flight.figures['distance_m']:.0f} m over ground in 3 min" in text
+    assert f"{flight.figures['cross_track_rms_m']:.2f} m rms" in text
     assert "cross-track error was" in text
     assert "beyond a change of 10.0 m" in text
 
@@ -209,6 +214,22 @@ def test_a_missed_waypoint_is_no_complete_mission() -> None:
     assert missed
     assert not flight.complete
     assert f"{missed[0].label} missed by" in str(flight)
+
+
+def test_a_waypoint_is_reached_as_the_sensors_show_it_and_truly_nearly_so() -> None:
+    near = {"position": Sensor(noise=0.3), "depth": Sensor(), "attitude": Sensor(), "gyro": Sensor()}
+    near["dvl"] = Sensor()
+    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), sensors=near, seed=3)
+    (leg,) = flight.legs
+    assert leg.seen_m <= 5.0
+    assert leg.smallest_m == pytest.approx(leg.seen_m, abs=1.5)  # five deviations
+    assert leg.reached
+    far = near | {"position": Sensor(bias=40.0)}
+    off = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), sensors=far, seed=3)
+    (leg,) = off.legs
+    assert leg.smallest_m > 7.5
+    assert not leg.reached
+    assert any("m from the true one" in line for line in off.sentences())
 
 
 def test_a_flight_that_ends_early_has_legs_that_were_never_begun() -> None:

@@ -12,7 +12,7 @@ import typer
 from pydantic import BaseModel
 
 import seatrial as st
-from seatrial import _core, campaign_file
+from seatrial import _core, campaign_file, mission
 from seatrial.cli import app
 from seatrial.recording.columns import CANONICAL, CHANNELS
 from seatrial.toml_file import Section
@@ -22,6 +22,11 @@ INTERFACE = "docs/interface.md"
 ROW = re.compile(r"^\| `(\w+)` \|", re.MULTILINE)
 # A field of a Rust struct of the vehicle file, its serde name first where it has one.
 FIELD = re.compile(r"(?:rename = \"(\w+)\"[^\n]*\n\s*)?(?:pub )?(\w+): (?!Self)[A-Z\[fbu]")
+# A public Rust struct that is read from a file: its body.
+READ = re.compile(
+    r"^#\[derive\([^)]*\bDeserialize\b[^)]*\)\]\n(?:#\[[^\n]*\]\n)*pub struct \w+ \{\n(.*?)^\}",
+    re.MULTILINE | re.DOTALL,
+)
 
 
 @pytest.mark.parametrize("name", st.__all__)
@@ -89,6 +94,29 @@ def test_keys_of_the_vehicle_file_are_those_of_its_page() -> None:
             known |= {renamed or field for renamed, field in FIELD.findall(body)}
     assert {"format", "T_1_s", "force_n", "arm_m"} <= known
     assert set(ROW.findall(text("docs/vehicle-file.md"))) == known
+
+
+def _keys_of_rust(*sources: str) -> set[str]:
+    """Keys of the structs that are read from a file, with their names there."""
+    known: set[str] = set()
+    for source in sources:
+        code = (ROOT / "crates" / "seatrial" / "src" / source).read_text(encoding="utf-8")
+        for body in READ.findall(re.sub(r"//.*", "", code)):
+            known |= {renamed or field for renamed, field in FIELD.findall(body)}
+    return known
+
+
+def test_keys_of_the_mission_file_are_those_of_its_page() -> None:
+    known = _keys_of_rust("mission/file.rs", "mission/legs.rs") | {*mission.PLACE, *mission.CORNERS}
+    assert {"format", "hold_s", "corners_m", "fence_deg", "latitude_deg"} <= known
+    assert set(ROW.findall(text("docs/mission-file.md"))) == known
+
+
+def test_keys_of_the_autopilot_file_are_those_of_its_page() -> None:
+    files = ("autopilot/file", "guidance/table", "allocation/table", "safety", "lqr/table")
+    known = _keys_of_rust(*(f"{file}.rs" for file in files))
+    assert {"format", "K_I_per_s", "lookahead_m", "fin_inflow", "after_s", "tracking_s"} <= known
+    assert set(ROW.findall(text("docs/autopilot-file.md"))) == known
 
 
 def test_every_column_channel_and_coefficient_is_in_the_conventions() -> None:

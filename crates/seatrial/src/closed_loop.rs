@@ -140,7 +140,7 @@ pub fn fly<T: Real>(
         }
         energy.use_up(power, dt);
     }
-    summary.finish(&state);
+    summary.finish();
     Ok(summary)
 }
 

@@ -235,7 +235,7 @@ pub fn watch<T: Real>(
         called[i] = flag(zero.splat(stale.after_s).lt(age));
     }
     // A sensor of the altitude matters where the mission asks for one.
-    called[5] = called[5] * around.altitude_leg;
+    called[5] *= around.altitude_leg;
     let limits = around.limits;
     called[6] = flag(zero.splat(limits.depth).lt(depth));
     called[7] = flag(altitude.lt(zero.splat(limits.altitude)));

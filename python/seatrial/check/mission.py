@@ -109,9 +109,9 @@ def check_mission(
 
     Examples
     --------
-    >>> from seatrial.cli.new import EXAMPLES
     >>> import seatrial as st
-    >>> mission = Mission.load(EXAMPLES / "missions" / "farm.toml")
+    >>> from seatrial.cli.new import EXAMPLES
+    >>> mission = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> found = check_mission(mission, vehicle=st.Vehicle.load("cwolf"))
     >>> round(found.length_m), round(found.energy.total_wh)
     (452, 24)
@@ -156,7 +156,7 @@ def duration(seconds: float) -> str:
     Examples
     --------
     >>> duration(42.0), duration(576.3), duration(7300.0)
-    ('42 s', '9 min 36 s', '2 h 2 min')
+    ('42 s', '9 min 36 s', '2 h 1 min')
     """
     whole = round(seconds)
     if whole < 60:

@@ -2,8 +2,8 @@
 
 Thrusters give the largest yaw moment that leaves the thrust ahead and the other commanded rows as level
 flight needs them (a linear programme over what each actuator reaches, `seatrial.control_design.authority`);
-rudders are hard over, in the flow as it is in the turn. Sway and yaw then settle while the speed is held. Held
-by tests/test_check_mission.py.
+rudders are hard over, in the flow as it is in the turn. Sway and yaw then settle while the speed is held.
+Held by tests/test_check_mission.py.
 """
 
 from __future__ import annotations

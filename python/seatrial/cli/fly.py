@@ -78,6 +78,10 @@ def fly(
         float | None,
         typer.Option(help="Longest duration, s; three times the planned one and five minutes by default."),
     ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(min=2, help="Fly so many seeds, from --seed on, and tell how the figures spread."),
+    ] = None,
     figures: Annotated[bool, typer.Option(help="Write figures (PNG and PDF) into the run directory.")] = True,
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
@@ -86,40 +90,43 @@ def fly(
     The exit code is 0 when the mission was complete and every waypoint reached, 1 when not, 2 for bad input.
     """
     from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.cli.fly_seeds import fly_seeds
     from seatrial.flight import Fault, Outage
     from seatrial.flight import fly as flown
 
-    flight = flown(
-        vehicle,
-        autopilot,
-        mission,
-        model=model,
-        sensors=sensors,
-        current=current,
-        faults=[Fault.parse(text) for text in fault or []],
-        outages=[Outage.parse(text) for text in outage or []],
-        seabed=seabed,
-        seed=seed,
-        voltage=voltage,
-        feedback=feedback,
-        max_time=max_time,
-    )
-    folder = flight.write(out or Path("runs") / _folder(flight), figures=figures)
+    sources = (vehicle, autopilot, mission)
+    options: dict[str, Any] = {
+        "model": model,
+        "sensors": sensors,
+        "current": current,
+        "faults": [Fault.parse(text) for text in fault or []],
+        "outages": [Outage.parse(text) for text in outage or []],
+        "seabed": seabed,
+        "voltage": voltage,
+        "feedback": feedback,
+        "max_time": max_time,
+    }
+    flight = flown(*sources, seed=seed, **options)
+    many = None if seeds is None else fly_seeds(sources, seeds, seed, options)
+    beside = {} if many is None else {"seeds.parquet": many.parquet()}
+    folder = flight.write(out or Path("runs") / _folder(flight), figures=figures, beside=beside)
     written = sorted((folder / "figures").glob("*"))
     if json:
-        print_json(
-            flight.to_dict() | {"run_directory": str(folder), "figure_files": [str(path) for path in written]}
-        )
+        found = flight.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in written]}
+        print_json(found if many is None else found | {"seeds": many.to_dict()})
     else:
         console = output()
         _print(console, flight)
+        if many is not None:
+            console.print(many.table(_FIGURES))
+            console.print(f"- {many.sentence()}", soft_wrap=True, markup=False)
         console.print(
             f"Results in {folder}: flight.json, flight.parquet, summary.txt and the inputs",
             soft_wrap=True,
             markup=False,
         )
         list_figures(console, written)
-    if not flight.complete:
+    if not flight.complete or (many is not None and not many.all_complete):
         raise typer.Exit(1)
 
 

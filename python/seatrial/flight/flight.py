@@ -268,7 +268,9 @@ class Flight:
 
         return table(self)
 
-    def write(self, folder: str | Path, *, figures: bool = True) -> Path:
+    def write(
+        self, folder: str | Path, *, figures: bool = True, beside: Mapping[str, bytes] | None = None
+    ) -> Path:
         """Path of a run directory with the flight: JSON, Parquet, inputs and figures.
 
         Parameters
@@ -277,6 +279,8 @@ class Flight:
             Made when it does not exist; an earlier run's is replaced.
         figures : bool, optional
             Whether to draw.
+        beside : mapping of str to bytes, optional
+            Further files by name.
 
         Raises
         ------
@@ -285,7 +289,7 @@ class Flight:
         """
         from seatrial.flight.flight_files import write
 
-        return write(self, folder, figures=figures)
+        return write(self, folder, figures=figures, beside=beside)
 
     def __str__(self) -> str:
         return "\n".join(self.sentences())

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import platform
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,7 +39,9 @@ def facts(flight: Flight) -> dict[str, Any]:
     }
 
 
-def write(flight: Flight, folder: str | Path, *, figures: bool = True) -> Path:
+def write(
+    flight: Flight, folder: str | Path, *, figures: bool = True, beside: Mapping[str, bytes] | None = None
+) -> Path:
     """Path of a run directory with a flight.
 
     Parameters
@@ -48,6 +51,8 @@ def write(flight: Flight, folder: str | Path, *, figures: bool = True) -> Path:
         Made when it does not exist; an earlier run's is replaced.
     figures : bool, optional
         Whether to draw, PNG and PDF.
+    beside : mapping of str to bytes, optional
+        Further files by name.
 
     Raises
     ------
@@ -63,6 +68,7 @@ def write(flight: Flight, folder: str | Path, *, figures: bool = True) -> Path:
         "flight.json": to_json(flight.to_dict()),
         "summary.txt": "\n".join(flight.sentences()) + "\n",
         "flight.parquet": log.getvalue(),
+        **(beside or {}),
     }
     try:
         if figures and not flight.diverged:

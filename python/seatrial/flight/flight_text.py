@@ -78,7 +78,7 @@ def _ending(flight: Flight) -> str:
     behind = sum(leg.reached for leg in flight.legs)
     count = f"{behind} of {len(flight.legs)} waypoints reached"
     missed = [leg for leg in flight.legs if not leg.reached and not math.isnan(leg.begin_s)]
-    by = "".join(f"; {leg.label} missed by {leg.smallest_m - leg.acceptance_m:.1f} m" for leg in missed[:3])
+    by = "".join(f"; {leg.label} missed by {leg.smallest_m - leg.acceptance_m:.2f} m" for leg in missed[:3])
     what = {
         "complete": "complete" if flight.complete else "flown to its end",
         "surfaced": "the vehicle surfaced before the end",

@@ -1,9 +1,9 @@
 """What became of every leg: was its waypoint reached, how far off the path, how far beyond the depth.
 
-A waypoint is reached when the vehicle really came within its radius of acceptance, whatever the sensors
-showed. Errors of guidance are those of the second half of a straight leg, where the vehicle has had time to
-settle. The overshoot in depth counts after a change of depth, beyond the new one, until the next change, as a
-share of the change.
+A waypoint is reached when the autopilot saw the vehicle within its radius of acceptance R, and the vehicle
+truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. Errors of guidance are those of
+the second half of a straight leg, where the vehicle has had time to settle. The overshoot in depth counts
+after a change of depth, beyond the new one, until the next change, as a share of the change.
 
 Held by ``tests/test_flight.py``.
 """
@@ -28,8 +28,9 @@ __all__ = ["Leg", "legs_of"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_LEAST_STEP_M = 0.1  # smaller changes of depth are none
+_LEAST_STEP_M = 0.5  # smaller changes of depth are none
 _ROUNDING_M = 1e-6
+_TRULY = 1.5  # of the radius, where the sensors show the vehicle within it
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,9 @@ class Leg:
     ----------
     label, task
         Name of the waypoint; "pass", "hold" or "circle".
-    acceptance_m, smallest_m, reached
-        Radius, smallest distance (to a circle: to its circumference), whether it is within the radius.
+    acceptance_m, smallest_m, seen_m, reached
+        Radius; smallest true distance (to a circle: to its circumference), and as the sensors showed it;
+        whether the waypoint was reached.
     begin_s, time_s
         When the leg began and how long it took; nan if it was never begun.
     cross_track_mean_m, cross_track_largest_m
@@ -51,7 +53,8 @@ class Leg:
     depth_step_m, depth_overshoot_m, depth_overshoot_percent
         Change of depth, how far the vehicle went beyond the new depth, and as a share; nan without a change.
     hold_rms_m, hold_largest_m
-        Distance from the waypoint while station was kept; nan where it was not.
+        Distance from the waypoint while station was kept, from the arrival within the radius on; nan where it
+        was not.
     modes
         Share of the leg's time in each mode.
     """
@@ -60,6 +63,7 @@ class Leg:
     task: str
     acceptance_m: float
     smallest_m: float
+    seen_m: float
     reached: bool
     begin_s: float
     time_s: float
@@ -88,7 +92,9 @@ def _leg(flight: Flight, k: int) -> Leg:
     path = flight.route
     stop = path.stops[k]
     rows = flight.under_way & (flight.leg == k)
-    distance = _distance(flight, k)
+    distance = _distance(flight, k, flight.position, flight.altitude)
+    told = np.stack([flight.measured[name] for name in ("x", "y", "z")], axis=1)
+    shown = _distance(flight, k, told, flight.measured["altitude"])
     found = np.flatnonzero(rows)
     if not len(found):
         return _never(path, k)
@@ -96,9 +102,11 @@ def _leg(flight: Flight, k: int) -> Leg:
     # The row in which guidance goes on to the next leg is the one in which it saw the waypoint reached.
     switched = min(last + 1, len(flight.t) - 1)
     smallest = float(np.nanmin(distance[first : switched + 1]))
+    seen = float(np.nanmin(shown[first : switched + 1]))
     half = 0.5 * path.length(k)
     settled = rows & ~flight.holding & (flight.distance < half) & (stop.task != "circle")
-    held = rows & flight.holding & (stop.task == "hold")
+    arrived = np.cumsum(rows & (distance <= stop.acceptance)) > 0
+    held = rows & flight.holding & arrived & (stop.task == "hold")
     step, beyond = _overshoot(flight, k)
     modes = np.bincount(flight.mode[rows], minlength=len(flight.modes)) / len(found)
     return Leg(
@@ -106,7 +114,8 @@ def _leg(flight: Flight, k: int) -> Leg:
         task=stop.task,
         acceptance_m=stop.acceptance,
         smallest_m=smallest,
-        reached=smallest <= stop.acceptance + _ROUNDING_M,
+        seen_m=seen,
+        reached=seen <= stop.acceptance + _ROUNDING_M and smallest <= _TRULY * stop.acceptance,
         begin_s=float(flight.t[first]),
         time_s=float(flight.t[switched] - flight.t[first]),
         cross_track_mean_m=_mean(flight.errors["cross_track"][settled]),
@@ -130,6 +139,7 @@ def _never(path: Route, k: int) -> Leg:
         task=stop.task,
         acceptance_m=stop.acceptance,
         smallest_m=math.inf,
+        seen_m=math.inf,
         reached=False,
         begin_s=nan,
         time_s=nan,
@@ -146,11 +156,11 @@ def _never(path: Route, k: int) -> Leg:
     )
 
 
-def _distance(flight: Flight, k: int) -> Array:
-    """Distance to waypoint `k`, or to its circle, of every row, (n,), m."""
+def _distance(flight: Flight, k: int, position: Array, altitude: Array) -> Array:
+    """Distance to waypoint `k`, or to its circle, of rows (n, 3) with their altitude (n,), (n,), m."""
     stop = flight.route.stops[k]
-    aside = np.hypot(*(flight.position[:, :2] - stop.position[:2]).T)
-    third = flight.altitude if stop.vertical == "altitude" else flight.position[:, 2]
+    aside = np.hypot(*(position[:, :2] - stop.position[:2]).T)
+    third = altitude if stop.vertical == "altitude" else position[:, 2]
     below = third - stop.position[2]
     if stop.task == "circle":
         return np.asarray(np.hypot(aside - stop.radius, below))

@@ -196,7 +196,7 @@ def _dead_reckoning(
     begins = "the true start" if fix is None else f"a GPS fix with an offset of {offset:g} m"
     return [
         f"Position is dead reckoning from {begins}: noise of the dvl makes a random walk of {walk:.2g} m"
-        " after one second; its offset and that of the heading would add a steady drift, which is left out."
+        " after one second; its offset, that of the heading and its drop-outs are left out."
     ]
 
 

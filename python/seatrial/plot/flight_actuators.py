@@ -33,14 +33,17 @@ _NEAR = 0.6  # a limit is drawn once a command comes so near to it
 
 
 def flight_actuators(flight: Flight) -> Figure:
-    """Figure of commands and signals per group of like actuators with their limits, and of the power."""
+    """Figure of commands and signals per group of like actuators, and of the power where it is known."""
     groups = motors(flight.vehicle)
+    powered = bool(np.nanmax(np.asarray(flight.power)) > 0.0)  # a vehicle file may tell nothing of it
+    rows = len(groups) + int(powered)
     with house_style():
-        figure = new_figure(_ROW_IN * (len(groups) + 1) + 0.75)
-        panels = figure.subplots(len(groups) + 1, 1, sharex=True, squeeze=False)[:, 0]
+        figure = new_figure(_ROW_IN * rows + 0.75)
+        panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
         for k, (motor, axes) in enumerate(zip(groups, panels, strict=False)):
             _group(axes, flight, motor, numbers=k == 0)
-        _power(panels[-1], flight)
+        if powered:
+            _power(panels[-1], flight)
         panels[-1].set_xlabel("time, s")
         panels[-1].set_xlim(flight.t[0], flight.t[-1])
         _legend(figure, flight, groups)

@@ -80,7 +80,7 @@ def _distribution(axes: Axes, error: Array, label: str) -> None:
         axes.axvline(at, color=RESIDUAL, linewidth=0.9, linestyle=dashes)
     axes.set_xlim(-reach, reach)
     axes.set_title("settled", loc="left", fontweight="bold", pad=9)
-    axes.set_xlabel(f"{label} ({_SHARE:.0f} %: {_metres(low)} to {_metres(high)})")
+    axes.set_xlabel(f"{label}\n{_SHARE:.0f} %: {_metres(low)} to {_metres(high)}")
 
 
 def _metres(value: float) -> str:

@@ -68,7 +68,7 @@ def shown_loops(flight: Flight) -> list[Shown]:
         label, desired, done = signals[i]
         rows = active[:, i] | (by_pitch & active[:, 4]) if i == 2 else active[:, i]
         if rows.any():
-            found.append(Shown(i, label, np.where(rows, desired, np.nan), done))
+            found.append(Shown(i, label, np.where(rows & ~flight.done, desired, np.nan), done))
     return found
 
 
@@ -110,7 +110,7 @@ def flight_loops(flight: Flight) -> Figure:
 def _followed(axes: Axes, flight: Flight, shown: Shown, *, numbers: bool) -> None:
     from matplotlib.ticker import MultipleLocator
 
-    leg_lines(axes, flight, numbers=numbers)
+    leg_lines(axes, flight, numbers=numbers, room=0.045)
     line(axes, flight.t, shown.desired, color=SECOND, linewidth=1.9)
     line(axes, flight.t, shown.done, color=SIMULATED, linewidth=1.0)
     event_lines(axes, flight)
@@ -135,7 +135,7 @@ def _demand(axes: Axes, flight: Flight, index: int, *, numbers: bool) -> None:
         return
     short = saturated(flight, index) & rows
     shade(axes, flight.t, short, _SATURATED)
-    leg_lines(axes, flight, numbers=numbers)
+    leg_lines(axes, flight)
     line(axes, flight.t, np.where(rows, flight.demanded[:, index], np.nan), color=SECOND, linewidth=1.9)
     line(axes, flight.t, np.where(rows, flight.achieved[:, index], np.nan), color=SIMULATED, linewidth=1.0)
     event_lines(axes, flight)

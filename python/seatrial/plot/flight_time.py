@@ -113,8 +113,8 @@ def settled(flight: Flight) -> Mask:
     return np.asarray(flight.under_way & ~flight.holding & (flight.distance < half[leg]))
 
 
-def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False) -> None:
-    """Where one leg ends and the next begins; with their numbers above the panel as far as there is room."""
+def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float = 0.028) -> None:
+    """Where legs begin, with their numbers above the panel no closer than `room`, a share of its width."""
     rows = np.flatnonzero(np.diff(flight.leg) != 0) + 1
     few = len(rows) <= _MOST_LEGS
     if few:
@@ -125,7 +125,7 @@ def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False) -> None:
     _above(axes, 0.0, "leg ", "right")
     begins = np.concatenate([[0], rows])
     ends = np.concatenate([rows, [len(flight.t) - 1]])
-    least, last = 0.022 * float(flight.t[-1] - flight.t[0]), -math.inf
+    least, last = room * float(flight.t[-1] - flight.t[0]), -math.inf
     for first, end in zip(begins, ends, strict=True):
         middle = 0.5 * float(flight.t[first] + flight.t[end])
         if middle - last < least:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.plot.flight_time import event_lines, events, leg_lines, line, mode_style, spans
-from seatrial.plot.plan_page import BOTTOM, layout, page_legend, page_title, profile_axes
-from seatrial.plot.plan_view import current_arrow, extent, new_plan, waypoints
+from seatrial.plot.plan_page import BOTTOM, current_arrow, layout, page_legend, page_title, profile_axes
+from seatrial.plot.plan_view import extent, new_plan, waypoints
 from seatrial.plot.planned_path import planned_path
 from seatrial.plot.style import MEASURED, RESIDUAL, SECOND, SIMULATED, house_style, new_figure, panel_title
 
@@ -46,11 +46,11 @@ def flight_track(flight: Flight) -> Figure:
         plan = new_plan(figure, page.plan, corners)
         waypoints(plan, path, acceptance, flown)
         _flown(plan, flight)
-        current_arrow(plan, what.current, path.points, flown)
         panel_title(plan.axes, "track", _remark(flight))
         profile = profile_axes(figure, page)
         _depth(profile, flight, path)
         page_title(figure, page, f"{flight.vehicle.name}: {flight.mission.name}")
+        current_arrow(figure, page, what.current)
         page_legend(figure, (plan.axes, profile), page)
     return figure
 

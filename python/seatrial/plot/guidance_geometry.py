@@ -201,7 +201,7 @@ def _arrow(
 def _word(
     axes: Axes, at: Array, said: str, *, color: str = _INK, ha: Any = "center", size: float = 8.5
 ) -> None:
-    axes.text(*at, said, color=color, ha=ha, va="center", fontsize=size, zorder=6)
+    axes.text(float(at[0]), float(at[1]), said, color=color, ha=ha, va="center", fontsize=size, zorder=6)
 
 
 def _finish(axes: Axes, name: str, formula: str) -> None:

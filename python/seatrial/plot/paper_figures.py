@@ -1,8 +1,9 @@
 """The figures of a paper about a vehicle: one folder, numbered files, a page with captions.
 
 In the order of Taubert et al. (2014): outline, block diagrams of model and actuators, motor,
-characteristics, schema of the optimisation, its results stage by stage, convergence; and what is known
-beyond: certainty, model criticism, predictions of held-out trials. Everything that the data at hand allow
+characteristics, schema of the optimisation, its results stage by stage, convergence; what is known
+beyond: certainty, model criticism, predictions of held-out trials; and the autopilot: structure, line of
+sight, a flight. Everything that the data at hand allow
 is drawn, the rest is named with the reason. Held by `tests/test_paper_figures.py`.
 """
 
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from seatrial._core import Vehicle
 from seatrial.errors import SeatrialError, TrialError
+from seatrial.plot.autopilot_plates import autopilot_plates
 from seatrial.plot.plates import (
     Plate,
     bench_plates,
@@ -176,12 +178,14 @@ def _plates(source: Identification | Vehicle, bench: BenchTest | None) -> Iterat
         yield from vehicle_plates(source, data=data)
         yield from bench_plates(bench)
         yield from thrust_plates(source, data=data)
+        yield from autopilot_plates(source)
         return
     data = f"Numbers as identified by the campaign {source.campaign.name}."
     yield from vehicle_plates(source.vehicle, data=data, modes=modes_of(source.campaign))
     yield from bench_plates(bench)
     yield from thrust_plates(source.vehicle, data=data)
     yield from campaign_plates(source)
+    yield from autopilot_plates(source.vehicle)
 
 
 def _title(source: Identification | Vehicle) -> str:

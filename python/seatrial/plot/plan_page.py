@@ -13,19 +13,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.plot.style import WIDTH_IN
+from seatrial.plot.style import THIRD, WIDTH_IN
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["BOTTOM", "Layout", "layout", "page_legend", "page_title", "profile_axes"]
+__all__ = ["BOTTOM", "Layout", "current_arrow", "layout", "page_legend", "page_title", "profile_axes"]
 
 Array = NDArray[np.float64]
 
 BOTTOM = "#C8B99A"
-_LEFT_IN, _RIGHT_IN, _TOP_IN, _AXIS_IN = 0.55, 0.2, 0.48, 0.42
+_LEFT_IN, _RIGHT_IN, _TOP_IN, _AXIS_IN = 0.55, 0.2, 0.56, 0.42
 _PROFILE_IN, _ROW_IN, _TALL = 1.45, 0.15, 0.85
+_ARROW_IN = 0.3
 
 
 @dataclass(frozen=True)
@@ -76,13 +78,40 @@ def profile_axes(figure: Figure, page: Layout) -> Axes:
 
 def page_title(figure: Figure, page: Layout, title: str) -> None:
     """Title of the whole page at its upper left."""
-    at = (0.12 / WIDTH_IN, 1.0 - 0.13 / page.height)
-    figure.text(*at, title, fontweight="bold", fontsize=10, va="center")
+    figure.text(0.12 / WIDTH_IN, 1.0 - 0.13 / page.height, title, fontweight="bold", fontsize=10, va="center")
+
+
+def current_arrow(figure: Figure, page: Layout, current: Sequence[float]) -> None:
+    """Arrow of a current's direction, north up, with its speed, at the page's upper right."""
+    from matplotlib.patches import FancyArrowPatch
+
+    north, east = float(current[0]), float(current[1])
+    speed = math.hypot(north, east)
+    if speed == 0.0:
+        return
+    inches = np.array([WIDTH_IN, page.height])
+    middle = np.array([WIDTH_IN - _RIGHT_IN - 0.5 * _ARROW_IN, page.height - 0.19])
+    half = 0.5 * _ARROW_IN * np.array([east, north]) / speed
+    figure.add_artist(
+        FancyArrowPatch(
+            tuple((middle - half) / inches),
+            tuple((middle + half) / inches),
+            transform=figure.transFigure,
+            arrowstyle="-|>,head_width=0.22,head_length=0.45",
+            mutation_scale=8.0,
+            color=THIRD,
+            linewidth=1.6,
+            shrinkA=0.0,
+            shrinkB=0.0,
+        )
+    )
+    x, y = (middle - np.array([0.5 * _ARROW_IN + 0.08, 0.0])) / inches
+    figure.text(x, y, f"current {speed:.2g} m/s", fontsize=7, ha="right", va="center")
 
 
 def page_legend(figure: Figure, panels: tuple[Axes, Axes], page: Layout) -> None:
     """One legend of both panels; what happened stands in it in words."""
-    known: dict[str, object] = {}
+    known: dict[str, Artist] = {}
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             known.setdefault(label, handle)

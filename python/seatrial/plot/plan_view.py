@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from seatrial.plot.planned_path import PlannedPath
 
-__all__ = ["Plan", "current_arrow", "extent", "new_plan", "waypoints"]
+__all__ = ["Plan", "extent", "new_plan", "waypoints"]
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -31,7 +31,6 @@ _AIR = 0.07
 _LETTER_IN, _LINE_IN = 0.062, 0.12
 _LEAST_CIRCLE_IN = 0.03
 _MOST_CIRCLES = 60
-_CURRENT_IN, _CORNER_IN = 0.42, (0.95, 0.62)
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
             continue
         x, y = page[k]
         length = _LETTER_IN * len(path.names[k]) + 0.02
-        best: tuple[int, Box, Any, Any] | None = None
+        best: tuple[int, Box, int] | None = None
         for right, up in ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)):
             corner = (
                 x + (0.07 if right > 0 else -0.07 - length if right < 0 else -0.5 * length),
@@ -152,51 +151,18 @@ def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
                 continue
             crossed = _inside(box, way)
             if best is None or crossed < best[0]:
-                best = (crossed, box, right, up)
+                best = (crossed, box, right)
         if best is None:
             continue
-        _, box, _, _ = best
+        _, box, side = best
         taken.append(box)
         low = np.array([plan.axes.get_xlim()[0], plan.axes.get_ylim()[0]])
-        at = low + plan.m_per_in * np.array([0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])])
+        edge = {1: box[0], 0: 0.5 * (box[0] + box[2]), -1: box[2]}[side]
+        east, north = low + plan.m_per_in * np.array([edge, 0.5 * (box[1] + box[3])])
+        ha: Any = {1: "left", 0: "center", -1: "right"}[side]
         plan.axes.text(
-            *at, path.names[k], fontsize=6.5, color=_INK, ha="center", va="center_baseline", zorder=6
+            east, north, path.names[k], fontsize=6.5, color=_INK, ha=ha, va="center_baseline", zorder=6
         )
-
-
-def current_arrow(plan: Plan, current: Sequence[float], *avoid: ArrayLike) -> None:
-    """Arrow of the current's direction, with its speed, in the corner where least is drawn."""
-    north, east = float(current[0]), float(current[1])
-    speed = float(np.hypot(north, east))
-    if speed == 0.0:
-        return
-    wide, high = plan.box_in[2:]
-    drawn = np.concatenate([_dense(plan.page(one), 0.05) for one in avoid])
-    across, up = _CORNER_IN
-    corners = [(x, y) for y in (high - up, 0.0) for x in (wide - across, 0.0)]
-    x, y = min(corners, key=lambda c: _inside((c[0], c[1], c[0] + across, c[1] + up), drawn))
-    low = np.array([plan.axes.get_xlim()[0], plan.axes.get_ylim()[0]])
-    middle = np.array([x + 0.5 * across, y + 0.6 * up])
-    half = 0.5 * _CURRENT_IN * np.array([east, north]) / speed
-    start, end = (low + plan.m_per_in * (middle + sign * half) for sign in (-1.0, 1.0))
-    plan.axes.annotate(
-        "",
-        xy=tuple(end),
-        xytext=tuple(start),
-        arrowprops={
-            "arrowstyle": "-|>",
-            "color": "#009E73",
-            "linewidth": 1.6,
-            "shrinkA": 0,
-            "shrinkB": 0,
-            "mutation_scale": 9,
-        },
-        zorder=7,
-    )
-    at = low + plan.m_per_in * np.array([x + 0.5 * across, y + 0.09])
-    said = f"current {speed:.2g} m/s"
-    words = plan.axes.text(*at, said, fontsize=6.5, color=_INK, ha="center", va="center", zorder=7)
-    words.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8})
 
 
 def _dense(page: Array, step_in: float) -> Array:

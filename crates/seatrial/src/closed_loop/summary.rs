@@ -7,7 +7,6 @@
 
 use super::Flight;
 use crate::autopilot::Thought;
-use crate::integrate::State;
 use crate::mission::{Task, Vertical};
 use crate::navigation::CHANNELS;
 use crate::real::Real;
@@ -109,7 +108,10 @@ impl<T: Real> Summary<T> {
             self.distance = keep(self.distance + way, self.distance);
         }
         self.last = [x, y, z];
-        self.duration = keep(zero.splat(k as f64 * dt), self.duration);
+        // What has diverged is not a number, and flies no further.
+        let sound = (x + y + z).abs().lt(zero.splat(f64::INFINITY));
+        let now = T::select(sound, zero.splat(k as f64 * dt), zero.splat(f64::NAN));
+        self.duration = keep(now, self.duration);
         self.energy = keep(used, self.energy);
         self.depth = keep(self.depth.max(z), self.depth);
         self.altitude = keep(self.altitude.min(truth[12]), self.altitude);
@@ -153,7 +155,7 @@ impl<T: Real> Summary<T> {
         let rises = zero.splat(1.5).lt(alert.level);
         let ending = T::select(aborted, zero.splat(3.0), T::select(rises, zero.splat(2.0), one));
         self.ending = T::select(T::both(flying, ends), ending, self.ending);
-        self.flying = T::select(ends, zero, self.flying);
+        self.flying = T::select(ends, zero, T::select(sound, self.flying, zero));
     }
 
     /// 1 on the second half of a straight leg, and the band of its depths.
@@ -218,15 +220,12 @@ impl<T: Real> Summary<T> {
 
     /// Turns sums into means.
     #[inline(always)]
-    pub fn finish(&mut self, state: &State<T>) {
+    pub fn finish(&mut self) {
         let one = self.settled.splat(1.0);
         for sum in [&mut self.cross_track, &mut self.vertical] {
             sum[1] = (sum[1] / self.settled.max(one)).sqrt();
         }
         let minutes = (self.duration * (1.0 / 60.0)).max(one.splat(1e-9));
         self.switches = self.switches / (minutes * self.turning.len().max(1) as f64);
-        // What diverged is not a number, whatever was summed before.
-        let finite = state.position[0] - state.position[0];
-        self.duration += finite;
     }
 }
