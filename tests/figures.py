@@ -1,9 +1,11 @@
-"""Vehicles to be drawn, the words of a figure, and whether a block diagram can be printed."""
+"""Vehicles to be drawn, the words of a figure, and whether a figure can be printed."""
 
 from __future__ import annotations
 
 from itertools import combinations
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from matplotlib.text import Text
@@ -82,3 +84,52 @@ def assert_printable(figure: Figure) -> None:
             if box.contains(one.x0 + 0.5 * one.width, one.y0 + 0.5 * one.height):
                 assert box.x0 <= one.x0, text
                 assert box.x1 >= one.x1, text
+
+
+def assert_on_page(figure: Figure) -> None:
+    """No word leaves the page, and no two words of a panel or legend lie on each other."""
+    figure.canvas.draw()
+    page = figure.bbox
+    for axes in figure.axes:
+        if not axes.axison:
+            continue
+        ticks = [*axes.get_xticklabels(), *axes.get_yticklabels()]
+        titles = [axes.title, axes._left_title, axes._right_title]  # type: ignore[attr-defined]
+        labels = [axes.xaxis.label, axes.yaxis.label, *axes.texts, *titles]
+        shown = [text for text in labels if text.get_text() and text.get_visible()]
+        for text in shown:
+            box = text.get_window_extent()
+            assert page.x0 <= box.x0, text
+            assert box.x1 <= page.x1, text
+            assert page.y0 <= box.y0, text
+            assert box.y1 <= page.y1, text
+        for one, other in combinations(shown, 2):
+            first, second = one.get_window_extent(), other.get_window_extent()
+            shared = min(first.y1, second.y1) - max(first.y0, second.y0)
+            apart = min(first.x1, second.x1) <= max(first.x0, second.x0)
+            # An extent holds the line's ascent and descent: a quarter of the height may be shared.
+            assert apart or shared <= 0.25 * min(first.height, second.height), (one, other)
+        assert ticks
+
+
+def assert_legends_beside(figure: Figure) -> None:
+    """No legend of the figure lies on a panel."""
+    figure.canvas.draw()
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        for axes in figure.axes:
+            panel = axes.get_window_extent()
+            assert box.x1 <= panel.x0 or panel.x1 <= box.x0 or box.y1 <= panel.y0 or panel.y1 <= box.y0, (
+                axes.get_title(loc="left")
+            )
+        assert figure.bbox.y0 <= box.y0
+
+
+def panel(figure: Figure, name: str) -> Axes:
+    """Panel with a title at the left."""
+    return next(axes for axes in figure.axes if axes.get_title(loc="left") == name)
+
+
+def line(axes: Axes, label: str) -> np.ndarray:
+    """Points (n, 2) of a labelled line."""
+    return np.asarray(next(one for one in axes.get_lines() if one.get_label() == label).get_xydata())

@@ -214,8 +214,10 @@ def test_files_that_do_not_fit_together_are_refused(tmp_path: Path) -> None:
         st.fly("cwolf", "cwolf", 3)  # type: ignore[arg-type]
     with pytest.raises(SimulationError, match="thrust of beluga depends on the supply voltage"):
         st.fly("beluga", "cwolf", mission(OUT))
-    with pytest.raises(VehicleError, match=r"stern|sway|heave|row"):
-        st.fly("beluga", "cwolf", mission(OUT), voltage=14.0)
+    with pytest.raises(
+        VehicleError, match="the loop heave needs the row Z, found X M N controllable on remus100"
+    ):
+        st.fly("remus100", "cwolf", mission(OUT))
 
 
 def test_a_mission_along_the_bottom_needs_one() -> None:

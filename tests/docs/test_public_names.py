@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import tomllib
 from collections.abc import Iterator
 from typing import Any
 
@@ -16,7 +17,7 @@ from seatrial import _core, campaign_file, mission
 from seatrial.cli import app
 from seatrial.recording.columns import CANONICAL, CHANNELS
 from seatrial.toml_file import Section
-from tests.docs.pages import NAMES, ROOT, text
+from tests.docs.pages import NAMES, ROOT, blocks, text
 
 INTERFACE = "docs/interface.md"
 ROW = re.compile(r"^\| `(\w+)` \|", re.MULTILINE)
@@ -117,6 +118,23 @@ def test_keys_of_the_autopilot_file_are_those_of_its_page() -> None:
     known = _keys_of_rust(*(f"{file}.rs" for file in files))
     assert {"format", "K_I_per_s", "lookahead_m", "fin_inflow", "after_s", "tracking_s"} <= known
     assert set(ROW.findall(text("docs/autopilot-file.md"))) == known
+
+
+def test_defaults_of_the_autopilot_file_are_those_of_its_page() -> None:
+    page = text("docs/autopilot-file.md")
+    least = next(block.text for block in blocks("docs/autopilot-file.md") if block.language == "toml")
+    tables = tomllib.loads(st.Autopilot.from_toml(least).to_toml())
+    compared = 0
+    for name in ("feed_forward", "guidance", "allocation", "safety"):
+        section = page[page.index(f"## `[{name}]`") :]
+        section = section[: section.index("\n## ", 1)]
+        for key, default in re.findall(
+            r"^\| `(\w+)` \| [^|]+ \| ([\d.]+|true|false) \|", section, re.MULTILINE
+        ):
+            if not isinstance(tables[name][key], dict):
+                assert tables[name][key] == tomllib.loads(f"x = {default}")["x"], key
+                compared += 1
+    assert compared > 20
 
 
 def test_every_column_channel_and_coefficient_is_in_the_conventions() -> None:

@@ -5,10 +5,12 @@ use crate::error::{VehicleError, raised, refused};
 use crate::simulate::{Run, Simulation, State, inputs};
 use pyo3::prelude::*;
 use seatrial::algebra::Vec6;
+use seatrial::allocation::authority;
+use seatrial::allocation::report::RowAuthority;
 use seatrial::current::Current;
 use seatrial::description::{Description, built_in, built_in_names};
 use seatrial::error::nearest;
-use seatrial::facts;
+use seatrial::facts::{self, Value};
 use seatrial::kinematics::rotation;
 use seatrial::linearize::{Form, linearize};
 use seatrial::vehicle::Instant;
@@ -170,6 +172,32 @@ impl Vehicle {
         let columns: Vec<Vec6<f64>> = (0..count).map(|k| self.description.wrench(k)).collect();
         let values = (0..6).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
         Array::new(&[6, columns.len()], values)
+    }
+
+    /// Per row X Y Z K M N what the actuators can command at a speed in m/s, ahead through still water.
+    ///
+    /// controllable: whether the vehicle file lists the row; share: part of a unit demand in this row alone that can be
+    /// produced with all six rows held; controlled_share: with the controllable ones held; reach: largest wrench in
+    /// positive and negative direction, N or N m; size: the row's weight over the largest singular value.
+    #[pyo3(signature = (speed = 0.0))]
+    fn authority(&self, speed: f64) -> BTreeMap<&'static str, BTreeMap<&'static str, Fact>> {
+        let found = authority(&self.description, speed);
+        let facts = |row: &RowAuthority| {
+            fact_map(BTreeMap::from([
+                ("controllable", Value::Flag(row.controllable)),
+                ("share", Value::Number(row.share)),
+                ("controlled_share", Value::Number(row.controlled_share)),
+                ("reach", Value::Vector(row.reach.to_vec())),
+                ("size", Value::Number(row.size)),
+            ]))
+        };
+        found.rows.iter().map(|row| (row.row, facts(row))).collect()
+    }
+
+    /// The same in sentences: what cannot be commanded, and what remains after the loss of each actuator.
+    #[pyo3(signature = (speed = 0.0))]
+    fn authority_sentences(&self, speed: f64) -> Vec<String> {
+        authority(&self.description, speed).sentences()
     }
 
     /// The acceleration nu' under the wrench tau, body frame, m/s2 and rad/s2.

@@ -8,10 +8,12 @@
 //!
 //! Tests: `tests/files.rs`.
 
+mod exact;
 mod fin_table;
 
 use crate::error::{Error, nearest};
 use crate::geometry::Geometry;
+pub(crate) use exact::{exactly, exactly_if_given};
 pub use fin_table::FinTable;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -198,8 +200,10 @@ pub struct Quadratic {
 #[serde(deny_unknown_fields)]
 pub struct Polynomial {
     /// a0, a1, a11 ahead.
+    #[serde(deserialize_with = "exactly")]
     pub ahead: [f64; 3],
     /// a0, a1, a11 astern (magnitudes).
+    #[serde(deserialize_with = "exactly")]
     pub astern: [f64; 3],
     /// Thrust per |n| V_a, N s²/m (negative), n in rev/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -245,13 +249,13 @@ pub struct Thruster {
     #[serde(default)]
     pub reversed: bool,
     /// Place, m: forward, starboard, down of O.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "exactly_if_given")]
     pub position_m: Option<[f64; 3]>,
     /// Direction of positive thrust, body frame.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "exactly_if_given")]
     pub direction: Option<[f64; 3]>,
     /// Wrench about O per newton, where only a configuration matrix is known.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "exactly_if_given")]
     pub wrench_per_newton: Option<[f64; 6]>,
     /// Name of its motor under `[motors]`; an ideal one when missing.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -311,3 +311,16 @@ proptest! {
         prop_assert_eq!(again(&changed).coefficients, changed.coefficients);
     }
 }
+
+/// A fourth number of a place is refused, not passed over.
+#[test]
+fn rows_of_numbers_have_their_length() {
+    let text = built_in("cwolf").unwrap();
+    let place = text.lines().find(|line| line.starts_with("position_m = [")).unwrap();
+    let longer = text.replacen(place, &place.replacen('[', "[0.0, ", 1), 1);
+    let message = Description::from_toml(&longer, "long.toml").expect_err("four numbers").to_string();
+    assert!(
+        message.contains("long.toml: line ") && message.contains("expected 3 numbers, found 4"),
+        "{message}"
+    );
+}

@@ -62,10 +62,11 @@ class Seeds:
         """Figures and endings, a row per seed."""
         import polars as pl
 
+        from seatrial.flight.figures_of_flight import CODED
+
         content = io.BytesIO()
         columns: dict[str, Any] = {"seed": self.seeds, "ending": self.endings}
-        coded = ("ending", "alert", "alert_cause")
-        columns |= {name: values for name, values in self.figures.items() if name not in coded}
+        columns |= {name: values for name, values in self.figures.items() if name not in CODED}
         pl.DataFrame(columns).write_parquet(content)
         return content.getvalue()
 

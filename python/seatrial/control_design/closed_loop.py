@@ -259,6 +259,26 @@ def step_response(of: Sampled, gain: Array, loop: str, seconds: float, *, known:
     return np.array(track)
 
 
+def reference_drive(
+    of: Sampled, laws: tuple[Array, Array], loop: str, harmonic: tuple[complex, float]
+) -> tuple[Array, NDArray[np.complex128]]:
+    """Closed loop (state, state) and what a filtered reference e^(s t) of a position loop drives (state,).
+
+    ``laws`` are K (6, 15) without and with the feed-forward at the measured attitude; ``harmonic`` is s in 1/s
+    and the inertia that is fed forward. Proportional part, rate and acceleration of the reference act.
+    """
+    s, inertia = harmonic
+    own, fed = laws
+    row = LOOPS.index(loop)
+    column, rate = {"heave": (0, 6), "roll": (1, 7), "pitch": (2, 8), "heading": (3, 9)}[loop]
+    demand = own[row, column] + s * own[row, rate] + s * s * inertia
+    drive = of.gamma[:, of.rows.index(ROWS[row])] * demand
+    integral = INTEGRATED.get(loop, (0, -1))[1]
+    if integral in of.columns:
+        drive[of.seen[of.columns.index(integral)]] -= of.period_s
+    return closed(of, fed), drive
+
+
 def _slope(vehicle: Vehicle, nu: Array, size: Array) -> Array:
     """Slope (6, 6) of damping and lift over a motion of this size about nu."""
     moved = np.concatenate([nu + np.diag(size), nu - np.diag(size)])

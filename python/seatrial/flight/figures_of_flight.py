@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 
 from seatrial._core import Flights, autopilot_names
 
-__all__ = ["DIVERGED", "ending_of", "figures_of"]
+__all__ = ["CODED", "DIVERGED", "ending_of", "figures_of"]
 
 Array = NDArray[np.float64]
 
 DIVERGED = "diverged"
+
+CODED = ("ending", "alert", "alert_cause", "alert_time_s")
+"""Figures that a single flight tells in words: its ending and its alerts."""
 
 _DEG = 180.0 / math.pi
 _NAMES = {

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
-from seatrial.flight.figures_of_flight import DIVERGED, ending_of, figures_of
+from seatrial.flight.figures_of_flight import CODED, DIVERGED, ending_of, figures_of
+from seatrial.flight.flight_log import log_fields
 from seatrial.flight.leg_figures import Leg, legs_of
 from seatrial.flight.loop_figures import ActuatorUse, Loop, actuators_of, loops_of
 from seatrial.flight.route import Route
@@ -35,7 +36,6 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-_AXES = "XYZKMN"
 _ABORT = 3
 
 
@@ -140,21 +140,7 @@ class Flight:
         case : int, optional
         """
         vehicle, autopilot, mission, route = flown
-        log = np.asarray(flights.log(case))
-        columns = dict(zip(flights.columns, log.T, strict=True))
         figures = figures_of(flights)
-        modes = autopilot.modes
-
-        def several(*names: str) -> Array:
-            return np.stack([columns[name] for name in names], axis=1)
-
-        def numbers(name: str) -> Numbers:
-            return np.asarray(np.nan_to_num(columns[name]).astype(np.int64))
-
-        desired = {name: columns[f"desired_{name}"] for name in _DESIRED}
-        mode = np.clip(numbers("mode"), 0, len(modes) - 1)
-        by_pitch = np.array([one["depth_by"] == "pitch" for one in modes])[mode]
-        ending = ending_of(figures, case)
         return cls(
             vehicle=vehicle,
             autopilot=autopilot,
@@ -163,30 +149,9 @@ class Flight:
             circumstances=circumstances,
             period_s=autopilot.period_s,
             t=np.asarray(flights.t(case)),
-            position=several("x", "y", "z"),
-            euler=several("roll", "pitch", "yaw"),
-            nu=several("u", "v", "w", "p", "q", "r"),
-            altitude=columns["altitude"],
-            water=several("u_water", "v_water", "w_water"),
-            measured={name: columns[f"measured_{name}"] for name in autopilot_names()["channels"]},
-            desired=desired,
-            errors=_errors(columns, desired, by_pitch),
-            distance=columns["distance"],
-            leg=numbers("leg"),
-            holding=columns["holding"] > 0.5,
-            done=columns["done"] > 0.5,
-            mode=mode,
-            modes=tuple(str(one["name"]) for one in modes),
-            alert=numbers("alert"),
-            cause=numbers("cause"),
-            commands={name: columns[f"cmd.{name}"] for name in vehicle.actuators},
-            actuators={name: columns[f"act.{name}"] for name in vehicle.actuators},
-            demanded=several(*(f"demanded_{axis}" for axis in _AXES)),
-            achieved=several(*(f"achieved_{axis}" for axis in _AXES)),
-            power=columns["power"],
-            battery=columns["battery"],
-            ending=ending,
-            figures={name: float(values[case]) for name, values in figures.items()},
+            ending=ending_of(figures, case),
+            figures={name: float(values[case]) for name, values in figures.items() if name not in CODED},
+            **log_fields(flights, vehicle, autopilot, case),
         )
 
     @property
@@ -293,21 +258,3 @@ class Flight:
 
     def __str__(self) -> str:
         return "\n".join(self.sentences())
-
-
-_DESIRED = ("speed", "lateral", "heading", "pitch", "depth")
-
-
-def _errors(columns: Mapping[str, Array], desired: Mapping[str, Array], by_pitch: Mask) -> dict[str, Array]:
-    """Errors of guidance as it saw them, and of the loops, desired less true."""
-    pitch = np.where(by_pitch, desired["pitch"], 0.0)
-    return {
-        "cross_track": columns["cross_track"],
-        "vertical": columns["vertical_error"],
-        "surge": desired["speed"] - columns["u"],
-        "sway": desired["lateral"] - columns["v"],
-        "heave": desired["depth"] - columns["z"],
-        "roll": -columns["roll"],
-        "pitch": pitch - columns["pitch"],
-        "heading": (desired["heading"] - columns["yaw"] + np.pi) % (2.0 * np.pi) - np.pi,
-    }

@@ -103,7 +103,10 @@ def _power(axes: Axes, flight: Flight) -> None:
     energy = float(flight.energy_wh[-1])
     mean = 3600.0 * energy / max(float(flight.t[-1] - flight.t[0]), 1e-9)
     axes.set_title("power", loc="left", fontweight="bold")
-    axes.set_title(f"{energy:.3g} Wh, {mean:.3g} W on average", loc="right", fontsize=7.5, color="#404040")
+    if math.isfinite(energy):
+        axes.set_title(
+            f"{energy:.3g} Wh, {mean:.3g} W on average", loc="right", fontsize=7.5, color="#404040"
+        )
 
 
 def _legend(figure: Figure, flight: Flight, groups: list[Motor]) -> None:

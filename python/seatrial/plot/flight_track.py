@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from seatrial.plot.flight_time import event_lines, events, leg_lines, line, mode_style, spans
 from seatrial.plot.plan_page import BOTTOM, current_arrow, layout, page_legend, page_title, profile_axes
-from seatrial.plot.plan_view import extent, new_plan, waypoints
+from seatrial.plot.plan_view import extent, mark_size, new_plan, waypoints
 from seatrial.plot.planned_path import planned_path
 from seatrial.plot.style import MEASURED, RESIDUAL, SECOND, SIMULATED, house_style, new_figure, panel_title
 
@@ -128,7 +128,7 @@ def _depth(axes: Axes, flight: Flight, path: PlannedPath) -> None:
         np.concatenate([[path.places[0, 2]], planned]),
         "s",
         color=MEASURED,
-        markersize=3.0 if len(rows) < 60 else 1.6,
+        markersize=mark_size(len(rows)),
         zorder=4,
     )
     wanted = np.where(flight.done | (flight.alert >= 3), np.nan, flight.desired["depth"])

@@ -1,6 +1,6 @@
 """The plan of a mission: from above with fence, farms, patterns and stops, and the depth along the way.
 
-Held by `tests/test_flight_figures.py`.
+Held by `tests/test_mission_plan.py`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.plot.plan_page import BOTTOM, layout, page_legend, page_title, profile_axes
-from seatrial.plot.plan_view import extent, new_plan, waypoints
+from seatrial.plot.plan_view import extent, mark_size, new_plan, waypoints
 from seatrial.plot.planned_path import bottom_depth, patterns, planned_path
 from seatrial.plot.style import CYCLE, MEASURED, RESIDUAL, SIMULATED, house_style, new_figure, panel_title
 
@@ -231,7 +231,7 @@ def _profile(axes: Axes, mission: Mission, path: PlannedPath, seabed: Seabed | N
         return
     depth = path.points[:, 2]
     axes.plot(along, depth, color=SIMULATED)
-    size = 3.0 if len(at) < 60 else 1.6
+    size = mark_size(len(at))
     axes.plot(at, path.places[:, 2], "s", color=MEASURED, markersize=size, zorder=4, clip_on=False)
     deepest = float(np.nanmax(path.places[:, 2]))
     bottom = np.array([bottom_depth(point, seabed) for point in path.points])

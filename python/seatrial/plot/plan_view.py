@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from seatrial.plot.planned_path import PlannedPath
 
-__all__ = ["Plan", "extent", "new_plan", "waypoints"]
+__all__ = ["Plan", "extent", "mark_size", "new_plan", "waypoints"]
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -73,6 +73,11 @@ def new_plan(figure: Figure, box_in: Box, corners: tuple[Array, Array]) -> Plan:
     return Plan(axes, box_in, scale)
 
 
+def mark_size(count: int) -> float:
+    """Size of so many waypoints' squares, points."""
+    return 3.0 if count <= _MOST_CIRCLES else 1.6 if count <= 2 * _MOST_CIRCLES else 0.9
+
+
 def waypoints(plan: Plan, path: PlannedPath, acceptance: ArrayLike, *avoid: ArrayLike) -> None:
     """Planned path with its waypoints, their spheres of acceptance and as many names as find room.
 
@@ -96,7 +101,7 @@ def waypoints(plan: Plan, path: PlannedPath, acceptance: ArrayLike, *avoid: Arra
         zorder=2.2,
     )
     places = path.places[1:]
-    size = 3.0 if len(places) <= _MOST_CIRCLES else 1.6
+    size = mark_size(len(places))
     axes.plot(places[:, 1], places[:, 0], "s", color=MEASURED, markersize=size, zorder=2.4, label="waypoint")
     _spheres(plan, places, np.asarray(acceptance, dtype=float))
     _names(plan, path, [path.points, *avoid])

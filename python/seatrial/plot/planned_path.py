@@ -1,6 +1,6 @@
 """The path that a mission plans, as it is drawn: straight legs, circles joined where the vehicle meets them.
 
-Held by `tests/test_flight_figures.py`.
+Held by `tests/test_mission_plan.py`.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ use crate::guidance::GuidanceTable;
 use crate::lqr::LqrTable;
 use crate::safety::SafetyTable;
 use crate::schedule::POINTS;
-use crate::vehicle_file::parsed;
+use crate::vehicle_file::{exactly, parsed};
 use serde::{Deserialize, Serialize};
 
 /// An autopilot as written in its file.
@@ -72,6 +72,7 @@ pub enum Control {
 #[serde(deny_unknown_fields)]
 pub struct ScheduleTable {
     /// Desired speeds, m/s, strictly increasing.
+    #[serde(deserialize_with = "exactly")]
     pub speeds_m_s: [f64; POINTS],
 }
 
@@ -167,7 +168,7 @@ pub enum Gain {
     /// The same everywhere.
     Constant(f64),
     /// Per supporting point.
-    Points([f64; POINTS]),
+    Points(#[serde(deserialize_with = "exactly")] [f64; POINTS]),
 }
 
 impl Default for Gain {

@@ -2,6 +2,7 @@
 //!
 //! Tests: `tests/files.rs`, `tests/test_scalar_textbook.py`.
 
+use super::exactly;
 use serde::{Deserialize, Serialize};
 
 /// A movable fin: where it is, its shape and its servo. Its command is the deflection in rad.
@@ -20,11 +21,13 @@ pub struct FinTable {
     #[serde(default)]
     pub reversed: bool,
     /// Place of the centre of pressure, m: forward, starboard, down of O.
+    #[serde(deserialize_with = "exactly")]
     pub position_m: [f64; 3],
     /// To the leading edge at zero deflection, body frame.
-    #[serde(default = "forward")]
+    #[serde(default = "forward", deserialize_with = "exactly")]
     pub chord: [f64; 3],
     /// Where a positive deflection moves the leading edge and, under way ahead, the force.
+    #[serde(deserialize_with = "exactly")]
     pub normal: [f64; 3],
     /// Planform area, m².
     pub area_m2: f64,

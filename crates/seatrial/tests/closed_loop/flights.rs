@@ -154,3 +154,29 @@ fn law_closed_loop_faults_act_from_their_time() {
     assert!(stuck[401].abs() > 100.0, "{}", stuck[401]);
     assert!(put[501..].iter().all(|n| *n == -300.0));
 }
+
+/// A vehicle that hovers looks two ways from one place, and then the mission is complete.
+#[test]
+fn law_closed_loop_turns_on_the_spot() {
+    let hold = |heading: f64| {
+        format!(
+            "[[legs]]\nnorth_m = 15.0\neast_m = 0.0\ndepth_m = 5.0\nhold_s = 40.0\nheading_deg = {heading}\n"
+        )
+    };
+    let mission = format!(
+        "format = 1\nname = \"look\"\nspeed_m_s = 0.5\nacceptance_radius_m = 1.0\n{}{}",
+        hold(0.0),
+        hold(90.0)
+    );
+    let trip = Trip::of("bluerov2-heavy", built_in("bluerov2-heavy").expect("built in"), &mission);
+    let outcome = trip.one(case([0.0, 0.1, 0.0]));
+    assert_eq!(outcome.summary.ending, 1.0, "{:?}", outcome.summary);
+    let (leg, yaw) = (column(&trip, &outcome, "leg"), column(&trip, &outcome, "yaw"));
+    let first = leg.iter().filter(|leg| **leg == 0.0).count();
+    assert!(yaw[first - 1].abs() < 0.05, "{}", yaw[first - 1]);
+    let last = yaw[yaw.len() - 1];
+    assert!((last - std::f64::consts::FRAC_PI_2).abs() < 0.05, "{last}");
+    let (x, y) = (column(&trip, &outcome, "x"), column(&trip, &outcome, "y"));
+    let away = (x[x.len() - 1] - 15.0).hypot(y[y.len() - 1]);
+    assert!(away < 0.3, "{away}");
+}

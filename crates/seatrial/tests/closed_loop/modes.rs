@@ -57,6 +57,8 @@ fn law_autopilot_files_are_refused_with_their_key() {
         ("hysteresis_m_s = 0.2", "hysteresis_m_s = 0.9", "hysteresis_m_s: expected from zero to below"),
         ("K_P = 23.7", "K_P = -23.7", "loops.heave.K_P: expected numbers from zero on"),
         ("K_P = 23.7", "K_P = [1.0, 2.0]", "expected one number, or six"),
+        ("K_P = 23.7", "K_P = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]", "expected one number, or six"),
+        ("3.0, 5.0]", "3.0, 5.0, 7.0]", "expected 6 numbers, found 7"),
         ("tau_max = 50.0", "tau_max = 0.0", "loops.heave.tau_max: expected a positive number"),
         ("[loops.heave]", "[loops.heav]", "did you mean \"heave\"?"),
         ("format = 1", "format = 2", "this version reads format = 1"),

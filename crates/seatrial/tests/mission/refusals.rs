@@ -214,7 +214,7 @@ fn legs_without_length_are_refused() {
         "leg 1: \"waypoint 1\": acceptance_radius_m: expected less than the 0.500 m from the start, found 1",
     );
     leg(
-        "north_m = 20; east_m = 0; hold_s = 5",
+        "north_m = 20; east_m = 0",
         "\"waypoint 2\": expected another place than that of \"waypoint 1\" before it",
     );
     file("legs = []", "legs: expected at least one [[legs]] table, found none");
@@ -250,4 +250,19 @@ fn keys_are_refused_with_their_leg_or_line_and_the_nearest_name() {
     let future =
         Mission::from_toml("format = 2\nspeed_kn = 3\n", "x.toml").expect_err("a later format").to_string();
     assert!(future.contains("format: this version reads format = 1, found 2"), "{future}");
+}
+
+/// Looking round from one place is a mission: holds may follow each other there, plain waypoints may not.
+#[test]
+fn law_holds_may_follow_each_other_at_one_place() {
+    let leg = |extra: &str| format!("[[legs]]\nnorth_m = 10.0\neast_m = 0.0\ndepth_m = 2.0\n{extra}\n");
+    let mission = |second: &str| {
+        let head = "format = 1\nname = \"look\"\nspeed_m_s = 0.5\nacceptance_radius_m = 1.0\n";
+        let first = leg("hold_s = 5.0\nheading_deg = 0.0");
+        seatrial::mission::Mission::from_toml(&format!("{head}{first}{}", leg(second)), "look.toml")
+    };
+    let looking = mission("hold_s = 5.0\nheading_deg = 90.0").expect("a turn on the spot");
+    assert_eq!(looking.waypoints.len(), 2);
+    let message = mission("").expect_err("nothing to do there").to_string();
+    assert!(message.contains("expected another place"), "{message}");
 }
