@@ -361,6 +361,18 @@ class Vehicle:
         """
         Wrench about O per newton of each actuator, shape (6, actuators).
         """
+    def authority(self, /, speed: SupportsFloat | SupportsIndex = 0.0) -> dict[str, dict[str, Any]]:
+        """
+        Per row X Y Z K M N what the actuators can command at a speed in m/s, ahead through still water.
+
+        controllable: whether the vehicle file lists the row; share: part of a unit demand in this row alone that can be
+        produced with all six rows held; controlled_share: with the controllable ones held; reach: largest wrench in
+        positive and negative direction, N or N m; size: the row's weight over the largest singular value.
+        """
+    def authority_sentences(self, /, speed: SupportsFloat | SupportsIndex = 0.0) -> list[str]:
+        """
+        The same in sentences: what cannot be commanded, and what remains after the loss of each actuator.
+        """
     def coefficient_info(self, /) -> dict[str, dict[str, Any]]:
         """
         Per coefficient, absent ones too: unit, start value, default bounds (lower, upper), description.

@@ -113,8 +113,8 @@ def check_mission(
     >>> from seatrial.cli.new import EXAMPLES
     >>> mission = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> found = check_mission(mission, vehicle=st.Vehicle.load("cwolf"))
-    >>> round(found.length_m), round(found.energy.total_wh)
-    (452, 24)
+    >>> round(found.length_m), found.warnings
+    (452, ())
     """
     speeds = [float(speed) for speed in np.unique(mission.waypoints["speed_m_s"])]
     powers = _powers(vehicle, speeds, voltage_v) if vehicle is not None else {}

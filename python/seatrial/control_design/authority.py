@@ -160,12 +160,15 @@ def delays(vehicle: Vehicle, rows: str) -> dict[str, Delay]:
     return found
 
 
-def mixing(vehicle: Vehicle, rows: Sequence[str]) -> Array:
+def mixing(vehicle: Vehicle, rows: Sequence[str], actuators: Sequence[str] | None = None) -> Array:
     """Full wrench (6, rows) per unit of each commanded row: what the least-squares allocation brings along.
 
-    A fin at the stern that gives a pitch moment gives a heave force, too.
+    A fin at the stern that gives a pitch moment gives a heave force, too. ``actuators`` are those at work, all
+    by default.
     """
     matrix = np.asarray(vehicle.allocation_matrix())
+    if actuators is not None:
+        matrix = matrix * np.array([name in actuators for name in vehicle.actuators])
     chosen = [ROWS.index(row) for row in rows]
     full: Array = matrix @ np.linalg.pinv(matrix[chosen], rcond=1e-3)
     full[np.abs(full) < 1e-12] = 0.0

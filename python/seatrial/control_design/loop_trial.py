@@ -40,11 +40,14 @@ from seatrial.control_design.trim import Trim, trim
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["OVERSHOOT", "PHASE_DEG", "Trial"]
+__all__ = ["CURRENT_M_S", "OVERSHOOT", "PHASE_DEG", "Trial"]
 
 Array = NDArray[np.float64]
 
 OVERSHOOT, PHASE_DEG = 0.24, 35.0
+CURRENT_M_S = 0.3
+"""Current that the gains are made for."""
+
 _SETTLED = 0.05
 _SETTLING = 90.0  # times 1/bandwidth
 _FACTORS = (1.0, 0.9, 0.8, 1.25, 0.7, 1.6, 0.6, 0.5, 2.0, 0.4)
@@ -112,10 +115,7 @@ class Trial:
         row = ROWS[LOOPS.index(loop)]
         inertia = float(np.asarray(self.vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
         damping = min(_damping(of, row) for of in plants.values())
-        # Held on its depth, a pitched hull meets the flow at its pitch angle: the Munk moment upsets it.
-        upset = max(
-            (_upset(of, speed) for of in plants.values() if row == "M" and "Z" in of.rows), default=0.0
-        )
+        upset = max((self._upset(of, speed) for of in plants.values() if row == "M"), default=0.0)
         usual = USUAL_ERROR.get(loop, USUAL_SHARE * self.top_m_s)
         late = self.late[row].total_s
         righting = restoring_law(self.vehicle, row)[ROWS.index(row), _TILT.get(row, 1)]
@@ -123,6 +123,23 @@ class Trial:
         # No more than what the reach can hold at twice the usual error.
         held = min(stiffness, 2.0 * tau_max[row] / usual) if row in _TILT else 0.0
         return Axis(inertia, inertia * damping, held, late, tau_max[row], usual)
+
+    def _upset(self, of: Plant, speed: float) -> float:
+        """Stiffness over inertia, 1/s^2, with which a pitched hull is upset while its depth is held.
+
+        It meets the flow at its pitch angle, and the Munk moment turns it further. Gains go by the speed over
+        ground: a current ahead adds to it in the water.
+        """
+        if "Z" not in of.rows:
+            return 0.0
+        most = max(abs(speed), self.top_m_s)
+        found = 0.0
+        for u in (speed, np.copysign(min(abs(speed) + CURRENT_M_S, most), speed)):
+            mode_loops = tuple(LOOPS[ROWS.index(row)] for row in of.rows)
+            nu = np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0])
+            there = plant(self.vehicle, Trim(u, of.rows, np.zeros(3), nu, np.zeros(6)), mode_loops)
+            found = max(found, _upset(there, u))
+        return found
 
     def _passes(
         self,
@@ -187,4 +204,5 @@ def _flight(vehicle: Vehicle, speed: float, mode: Mode) -> Trim:
     """The trim of a mode, or level motion where there is none."""
     rows = "".join(ROWS[LOOPS.index(loop)] for loop in LOOPS if loop in mode.loops)
     nu = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
-    return trim(vehicle, speed, rows) or Trim(speed, rows, np.zeros(3), nu, np.zeros(6))
+    level = Trim(speed, rows, np.zeros(3), nu, np.zeros(6), mode.actuators)
+    return trim(vehicle, speed, rows, mode.actuators) or level

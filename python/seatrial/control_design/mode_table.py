@@ -1,8 +1,9 @@
 """Modes and supporting speeds that suit a vehicle, from the rows that its actuators can command.
 
 A vehicle that commands the heave force hovers. A frame that also commands the sway force cruises as it
-hovers, without swaying; any other pitches under way, with its depth by pitch. The supporting speeds span
-95 % of the reachable range; those of a vehicle that cannot hover begin where it flies level. Held by
+hovers, without swaying; any other pitches under way, with its depth by pitch, by the actuators that drive it
+and its fins: a vertical thruster that only helped the pitch moment would keep crossing its minimum
+revolutions. The supporting speeds span 95 % of the reachable range; those of a vehicle that cannot hover begin where it flies level. Held by
 tests/test_control_design_start.py.
 """
 
@@ -46,6 +47,8 @@ class Mode:
     loops: tuple[str, ...]
     depth_by: str
     from_speed_m_s: float | None = None
+    actuators: tuple[str, ...] | None = None
+    """Those at work; all when missing."""
 
 
 def top_speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[float, float]:
@@ -92,8 +95,19 @@ def mode_table(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> tuple[M
         modes.append(Mode("cruise", without, "heave", CRUISE * top[1]))
     elif "M" in rows:
         start = max(_slowest(vehicle, rows, top[1]), CRUISE * top[1]) if hovers else None
-        modes.append(Mode("cruise", cruising, "pitch", start))
+        driving = _driving(vehicle, "".join(ROWS[LOOPS.index(loop)] for loop in cruising)) if hovers else None
+        modes.append(Mode("cruise", cruising, "pitch", start, driving))
     return tuple(modes)
+
+
+def _driving(vehicle: Vehicle, rows: str) -> tuple[str, ...] | None:
+    """Actuators that drive, and fins, where they are not all and command the rows without the others."""
+    facts = vehicle.actuator_info()
+    names = [name for name in vehicle.actuators if name in drivers(vehicle) or facts[name]["kind"] == "fin"]
+    matrix = np.asarray(vehicle.allocation_matrix())[[ROWS.index(row) for row in rows]]
+    matrix = matrix[:, [vehicle.actuators.index(name) for name in names]]
+    alone = np.linalg.matrix_rank(matrix, tol=0.1 * float(np.abs(matrix).max())) == len(rows)
+    return tuple(names) if alone and len(names) < len(vehicle.actuators) else None
 
 
 def flies(mode: Mode, modes: tuple[Mode, ...], speed: float) -> bool:

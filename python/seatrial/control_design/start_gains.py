@@ -2,8 +2,11 @@
 
 Which loops there are follows from the rows that the actuators can command; gains are placed by
 `seatrial.control_design.loop_gains` and tried by `seatrial.control_design.loop_trial`. The largest demand
-of a row is 80 % of its reach, half of it where the actuators that give it also drive ahead. Held by
-tests/test_control_design_start.py.
+of a row is 80 % of its reach, half of it where the actuators that give it also drive ahead.
+
+The reference filters are five times as fast as their position loops: they hold back a jump, not the
+guidance. A loop has at most 0.2/T of the delay T of its actuators, so that these can still follow a reference
+of 1/T. Held by tests/test_control_design_start.py.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from seatrial.check.actuators import NOMINAL_V
 from seatrial.check.performance import drivers
 from seatrial.check.stability import neutral_fins
 from seatrial.control_design.authority import LOOPS, ROWS, Delay, commandable, delays, reach
-from seatrial.control_design.loop_gains import LoopGain
+from seatrial.control_design.loop_gains import LoopGain, kind
 from seatrial.control_design.loop_trial import Trial
 from seatrial.control_design.mode_table import CRUISE, Mode, flies, mode_table, supporting_speeds, top_speeds
 
@@ -30,7 +33,7 @@ __all__ = ["LoopStart", "StartGains", "start_gains"]
 Array = NDArray[np.float64]
 
 _SHARED, _ALONE = 0.5, 0.8  # share of the reach for a row whose actuators also drive ahead, and for another
-_REFERENCE = 1.2  # natural frequency of the reference filter over the bandwidth
+_REFERENCE = {"position": 5.0, "speed": 2.0}  # natural frequency of the reference filter over the bandwidth
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,8 @@ class LoopStart:
 class StartGains:
     """Start values of an autopilot; ``left_out`` says per row why it is not commanded.
 
-    ``weak`` lists mode, speed and loops where no bandwidth met the demands on margins and step response.
+    ``late`` is per row the delay that the gains are made for; ``weak`` lists mode, speed and loops where no
+    bandwidth met the demands on margins and step response.
     """
 
     speeds_m_s: tuple[float, ...]
@@ -55,6 +59,7 @@ class StartGains:
     modes: tuple[Mode, ...]
     left_out: dict[str, str]
     period_s: float
+    late: dict[str, Delay]
     weak: tuple[str, ...] = field(default=())
 
 
@@ -119,9 +124,9 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
             for u, gain in zip(speeds, placed, strict=True)
             if u > -CRUISE * top[1] and any(loop in m.loops and flies(m, modes, u) for m in modes)
         ]
-        reference = _REFERENCE * float(np.median(used or [gain.bandwidth for gain in placed]))
+        reference = _REFERENCE[kind(loop)] * float(np.median(used or [gain.bandwidth for gain in placed]))
         loops[loop] = LoopStart(tuple(placed), largest[ROWS[LOOPS.index(loop)]], reference)
-    return StartGains(tuple(speeds), top, loops, modes, left_out, period_s, tuple(weak))
+    return StartGains(tuple(speeds), top, loops, modes, left_out, period_s, late, tuple(weak))
 
 
 def _with_hold(delay: Delay, period_s: float) -> Delay:

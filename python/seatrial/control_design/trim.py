@@ -33,7 +33,7 @@ _BALANCED = 1e-6  # of the mass times 1 m/s^2
 class Trim:
     """Attitude (3,) roll, pitch, yaw in rad, nu (6,) in m/s and rad/s, and wrench tau (6,) of the actuators.
 
-    ``rows`` are the commanded ones; the others of ``tau`` are what the actuators bring along.
+    ``rows`` are the commanded ones; the others of ``tau`` are what the actuators at work bring along.
     """
 
     speed_m_s: float
@@ -41,9 +41,12 @@ class Trim:
     attitude: Array
     nu: Array
     tau: Array
+    actuators: tuple[str, ...] | None = None
 
 
-def trim(vehicle: Vehicle, speed_m_s: float, rows: str) -> Trim | None:
+def trim(
+    vehicle: Vehicle, speed_m_s: float, rows: str, actuators: tuple[str, ...] | None = None
+) -> Trim | None:
     """Straight flight at constant depth and speed over ground in still water; None where there is none.
 
     Parameters
@@ -53,6 +56,8 @@ def trim(vehicle: Vehicle, speed_m_s: float, rows: str) -> Trim | None:
         Horizontal speed, m/s; negative is astern.
     rows : str
         Commanded rows of the wrench, letters of XYZKMN.
+    actuators : tuple of str
+        Those at work; all by default.
 
     Examples
     --------
@@ -81,8 +86,8 @@ def trim(vehicle: Vehicle, speed_m_s: float, rows: str) -> Trim | None:
         force = sum(np.asarray(term) for term in vehicle.forces(nu, attitude).values())
         held = neutral_fins(vehicle, nu[None])[0]
         chosen = [ROWS.index(row) for row in rows]
-        along = mixing(vehicle, rows) @ -(force + held)[chosen] if chosen else np.zeros(6)
-        return Trim(speed_m_s, rows, attitude, nu, held + along)
+        along = mixing(vehicle, rows, actuators) @ -(force + held)[chosen] if chosen else np.zeros(6)
+        return Trim(speed_m_s, rows, attitude, nu, held + along, actuators)
 
     def residual(x: Array) -> Array:
         at = flight(x)
