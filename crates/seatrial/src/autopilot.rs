@@ -28,7 +28,7 @@ use crate::navigation::Measurement;
 use crate::pid::{Pid, PidState};
 use crate::real::Real;
 use crate::reference_filter::Reference;
-use crate::safety::{Alert, Circumstances, Reaction, watch};
+use crate::safety::{Alert, Approach, Circumstances, Reaction, watch};
 use crate::schedule::POINTS;
 use crate::vehicle::{Structure, Vehicle};
 use file::{Control, DepthBy};
@@ -79,6 +79,7 @@ pub struct AutopilotState<T> {
     allocator: Allocator<T>,
     usable: Vec<T>,
     monitor: Monitor<T>,
+    approach: Approach<T>,
     /// Commands as signals: in the unit of the command, from neutral, positive ahead.
     pub signals: Vec<T>,
 }
@@ -96,6 +97,8 @@ pub struct Thought<T> {
     pub demanded: Vec6<T>,
     /// What the allocation reaches of them.
     pub achieved: Vec6<T>,
+    /// The actuators that have been given up: the sum of 2^i over them.
+    pub given_up: T,
     /// Largest of the smallest distances to the waypoints that are done with, m.
     pub missed_by: T,
     /// 1 when there is nothing more to do: the mission is complete, or the vehicle has surfaced.
@@ -172,6 +175,7 @@ impl<T: Real> Autopilot<T> {
             allocator,
             usable: vec![unit; count],
             monitor: Monitor::new(&self.model, &self.limits, self.settings.file.period_s, unit),
+            approach: Approach::new(unit),
             signals: vec![unit; count],
         }
     }
@@ -210,9 +214,11 @@ impl<T: Real> Autopilot<T> {
                 time: state.steps as f64 * dt,
                 altitude_leg: self.altitude_leg(state),
                 failed: state.monitor.any_failed(),
+                stalled: state.approach.stalled,
             },
         );
         let mut desired = self.guide(state, measured, was.level);
+        state.approach.see((desired.leg, desired.distance), state.progress.busy(), dt);
         let [roll, pitch, yaw] = measured.attitude();
         let surfaced = self.react(state, measured, &mut desired);
 
@@ -285,6 +291,7 @@ impl<T: Real> Autopilot<T> {
             alert: state.alert,
             demanded,
             achieved: state.achieved,
+            given_up: state.monitor.given_up(),
             missed_by: state.progress.farthest_miss(),
             ended: flag(T::either(surfaced, T::both(state.alert.level.lt(half), half.lt(desired.done)))),
         }

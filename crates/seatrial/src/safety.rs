@@ -6,6 +6,7 @@
 //! | `depth`, `altitude`, `fence`, `time` | a limit of the mission is passed |
 //! | `battery` | less than the share is left |
 //! | `actuator` | an actuator does not follow its command |
+//! | `progress` | the active waypoint has come no nearer for so many seconds |
 //!
 //! The reactions are ordered, hold < surface < abort. The strongest that was called for stays: a vehicle that turns
 //! back at a limit must not take up its mission again. *Hold* keeps the station, or circles where the vehicle cannot;
@@ -37,7 +38,7 @@ pub enum Reaction {
 pub const REACTIONS: [&str; 4] = ["continue", "hold", "surface", "abort"];
 
 /// The number of watches.
-pub const WATCHES: usize = 12;
+pub const WATCHES: usize = 13;
 
 /// The names of the watches; cause `i + 1` is watch `i`, cause 0 is none.
 pub const WATCH_NAMES: [&str; WATCHES] = [
@@ -53,13 +54,14 @@ pub const WATCH_NAMES: [&str; WATCHES] = [
     "time",
     "battery",
     "actuator",
+    "progress",
 ];
 
-/// A group whose samples may fail to come.
+/// What should come, samples or the waypoint, and does not.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Stale {
-    /// Without a good sample for so long, s.
+    /// Without it for so long, s.
     pub after_s: f64,
     /// What is done then.
     pub reaction: Reaction,
@@ -119,6 +121,8 @@ pub struct SafetyTable {
     pub battery: Battery,
     /// An actuator does not follow.
     pub actuator: ActuatorWatch,
+    /// The waypoint comes no nearer.
+    pub progress: Stale,
 }
 
 impl Default for SafetyTable {
@@ -139,6 +143,7 @@ impl Default for SafetyTable {
             time: Reaction::Surface,
             battery: Battery { below: 0.1, reaction: Reaction::Surface },
             actuator: ActuatorWatch { deviation: 0.2, after_s: 2.0, reaction: Reaction::Continue },
+            progress: stale(120.0, Reaction::Surface),
         }
     }
 }
@@ -154,6 +159,7 @@ impl SafetyTable {
             ("surfaced_above_m".to_owned(), self.surfaced_above_m),
             ("actuator.after_s".to_owned(), self.actuator.after_s),
             ("actuator.deviation".to_owned(), self.actuator.deviation),
+            ("progress.after_s".to_owned(), self.progress.after_s),
         ];
         let wrong = times.chain(others).find(|(_, x)| x.is_nan() || *x <= 0.0);
         if let Some((key, x)) = wrong {
@@ -179,8 +185,9 @@ impl SafetyTable {
 
     fn reactions(&self) -> [Reaction; WATCHES] {
         let [a, b, c, d, e, f] = self.stale().map(|s| s.reaction);
-        let (battery, actuator) = (self.battery.reaction, self.actuator.reaction);
-        [a, b, c, d, e, f, self.depth, self.altitude, self.fence, self.time, battery, actuator]
+        let (battery, actuator, progress) =
+            (self.battery.reaction, self.actuator.reaction, self.progress.reaction);
+        [a, b, c, d, e, f, self.depth, self.altitude, self.fence, self.time, battery, actuator, progress]
     }
 }
 
@@ -213,6 +220,39 @@ pub struct Circumstances<'a, T> {
     pub altitude_leg: T,
     /// 1 when an actuator has been declared failed.
     pub failed: T,
+    /// For how long the active waypoint has come no nearer, s.
+    pub stalled: T,
+}
+
+/// How the active waypoint comes nearer.
+#[derive(Clone, Copy, Debug)]
+pub struct Approach<T> {
+    leg: T,
+    nearest: T,
+    /// For how long it has come no nearer, s.
+    pub stalled: T,
+}
+
+/// A waypoint counts as nearer by this much, m: more than the noise of a position.
+const NEARER_M: f64 = 0.5;
+
+impl<T: Real> Approach<T> {
+    /// Nothing seen yet.
+    pub fn new(unit: T) -> Self {
+        Self { leg: unit.splat(-1.0), nearest: unit.zero(), stalled: unit.zero() }
+    }
+
+    /// After `dt` more seconds at a distance from the waypoint `leg`; no time runs while the vehicle is `busy` there.
+    #[inline(always)]
+    pub fn see(&mut self, (leg, distance): (T, T), busy: T, dt: f64) {
+        let zero = distance.zero();
+        let other = zero.splat(0.5).lt((leg - self.leg).abs().max(busy));
+        let nearer = distance.lt(self.nearest - NEARER_M);
+        let fresh = T::either(other, nearer);
+        self.nearest = T::select(fresh, distance, self.nearest);
+        self.stalled = T::select(fresh, zero, self.stalled + dt);
+        self.leg = leg;
+    }
 }
 
 /// The alert after one more look.
@@ -245,6 +285,7 @@ pub fn watch<T: Real>(
     called[9] = flag(zero.splat(limits.time).lt(zero.splat(around.time)));
     called[10] = flag(measured.battery.lt(zero.splat(table.battery.below)));
     called[11] = around.failed;
+    called[12] = flag(zero.splat(table.progress.after_s).lt(around.stalled));
     let mut next = *alert;
     for (i, reaction) in table.reactions().into_iter().enumerate() {
         let level = zero.splat(f64::from(reaction as u8));

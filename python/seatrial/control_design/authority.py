@@ -163,8 +163,8 @@ def delays(vehicle: Vehicle, rows: str) -> dict[str, Delay]:
 def mixing(vehicle: Vehicle, rows: Sequence[str], actuators: Sequence[str] | None = None) -> Array:
     """Full wrench (6, rows) per unit of each commanded row: what the least-squares allocation brings along.
 
-    A fin at the stern that gives a pitch moment gives a heave force, too. ``actuators`` are those at work, all
-    by default.
+    A fin at the stern that gives a pitch moment gives a heave force, too. ``actuators`` are those at work,
+    all by default.
     """
     matrix = np.asarray(vehicle.allocation_matrix())
     if actuators is not None:

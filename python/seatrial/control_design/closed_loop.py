@@ -264,8 +264,8 @@ def reference_drive(
 ) -> tuple[Array, NDArray[np.complex128]]:
     """Closed loop (state, state) and what a filtered reference e^(s t) of a position loop drives (state,).
 
-    ``laws`` are K (6, 15) without and with the feed-forward at the measured attitude; ``harmonic`` is s in 1/s
-    and the inertia that is fed forward. Proportional part, rate and acceleration of the reference act.
+    ``laws`` are K (6, 15) without and with the feed-forward at the measured attitude; ``harmonic`` is s in
+    1/s and the inertia that is fed forward. Proportional part, rate and acceleration of the reference act.
     """
     s, inertia = harmonic
     own, fed = laws

@@ -68,7 +68,9 @@ def lookahead(
     tau = 3.0 / reference_rad_s
     for _ in range(_ROUNDS):
         crossover = 1.0 / (CROSSINGS * tau)
-        tau = 0.5 * tau + 0.5 * following_delay(system, both, (loop, speed, inertia), reference_rad_s, crossover)
+        tau = 0.5 * tau + 0.5 * following_delay(
+            system, both, (loop, speed, inertia), reference_rad_s, crossover
+        )
     return CROSSINGS * speed * tau, tau
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from seatrial.control_design.authority import LOOPS
 from seatrial.control_design.closed_loop import INTEGRATED, STATES
 
-__all__ = ["USUAL_ERROR", "LoopGain", "law", "loop_gain"]
+__all__ = ["USUAL_ERROR", "LoopGain", "law", "loop_gain", "three_digits"]
 
 Array = NDArray[np.float64]
 
@@ -64,6 +64,11 @@ class Axis:
     delay_s: float
     tau_max: float
     usual_error: float
+
+
+def three_digits(value: float) -> float:
+    """A number with three digits: start values are no more certain."""
+    return float(f"{value:.3g}")
 
 
 def kind(loop: str) -> str:

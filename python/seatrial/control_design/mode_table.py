@@ -1,10 +1,10 @@
 """Modes and supporting speeds that suit a vehicle, from the rows that its actuators can command.
 
 A vehicle that commands the heave force hovers. A frame that also commands the sway force cruises as it
-hovers, without swaying; any other pitches under way, with its depth by pitch, by the actuators that drive it
-and its fins: a vertical thruster that only helped the pitch moment would keep crossing its minimum
-revolutions. The supporting speeds span 95 % of the reachable range; those of a vehicle that cannot hover begin where it flies level. Held by
-tests/test_control_design_start.py.
+hovers, without swaying; any other pitches under way, with its depth by pitch, by the actuators that drive
+it and its fins: a vertical thruster that only helped the pitch moment would keep crossing its minimum
+revolutions. The supporting speeds span 95 % of the reachable range; those of a vehicle that cannot hover
+begin where it flies level. Held by tests/test_control_design_start.py.
 """
 
 from __future__ import annotations

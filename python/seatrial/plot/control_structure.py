@@ -40,7 +40,7 @@ def _control_loop(axes: Axes, foot: float) -> None:
     """Guidance, filter, control law, allocation, vehicle; above what switches, below what is measured."""
     low, main, top = foot + 0.18, foot + 1.1, foot + 1.98
     guidance = block(axes, (0.92, main), (0.86, 0.6), "guidance", ["line of sight", "in both planes"])
-    reference = block(axes, (1.98, main), (0.74, 0.6), "reference\nfilters", ["2nd order"])
+    reference = block(axes, (1.98, main), (0.74, 0.6), "reference\nfilters", ["3rd order"])
     error = summing(axes, (2.66, main))
     law = block(axes, (3.3, main), (0.8, 0.6), "adaptive PID", ["decoupled loops,", "see (b)"])
     body = block(axes, (3.985, main), (0.25, 0.28), r"$\mathbf{J}^T$")

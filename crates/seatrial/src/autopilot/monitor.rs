@@ -96,6 +96,20 @@ impl<T: Real> Monitor<T> {
         any
     }
 
+    /// Those given up, as the sum of 2^i.
+    #[inline(always)]
+    pub fn given_up(&self) -> T {
+        let mut sum = self.failed[0].zero();
+        if self.any {
+            let mut place = 1.0;
+            for &failed in &self.failed {
+                sum += failed * place;
+                place *= 2.0;
+            }
+        }
+        sum
+    }
+
     /// Takes those given up out of the usable ones, and tells the allocation what they still do.
     #[inline(always)]
     pub fn exclude(&self, usable: &mut [T], allocator: &mut Allocator<T>) {

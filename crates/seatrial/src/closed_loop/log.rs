@@ -5,7 +5,7 @@ use crate::navigation::{CHANNEL_NAMES, CHANNELS, Measurement};
 use crate::real::Real;
 
 /// The columns of a flight besides its channels, true and measured, and its actuators.
-const THOUGHTS: [&str; 28] = [
+const THOUGHTS: [&str; 29] = [
     "desired_speed",
     "desired_lateral",
     "desired_heading",
@@ -20,6 +20,7 @@ const THOUGHTS: [&str; 28] = [
     "mode",
     "alert",
     "cause",
+    "given_up",
     "demanded_X",
     "demanded_Y",
     "demanded_Z",
@@ -87,6 +88,7 @@ impl<T: Real> Log<T> {
             t.mode,
             t.alert.level,
             t.alert.cause,
+            t.given_up,
         ]);
         self.values.extend_from_slice(&t.demanded);
         self.values.extend_from_slice(&t.achieved);

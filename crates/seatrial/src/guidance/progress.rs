@@ -119,6 +119,12 @@ impl<T: Real> Progress<T> {
         self.drift
     }
 
+    /// 1 while the vehicle keeps station at its waypoint, circles it, or dives there.
+    #[inline(always)]
+    pub fn busy(&self) -> T {
+        self.busy
+    }
+
     /// Forgets what the integrals have learnt.
     pub fn restart_integrals(&mut self) {
         let zero = self.index.zero();

@@ -105,6 +105,19 @@ fn law_safety_survives_a_dead_stern_propeller() {
     assert_eq!(outcome.summary.ending, 1.0, "{:?}", outcome.summary);
     assert!(outcome.summary.missed_by <= 5.0);
     let command = column(&trip, &outcome, "cmd.SbU");
+    let given_up = column(&trip, &outcome, "given_up");
+    assert_eq!((given_up[310], given_up[330]), (0.0, 1.0), "the first actuator, from then on");
     // Found after 2 s of deviation, then no longer commanded.
     assert!(command[330..].iter().all(|n| *n == 0.0) && command[310] > 0.0);
+}
+
+/// A current that it cannot overcome: the waypoint comes no nearer, and the vehicle comes up.
+#[test]
+fn law_safety_no_progress_brings_it_up() {
+    let trip = Trip::cwolf(DIVE);
+    // CWolf makes 3.1 m/s through the water.
+    let outcome = trip.one(case([-3.5, 0.0, 0.0]));
+    let (level, cause, since) = alert(&outcome);
+    assert_eq!((level, cause), (2.0, "progress"), "{:?}", outcome.summary);
+    assert!((120.0..140.0).contains(&since), "{since} s: 120 s after it was nearest, at the start");
 }
