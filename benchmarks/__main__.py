@@ -11,7 +11,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import derivatives, four_stages, four_stages_scipy
+from benchmarks import closed_loop, derivatives, four_stages, four_stages_scipy
+from benchmarks.closed_loop import ClosedLoop
 from benchmarks.derivatives import Derivatives
 from benchmarks.footprint import Memory, import_time, memory
 from benchmarks.four_stages import Job
@@ -63,6 +64,16 @@ def rows(speed: Speed, exact: Derivatives, footprint: Memory, import_s: float, h
         ),
         ("import seatrial, s", import_s, ".2f", "< 0.3"),
         ("heavy modules that it loads", float(len(heavy)), ".0f", "0"),
+    ]
+
+
+def flight_rows(rates: ClosedLoop) -> list[Row]:
+    """Return the claims on the closed loop."""
+    share = rates.open_loop
+    return [
+        ("closed loop with perfect sensors / open loop, one core", rates.closed / share, ".2f", "≥ 0.5"),
+        ("the same with noise, one seed for all", rates.common_noise / share, ".2f", ""),
+        ("the same with noise, a seed for each", rates.own_noise / share, ".2f", ""),
     ]
 
 
@@ -125,12 +136,14 @@ def main() -> None:
         footprint = memory()
         speed = measure(rounds=arguments.rounds)
         exact = derivatives.measure(rounds=arguments.rounds)
+        flights = closed_loop.measure(rounds=arguments.rounds)
         with tempfile.TemporaryDirectory() as folder:
             hour = four_stages.campaign(four_stages.write_logs(Path(folder)))
             job = four_stages.run(hour)
             rivals = four_stages_scipy.measure(job, hour.vehicle)
             whole_s = four_stages.identify(hour)
-    found = rows(speed, exact, footprint, import_s, heavy) + job_rows(speed, job, rivals, whole_s)
+    found = rows(speed, exact, footprint, import_s, heavy) + flight_rows(flights)
+    found += job_rows(speed, job, rivals, whole_s)
     if arguments.json:
         figures = {
             "ratios": {name: value for name, value, _, _ in found},

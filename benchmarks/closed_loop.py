@@ -1,10 +1,10 @@
 """Rate of the closed loop against the open loop of the same vehicle, one core, in one run.
 
-Both step CWolf's whole chain by a quarter of the control period, eight candidates to a vector, every candidate with
+Both step CWolf's whole chain by a quarter of the control period, eight candidates to a vector, every one with
 its own coefficients and, closed, with its own gains. Closed loop adds per control period the sensors, guidance,
-six-point adaptive PID, allocation with the inverse characteristic, safety and the figures of the flight; the open loop
-has its criterion. "Noise" gives every sensor channel noise, with one seed for all candidates and with one
-each.
+six-point adaptive PID, allocation with the inverse characteristic, safety and the figures of the flight; the
+open loop has its criterion. "Noise" gives every sensor channel noise, with one seed for all candidates and with
+one each.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import seatrial as st
 from benchmarks.speed import seconds
 from benchmarks.workload import STEP_S, SUBSTEPS, chain
 from seatrial import _core
@@ -50,13 +49,16 @@ class ClosedLoop:
 
 
 def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> ClosedLoop:
-    """Return the rates over ``rounds`` rounds of ``candidates`` flights as long as ``samples`` control periods."""
+    """Return the rates over ``rounds`` rounds of ``candidates`` flights of ``samples`` control periods."""
     work = chain(samples)
     values = work.candidates(candidates, dead_times=False)
     recorded = work.open_loop()
     autopilot, mission = _core.Autopilot.load("cwolf"), _core.Mission.from_toml(MISSION)
     coefficients = dict(zip(work.names(), values.T, strict=True))
-    gains = {"heading.K_P.4": np.linspace(20.0, 40.0, candidates), "pitch.K_D.4": np.linspace(100.0, 160.0, candidates)}
+    gains = {
+        "heading.K_P.4": np.linspace(20.0, 40.0, candidates),
+        "pitch.K_D.4": np.linspace(100.0, 160.0, candidates),
+    }
     duration = (samples - 1) * STEP_S * SUBSTEPS
     quiet, noisy = np.zeros((16, 4)), np.zeros((16, 4))
     noisy[:12, 0] = 0.005
@@ -98,13 +100,3 @@ def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> C
     steps = candidates * work.steps
     rates = {name: steps / time for name, time in best.items()}
     return ClosedLoop(rates["open"], rates["closed"], rates["common"], rates["own"])
-
-
-def flown_whole(rates: ClosedLoop) -> float:
-    """Return the share of the open loop's rate that the closed loop reaches."""
-    return rates.closed / rates.open_loop
-
-
-if __name__ == "__main__":
-    found = measure()
-    print({k: f"{v / 1e6:.2f} M/s" for k, v in vars(found).items()}, f"{flown_whole(found):.2f}", st.__name__)

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("casadi", reason="CasADi is not installed")
 
-from benchmarks import four_stages
+from benchmarks import closed_loop, four_stages
 from benchmarks.footprint import import_time
 from benchmarks.four_stages_scipy import measure as extrapolate
 from benchmarks.speed import measure
@@ -28,6 +28,11 @@ def test_scalar_contenders_fly_the_same_trajectory() -> None:
     assert speed.apart_textbook < 1e-9
     assert set(speed.operations) == {"chain", "hull"}
     assert all(rate > 0.0 for rate in speed.rates.values())
+
+
+def test_closed_loop_is_measured_against_the_open_loop() -> None:
+    rates = closed_loop.measure(rounds=1, samples=61, candidates=8)
+    assert min(rates.open_loop, rates.closed, rates.common_noise, rates.own_noise) > 0.0
 
 
 def test_import_loads_no_heavy_module() -> None:

@@ -4,6 +4,8 @@
 mod batch;
 #[path = "closed_loop/flights.rs"]
 mod flights;
+#[path = "closed_loop/instruction_sets.rs"]
+mod instruction_sets;
 #[path = "closed_loop/modes.rs"]
 mod modes;
 #[path = "closed_loop/random.rs"]

@@ -65,6 +65,8 @@ class Trial:
     late: dict[str, Delay]
     period_s: float
     top_m_s: float
+    surge_most: float = np.inf
+    """Largest proportional gain of the surge, N per m/s."""
 
     def at(
         self, speed: float, tau_max: dict[str, float], modes: tuple[Mode, ...]
@@ -79,6 +81,7 @@ class Trial:
             for loop in (LOOPS[ROWS.index(row)] for row in self.rows)
         }
         widths = {loop: bandwidth(loop, axis) for loop, axis in axes.items()}
+        widths["surge"] = min(widths["surge"], self.surge_most / axes["surge"].inertia)
         factors, stiff = dict.fromkeys(widths, 1.0), dict.fromkeys(widths, 1.0)
 
         def gains() -> dict[str, LoopGain]:

@@ -39,6 +39,10 @@ _TRIM_PITCH, _HELD = (
 )  # level flight: largest pitch, and share of the reach that holds it
 
 
+_TAKE_OVER = np.deg2rad(1.5)
+"""Pitch at which cruise may take over from hover: guidance has to learn it, which moves the depth."""
+
+
 @dataclass(frozen=True)
 class Mode:
     """A row of the mode table."""
@@ -70,12 +74,15 @@ def supporting_speeds(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> 
     return [float(u) for u in np.linspace(slowest, RANGE * top[1], POINTS)]
 
 
-def _slowest(vehicle: Vehicle, rows: str, top: float) -> float:
-    """Least speed of level flight that the fins can hold, a quarter of the top speed or more."""
+def _slowest(vehicle: Vehicle, rows: str, top: float, pitch: float = _TRIM_PITCH) -> float:
+    """Least speed of level flight that the actuators can hold, a quarter of the top speed or more.
+
+    The trim needs no more than ``pitch`` in rad.
+    """
     commanded = rows.replace("Z", "")
     for share in np.linspace(_SLOWEST, 0.8, 23):
         flight = trim(vehicle, share * top, commanded)
-        if flight is None or abs(flight.attitude[1]) > _TRIM_PITCH:
+        if flight is None or abs(flight.attitude[1]) > pitch:
             continue
         low, high = reach(vehicle, share * top, commanded)["M"] if "M" in commanded else (-np.inf, np.inf)
         if _HELD * low < flight.tau[4] < _HELD * high:
@@ -94,7 +101,7 @@ def mode_table(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> tuple[M
         without = tuple(loop for loop in every if loop != "sway")
         modes.append(Mode("cruise", without, "heave", CRUISE * top[1]))
     elif "M" in rows:
-        start = max(_slowest(vehicle, rows, top[1]), CRUISE * top[1]) if hovers else None
+        start = max(_slowest(vehicle, rows, top[1], _TAKE_OVER), CRUISE * top[1]) if hovers else None
         driving = _driving(vehicle, "".join(ROWS[LOOPS.index(loop)] for loop in cruising)) if hovers else None
         modes.append(Mode("cruise", cruising, "pitch", start, driving))
     return tuple(modes)

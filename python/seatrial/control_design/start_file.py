@@ -20,7 +20,7 @@ from seatrial.control_design.start_safety import safety
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["autopilot_tables", "autopilot_text", "start_autopilot"]
+__all__ = ["autopilot_tables", "autopilot_text", "commented", "start_autopilot"]
 
 
 def start_autopilot(vehicle: Vehicle, *, period_s: float = 0.1) -> str:
@@ -58,13 +58,21 @@ def autopilot_text(vehicle: Vehicle, start: StartGains) -> str:
         notes.append(
             f"Slower than {start.speeds_m_s[0]:.2g} m/s through the water it is not level: plan to be faster."
         )
-    document = tomlkit.parse(tomlkit.dumps(autopilot_tables(vehicle, start)))
-    for (table, key), why in _reasons(vehicle, start).items():
-        place: Any = document.get(table, {})
-        if key in place:
-            place[key].comment(why)
-    body = tomlkit.dumps(document)
+    body = commented(tomlkit.dumps(autopilot_tables(vehicle, start)), _reasons(vehicle, start))
     return "".join(f"# {note}\n" for note in notes) + body
+
+
+def commented(text: str, reasons: Mapping[tuple[str, str], str]) -> str:
+    """TOML text with a comment beside each (table, key) that is there, a table within it included."""
+    lines, table = [], ""
+    for line in text.splitlines():
+        header = line.startswith("[")
+        if header:
+            table = line.strip("[]")
+        outer, _, inner = table.rpartition(".")
+        why = reasons.get((outer, inner) if header else (table, line.partition(" = ")[0]))
+        lines.append(f"{line} # {why}" if why else line)
+    return "\n".join(lines) + "\n"
 
 
 def autopilot_tables(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
@@ -81,8 +89,13 @@ def autopilot_tables(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
         "feed_forward": {"restoring": True, "drag": True, "acceleration": True},
         "guidance": guidance(vehicle, start)[0],
     }
+    allocation: dict[str, Any] = {}
     if _fins(vehicle):
-        tables["allocation"] = {"fin_inflow": False}
+        allocation["fin_inflow"] = False
+    if any(float(facts["minimum_ahead"]) > 0.0 for facts in vehicle.actuator_info().values()):
+        allocation["stop_share"] = 0.2
+    if allocation:
+        tables["allocation"] = allocation
     tables["safety"] = safety(vehicle, start)
     return tables
 
@@ -99,6 +112,7 @@ def _reasons(vehicle: Vehicle, start: StartGains) -> Mapping[tuple[str, str], st
             "allocation",
             "fin_inflow",
         ): "fins steady the hull by themselves; following a noisy inflow they shake it",
+        ("allocation", "stop_share"): "below the minimum revolutions: stops late, and seldom",
         ("safety", "stale_velocity"): "a Doppler log without bottom echoes for 10 s is no failure yet",
         ("safety", "surface_speed_m_s"): "fins need it",
         ("safety", "stale_depth"): "heavier than water: with all stopped it would sink",

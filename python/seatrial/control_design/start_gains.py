@@ -12,12 +12,12 @@ of 1/T. Held by tests/test_control_design_start.py.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.check.actuators import NOMINAL_V
+from seatrial.check.actuators import NOMINAL_V, bollard, command
 from seatrial.check.performance import drivers
 from seatrial.check.stability import neutral_fins
 from seatrial.control_design.authority import LOOPS, ROWS, Delay, commandable, delays, reach
@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 
 _SHARED, _ALONE = 0.5, 0.8  # share of the reach for a row whose actuators also drive ahead, and for another
 _REFERENCE = {"position": 5.0, "speed": 2.0}  # natural frequency of the reference filter over the bandwidth
+_DOPPLER_NOISE_M_S = 0.008  # of one ping, that of the typical sensors
+_NOISE_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
     slow += [reach(vehicle, 0.0, rows, voltage_v=voltage_v)] if "Z" in rows else []
     largest = {row: max(_usable(limit, row, shares) for limit in slow) for row in rows}
     largest["X"] = max(largest["X"], 1.05 * _drag(vehicle, speeds[-1]))
-    design = Trial(vehicle, rows, late, period_s, top[1])
+    design = Trial(vehicle, rows, late, period_s, top[1], _quiet(vehicle, voltage_v))
     found: dict[str, list[LoopGain]] = {LOOPS[ROWS.index(row)]: [] for row in rows}
     weak: list[str] = []
     for u, limit in zip(speeds, limits, strict=True):
@@ -127,6 +129,24 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
         reference = _REFERENCE[kind(loop)] * float(np.median(used or [gain.bandwidth for gain in placed]))
         loops[loop] = LoopStart(tuple(placed), largest[ROWS[LOOPS.index(loop)]], reference)
     return StartGains(tuple(speeds), top, loops, modes, left_out, period_s, late, tuple(weak))
+
+
+def _quiet(vehicle: Vehicle, voltage_v: float) -> float:
+    """Surge gain in N per m/s at which noise of the velocity asks for a quarter of the least thrust; inf without.
+
+    More of it starts and stops propellers that are asked for about their minimum revolutions.
+    """
+    facts = vehicle.actuator_info()
+    least = {}
+    for name, sense in drivers(vehicle).items():
+        side = "minimum_ahead" if sense > 0.0 else "minimum_astern"
+        least[name] = command(facts[name], sense * float(facts[name][side]) / _largest(facts[name], sense))
+    thrust = float(bollard(vehicle, least, voltage_v=voltage_v)[0])
+    return _NOISE_SHARE * thrust / _DOPPLER_NOISE_M_S if thrust > 0.0 else np.inf
+
+
+def _largest(facts: dict[str, Any], sense: float) -> float:
+    return float(facts["maximum_ahead" if sense > 0.0 else "maximum_astern"])
 
 
 def _with_hold(delay: Delay, period_s: float) -> Delay:

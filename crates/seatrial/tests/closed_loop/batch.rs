@@ -5,7 +5,8 @@ use seatrial::autopilot::settings::tunable_index;
 use seatrial::closed_loop::batch::{Case, Outcome};
 use seatrial::navigation::{ChannelErrors, GroupTiming};
 
-fn trip() -> Trip {
+/// CWolf with sensors that err, are late and drop out.
+pub fn trip() -> Trip {
     let mut trip = Trip::cwolf(DIVE);
     trip.seconds = 120.0;
     for channel in &mut trip.sensors.errors[..12] {
@@ -17,7 +18,7 @@ fn trip() -> Trip {
 }
 
 /// Cases that differ in everything, so that every lane takes its own branches.
-fn cases(trip: &Trip) -> (Vec<Case>, Vec<usize>, Vec<usize>) {
+pub fn cases(trip: &Trip) -> (Vec<Case>, Vec<usize>, Vec<usize>) {
     let drag = trip.description.layout.find("X_uu").expect("known");
     let gain = tunable_index("heading.K_P.4").expect("known");
     let cases = (0..11).map(|k| {
@@ -35,7 +36,8 @@ fn cases(trip: &Trip) -> (Vec<Case>, Vec<usize>, Vec<usize>) {
     (cases.collect(), vec![drag], vec![gain])
 }
 
-fn course(trip: &Trip, outcome: &Outcome) -> Vec<f64> {
+/// Position and heading of a flight in one row.
+pub fn course(trip: &Trip, outcome: &Outcome) -> Vec<f64> {
     ["x", "y", "z", "yaw"].into_iter().flat_map(|c| column(trip, outcome, c)).collect()
 }
 
