@@ -1,10 +1,10 @@
 """Rate of the closed loop against the open loop of the same vehicle, one core, in one run.
 
 Both step CWolf's whole chain by a quarter of the control period, eight candidates to a vector, every one with
-its own coefficients and, closed, with its own gains. Closed loop adds per control period the sensors, guidance,
+its own coefficients and, closed, with its own gains. Closed loop adds per control period sensors, guidance,
 six-point adaptive PID, allocation with the inverse characteristic, safety and the figures of the flight; the
-open loop has its criterion. "Noise" gives every sensor channel noise, with one seed for all candidates and with
-one each.
+open loop has its criterion. "Noise" gives every sensor channel noise, with one seed for all candidates and
+with one each.
 """
 
 from __future__ import annotations

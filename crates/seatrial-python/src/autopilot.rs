@@ -158,7 +158,8 @@ impl Helm {
     /// measurement: the channels that were measured since the last step: x y z in m (NED), roll pitch yaw in rad,
     /// u v w over ground in m/s, p q r in rad/s, altitude in m, u_water v_water w_water in m/s, battery (share left),
     /// voltage in V. Missing channels keep their last value and grow old. signals: measured commands of the
-    /// actuators, in the unit of the command, by which a failed one is found.
+    /// actuators, in the unit of the command, by which a failed one is found; all of them or none. The autopilot
+    /// begins when position, depth, attitude, velocity and rates have been measured once; before, commands are neutral.
     #[pyo3(signature = (measurement, signals = None))]
     fn step(&self, measurement: Named, signals: Option<Named>) -> PyResult<BTreeMap<String, f64>> {
         let mut memory = self.memory.lock().map_err(|_| refused("the helm was lost in an earlier error"))?;
@@ -187,8 +188,10 @@ impl Helm {
                 *signal = actuator.signal(*command);
             }
         }
-        let complete = measured.len() == feedback.len();
-        self.autopilot.step(state, known, complete.then_some(&feedback[..]));
+        if known.is_complete() {
+            let all = measured.len() == feedback.len();
+            self.autopilot.step(state, known, all.then_some(&feedback[..]));
+        }
         let commands = self.description.actuators.iter().zip(&state.signals);
         Ok(commands.map(|(actuator, signal)| (actuator.name.clone(), actuator.command(*signal))).collect())
     }

@@ -59,6 +59,12 @@ impl<T: Real> Measurement<T> {
         }
     }
 
+    /// Whether position, depth, attitude, velocity and rates have each been measured in every lane: before that an
+    /// autopilot must not begin.
+    pub fn is_complete(&self) -> bool {
+        self.age[..5].iter().all(|age| age.largest() < f64::INFINITY)
+    }
+
     /// Position N E D, m.
     #[inline(always)]
     pub fn position(&self) -> Vec3<T> {

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["autopilot_tables", "autopilot_text", "commented", "start_autopilot"]
 
+_STOP_SHARE = 0.2  # of the minimum revolutions
+_OWN_WORK = 0.05  # cost of thrusters that do not drive, against those that do
+
 
 def start_autopilot(vehicle: Vehicle, *, period_s: float = 0.1) -> str:
     """TOML text of an autopilot file with start values for a vehicle.
@@ -89,15 +92,25 @@ def autopilot_tables(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
         "feed_forward": {"restoring": True, "drag": True, "acceleration": True},
         "guidance": guidance(vehicle, start)[0],
     }
-    allocation: dict[str, Any] = {}
-    if _fins(vehicle):
-        allocation["fin_inflow"] = False
-    if any(float(facts["minimum_ahead"]) > 0.0 for facts in vehicle.actuator_info().values()):
-        allocation["stop_share"] = 0.2
-    if allocation:
+    if allocation := _allocation(vehicle, start):
         tables["allocation"] = allocation
     tables["safety"] = safety(vehicle, start)
     return tables
+
+
+def _allocation(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
+    """Table of the allocation: what differs from the core's defaults."""
+    facts = vehicle.actuator_info()
+    table: dict[str, Any] = {}
+    if any(of["kind"] == "fin" for of in facts.values()):
+        table["fin_inflow"] = False
+    if any(float(of["minimum_ahead"]) > 0.0 for of in facts.values()):
+        table["stop_share"] = _STOP_SHARE
+        cruising = start.modes[-1].actuators
+        others = tuple(name for name in vehicle.actuators if name not in cruising) if cruising else ()
+        if others:
+            table["weights"] = dict.fromkeys(_grouped(vehicle, others), _OWN_WORK)
+    return table
 
 
 def _reasons(vehicle: Vehicle, start: StartGains) -> Mapping[tuple[str, str], str]:
@@ -112,6 +125,7 @@ def _reasons(vehicle: Vehicle, start: StartGains) -> Mapping[tuple[str, str], st
             "allocation",
             "fin_inflow",
         ): "fins steady the hull by themselves; following a noisy inflow they shake it",
+        ("allocation", "weights"): "vertical thrusters do not leave heave to propellers near their minimum",
         ("allocation", "stop_share"): "below the minimum revolutions: stops late, and seldom",
         ("safety", "stale_velocity"): "a Doppler log without bottom echoes for 10 s is no failure yet",
         ("safety", "surface_speed_m_s"): "fins need it",
@@ -123,10 +137,6 @@ def _reasons(vehicle: Vehicle, start: StartGains) -> Mapping[tuple[str, str], st
         reasons["guidance", "lookahead_vertical_m"] = f"the same, {late['pitch']:.2g} s late"
         reasons["guidance", "pitch_max_deg"] = "half of the reach holds it, at most 20"
     return reasons
-
-
-def _fins(vehicle: Vehicle) -> bool:
-    return any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
 
 
 def _mode(vehicle: Vehicle, mode: Mode) -> dict[str, Any]:

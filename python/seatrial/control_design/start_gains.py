@@ -132,7 +132,7 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
 
 
 def _quiet(vehicle: Vehicle, voltage_v: float) -> float:
-    """Surge gain in N per m/s at which noise of the velocity asks for a quarter of the least thrust; inf without.
+    """Surge gain in N per m/s at which noise of the velocity asks for a quarter of the least thrust, or inf.
 
     More of it starts and stops propellers that are asked for about their minimum revolutions.
     """
