@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import tomllib
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
 
+import seatrial as st
 from seatrial._core import Vehicle
-from seatrial.control_design import Tolerances, design_lqr, lqr_tables, start_gains
+from seatrial.control_design import Tolerances, design_lqr, lqr_autopilot, lqr_tables, start_gains
 from seatrial.control_design.authority import LOOPS, ROWS, Delay, delays
 from seatrial.control_design.closed_loop import (
     Plant,
@@ -20,6 +24,7 @@ from seatrial.control_design.closed_loop import (
 )
 from seatrial.control_design.lqr_design import MOTION, TARGETS, _gain
 from seatrial.control_design.trim import trim
+from tests.acceptance import AUTOPILOTS, RADIUS_M, flights
 
 
 @pytest.mark.parametrize("name", ["cwolf", "remus100", "lauv", "bluerov2-heavy", "beluga"])
@@ -133,6 +138,47 @@ def test_tables_are_those_of_the_autopilot_file() -> None:
     (table,) = lqr_tables(gains)
     assert table["mode"] == "cruise"
     assert np.array(table["gain"]) == pytest.approx(gains["cruise"].gain, rel=1e-4)
+
+
+@cache
+def regulated(name: str) -> str:
+    text = (AUTOPILOTS / f"{name}.toml").read_text()
+    return lqr_autopilot(Vehicle.load(name), text)
+
+
+def test_a_file_with_the_regulator_keeps_all_but_the_law() -> None:
+    text, plain = regulated("cwolf"), (AUTOPILOTS / "cwolf.toml").read_text()
+    made, given = tomllib.loads(text), tomllib.loads(plain)
+    assert made["control"] == "lqr"
+    assert [table["mode"] for table in made.pop("lqr")] == ["hover", "cruise"]
+    assert made | {"control": "pid"} == given
+    assert "[C] 2 U tau" in text  # comments stay
+    added = lqr_autopilot(Vehicle.load("lauv"), lauv_without_law())
+    assert st.Autopilot.from_toml(added).name == "lauv"
+    with pytest.raises(ValueError, match=r"without gains of a regulator, found some; remove \[\[lqr\]\]"):
+        lqr_autopilot(Vehicle.load("cwolf"), text)
+
+
+def lauv_without_law() -> str:
+    return (AUTOPILOTS / "lauv.toml").read_text().replace('control = "pid"\n', "")
+
+
+def test_law_a_drift_over_ground_is_fed_back_only_where_sway_is_held() -> None:
+    for name, fed_back in (("cwolf", False), ("lauv", False), ("bluerov2-heavy", True)):
+        gains = np.array(tomllib.loads(regulated(name))["lqr"][0]["gain"])
+        assert bool(gains[:, :, 5].any()) == fed_back
+
+
+@pytest.mark.parametrize("sensors", [None, "typical"])
+@pytest.mark.parametrize(("name", "speed"), [("cwolf", 1.5), ("lauv", 1.2), ("bluerov2-heavy", 0.5)])
+def test_the_regulator_flies_the_missions_of_the_pid(name: str, speed: float, sensors: str | None) -> None:
+    for flown in flights(name, speed, sensors=sensors, text=regulated(name)):
+        assert flown.ending == "complete"
+        assert flown.missed_by <= RADIUS_M[name]
+        assert flown.cross_track < 0.5
+        assert flown.vertical < 0.5
+        assert flown.overshoot_percent < 5.0
+        assert flown.starts_and_stops == 0.0
 
 
 def test_bad_input_is_refused_with_what_to_do() -> None:

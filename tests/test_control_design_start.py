@@ -11,9 +11,21 @@ import pytest
 from seatrial._core import Vehicle
 from seatrial.control_design import StartGains, start_autopilot, start_gains
 from seatrial.control_design.authority import LOOPS, ROWS, delays
-from seatrial.control_design.closed_loop import closed, margins, plant, restoring_law, sampled, step_response
+from seatrial.control_design.closed_loop import (
+    closed,
+    margins,
+    plant,
+    reference_drive,
+    restoring_law,
+    sampled,
+    step_response,
+)
+from seatrial.control_design.following import following_delay
 from seatrial.control_design.loop_gains import law
 from seatrial.control_design.mode_table import flies, top_speeds
+from seatrial.control_design.start_file import autopilot_text, commented
+from seatrial.control_design.start_guidance import guidance
+from seatrial.control_design.start_safety import heavy, without_substitute
 from seatrial.control_design.trim import trim
 
 NAMES = ("cwolf", "remus100", "lauv", "bluerov2-heavy", "beluga")
@@ -22,6 +34,11 @@ NAMES = ("cwolf", "remus100", "lauv", "bluerov2-heavy", "beluga")
 @cache
 def start(name: str) -> StartGains:
     return start_gains(Vehicle.load(name))
+
+
+@cache
+def start_text(name: str) -> str:
+    return autopilot_text(Vehicle.load(name), start(name))
 
 
 def test_modes_follow_from_the_rows() -> None:
@@ -62,7 +79,7 @@ def test_law_every_loop_is_stable_and_overshoots_less_than_a_quarter(name: str) 
             ):
                 continue
             rows = "".join(ROWS[LOOPS.index(loop)] for loop in mode.loops)
-            at = trim(vehicle, speed, rows)
+            at = trim(vehicle, speed, rows, mode.actuators)
             assert at is not None
             system = sampled(
                 plant(vehicle, at, mode.loops), delays(vehicle, rows), values.period_s, mode.loops
@@ -104,13 +121,14 @@ def test_weak_points_are_told() -> None:
 def test_lit_taubert_start_gains_of_cwolf_are_of_the_papers_size() -> None:
     """Per-sample gains at 0.1 s as physical ones, at the points next to 1 m/s: within a factor of three.
 
-    The integral gains are left out: the paper's take back an error over 40 times the loop's own time.
+    The integral gains are left out: the paper's take back an error over 40 times the loop's own time. The
+    surge gain is held down by the noise of the velocity, to three tenths.
     """
     paper = {"surge": (116.2, 0.0), "heave": (23.7, 153.6), "pitch": (47.3, 154.1), "heading": (32.8, 122.6)}
     at = int(np.argmin(np.abs(np.array(start("cwolf").speeds_m_s) - 1.0)))
     for loop, (k_p, k_d) in paper.items():
         gain = start("cwolf").loops[loop].gains[at]
-        assert 1.0 / 3.0 < gain.k_p / k_p < 3.0
+        assert (0.25 if loop == "surge" else 1.0 / 3.0) < gain.k_p / k_p < 3.0
         assert k_d == gain.k_d == 0.0 or 1.0 / 6.0 < gain.k_d / k_d < 3.0
     limits = {"surge": 250.0, "heave": 50.0, "pitch": 40.0, "heading": 60.0}
     for loop, limit in limits.items():
@@ -119,7 +137,7 @@ def test_lit_taubert_start_gains_of_cwolf_are_of_the_papers_size() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_file_has_the_keys_of_the_autopilot(name: str) -> None:
-    text = start_autopilot(Vehicle.load(name))
+    text = start_text(name)
     table = tomllib.loads(text)
     assert table["format"] == 1
     assert len(table["schedule"]["speeds_m_s"]) == 6
@@ -133,6 +151,91 @@ def test_file_has_the_keys_of_the_autopilot(name: str) -> None:
         assert all(np.all(np.array(gain) > 0.0) for gain in gains)
     for row, why in start(name).left_out.items():
         assert f"# No {LOOPS[ROWS.index(row)]} loop: {why}." in text
+
+
+@pytest.mark.parametrize(("name", "loop"), [("cwolf", "heading"), ("cwolf", "pitch"), ("beluga", "heading")])
+def test_law_the_delay_of_the_course_is_that_of_a_harmonic_in_time(name: str, loop: str) -> None:
+    """A filtered sine as reference, stepped through the sampled loop, against the frequency response."""
+    vehicle, values = Vehicle.load(name), start(name)
+    k = 4
+    speed, mode = values.speeds_m_s[k], values.modes[-1]
+    rows = "".join(ROWS[LOOPS.index(name)] for name in LOOPS if name in mode.loops)
+    at = trim(vehicle, speed, rows, mode.actuators)
+    assert at is not None
+    system = sampled(plant(vehicle, at, mode.loops), values.late, values.period_s, mode.loops)
+    own = law({name: values.loops[name].gains[k] for name in mode.loops}, speed)
+    laws = own, own + restoring_law(vehicle, rows)
+    inertia = float(np.asarray(vehicle.mass_matrix())[LOOPS.index(loop), LOOPS.index(loop)])
+    omega, quick = 0.2, 1e6  # the filter is left out of it: its phase is added in closed form
+    tau = following_delay(system, laws, (loop, speed, inertia), quick, omega)
+    t = values.period_s * np.arange(int(400.0 / values.period_s))
+    step, drive = reference_drive(system, laws, loop, (1j * omega, inertia))
+    x, course = np.zeros(len(step)), []
+    angle, flow, sign = (3, 5, 1.0) if loop == "heading" else (2, 6, -1.0)
+    for now in t:
+        shown = [x[system.seen[system.columns.index(column)]] for column in (angle, flow)]
+        course.append(shown[0] + sign * shown[1] / speed)
+        x = step @ x + np.real(drive * np.exp(1j * omega * now))
+    half = t > 400.0 - 4.0 * np.pi / omega  # the last two periods: what began it has died away
+    found = -np.angle(np.mean(np.array(course)[half] * np.exp(-1j * omega * t[half]))) / omega
+    # Two whole periods in samples of 0.1 s leave some thousandths of the mean.
+    assert tau == pytest.approx(found, abs=0.03)
+    slow = following_delay(system, laws, (loop, speed, inertia), 2.0, omega)
+    assert slow - tau == pytest.approx(3.0 * np.arctan(omega / 2.0) / omega, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_law_lookahead_is_two_delays_of_way_and_the_integral_critically_damped(name: str) -> None:
+    vehicle = Vehicle.load(name)
+    table, late = guidance(vehicle, start(name))
+    cruise = 0.6 * start(name).top_m_s[1]
+    k = int(np.argmin(np.abs(np.array(start(name).speeds_m_s) - cruise)))
+    speed = start(name).speeds_m_s[k]
+    length = vehicle.geometry()["length"]
+    # Three digits are written.
+    assert table["lookahead_m"] == pytest.approx(max(2.0 * speed * late["heading"], 2.0 * length), rel=5e-3)
+    assert table["integral_gain_m_s"] == pytest.approx(cruise / 4.0, rel=5e-3)
+    # The filter is a part of the delay, no more than half of it where the hull drifts.
+    filter_s = 3.0 / start(name).loops["heading"].reference_rad_s
+    assert late["heading"] > 0.8 * filter_s
+    assert ("pitch" in late) == (start(name).modes[-1].depth_by == "pitch")
+
+
+def test_cruise_of_cwolf_rests_the_vertical_thrusters() -> None:
+    hover, cruise = start("cwolf").modes
+    assert hover.actuators is None
+    assert cruise.actuators == ("SbU", "SbL", "PU", "PL")
+    table = tomllib.loads(start_text("cwolf"))
+    assert table["modes"][1]["actuators"] == ["stern"]
+    assert table["allocation"]["weights"] == {"vertical": 0.05}
+    assert all(mode.actuators is None for name in NAMES if name != "cwolf" for mode in start(name).modes)
+
+
+def test_reactions_suit_the_vehicle() -> None:
+    found = {name: without_substitute(Vehicle.load(name), start(name)) for name in NAMES}
+    assert found == {
+        "cwolf": (), "remus100": ("propeller",), "lauv": ("propeller",), "bluerov2-heavy": (), "beluga": (),
+    }  # fmt: skip
+    assert [heavy(Vehicle.load(name)) for name in NAMES] == [False, False, False, True, True]
+    for name in NAMES:
+        table = tomllib.loads(start_text(name))["safety"]
+        if heavy(Vehicle.load(name)):
+            # To stop all actuators would sink it.
+            assert {table[f"stale_{group}"]["reaction"] for group in ("depth", "attitude", "rates")} == {
+                "surface"
+            }
+        assert ("surface_speed_m_s" in table) == (len(start(name).modes) == 1)
+        assert (table.get("actuator", {}).get("reaction") == "abort") == bool(found[name])
+
+
+def test_fins_keep_their_own_stability_and_comments_say_why() -> None:
+    for name in NAMES:
+        text = start_text(name)
+        assert ("fin_inflow = false # fins steady the hull" in text) == (name in ("remus100", "lauv"))
+        assert "# 2 U tau; the course follows" in text
+    assert commented("[a]\nx = 1\n\n[a.b]\ny = 2\n", {("a", "x"): "one", ("a", "b"): "two"}) == (
+        "[a]\nx = 1 # one\n\n[a.b] # two\ny = 2\n"
+    )
 
 
 def test_bad_input_a_vehicle_that_cannot_be_steered_is_refused() -> None:

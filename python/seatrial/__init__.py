@@ -17,6 +17,7 @@ from seatrial.score import Score, score
 from seatrial.trial import Trial
 
 if TYPE_CHECKING:
+    from seatrial.autopilot_start import start_autopilot as start_autopilot
     from seatrial.bench_test import BenchTest as BenchTest
     from seatrial.bench_test import bench as bench
     from seatrial.campaign import Campaign as Campaign
@@ -47,6 +48,7 @@ _LAZY = {
     "fly": "seatrial.flight",
     "fly_batch": "seatrial.flight",
     "restarts": "seatrial.random_starts",
+    "start_autopilot": "seatrial.autopilot_start",
 }
 
 __all__ = [
@@ -79,6 +81,7 @@ __all__ = [
     "restarts",
     "score",
     "simulate_batch",
+    "start_autopilot",
 ]
 
 

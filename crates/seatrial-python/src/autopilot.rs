@@ -158,8 +158,8 @@ impl Helm {
     /// measurement: the channels that were measured since the last step: x y z in m (NED), roll pitch yaw in rad,
     /// u v w over ground in m/s, p q r in rad/s, altitude in m, u_water v_water w_water in m/s, battery (share left),
     /// voltage in V. Missing channels keep their last value and grow old. signals: measured commands of the
-    /// actuators, in the unit of the command, by which a failed one is found; all of them or none. The autopilot
-    /// begins when position, depth, attitude, velocity and rates have been measured once; before, commands are neutral.
+    /// actuators, in the unit of the command, by which a failed one is found. A number that is not finite was not
+    /// measured. The autopilot begins when position, depth, attitude, velocity and rates have been measured once; before, commands are neutral.
     #[pyo3(signature = (measurement, signals = None))]
     fn step(&self, measurement: Named, signals: Option<Named>) -> PyResult<BTreeMap<String, f64>> {
         let mut memory = self.memory.lock().map_err(|_| refused("the helm was lost in an earlier error"))?;
@@ -169,6 +169,8 @@ impl Helm {
         }
         for (name, value) in Named::scalars(Some(measurement))? {
             match CHANNEL_NAMES.iter().position(|known| *known == name) {
+                // What is not a number was not measured.
+                Some(_) if !value.is_finite() => {}
                 Some(c) => {
                     known.channels[c] = value;
                     known.age[GROUP[c]] = 0.0;
@@ -181,16 +183,16 @@ impl Helm {
                 }
             }
         }
-        let mut feedback = vec![0.0; self.description.actuators.len()];
-        let measured = Named::scalars(signals)?;
-        for (actuator, signal) in self.description.actuators.iter().zip(&mut feedback) {
-            if let Some(command) = measured.get(&actuator.name) {
-                *signal = actuator.signal(*command);
-            }
+        let names = || self.description.actuators.iter().map(|a| a.name.as_str());
+        let mut feedback = vec![f64::NAN; self.description.actuators.len()];
+        for (name, command) in Named::scalars(signals)? {
+            let index = names().position(|known| known == name).ok_or_else(|| {
+                refused(format!("signals: the vehicle has no actuator \"{name}\"{}", nearest(&name, names())))
+            })?;
+            feedback[index] = self.description.actuators[index].signal(command);
         }
         if known.is_complete() {
-            let all = measured.len() == feedback.len();
-            self.autopilot.step(state, known, all.then_some(&feedback[..]));
+            self.autopilot.step(state, known, Some(&feedback));
         }
         let commands = self.description.actuators.iter().zip(&state.signals);
         Ok(commands.map(|(actuator, signal)| (actuator.name.clone(), actuator.command(*signal))).collect())

@@ -6,7 +6,7 @@ use crate::error::{interruptible, raised, refused};
 use crate::mission::Mission;
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
-use seatrial::autopilot::settings::tunable_index;
+use seatrial::autopilot::settings::{tunable_index, tunable_names};
 use seatrial::closed_loop::Flight;
 use seatrial::closed_loop::batch::{Case, Cases, Outcome};
 use seatrial::closed_loop::faults::ActuatorFault;
@@ -152,6 +152,12 @@ pub fn fly(
     };
     let (sought, columns) = varied(coefficients, k, |name| description.layout.find(name).map_err(refused))?;
     let (tuned, tunings) = varied(gains, k, |name| tunable_index(name).map_err(refused))?;
+    let all = tunable_names();
+    for i in 0..if tuned.is_empty() { 0 } else { k } {
+        let values: Vec<(String, f64)> =
+            tuned.iter().zip(&tunings).map(|(&index, column)| (all[index].clone(), column[i])).collect();
+        settings.with_tunables(&values).map_err(raised)?;
+    }
     let mut cases: Vec<Case> = (0..k)
         .map(|i| Case {
             coefficients: columns.iter().map(|c| c[i]).collect(),

@@ -13,7 +13,7 @@ pub mod log;
 pub mod summary;
 
 use crate::actuator::drive::{Drive, UnlimitedDelay, act};
-use crate::actuator::motor::Limits;
+use crate::actuator::motor::{Limits, MotorState};
 use crate::algebra::Vec3;
 use crate::allocation::Allocator;
 use crate::autopilot::Autopilot;
@@ -171,8 +171,13 @@ impl<T: Real> Motors<T> {
         for i in 0..signals.len() {
             self.targets[i] = limits[i].apply(signals[i]);
             let motor = vehicle.motor(i);
-            if motor.ideal && motor.t_t.equals(motor.t_t.zero()) {
-                self.drive.states[i] = motor.steady(self.targets[i]);
+            if motor.ideal {
+                let (state, obeyed) = (self.drive.states[i], motor.steady(self.targets[i]));
+                let late = motor.t_t.zero().lt(motor.t_t);
+                self.drive.states[i] = MotorState {
+                    ramp: T::select(late, state.ramp, obeyed.ramp),
+                    signal: T::select(late, state.signal, obeyed.signal),
+                };
             }
         }
     }

@@ -184,7 +184,9 @@ impl<T: Real> Lqr<T> {
 fn deviations<T: Real>(s: &Situation<T>) -> [T; PLAIN] {
     let (zero, half) = (s.speed.zero(), s.speed.splat(0.5));
     let of = |i: usize, deviation: T, without: T| T::select(half.lt(s.active[i]), deviation, without);
-    let rate = |i: usize| s.velocity[i] - of(i, s.reference_rate[i], zero);
+    // Rates of what is controlled: in a turn at a roll the body's q is not the rate of the pitch angle.
+    let rate = |i: usize| s.rate[i] - of(i, s.reference_rate[i], zero);
+    let sinking = T::select(half.lt(s.active[HEAVE]), rate(HEAVE), s.velocity[HEAVE]);
     [
         of(HEAVE, -s.error[HEAVE], zero),
         of(ROLL, -s.error[ROLL], s.attitude[0]),
@@ -192,7 +194,7 @@ fn deviations<T: Real>(s: &Situation<T>) -> [T; PLAIN] {
         of(HEADING, -s.error[HEADING], zero),
         of(SURGE, -s.error[SURGE], zero),
         of(SWAY, -s.error[SWAY], s.velocity[1]),
-        rate(HEAVE),
+        sinking,
         rate(ROLL),
         rate(PITCH),
         rate(HEADING),

@@ -51,8 +51,10 @@ pub struct Measurement<T> {
 impl<T: Real> Measurement<T> {
     /// Nothing known yet.
     pub fn nothing(unit: T) -> Self {
+        let mut channels = [unit.zero(); CHANNELS];
+        channels[ALTITUDE] = unit.splat(f64::INFINITY);
         Self {
-            channels: [unit.zero(); CHANNELS],
+            channels,
             age: [unit.splat(f64::INFINITY); GROUPS],
             battery: unit.splat(1.0),
             voltage: f64::NAN,
@@ -83,6 +85,13 @@ impl<T: Real> Measurement<T> {
         self.three(6)
     }
 
+    /// Altitude above the bottom, m; infinite without a fresh one: what was measured does not rule what follows.
+    #[inline(always)]
+    pub fn altitude(&self) -> T {
+        let fresh = self.age[5].lt(self.age[5].splat(ALTITUDE_IS_OLD_S));
+        T::select(fresh, self.channels[ALTITUDE], self.age[5].splat(f64::INFINITY))
+    }
+
     /// p, q, r, rad/s.
     #[inline(always)]
     pub fn rates(&self) -> Vec3<T> {
@@ -106,6 +115,12 @@ impl<T: Real> Measurement<T> {
         [self.channels[first], self.channels[first + 1], self.channels[first + 2]]
     }
 }
+
+/// The channel of the altitude.
+const ALTITUDE: usize = 12;
+
+/// Beyond this age an altitude is none, s: at a metre per second the bottom is elsewhere.
+const ALTITUDE_IS_OLD_S: f64 = 2.0;
 
 /// Beyond this age the velocity through the water is taken for the one over ground, s.
 const WATER_IS_OLD_S: f64 = 5.0;
@@ -217,8 +232,8 @@ impl<'a, T: Real> Navigation<'a, T> {
             let older = self.measurement.age[g] + dt;
             self.measurement.age[g] = older;
             if timing.dropout_every.is_finite() {
-                let chance = seed.tabulated(|s| (uniform(s, k, CHANNELS + g), 0.0));
-                let length = seed.tabulated(|s| (-uniform(s, k, CHANNELS + GROUPS + g).ln(), 0.0));
+                let chance = seed.tabulated(|s| (uniform(s, k, 2 * CHANNELS + g), 0.0));
+                let length = seed.tabulated(|s| (-uniform(s, k, 2 * CHANNELS + GROUPS + g).ln(), 0.0));
                 let begins = chance.lt(zero.splat(dt / timing.dropout_every));
                 let left = (self.silent[g] - dt).max(zero);
                 self.silent[g] = T::select(begins, left.max(length * timing.dropout), left);

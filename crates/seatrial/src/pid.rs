@@ -9,7 +9,7 @@
 //! inside the sum: scheduled over a raw sum of errors, the output would jump with the gain (the paper's
 //! equation 54). The derivative acts on the measurement; a filtered reference, which does not jump, adds its own rate
 //! r'. Anti-windup: back-calculation moves the integral by `T_s K_I/K_P (τ_reached − τ)`, towards what the actuators
-//! do; conditional integration stops it while it pushes further into a limit. When a loop enters, its integral is
+//! do and at most to zero; conditional integration stops it while it pushes further into a limit. When a loop enters, its integral is
 //! preset so that the demand continues from what the actuators reached last (reset bias, bumpless).
 //!
 //! Gains are physical: K_P in N or N m per unit of error, K_I per s, K_D times s; they do not change with the period.
@@ -79,7 +79,11 @@ impl<T: Real> Pid<T> {
             AntiWindup::BackCalculation => {
                 let rate = k_i / k_p.max(zero.splat(f64::MIN_POSITIVE));
                 let share = (rate * s.dt).min(zero.splat(1.0));
-                share.neg_mul_add(missing, state.integral + state.pending)
+                let next = state.integral + state.pending;
+                let returned = share.neg_mul_add(missing, next);
+                // At most itself: what the error alone asks too much is not charged to the integral.
+                let returned = T::select(zero.lt(next), returned.max(zero), returned.min(zero));
+                T::select(zero.lt(next * missing), returned, next)
             }
             AntiWindup::Conditional => {
                 let noticeable = (self.tau_max * 1e-6).lt(missing.abs());

@@ -12,7 +12,9 @@
 //! back at a limit must not take up its mission again. *Hold* keeps the station, or circles where the vehicle cannot;
 //! *surface* comes up under control; *abort* stops all actuators and lets buoyancy bring the vehicle up.
 //!
-//! Tests: `tests/safety.rs` (each watch, each reaction).
+//! A limit must be passed for a second, since one sample may be wrong.
+//!
+//! Tests: `tests/closed_loop/safety.rs` (each watch, each reaction).
 
 use crate::mission::{Limits, outside};
 use crate::navigation::{GROUP_NAMES, Measurement};
@@ -67,6 +69,9 @@ pub struct Stale {
     pub reaction: Reaction,
 }
 
+/// The watches that compare a measurement with a limit: depth, altitude, fence and battery.
+const MEASURED_LIMITS: [usize; 4] = [6, 7, 8, 10];
+
 /// The battery.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
@@ -107,7 +112,7 @@ pub struct SafetyTable {
     pub stale_velocity: Stale,
     /// Turn rates.
     pub stale_rates: Stale,
-    /// Altitude, on legs that follow the bottom.
+    /// Altitude, on legs that follow the bottom and on missions with a least altitude.
     pub stale_altitude: Stale,
     /// The mission's largest depth is passed.
     pub depth: Reaction,
@@ -200,12 +205,18 @@ pub struct Alert<T> {
     pub cause: T,
     /// When, s.
     pub since: T,
+    /// For how long each watch has been true, s.
+    lasting: [T; WATCHES],
 }
+
+/// A limit counts as passed after so long, s: one sample is an echo of a fish.
+const PERSISTENCE_S: f64 = 1.0;
 
 impl<T: Real> Alert<T> {
     /// Nothing yet.
     pub fn none(unit: T) -> Self {
-        Self { level: unit.zero(), cause: unit.zero(), since: unit.zero() }
+        let zero = unit.zero();
+        Self { level: zero, cause: zero, since: zero, lasting: [zero; WATCHES] }
     }
 }
 
@@ -216,8 +227,10 @@ pub struct Circumstances<'a, T> {
     pub limits: &'a Limits,
     /// Time since the start, s.
     pub time: f64,
-    /// 1 on a leg that follows the bottom.
-    pub altitude_leg: T,
+    /// Control period, s.
+    pub dt: f64,
+    /// 1 on a leg that follows the bottom, and on missions that keep off it.
+    pub needs_altitude: T,
     /// 1 when an actuator has been declared failed.
     pub failed: T,
     /// For how long the active waypoint has come no nearer, s.
@@ -267,7 +280,6 @@ pub fn watch<T: Real>(
     let (one, half) = (zero.splat(1.0), zero.splat(0.5));
     let flag = |mask: T::Mask| T::select(mask, one, zero);
     let [north, east, depth] = measured.position();
-    let [.., altitude, _, _, _] = measured.channels;
     let mut called = [zero; WATCHES];
     for (i, stale) in table.stale().iter().enumerate() {
         // What was never measured counts from the start.
@@ -275,10 +287,10 @@ pub fn watch<T: Real>(
         called[i] = flag(zero.splat(stale.after_s).lt(age));
     }
     // A sensor of the altitude matters where the mission asks for one.
-    called[5] *= around.altitude_leg;
+    called[5] *= around.needs_altitude;
     let limits = around.limits;
     called[6] = flag(zero.splat(limits.depth).lt(depth));
-    called[7] = flag(altitude.lt(zero.splat(limits.altitude)));
+    called[7] = flag(measured.altitude().lt(zero.splat(limits.altitude)));
     if !limits.fence.is_empty() {
         called[8] = outside(&limits.fence, north, east);
     }
@@ -288,6 +300,11 @@ pub fn watch<T: Real>(
     called[12] = flag(zero.splat(table.progress.after_s).lt(around.stalled));
     let mut next = *alert;
     for (i, reaction) in table.reactions().into_iter().enumerate() {
+        next.lasting[i] = T::select(half.lt(called[i]), next.lasting[i] + around.dt, zero);
+        // The others have a time of their own.
+        if MEASURED_LIMITS.contains(&i) {
+            called[i] = flag(zero.splat(PERSISTENCE_S).lt(next.lasting[i]));
+        }
         let level = zero.splat(f64::from(reaction as u8));
         let stronger = T::both(half.lt(called[i]), next.level.lt(level));
         next.level = T::select(stronger, level, next.level);

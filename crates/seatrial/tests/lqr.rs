@@ -106,6 +106,7 @@ fn flown<T: Real>(
             speed,
             error: std::array::from_fn(|i| lift(&|lane| steps[lane].error[i])),
             velocity: std::array::from_fn(|i| lift(&|lane| steps[lane].velocity[i])),
+            rate: std::array::from_fn(|i| lift(&|lane| steps[lane].velocity[i])),
             attitude: std::array::from_fn(|i| lift(&|lane| steps[lane].velocity[3 + i] * 0.3)),
             feed_forward: std::array::from_fn(|i| lift(&|lane| steps[lane].forces[i])),
             achieved,
@@ -158,6 +159,7 @@ proptest! {
         let situation = Situation {
             error: step.error,
             velocity: step.velocity,
+            rate: step.velocity,
             feed_forward: step.forces,
             achieved: before,
             active,
@@ -182,6 +184,7 @@ proptest! {
             speed: step.speed,
             error,
             velocity: step.velocity,
+            rate: step.velocity,
             feed_forward: step.forces,
             achieved,
             entered,
@@ -200,7 +203,7 @@ proptest! {
             prop_assert!((after[i] - demand[i]).abs() < 1e-9, "row {i}");
         }
         // With the mode kept and no deviation, another speed changes the gains and not the demand.
-        let still = Situation { feed_forward: [0.0; 6], velocity: [0.0; 6], ..at(&second, [0.0; 6], after, [0.0; 6]) };
+        let still = Situation { feed_forward: [0.0; 6], velocity: [0.0; 6], rate: [0.0; 6], ..at(&second, [0.0; 6], after, [0.0; 6]) };
         let kept = mode_kept(&lqr, &mut state, &still, f64::from(u8::from(switched)));
         for i in 0..6 {
             if i != ROLL {
@@ -243,6 +246,7 @@ fn depths(lqr: &Lqr<f64>, start: f64, load: f64, reach: f64, seconds: f64) -> Ve
         let situation = Situation {
             error: row(-z),
             velocity: row(w),
+            rate: row(w),
             demanded: row(demanded),
             achieved: row(achieved),
             active: only_heave,

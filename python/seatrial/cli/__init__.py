@@ -12,7 +12,20 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from seatrial.cli import bench, check, coverage, demo, fly, gallery, identify, new, plan, score, simulate
+from seatrial.cli import (
+    autopilot,
+    bench,
+    check,
+    coverage,
+    demo,
+    fly,
+    gallery,
+    identify,
+    new,
+    plan,
+    score,
+    simulate,
+)
 from seatrial.cli.console import complain
 from seatrial.errors import SeatrialError
 
@@ -80,6 +93,7 @@ app.command("bench")(bench.bench)
 app.command("plan")(plan.plan)
 app.command("identify")(identify.identify)
 app.command("score")(score.score)
+app.command("autopilot")(autopilot.autopilot)
 app.command("fly")(fly.fly)
 app.command("gallery")(gallery.gallery)
 app.command("coverage")(coverage.coverage)

@@ -105,9 +105,15 @@ def _print_mission(console: Console, found: MissionCheck) -> None:
 
 
 def _print_autopilot(console: Console, found: AutopilotCheck) -> None:
+    _title(console, found.name, found.description)
+    print_modes_and_gains(console, found)
+    _print_sentences(console, [*found.notes, *found.safety], found.warnings)
+
+
+def print_modes_and_gains(console: Console, found: AutopilotCheck) -> None:
+    """Print the mode table and, of a PID, its gains."""
     from seatrial.cli.console import table
 
-    _title(console, found.name, found.description)
     rows = [
         [
             mode.name,
@@ -123,7 +129,6 @@ def _print_autopilot(console: Console, found: AutopilotCheck) -> None:
         gains = [[row.loop, row.gain, *(f"{value:.3g}" for value in row.values)] for row in found.gains]
         head = ["loop", "at m/s", *(f"{speed:.3g}" for speed in found.speeds_m_s)]
         console.print(table("Gains", head, gains, left=2))
-    _print_sentences(console, [*found.notes, *found.safety], found.warnings)
 
 
 def _title(console: Console, name: str, description: str) -> None:

@@ -10,7 +10,7 @@ import typer
 EXAMPLES = Path(__file__).parent.parent / "examples"
 """Example projects that come with the package."""
 
-_FILES = ("vehicle.toml", "bench.toml", "campaign.toml")
+_FILES = ("vehicle.toml", "bench.toml", "campaign.toml", "mission.toml")
 _RECORDS = {
     "bench": ("ahead", "astern", "down", "up", "steps"),
     "logs": ("straight", "zigzag", "dive", "mixed"),
@@ -20,7 +20,7 @@ _RECORDS = {
 def new(
     folder: Annotated[Path, typer.Argument(help="Folder to make; it must be empty or not exist.")],
 ) -> None:
-    """Write a starter project: vehicle, bench and campaign file with comments, generated example records."""
+    """Write a starter project: vehicle, bench, campaign and mission file, generated example records."""
     from seatrial.cli.console import output
     from seatrial.errors import SeatrialError
     from seatrial.generated import Recipe
@@ -46,6 +46,8 @@ def new(
         soft_wrap=True,
     )
     console.print(f"Next:  seatrial check {folder}/vehicle.toml", soft_wrap=True, markup=False)
-    console.print(f"       seatrial bench {folder}/bench.toml", soft_wrap=True, markup=False)
-    console.print(f"       seatrial check {folder}/campaign.toml", soft_wrap=True, markup=False)
-    console.print(f"       seatrial identify {folder}/campaign.toml", soft_wrap=True, markup=False)
+    steps = ("bench {}/bench.toml", "check {}/campaign.toml", "identify {}/campaign.toml")
+    steps += ("autopilot {0}/vehicle.toml --out {0}/autopilot.toml",)
+    steps += ("fly {0}/vehicle.toml {0}/autopilot.toml {0}/mission.toml",)
+    for step in steps:
+        console.print(f"       seatrial {step.format(folder)}", soft_wrap=True, markup=False)

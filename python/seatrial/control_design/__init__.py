@@ -7,6 +7,7 @@ autopilot file, `lqr_design` the gains of the regulator.
 
 from seatrial.control_design.closed_loop import STATES, Margins
 from seatrial.control_design.lqr_design import LqrGains, Tolerances, design_lqr, lqr_tables
+from seatrial.control_design.lqr_file import lqr_autopilot
 from seatrial.control_design.start_file import start_autopilot
 from seatrial.control_design.start_gains import StartGains, start_gains
 from seatrial.control_design.trim import Trim, trim
@@ -19,6 +20,7 @@ __all__ = [
     "Tolerances",
     "Trim",
     "design_lqr",
+    "lqr_autopilot",
     "lqr_tables",
     "start_autopilot",
     "start_gains",

@@ -123,6 +123,7 @@ def design_lqr(
     speeds_m_s: Sequence[float],
     modes: Mapping[str, Sequence[str]],
     *,
+    actuators: Mapping[str, Sequence[str]] | None = None,
     tau_max: Mapping[str, float] | None = None,
     tolerances: Tolerances | None = None,
     restoring: bool = True,
@@ -137,6 +138,8 @@ def design_lqr(
         Supporting speeds, m/s.
     modes : {name: loops}
         Names of the loops at work in each mode: surge, sway, heave, roll, pitch, heading.
+    actuators : {name: names}
+        Those at work in a mode; all where it is missing.
     tau_max : {loop: float}
         Largest demand per loop, N or N m; by default half of what the actuators reach at the fastest speed.
     tolerances : Tolerances
@@ -173,9 +176,11 @@ def design_lqr(
         limits = _limits(vehicle, max(speeds_m_s, key=abs), rows, tau_max)
         known = restoring_law(vehicle, rows) if restoring else np.zeros((6, len(STATES)))
         systems, trimmed = [], []
+        working = tuple(actuators[name]) if actuators and name in actuators else None
         for u in speeds_m_s:
-            flight = trim(vehicle, u, rows)
-            level = Trim(u, rows, np.zeros(3), np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6))
+            flight = trim(vehicle, u, rows, working)
+            nu = np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0])
+            level = Trim(u, rows, np.zeros(3), nu, np.zeros(6), working)
             systems.append(
                 sampled(plant(vehicle, flight or level, loops, motion=MOTION), late, period_s, loops)
             )
@@ -257,8 +262,12 @@ def _gain(system: Sampled, tolerances: Tolerances, wrench: Array) -> Array:
     """Static gain (6, 15) of the regulator for these tolerances and tolerated wrench (rows,)."""
     from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
-    size, seen = len(system.phi), list(system.seen)
-    tolerated = tolerances.of_states()[list(system.columns)]
+    size = len(system.phi)
+    pairs = [
+        pair for pair in zip(system.columns, system.seen, strict=True) if pair[0] not in _drifting(system)
+    ]
+    columns, seen = [column for column, _ in pairs], [place for _, place in pairs]
+    tolerated = tolerances.of_states()[columns]
     weight = np.zeros(size)
     weight[seen] = tolerated**-2.0
     cost = np.diag(wrench**-2.0)
@@ -270,8 +279,13 @@ def _gain(system: Sampled, tolerances: Tolerances, wrench: Array) -> Array:
     motion = solve_discrete_lyapunov(system.phi - system.gamma @ full, np.diag(begin))
     static = np.linalg.solve(motion[np.ix_(seen, seen)].T, (full @ motion[:, seen]).T).T
     gain = np.zeros((6, len(STATES)))
-    gain[np.ix_([ROWS.index(row) for row in system.rows], list(system.columns))] = static
+    gain[np.ix_([ROWS.index(row) for row in system.rows], columns)] = static
     return gain
+
+
+def _drifting(system: Sampled) -> tuple[int, ...]:
+    """Columns that a current moves although nothing is amiss: the sway over ground where no loop holds it."""
+    return () if "Y" in system.rows else (5,)
 
 
 def _limits(vehicle: Vehicle, fastest: float, rows: str, tau_max: Mapping[str, float] | None) -> Array:

@@ -1,7 +1,7 @@
 """Gains per sample, as a digital PID without a period writes them, turned into physical ones.
 
-Equation (54) of Taubert et al. (2014) sums errors and takes differences from sample to sample, so that K_I and
-K_D absorb the control period. Physical gains do not: another period does not retune the loop.
+Equation (54) of Taubert et al. (2014) sums errors and takes differences from sample to sample, so that K_I
+and K_D absorb the control period. Physical gains do not: another period does not retune the loop.
 Held by tests/test_per_sample.py.
 """
 

@@ -131,7 +131,7 @@ def _reasons(vehicle: Vehicle, start: StartGains) -> Mapping[tuple[str, str], st
         ("safety", "surface_speed_m_s"): "fins need it",
         ("safety", "stale_depth"): "heavier than water: with all stopped it would sink",
         ("safety", "depth"): "what dives against its planes is stopped: buoyancy brings it up",
-        ("safety", "actuator"): "one actuator is without a substitute",
+        ("safety", "actuator"): "what is left may not do: half of the planes cannot hold the bow up",
     }
     if "pitch" in late:
         reasons["guidance", "lookahead_vertical_m"] = f"the same, {late['pitch']:.2g} s late"

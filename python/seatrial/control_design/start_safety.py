@@ -38,7 +38,9 @@ def safety(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
     elif not hovers:
         table["depth"] = "abort"
     if without_substitute(vehicle, start):
-        table["actuator"] = {"deviation": 0.2, "after_s": 2.0, "reaction": "surface"}
+        sinks_or_hovers = hovers or heavy(vehicle)
+        reaction = "surface" if sinks_or_hovers else "abort"
+        table["actuator"] = {"deviation": 0.2, "after_s": 2.0, "reaction": reaction}
     return table
 
 

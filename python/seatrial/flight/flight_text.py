@@ -21,6 +21,7 @@ _CAUSES = {
     "time": "the mission took longer than its limit",
     "battery": "the battery was low",
     "actuator": "an actuator did not follow its command",
+    "progress": "the next waypoint came no nearer for too long",
 }
 _SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the minimum
 _SATURATED = 0.05

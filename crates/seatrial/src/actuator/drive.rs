@@ -72,8 +72,10 @@ impl<T: Real> Drive<T> {
             self.states[i] = match &mut self.dead_times[i] {
                 None => step.advance(state, target),
                 Some(dead_time) => {
-                    let (_, ramp) = step.course(state.ramp, target);
+                    let (before, ramp) = step.course(state.ramp, target);
                     let (from, to) = dead_time.pass(ramp);
+                    // Where there is no dead time the input jumps with the command, whatever other lanes wait for.
+                    let from = T::select(dead_time.is_late(), from, before);
                     MotorState { ramp, signal: step.lag(state.signal, from, to) }
                 }
             };

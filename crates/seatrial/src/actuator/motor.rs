@@ -167,6 +167,12 @@ impl<T: Real> DeadTime<T> {
         Self { delay, ring: vec![ramp; length], now: 0, input: ramp, still: length }
     }
 
+    /// Where there is a dead time.
+    #[inline(always)]
+    pub fn is_late(&self) -> T::Mask {
+        self.delay.zero().lt(self.delay)
+    }
+
     /// Takes for the past ramp what `past` gives so many half steps ago; returns the lag's input at present.
     #[inline(always)]
     pub fn settle(&mut self, past: impl Fn(usize) -> T) -> T {

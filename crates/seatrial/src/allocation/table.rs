@@ -5,7 +5,7 @@
 //! method = "pseudo-inverse"            # or "quadratic", for a single vehicle
 //! weights = { stern = 1.0, VTB = 4.0 } # actuator or group: factor on the cost 1/F_max²
 //! priority = { X = 1.0, M = 10.0 }     # rows: what gives way when not all can be reached
-//! start_share = 1.0                    # of the minimum signal: above it a motor starts
+//! start_share = 1.0                    # of the minimum signal: above it a motor starts; more where noise asks for it
 //! stop_share = 0.5                     # below it a motor stops
 //! idle = { bow = 300.0 }               # actuator or group: signal about which it keeps turning
 //! redistribution_passes = 2
@@ -104,14 +104,14 @@ impl AllocationTable {
 
     fn resolve(&self, description: &Description) -> Result<Settings, String> {
         for (key, value, most) in [
-            ("start_share", self.start_share, 1.0),
+            ("start_share", self.start_share, 10.0),
             ("stop_share", self.stop_share, self.start_share),
             ("fin_least_speed_m_s", self.fin_least_speed_m_s, f64::MAX),
         ] {
             if !(0.0..=most).contains(&value) {
                 let range = match key {
                     "stop_share" => "a number from 0 to start_share, or the motor stops as it starts".into(),
-                    "start_share" => "a number from 0 to 1".to_owned(),
+                    "start_share" => "a number from 0 to 10".to_owned(),
                     _ => "a speed of at least 0 m/s".to_owned(),
                 };
                 return Err(format!("{key}: expected {range}, found {value}"));

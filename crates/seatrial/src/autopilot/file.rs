@@ -4,7 +4,7 @@
 //! (m/s, m or rad), `K_I_per_s` and `K_D_s` in that unit per s and times s. A gain is one number or six, one for each
 //! supporting point of the schedule.
 //!
-//! Tests: `tests/autopilot_file.rs`.
+//! Tests: `tests/closed_loop/modes.rs`.
 
 use crate::allocation::AllocationTable;
 use crate::control_law::AntiWindup;

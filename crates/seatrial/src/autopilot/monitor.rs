@@ -5,7 +5,7 @@
 //! the others are allocated without it, and what it still does (a stuck fin, a motor that runs on) is
 //! taken off the demand at its measured signal.
 //!
-//! Tests: `tests/closed_loop.rs`, `tests/safety.rs`.
+//! Tests: `tests/closed_loop/safety.rs`.
 
 use crate::actuator::drive::{Drive, UnlimitedDelay};
 use crate::actuator::motor::Limits;
@@ -58,15 +58,16 @@ impl<T: Real> Monitor<T> {
         }
     }
 
-    /// Compares measured signals with the expected ones.
+    /// Compares measured signals with the expected ones; what is not a number was not measured.
     #[inline(always)]
     pub fn compare(&mut self, signals: &[T], table: &ActuatorWatch, dt: f64) {
         for (i, &signal) in signals.iter().enumerate() {
-            self.shown[i] = signal;
+            let told = signal.abs().lt(signal.splat(f64::INFINITY));
+            self.shown[i] = T::select(told, signal, self.shown[i]);
             if !self.largest[i].is_finite() {
                 continue;
             }
-            let zero = signal.zero();
+            let zero = self.off[i].zero();
             let away = zero
                 .splat(table.deviation * self.largest[i])
                 .lt((signal - self.drive.states[i].signal).abs());
@@ -108,6 +109,17 @@ impl<T: Real> Monitor<T> {
             }
         }
         sum
+    }
+
+    /// Takes the command from those given up: what they still do is no command.
+    #[inline(always)]
+    pub fn silence(&self, signals: &mut [T]) {
+        if !self.any {
+            return;
+        }
+        for (signal, &failed) in signals.iter_mut().zip(&self.failed) {
+            *signal = T::select(failed.splat(0.5).lt(failed), failed.zero(), *signal);
+        }
     }
 
     /// Takes those given up out of the usable ones, and tells the allocation what they still do.

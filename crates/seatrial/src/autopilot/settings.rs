@@ -1,6 +1,6 @@
 //! A checked autopilot file, and its numbers that a batch may vary.
 //!
-//! Tests: `tests/autopilot_file.rs`.
+//! Tests: `tests/closed_loop/modes.rs`.
 
 use super::file::{AutopilotFile, Control, DepthBy, Gain, LoopTable};
 use crate::coefficients::FORCES;

@@ -1,4 +1,6 @@
 //! What is kept of a flight, one row per control period.
+//!
+//! Tests: `tests/closed_loop.rs`, `tests/test_fly.py`.
 
 use crate::autopilot::Thought;
 use crate::navigation::{CHANNEL_NAMES, CHANNELS, Measurement};
@@ -102,11 +104,16 @@ impl<T: Real> Log<T> {
 impl Log<f64> {
     /// The rows up to a time, s, at the control period `dt`.
     pub fn until(mut self, time: f64, dt: f64) -> Self {
-        if self.rows == 0 || !time.is_finite() {
+        if self.rows == 0 {
             return self;
         }
         let width = self.values.len() / self.rows;
-        self.rows = self.rows.min((time / dt).round() as usize + 1);
+        let sound = |row: &[f64]| row[..3].iter().all(|x| x.is_finite());
+        // What diverged ends with its last sound row.
+        self.rows = match time.is_finite() {
+            true => self.rows.min((time / dt).round() as usize + 1),
+            false => self.values.chunks_exact(width).take_while(|row| sound(row)).count(),
+        };
         self.values.truncate(self.rows * width);
         self
     }

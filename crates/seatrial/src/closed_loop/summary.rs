@@ -134,7 +134,9 @@ impl<T: Real> Summary<T> {
         }
         let out = (z - lower).max(upper - z).max(zero);
         self.excursion = T::select(on_mission, self.excursion.max(out), self.excursion);
-        self.waypoints = keep(desired.leg + desired.done, self.waypoints);
+        // A reaction ends the mission where the vehicle is: that waypoint is not behind it.
+        let behind = desired.leg + T::select(alert.level.lt(half), desired.done, zero);
+        self.waypoints = keep(behind, self.waypoints);
         self.missed_by = keep(thought.missed_by, self.missed_by);
         for (was, &command) in self.turning.iter_mut().zip(commands) {
             let turns = T::select(zero.lt(command.abs()), one, zero);

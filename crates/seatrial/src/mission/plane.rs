@@ -1,6 +1,6 @@
 //! Plane geometry of missions: places are north and east in m, bearings clockwise from north in rad.
 //!
-//! Tests: `tests/mission/check.rs` and `tests/mission/patterns.rs`, through the missions that use it.
+//! Tests: `tests/mission/patterns.rs` and `tests/mission/patterns.rs`, through the missions that use it.
 
 /// North and east, m.
 pub type Place = [f64; 2];

@@ -71,3 +71,25 @@ fn scalar_closed_loop_lanes_fly_as_plain_numbers() {
         assert_eq!(lane.summary.ending, alone.summary.ending);
     }
 }
+
+/// A lane without dead time obeys at once, also beside one that waits.
+#[test]
+fn scalar_closed_loop_dead_times_do_not_know_their_neighbours() {
+    let autopilot = seatrial::autopilot::settings::built_in("bluerov2-heavy").expect("built in");
+    let mut trip =
+        Trip::of("bluerov2-heavy", autopilot, &DIVE.replace("1.5", "0.5").replace("120.0", "10.0"));
+    trip.seconds = 30.0;
+    let late: Vec<usize> = (0..trip.description.actuators.len())
+        .map(|k| {
+            trip.description
+                .layout
+                .find(&format!("{}.T_t", trip.description.actuators[k].name))
+                .expect("known")
+        })
+        .collect();
+    let one = |t_t: f64| Case { coefficients: vec![t_t; late.len()], ..case([0.0, 0.1, 0.0]) };
+    let among_equals = trip.fly_with(&[one(0.0), one(0.0)], &late, &[]);
+    let beside_late = trip.fly_with(&[one(0.0), one(0.1)], &late, &[]);
+    assert_eq!(course(&trip, &among_equals[0]), course(&trip, &beside_late[0]));
+    assert_ne!(course(&trip, &beside_late[0]), course(&trip, &beside_late[1]), "the dead time acts");
+}

@@ -9,7 +9,7 @@ use seatrial::closed_loop::log::columns;
 use seatrial::description::Description;
 use seatrial::integrate::State;
 use seatrial::mission::Mission;
-use seatrial::navigation::Sensors;
+use seatrial::navigation::{Seabed, Sensors};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -18,20 +18,24 @@ pub const DIVE: &str = "format = 1\nname = \"dive\"\nspeed_m_s = 1.5\nacceptance
     [[legs]]\nnorth_m = 120.0\neast_m = 0.0\ndepth_m = 10.0\n\
     [[legs]]\nnorth_m = 120.0\neast_m = 120.0\ndepth_m = 10.0\n";
 
+/// CWolf with plain gains.
+pub const AUTOPILOT: &str = include_str!("../support/autopilot.toml");
+
 /// What a flight is made of.
 pub struct Trip {
     pub description: Description,
     pub settings: Arc<Settings>,
     pub mission: Arc<Mission>,
     pub sensors: Sensors,
+    pub seabed: Option<Seabed>,
     pub seconds: f64,
     pub substeps: usize,
 }
 
 impl Trip {
-    /// CWolf with its built-in autopilot and perfect sensors.
+    /// CWolf with plain gains and perfect sensors.
     pub fn cwolf(mission: &str) -> Self {
-        Self::of("cwolf", built_in("cwolf").expect("built in"), mission)
+        Self::of("cwolf", AUTOPILOT, mission)
     }
 
     /// A built-in vehicle with the autopilot of a text.
@@ -41,6 +45,7 @@ impl Trip {
             settings: Arc::new(Settings::from_toml(autopilot, "test").expect("a valid autopilot")),
             mission: Arc::new(Mission::from_toml(mission, "test").expect("a valid mission")),
             sensors: Sensors::default(),
+            seabed: None,
             seconds: 300.0,
             substeps: 2,
         }
@@ -60,7 +65,7 @@ impl Trip {
             mission: &self.mission,
             sensors: &self.sensors,
             feedback: true,
-            seabed: None,
+            seabed: self.seabed,
             environment: self.description.file.environment,
             voltage: f64::NAN,
             substeps: self.substeps,

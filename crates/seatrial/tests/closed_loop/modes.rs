@@ -1,7 +1,7 @@
 //! The mode table at work.
 
-use crate::flights::{DIVE, Trip, case, column};
-use seatrial::autopilot::settings::{Settings, built_in};
+use crate::flights::{AUTOPILOT, DIVE, Trip, case, column};
+use seatrial::autopilot::settings::Settings;
 
 /// From rest the vehicle hovers, then cruises, and switches once.
 #[test]
@@ -37,7 +37,7 @@ fn law_modes_switch_without_a_bump() {
 }
 
 fn refused(from: &str, to: &str) -> String {
-    let text = built_in("cwolf").expect("built in");
+    let text = AUTOPILOT;
     assert!(text.contains(from), "the file has no {from:?}");
     Settings::from_toml(&text.replacen(from, to, 1), "a.toml").expect_err("must be refused").to_string()
 }
@@ -70,7 +70,7 @@ fn law_autopilot_files_are_refused_with_their_key() {
 
 #[test]
 fn law_autopilots_go_round_through_their_file() {
-    let text = built_in("cwolf").expect("built in");
+    let text = AUTOPILOT;
     let settings = Settings::from_toml(text, "cwolf").expect("valid");
     let again = Settings::from_toml(&settings.file.to_toml(), "again").expect("valid");
     assert_eq!(settings.file, again.file);

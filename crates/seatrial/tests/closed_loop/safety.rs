@@ -3,8 +3,8 @@
 use crate::flights::{DIVE, Trip, case, column, fault};
 use seatrial::closed_loop::batch::Outcome;
 use seatrial::mission::Limits;
-use seatrial::navigation::Outage;
-use seatrial::safety::{Reaction, WATCH_NAMES};
+use seatrial::navigation::{GROUPS, Measurement, Outage};
+use seatrial::safety::{Alert, Circumstances, Reaction, SafetyTable, WATCH_NAMES, watch};
 
 /// The dive with limits that are set when the mission has been checked against its own.
 fn limited(set: impl Fn(&mut Limits)) -> Trip {
@@ -120,4 +120,105 @@ fn law_safety_no_progress_brings_it_up() {
     let (level, cause, since) = alert(&outcome);
     assert_eq!((level, cause), (2.0, "progress"), "{:?}", outcome.summary);
     assert!((120.0..140.0).contains(&since), "{since} s: 120 s after it was nearest, at the start");
+}
+
+/// A mission at 5 m above a bottom at 20 m.
+fn above_the_bottom() -> Trip {
+    let mut trip = Trip::cwolf(&DIVE.replace("depth_m = 10.0", "altitude_m = 5.0"));
+    trip.seabed = Some([20.0, 0.0, 0.0]);
+    trip
+}
+
+/// Without bottom lock the last desired depth stays, whatever the last altitude was.
+#[test]
+fn law_safety_an_altimeter_that_fails_does_not_lead_into_the_bottom() {
+    let usual = above_the_bottom().one(case([0.0; 3])).summary.altitude;
+    let mut trip = above_the_bottom();
+    trip.sensors.outages = vec![Outage { group: 5, from: 60.0, until: f64::INFINITY }];
+    let outcome = trip.one(case([0.0; 3]));
+    assert_eq!((alert(&outcome).0, alert(&outcome).1), (2.0, "stale_altitude"));
+    assert!(outcome.summary.altitude > usual - 0.1, "{} after {usual}", outcome.summary.altitude);
+    let mut without = above_the_bottom();
+    without.sensors.timing[5].present = false;
+    std::sync::Arc::get_mut(&mut without.mission).expect("the only owner").limits.altitude = 2.0;
+    let outcome = without.one(case([0.0; 3]));
+    let (level, cause, since) = alert(&outcome);
+    assert_eq!((level, cause), (2.0, "stale_altitude"), "no altimeter is not the same as no water");
+    assert!((since - 10.0).abs() < 0.25, "{since}");
+}
+
+/// What a reaction leaves undone is not counted.
+#[test]
+fn law_safety_waypoints_behind_an_abort_are_not_counted() {
+    let mut trip = Trip::cwolf(DIVE);
+    trip.sensors.outages = vec![Outage { group: 1, from: 20.0, until: f64::INFINITY }];
+    let outcome = trip.one(case([0.0; 3]));
+    assert_eq!((outcome.summary.ending, outcome.summary.waypoints), (3.0, 0.0));
+}
+
+/// An actuator that is given up gets no command, also where it would obey and where it does something.
+#[test]
+fn law_safety_who_is_given_up_gets_no_command() {
+    let trip = Trip::cwolf(DIVE);
+    let mut broken = case([0.0; 3]);
+    broken.faults = vec![fault(&trip, "PL", 30.0, Some(1800.0))];
+    let outcome = trip.one(broken);
+    let (command, signal) = (column(&trip, &outcome, "cmd.PL"), column(&trip, &outcome, "act.PL"));
+    assert!(command[330..].iter().all(|n| *n == 0.0), "{:?}", &command[325..335]);
+    assert!(signal[330..].iter().all(|n| *n == 1800.0));
+    assert_eq!(outcome.summary.ending, 1.0, "the others take over: {:?}", outcome.summary);
+}
+
+/// On the way up the desired depth keeps to its rate, and the vehicle does not turn back.
+#[test]
+fn law_safety_surfacing_keeps_the_limits_of_guidance() {
+    let mut trip = limited(|limits| limits.time = 110.0);
+    trip.seconds = 400.0;
+    let outcome = trip.one(case([0.0; 3]));
+    assert_eq!(outcome.summary.ending, 2.0);
+    let (z, desired) = (column(&trip, &outcome, "z"), column(&trip, &outcome, "desired_depth"));
+    let level = column(&trip, &outcome, "alert");
+    let at = level.iter().position(|l| *l > 0.0).expect("an alert");
+    let most = trip.settings.file.guidance.depth_rate_max_m_s * 0.1;
+    for k in at..z.len() {
+        assert!((desired[k] - desired[k - 1]).abs() <= most + 1e-12, "step {k}");
+    }
+    let mut highest = f64::INFINITY;
+    for depth in &z[at + 50..] {
+        highest = highest.min(*depth);
+        assert!(depth - highest < 0.2, "it dives again by {:.2} m", depth - highest);
+    }
+}
+
+/// A Doppler log that falls silent under way leaves no constant error in any loop.
+#[test]
+fn law_safety_a_silent_doppler_log_does_not_push() {
+    let mut trip = Trip::cwolf(DIVE);
+    trip.sensors.outages = vec![Outage { group: 3, from: 60.0, until: 69.0 }];
+    let (silent, usual) = (trip.one(case([0.0; 3])), Trip::cwolf(DIVE).one(case([0.0; 3])));
+    assert_eq!(silent.summary.ending, 1.0);
+    for name in ["u", "z"] {
+        let (a, b) = (column(&trip, &silent, name), column(&trip, &usual, name));
+        let apart = (600..690).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+        assert!(apart < 0.1, "{name} goes {apart:.2} off in nine seconds");
+    }
+}
+
+/// One wild sample does not end a mission.
+#[test]
+fn law_safety_limits_need_more_than_a_sample() {
+    let table = SafetyTable::default();
+    let limits = Limits { depth: 10.0, altitude: 0.0, time: f64::INFINITY, fence: Vec::new() };
+    let mut measured = Measurement::nothing(0.0);
+    measured.age = [0.0; GROUPS];
+    let mut alert = Alert::none(0.0);
+    for k in 0..40 {
+        let deep = k == 5 || k >= 20;
+        measured.channels[2] = if deep { 12.0 } else { 9.0 };
+        let time = f64::from(k) * 0.1;
+        let around =
+            Circumstances { limits: &limits, time, dt: 0.1, needs_altitude: 0.0, failed: 0.0, stalled: 0.0 };
+        alert = watch(&table, &alert, &measured, &around);
+        assert_eq!(alert.level > 0.0, k >= 30, "step {k}");
+    }
 }

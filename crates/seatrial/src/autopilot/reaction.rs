@@ -1,0 +1,84 @@
+//! Guidance while all is well, and what stands in for it when safety calls: hold, surface.
+//!
+//! Tests: `tests/closed_loop/safety.rs`.
+
+use super::file::DepthBy;
+use super::{Autopilot, AutopilotState};
+use crate::guidance::{Desired, Fix};
+use crate::mission::Vertical;
+use crate::navigation::Measurement;
+use crate::real::Real;
+use crate::safety::Reaction;
+
+impl<T: Real> Autopilot<T> {
+    /// 1 where the mission follows the bottom or keeps off it.
+    #[inline(always)]
+    pub(super) fn needs_altitude(&self, state: &AutopilotState<T>) -> T {
+        let waypoints = &self.mission.waypoints;
+        if self.mission.limits.altitude > 0.0 {
+            return self.unit.splat(1.0);
+        }
+        if waypoints.iter().all(|w| w.vertical == Vertical::Depth) {
+            return self.unit;
+        }
+        let follows = |leg: f64| {
+            let waypoint = &waypoints[(leg.max(0.0) as usize).min(waypoints.len() - 1)];
+            (f64::from(u8::from(waypoint.vertical == Vertical::Altitude)), 0.0)
+        };
+        state.progress.leg().tabulated(follows)
+    }
+
+    /// Guidance, stopped at the present place where a reaction begins.
+    #[inline(always)]
+    pub(super) fn guide(
+        &self,
+        state: &mut AutopilotState<T>,
+        measured: &Measurement<T>,
+        before: T,
+    ) -> Desired<T> {
+        let half = before.splat(0.5);
+        let begins = T::both(before.lt(half), half.lt(state.alert.level));
+        let fix = Fix {
+            position: measured.position(),
+            altitude: measured.altitude(),
+            attitude: measured.attitude(),
+            velocity: measured.velocity(),
+        };
+        if T::any(begins) {
+            self.guidance.stop_here(&mut state.progress, &fix, begins);
+            state.heading = T::select(begins, fix.attitude[2], state.heading);
+        }
+        let dt = self.settings.file.period_s;
+        self.guidance.step(&self.mission.waypoints, &mut state.progress, &fix, dt)
+    }
+
+    /// Puts what the reaction asks for over the desired values, within the limits of guidance; where the vehicle has
+    /// surfaced.
+    #[inline(always)]
+    pub(super) fn react(
+        &self,
+        state: &mut AutopilotState<T>,
+        measured: &Measurement<T>,
+        desired: &mut Desired<T>,
+    ) -> T::Mask {
+        let (zero, level) = (self.unit, state.alert.level);
+        let (file, guidance) = (&self.settings.file, &self.guidance);
+        let depth = measured.channels[2];
+        let surface = zero.splat(f64::from(Reaction::Surface as u8) - 0.5).lt(level);
+        if T::any(surface) {
+            let still = self.settings.modes[0].depth_by == DepthBy::Heave;
+            let speed = zero.splat(if still { 0.0 } else { file.safety.surface_speed_m_s });
+            let dt = file.period_s;
+            let towards = |from: T, to: T, rate: T| from + (to - from).clamped(-(rate * dt), rate * dt);
+            let pick = |to: &mut T, from: T| *to = T::select(surface, from, *to);
+            pick(&mut desired.speed, towards(state.speed, speed, guidance.acceleration_max));
+            pick(&mut desired.lateral, zero);
+            pick(&mut desired.heading, state.heading);
+            pick(&mut desired.pitch, guidance.pitch_towards(depth));
+            pick(&mut desired.depth, towards(state.depth, zero, guidance.depth_rate_max));
+            pick(&mut desired.holding, zero.splat(f64::from(u8::from(still))));
+        }
+        (state.speed, state.depth) = (desired.speed, desired.depth);
+        T::both(surface, depth.lt(zero.splat(file.safety.surfaced_above_m)))
+    }
+}
