@@ -121,7 +121,7 @@ def test_issue_no_limit_cycle_around_the_minimum_revolutions_under_way(
         assert flown.reversals <= (0.0 if sensors is None else 20.0)
 
 
-@pytest.mark.parametrize(("speed", "most"), [(0.5, 15.0), (0.6, 6.0), (0.7, 6.0)])
+@pytest.mark.parametrize(("speed", "most"), [(0.5, 6.0), (0.6, 6.0), (0.7, 6.0)])
 def test_issue_a_slow_leg_that_needs_less_than_the_least_thrust_starts_seldom(
     speed: float, most: float
 ) -> None:
@@ -155,7 +155,7 @@ def test_issue_on_station_the_vertical_thrusters_carry_the_buoyancy_without_a_st
     starts, _ = station(Vehicle.load("cwolf"), autopilot("cwolf"), sensors="typical")
     assert not starts[:, 4:].any()
     # The stern propellers hold a place in still water: less than their least thrust.
-    assert starts[:, :4].max() <= 15.0
+    assert starts[:, :4].max() <= 6.0
 
 
 def test_issue_neutral_trim_on_station_has_no_limit_cycle_of_its_own() -> None:
@@ -163,6 +163,10 @@ def test_issue_neutral_trim_on_station_has_no_limit_cycle_of_its_own() -> None:
     starts, _ = station(cwolf, autopilot("cwolf"), sensors=None, seeds=(1,))
     assert not starts[:, 4:].any()
     assert starts[:, :4].max() <= 6.0
+    # Noise of depth and sinking is 0.35 N per thruster, the least thrust 0.46 N: started only from 1.8 N on
+    # (`start_share` 2), noise still starts them; from the least thrust on, 130 times a minute.
+    starts, _ = station(cwolf, autopilot("cwolf"), sensors="typical")
+    assert starts.max() <= 70.0
 
 
 def dead_band() -> Vehicle:
@@ -228,7 +232,7 @@ def test_issue_a_stuck_fin_is_found_and_buoyancy_brings_remus_up(fin: str, angle
             assert flown.ending == "aborted"
             assert flown.alert == "actuator"
             assert flown.surfaced
-            assert flown.duration < 300.0
+            assert flown.duration < 400.0
 
 
 @pytest.mark.parametrize("angle", STUCK_DEG)

@@ -139,6 +139,7 @@ def test_every_watch_and_reaction_has_its_words() -> None:
             "battery": {"below": 0.2, "reaction": reaction},
             "actuator": {"deviation": 0.2, "after_s": 2.0, "reaction": reaction},
         }
+        table["progress"] = {"after_s": 120.0, "reaction": reaction}
         whole = {**table, **dict.fromkeys(("depth", "altitude", "fence", "time"), reaction)}
         whole |= {"surface_speed_m_s": 0.5, "surfaced_above_m": 0.3}  # type: ignore[dict-item]
         found = safety_sentences(whole, hovers=True, loiter_radius_m=20.0)
@@ -160,7 +161,7 @@ def test_the_verb_prints_modes_gains_and_safety(tmp_path: Path) -> None:
         assert words in result.stdout
     data = json.loads(call("check", path, "--json").stdout)
     assert data["modes"][1]["from_speed_m_s"] == 0.8
-    assert len(data["safety"]) == 13
+    assert len(data["safety"]) == 14
 
 
 def test_options_that_do_not_belong_are_refused(tmp_path: Path) -> None:

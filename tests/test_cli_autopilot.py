@@ -82,6 +82,16 @@ def test_json_has_all_that_is_printed() -> None:
     assert found["authority"]
 
 
+def test_the_starter_project_flies_its_mission() -> None:
+    run = CliRunner().invoke
+    assert run(app, ["new", "mine"]).exit_code == 0
+    assert call("mine/vehicle.toml", "--out", "mine/autopilot.toml").exit_code == 0
+    fly = ["fly", "mine/vehicle.toml", "mine/autopilot.toml", "mine/mission.toml", "--no-figures"]
+    flown = run(app, [*fly, "--current", "0", "0.15", "0"])
+    assert flown.exit_code == 0, flown.output
+    assert "3 of 3 waypoints reached" in flown.stdout
+
+
 def test_a_file_that_exists_is_replaced_only_when_told_to() -> None:
     Path("autopilot.toml").write_text("tuned for weeks")
     refused(call("cwolf"), "autopilot.toml", "is not overwritten", "--force")

@@ -163,14 +163,32 @@ def lauv_without_law() -> str:
     return (AUTOPILOTS / "lauv.toml").read_text().replace('control = "pid"\n', "")
 
 
+def test_law_where_heave_is_held_the_gain_of_w_is_one_of_the_rate_of_depth() -> None:
+    """K_w w = K_w (z' + u pitch): the same demand for the same motion."""
+    modes = {"cruise": ("surge", "heave", "roll", "pitch", "heading")}
+    gains = design_lqr(Vehicle.load("beluga"), [0.6], modes)
+    told = np.array(lqr_tables(gains)[0]["gain"])[0]
+    motion = np.zeros(15)
+    motion[[2, 6]] = 0.1, 0.07
+    seen = motion.copy()
+    seen[6] = 0.07 - 0.6 * 0.1
+    # Five digits are written.
+    assert told @ seen == pytest.approx(gains["cruise"].gain[0] @ motion, rel=1e-3, abs=1e-4)
+
+
 def test_law_a_drift_over_ground_is_fed_back_only_where_sway_is_held() -> None:
     for name, fed_back in (("cwolf", False), ("lauv", False), ("bluerov2-heavy", True)):
-        gains = np.array(tomllib.loads(regulated(name))["lqr"][0]["gain"])
-        assert bool(gains[:, :, 5].any()) == fed_back
+        gains = np.array(tomllib.loads(regulated(name))["lqr"][-1]["gain"])
+        sway_of_hover = np.array(tomllib.loads(regulated(name))["lqr"][0]["gain"])[:, :, 5]
+        assert bool(sway_of_hover.any()) == fed_back
+        # In a rolled turn a current across shows in w, too; where the depth is held, w is its rate.
+        assert bool(gains[:, :, 6].any()) == fed_back
 
 
 @pytest.mark.parametrize("sensors", [None, "typical"])
-@pytest.mark.parametrize(("name", "speed"), [("cwolf", 1.5), ("lauv", 1.2), ("bluerov2-heavy", 0.5)])
+@pytest.mark.parametrize(
+    ("name", "speed"), [("cwolf", 1.5), ("remus100", 1.6), ("lauv", 1.2), ("bluerov2-heavy", 0.45)]
+)
 def test_the_regulator_flies_the_missions_of_the_pid(name: str, speed: float, sensors: str | None) -> None:
     for flown in flights(name, speed, sensors=sensors, text=regulated(name)):
         assert flown.ending == "complete"

@@ -112,18 +112,31 @@ class Helm:
     """
     An autopilot at work: a measurement in, commands out, once per control period.
     """
-    def declare_failed(self, /, actuator: str) -> None:
+    def declare_failed(self, /, actuator: str, failed: bool = True) -> None:
         """
-        Takes an actuator out of the allocation from the next step on.
+        Takes an actuator out of the allocation from the next step on, or back into it.
         """
     def step(self, /, measurement: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike] | None = None) -> dict[str, float]:
         """
         Commands {actuator: value in its own unit} for the next control period.
 
         measurement: the channels that were measured since the last step: x y z in m (NED), roll pitch yaw in rad,
-        u v w over ground in m/s, p q r in rad/s, altitude in m, u_water v_water w_water in m/s, battery (share left),
-        voltage in V. Missing channels keep their last value and grow old. signals: measured commands of the
-        actuators, in the unit of the command, by which a failed one is found.
+        u v w over ground in m/s, p q r in rad/s, altitude in m (inf: no bottom within reach), u_water v_water w_water in
+        m/s, battery (share left), voltage in V. Missing channels keep their last value and grow old; a number that is
+        not finite was not measured. signals: measured commands of the actuators, in the unit of the command, by which
+        a failed one is found. The autopilot begins when position, depth, attitude and rates have been measured once
+        (`waiting_for`); before, commands are neutral.
+        """
+    @property
+    def thought(self, /) -> dict[str, Any]:
+        """
+        What the autopilot thought at the last step: mode, reaction and its cause, whether it has ended, the waypoint in
+        hand, desired speed (m/s), heading (rad) and depth (m), errors (m), actuators given up; empty before the first.
+        """
+    @property
+    def waiting_for(self, /) -> list[str]:
+        """
+        The groups of channels that must be measured before the autopilot begins; empty once it has begun.
         """
 
 @final

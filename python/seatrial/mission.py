@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial import _core
-from seatrial.errors import VehicleError, reason
+from seatrial.errors import VehicleError
+from seatrial.file_kind import MISSION, text_of
 from seatrial.local_frame import FARTHEST_M, LocalFrame
 
 if TYPE_CHECKING:
@@ -72,6 +73,14 @@ class Mission:
 
     core: _core.Mission
 
+    def __post_init__(self) -> None:
+        """Refuse what is no mission of the core."""
+        if not isinstance(self.core, _core.Mission):
+            raise VehicleError(
+                f"Mission: expected a mission of the core, found {type(self.core).__name__}; use Mission.load"
+                " for a file, Mission.from_toml for text"
+            )
+
     @classmethod
     def load(cls, path: str | Path) -> Mission:
         """Mission of a file; a geographic place in it is converted about its ``[origin]``.
@@ -80,13 +89,7 @@ class Mission:
         ----------
         path : str or Path
         """
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise VehicleError(
-                f"{path}: expected a mission file, but it cannot be read ({reason(error)}); check the path"
-            ) from None
-        return cls.from_toml(text, str(path))
+        return cls.from_toml(text_of(path, MISSION), str(path))
 
     @classmethod
     def from_toml(cls, text: str, source: str = "<text>") -> Mission:
@@ -98,6 +101,8 @@ class Mission:
         source : str
             What to call it in messages.
         """
+        if not isinstance(text, str):
+            raise VehicleError(f"expected the text of a mission file, found {type(text).__name__}")
         try:
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError:

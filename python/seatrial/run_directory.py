@@ -11,6 +11,7 @@ import errno
 import hashlib
 import json
 import math
+import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ RUN_FILE = "run.json"
 """The file that makes a folder a run directory."""
 
 _STAGES = "stages"
+_LONGEST_NAME = 240  # file systems take 255, and ".partial" is put behind
 
 
 class StageStore(Protocol):
@@ -68,6 +70,7 @@ class RunDirectory:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path).absolute()
+        _short_enough(self.path)
         self.workspace = self.path.with_name(self.path.name + ".partial")
         if self.path.exists():
             if not self.path.is_dir():
@@ -169,6 +172,35 @@ class RunDirectory:
             write_whole(path, content)
         except OSError as error:
             raise _refusal(path, error) from None
+
+
+def check_writable(path: str | Path) -> None:
+    """Refuse a run directory that cannot be written, before a long run; nothing stays behind.
+
+    Raises
+    ------
+    SeatrialError
+        The folder cannot be written, or holds something that is not a run.
+    """
+    target = Path(path).absolute()
+    _short_enough(target)
+    missing = [folder for folder in target.parents if not folder.exists()]
+    kept = target.with_name(target.name + ".partial").exists()
+    directory = RunDirectory(target)
+    if not kept:
+        directory.discard()
+    for folder in missing:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+
+
+def _short_enough(path: Path) -> None:
+    size = len(os.fsencode(path.name))
+    if size > _LONGEST_NAME:
+        raise SeatrialError(
+            f"run directory {path.name[:40]}…: expected a name of at most {_LONGEST_NAME} bytes, found {size};"
+            " choose a shorter one"
+        )
 
 
 def to_json(value: Any) -> str:

@@ -7,7 +7,7 @@ use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::allocation::Allocator;
 use seatrial::autopilot::settings::{Settings, built_in, built_in_names};
-use seatrial::autopilot::{Autopilot as Engaged, AutopilotState};
+use seatrial::autopilot::{Autopilot as Engaged, AutopilotState, Thought};
 use seatrial::description::Description;
 use seatrial::error::nearest;
 use seatrial::facts::Value;
@@ -15,7 +15,7 @@ use seatrial::navigation::{CHANNEL_NAMES, GROUP, GROUP_NAMES, Measurement};
 use seatrial::safety::{REACTIONS, WATCH_NAMES};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// An autopilot: guidance, gains, modes, allocation and safety. Immutable.
 #[pyclass(frozen, module = "seatrial")]
@@ -133,9 +133,8 @@ impl Autopilot {
         let allocator =
             Allocator::single(&vehicle.description, autopilot.model(), allocation).map_err(raised)?;
         let state = autopilot.begin(allocator);
-        let measurement = Measurement::nothing(0.0);
-        let description = vehicle.description.clone();
-        Ok(Helm { autopilot, description, memory: Mutex::new((state, measurement)) })
+        let memory = Memory { state, known: Measurement::nothing(0.0), thought: None };
+        Ok(Helm { autopilot, description: vehicle.description.clone(), memory: Mutex::new(memory) })
     }
 
     fn __repr__(&self) -> String {
@@ -143,12 +142,33 @@ impl Autopilot {
     }
 }
 
+/// What a helm remembers: the autopilot's state, the measurement, and what was thought of it last.
+struct Memory {
+    state: AutopilotState<f64>,
+    known: Measurement<f64>,
+    thought: Option<Thought<f64>>,
+}
+
 /// An autopilot at work: a measurement in, commands out, once per control period.
 #[pyclass(frozen, module = "seatrial")]
 pub struct Helm {
     autopilot: Engaged<f64>,
     description: Arc<Description>,
-    memory: Mutex<(AutopilotState<f64>, Measurement<f64>)>,
+    memory: Mutex<Memory>,
+}
+
+impl Helm {
+    fn memory(&self) -> PyResult<MutexGuard<'_, Memory>> {
+        self.memory.lock().map_err(|_| refused("the helm was lost in an earlier error"))
+    }
+
+    /// The index of an actuator by its name.
+    fn actuator(&self, key: &str, name: &str) -> PyResult<usize> {
+        let names = || self.description.actuators.iter().map(|a| a.name.as_str());
+        names().position(|known| known == name).ok_or_else(|| {
+            refused(format!("{key}: the vehicle has no actuator \"{name}\"{}", nearest(name, names())))
+        })
+    }
 }
 
 #[pymethods]
@@ -156,56 +176,92 @@ impl Helm {
     /// Commands {actuator: value in its own unit} for the next control period.
     ///
     /// measurement: the channels that were measured since the last step: x y z in m (NED), roll pitch yaw in rad,
-    /// u v w over ground in m/s, p q r in rad/s, altitude in m, u_water v_water w_water in m/s, battery (share left),
-    /// voltage in V. Missing channels keep their last value and grow old. signals: measured commands of the
-    /// actuators, in the unit of the command, by which a failed one is found. A number that is not finite was not
-    /// measured. The autopilot begins when position, depth, attitude, velocity and rates have been measured once; before, commands are neutral.
+    /// u v w over ground in m/s, p q r in rad/s, altitude in m (inf: no bottom within reach), u_water v_water w_water in
+    /// m/s, battery (share left), voltage in V. Missing channels keep their last value and grow old; a number that is
+    /// not finite was not measured. signals: measured commands of the actuators, in the unit of the command, by which
+    /// a failed one is found. The autopilot begins when position, depth, attitude and rates have been measured once
+    /// (`waiting_for`); before, commands are neutral.
     #[pyo3(signature = (measurement, signals = None))]
     fn step(&self, measurement: Named, signals: Option<Named>) -> PyResult<BTreeMap<String, f64>> {
-        let mut memory = self.memory.lock().map_err(|_| refused("the helm was lost in an earlier error"))?;
-        let (state, known) = &mut *memory;
+        let mut feedback = vec![f64::NAN; self.description.actuators.len()];
+        for (name, command) in Named::scalars(signals)? {
+            let index = self.actuator("signals", &name)?;
+            feedback[index] = self.description.actuators[index].signal(command);
+        }
+        let measurement = Named::scalars(Some(measurement))?;
+        let channel = |name: &str| CHANNEL_NAMES.iter().position(|known| *known == name);
+        for name in measurement.keys().filter(|name| channel(name).is_none()) {
+            if !["battery", "voltage"].contains(&name.as_str()) {
+                let known = CHANNEL_NAMES.iter().copied().chain(["battery", "voltage"]);
+                return Err(refused(format!(
+                    "measurement: unknown channel \"{name}\"{}",
+                    nearest(name, known)
+                )));
+            }
+        }
+        let mut memory = self.memory()?;
+        let Memory { state, known, thought } = &mut *memory;
         for age in &mut known.age {
             *age += self.autopilot.period();
         }
-        for (name, value) in Named::scalars(Some(measurement))? {
-            match CHANNEL_NAMES.iter().position(|known| *known == name) {
-                // What is not a number was not measured.
-                Some(_) if !value.is_finite() => {}
-                Some(c) => {
+        for (name, value) in measurement {
+            match channel(&name) {
+                // No bottom within reach is a measurement; what is not a number was not measured.
+                Some(c) if value.is_finite() || (name == "altitude" && value == f64::INFINITY) => {
                     known.channels[c] = value;
                     known.age[GROUP[c]] = 0.0;
                 }
-                None if name == "battery" => known.battery = value,
+                None if name == "battery" && value.is_finite() => known.battery = value,
                 None if name == "voltage" => known.voltage = value,
-                None => {
-                    let near = nearest(&name, CHANNEL_NAMES);
-                    return Err(refused(format!("measurement: unknown channel \"{name}\"{near}")));
-                }
+                _ => {}
             }
         }
-        let names = || self.description.actuators.iter().map(|a| a.name.as_str());
-        let mut feedback = vec![f64::NAN; self.description.actuators.len()];
-        for (name, command) in Named::scalars(signals)? {
-            let index = names().position(|known| known == name).ok_or_else(|| {
-                refused(format!("signals: the vehicle has no actuator \"{name}\"{}", nearest(&name, names())))
-            })?;
-            feedback[index] = self.description.actuators[index].signal(command);
-        }
-        if known.is_complete() {
-            self.autopilot.step(state, known, Some(&feedback));
+        if known.waiting_for().next().is_none() {
+            *thought = Some(self.autopilot.step(state, known, Some(&feedback)));
         }
         let commands = self.description.actuators.iter().zip(&state.signals);
         Ok(commands.map(|(actuator, signal)| (actuator.name.clone(), actuator.command(*signal))).collect())
     }
 
-    /// Takes an actuator out of the allocation from the next step on.
-    fn declare_failed(&self, actuator: &str) -> PyResult<()> {
-        let names = || self.description.actuators.iter().map(|a| a.name.as_str());
-        let index = names().position(|name| name == actuator).ok_or_else(|| {
-            refused(format!("actuator: the vehicle has no \"{actuator}\"{}", nearest(actuator, names())))
-        })?;
-        let mut memory = self.memory.lock().map_err(|_| refused("the helm was lost in an earlier error"))?;
-        self.autopilot.declare_failed(&mut memory.0, index, 1.0);
+    /// The groups of channels that must be measured before the autopilot begins; empty once it has begun.
+    #[getter]
+    fn waiting_for(&self) -> PyResult<Vec<&'static str>> {
+        Ok(self.memory()?.known.waiting_for().collect())
+    }
+
+    /// What the autopilot thought at the last step: mode, reaction and its cause, whether it has ended, the waypoint in
+    /// hand, desired speed (m/s), heading (rad) and depth (m), errors (m), actuators given up; empty before the first.
+    #[getter]
+    fn thought(&self) -> PyResult<BTreeMap<&'static str, Fact>> {
+        let memory = self.memory()?;
+        let Some(thought) = &memory.thought else { return Ok(BTreeMap::new()) };
+        let desired = &thought.desired;
+        let cause = (thought.alert.cause as usize).checked_sub(1).map_or("", |i| WATCH_NAMES[i]);
+        let given_up = self.description.actuators.iter().enumerate();
+        let given_up = given_up.filter(|(i, _)| (thought.given_up as u64 >> i) & 1 == 1);
+        let names: Vec<&str> = given_up.map(|(_, actuator)| actuator.name.as_str()).collect();
+        Ok(fact_map(BTreeMap::from([
+            ("mode", Value::Text(self.autopilot.mode_name(thought.mode as usize).to_owned())),
+            ("reaction", Value::Text(REACTIONS[thought.alert.level as usize].to_owned())),
+            ("cause", Value::Text(cause.to_owned())),
+            ("ended", Value::Flag(thought.ended > 0.5)),
+            ("waypoint", Value::Number(desired.leg + 1.0)),
+            ("distance", Value::Number(desired.distance)),
+            ("speed", Value::Number(desired.speed)),
+            ("heading", Value::Number(desired.heading)),
+            ("depth", Value::Number(desired.depth)),
+            ("cross_track", Value::Number(desired.cross_track)),
+            ("vertical_error", Value::Number(desired.vertical_error)),
+            ("given_up", Value::Text(names.join(" "))),
+        ])))
+    }
+
+    /// Takes an actuator out of the allocation from the next step on, or back into it.
+    #[pyo3(signature = (actuator, failed = true))]
+    fn declare_failed(&self, actuator: &str, failed: bool) -> PyResult<()> {
+        let index = self.actuator("actuator", actuator)?;
+        let mut memory = self.memory()?;
+        self.autopilot.declare_failed(&mut memory.state, index, f64::from(u8::from(failed)));
         Ok(())
     }
 }

@@ -12,7 +12,7 @@ use seatrial::closed_loop::batch::{Case, Cases, Outcome};
 use seatrial::closed_loop::faults::ActuatorFault;
 use seatrial::closed_loop::log;
 use seatrial::closed_loop::summary::Summary;
-use seatrial::description::Description;
+use seatrial::description::{ActuatorDescription, Description};
 use seatrial::integrate;
 use seatrial::navigation::{CHANNELS, ChannelErrors, GROUPS, GroupTiming, Outage, Sensors};
 use seatrial::open_loop::inputs::actuator_index;
@@ -26,6 +26,14 @@ pub struct Flights {
     description: Arc<Description>,
     outcomes: Vec<Outcome>,
     dt: f64,
+}
+
+impl Flights {
+    fn outcome(&self, case: usize) -> PyResult<&Outcome> {
+        self.outcomes
+            .get(case)
+            .ok_or_else(|| refused(format!("case: expected below {}, found {case}", self.outcomes.len())))
+    }
 }
 
 #[pymethods]
@@ -45,10 +53,7 @@ impl Flights {
 
     /// The log of a case, shape (n, columns), one row per control period; SI and rad.
     fn log(&self, case: usize) -> PyResult<Array> {
-        let outcome = self
-            .outcomes
-            .get(case)
-            .ok_or_else(|| refused(format!("case: expected below {}, found {case}", self.outcomes.len())))?;
+        let outcome = self.outcome(case)?;
         let actuators = &self.description.actuators;
         let log = &outcome.log;
         let width = log.values.len() / log.rows.max(1);
@@ -64,7 +69,7 @@ impl Flights {
 
     /// Time of the rows of a case, shape (n,), s.
     fn t(&self, case: usize) -> PyResult<Array> {
-        let rows = self.log(case).map(|_| self.outcomes[case].log.rows)?;
+        let rows = self.outcome(case)?.log.rows;
         Ok(Array::new(&[rows], (0..rows).map(|k| k as f64 * self.dt).collect()))
     }
 
@@ -153,7 +158,7 @@ pub fn fly(
     let (sought, columns) = varied(coefficients, k, |name| description.layout.find(name).map_err(refused))?;
     let (tuned, tunings) = varied(gains, k, |name| tunable_index(name).map_err(refused))?;
     let all = tunable_names();
-    for i in 0..if tuned.is_empty() { 0 } else { k } {
+    for i in (0..k).filter(|_| !tuned.is_empty()) {
         let values: Vec<(String, f64)> =
             tuned.iter().zip(&tunings).map(|(&index, column)| (all[index].clone(), column[i])).collect();
         settings.with_tunables(&values).map_err(raised)?;
@@ -182,8 +187,13 @@ pub fn fly(
     }
     let sensors = sensors(&errors, &timing, outages)?;
     let model = model.as_ref().map_or(description, |m| &m.description);
-    if model.actuators.len() != description.actuators.len() {
-        return Err(refused("model: expected the actuators of the vehicle that flies"));
+    let same = |(a, b): (&ActuatorDescription, &ActuatorDescription)| a.name == b.name && a.unit == b.unit;
+    let pairs = model.actuators.iter().zip(&description.actuators);
+    if model.actuators.len() != description.actuators.len() || !pairs.into_iter().all(same) {
+        return Err(refused(format!(
+            "model: expected the actuators of {} in its order, found those of {}",
+            description.file.name, model.file.name
+        )));
     }
     settings.fits(model).map_err(raised)?;
     let own = description.file.environment;
@@ -212,6 +222,9 @@ struct Starts {
     nu: Vec<[f64; 6]>,
     current: Vec<[f64; 3]>,
 }
+
+/// The longest latency of a sensor, control periods.
+const MOST_LATENCY: f64 = 10_000.0;
 
 /// One row for each of `k` cases, from as many or one.
 fn spread<const C: usize>(name: &str, rows: Vec<[f64; C]>, k: usize) -> PyResult<Vec<[f64; C]>> {
@@ -253,6 +266,11 @@ fn sensors(errors: &Numbers, timing: &Numbers, outages: Vec<(usize, f64, f64)>) 
             "sensors: expected {CHANNELS} rows of errors and {GROUPS} of timing, found {} and {}",
             errors.len(),
             timing.len()
+        )));
+    }
+    if let Some([_, _, latency, ..]) = timing.iter().find(|row| row[2] > MOST_LATENCY) {
+        return Err(refused(format!(
+            "timing: expected a latency of at most {MOST_LATENCY} control periods, found {latency}"
         )));
     }
     let of = |[noise, bias, drift, quantum]: [f64; 4]| ChannelErrors { noise, bias, drift, quantum };

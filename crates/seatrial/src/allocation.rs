@@ -154,14 +154,8 @@ impl<T: Real> Allocator<T> {
         self.stuck_signal[actuator] = T::select(mask, signal, signal.zero());
     }
 
-    /// Takes all motors as standing: the start of a run.
-    pub fn reset(&mut self) {
-        for turning in &mut self.turning {
-            *turning = turning.zero();
-        }
-    }
-
-    /// The share of the work: for the controlled rows (0 or 1), the usable actuators (0 or 1) and the forward speed
+    /// The share of the work: for the weights of the rows (1 controlled; a small one for a row that is to stay at zero
+    /// where the others allow it; 0 free), the usable actuators (0 or 1) and the forward speed
     /// through the water, m/s. Cheap where nothing has changed.
     #[inline(always)]
     pub fn prepare(&mut self, vehicle: &Vehicle<T>, rows: &Vec6<T>, usable: &[T], speed: T) {

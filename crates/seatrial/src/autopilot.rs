@@ -8,10 +8,10 @@
 //!
 //! The same code flies one vehicle in real time (`f64`) and eight candidates side by side ([`crate::real::lanes`]).
 //!
-//! Source: Taubert et al. (2014), figures 13–15, equations 49–54, corrected; Fossen (2011), chapter 12.
-//! It must not begin before everything has been measured once ([`Measurement::is_complete`]), and no channel may be
+//! It must not begin while it waits for a first sample ([`Measurement::waiting_for`]), and no channel may be
 //! other than a number, the altitude apart.
 //!
+//! Source: Taubert et al. (2014), figures 13–15, equations 49–54, corrected; Fossen (2011), chapter 12.
 //! Tests: `tests/control.rs`, `tests/closed_loop.rs`, `tests/fixed_memory.rs`.
 
 mod feed_forward;
@@ -26,6 +26,7 @@ mod wrench;
 
 use crate::algebra::Vec6;
 use crate::allocation::Allocator;
+use crate::coefficients::FORCES;
 use crate::control_law::{SWAY, Situation};
 use crate::description::Description;
 use crate::error::Error;
@@ -44,6 +45,9 @@ use monitor::Monitor;
 use rates::Rates;
 use settings::{PER_LOOP, Settings};
 use std::sync::Arc;
+
+/// Weight of a row that the vehicle can command and no loop does.
+const IDLE_ROW: f64 = 0.05;
 
 /// A loop: its gains and the frequency of its reference filter.
 #[derive(Clone)]
@@ -64,6 +68,8 @@ pub struct Autopilot<T> {
     /// Per mode, 1 for the actuators at work.
     at_work: Vec<Vec<f64>>,
     limits: Vec<crate::actuator::motor::Limits>,
+    /// Weights of the rows that no loop commands.
+    idle_rows: Vec6<f64>,
     unit: T,
 }
 
@@ -81,7 +87,8 @@ pub struct AutopilotState<T> {
     /// Desired speed (m/s) and depth (m) of the last step.
     speed: T,
     depth: T,
-    demanded: Vec6<T>,
+    /// 1 once the vehicle has surfaced under a reaction.
+    surfaced: T,
     achieved: Vec6<T>,
     alert: Alert<T>,
     /// Desired pitch, within its rate, rad.
@@ -160,6 +167,10 @@ impl<T: Real> Autopilot<T> {
             lqr: settings.regulator(unit)?,
             at_work: settings.actuators_at_work(description)?,
             limits: description.actuators.iter().map(|a| a.limits).collect(),
+            idle_rows: FORCES.map(|row| {
+                let commanded = description.file.controllable.iter().any(|known| known == row);
+                if commanded { IDLE_ROW } else { 0.0 }
+            }),
             model,
             unit,
         })
@@ -181,7 +192,7 @@ impl<T: Real> Autopilot<T> {
             rates: Rates::new(unit),
             speed: unit,
             depth: unit,
-            demanded: zeros,
+            surfaced: unit,
             achieved: zeros,
             alert: Alert::none(unit),
             pitch: unit,
@@ -197,6 +208,11 @@ impl<T: Real> Autopilot<T> {
     /// The autopilot's model of the vehicle.
     pub fn model(&self) -> &Vehicle<T> {
         &self.model
+    }
+
+    /// The name of a mode.
+    pub fn mode_name(&self, mode: usize) -> &str {
+        self.settings.modes.get(mode).map_or("", |mode| &mode.name)
     }
 
     /// The control period, s.
@@ -244,7 +260,6 @@ impl<T: Real> Autopilot<T> {
         let stopped = T::either(surfaced, zero.splat(2.5).lt(state.alert.level));
         self.allocate(state, measured, &situation, (&demanded, mode, stopped));
         state.active = active;
-        state.demanded = demanded;
         state.steps += 1;
         Thought {
             desired,

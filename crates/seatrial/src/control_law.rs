@@ -44,9 +44,7 @@ pub struct Situation<T> {
     pub attitude: Vec3<T>,
     /// What is known to be needed, N and N m.
     pub feed_forward: Vec6<T>,
-    /// What the law demanded at the last step.
-    pub demanded: Vec6<T>,
-    /// What the allocation reached of it.
+    /// What the allocation reached of the demand of the last step; of a loop that was not at work, what its row had.
     pub achieved: Vec6<T>,
     /// 1 for the loops at work.
     pub active: Vec6<T>,

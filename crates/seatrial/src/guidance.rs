@@ -210,7 +210,8 @@ impl<T: Real> Guidance<T> {
         arrival::update(self, waypoints, progress, fix, dt);
 
         let work = arrival::Work::new(self, progress);
-        let place = progress.leg.place(fix, progress.depth);
+        let place = progress.leg.place(fix, progress.terrain);
+        progress.terrain = place.target;
         let mut path = progress.leg.path(&place, fix);
         if T::any(holds(work.circling)) {
             let round = circle::path(&work, &place);

@@ -110,7 +110,9 @@ impl<T: Real> Lqr<T> {
         for i in 0..6 {
             fresh = fresh.max(s.entered[i] * s.active[i]);
         }
-        let fresh = T::either(half.lt(fresh), half.lt((mode - state.mode).abs()));
+        // The first step of all has nothing to go on from.
+        let changed = T::both(half.lt((mode - state.mode).abs()), zero.lt(state.mode + half));
+        let fresh = T::either(half.lt(fresh), changed);
         let mut demand = [zero; 6];
         for i in 0..6 {
             let active = half.lt(s.active[i]);

@@ -61,10 +61,11 @@ impl<T: Real> Measurement<T> {
         }
     }
 
-    /// Whether position, depth, attitude, velocity and rates have each been measured in every lane: before that an
-    /// autopilot must not begin.
-    pub fn is_complete(&self) -> bool {
-        self.age[..5].iter().all(|age| age.largest() < f64::INFINITY)
+    /// The groups that an autopilot waits for: position, depth, attitude and rates must have been measured, in every
+    /// lane, before it begins.
+    pub fn waiting_for(&self) -> impl Iterator<Item = &'static str> + '_ {
+        let needed = [0, 1, 2, 4].into_iter();
+        needed.filter(|&g| self.age[g].largest() == f64::INFINITY).map(|g| GROUP_NAMES[g])
     }
 
     /// Position N E D, m.

@@ -1,6 +1,5 @@
 //! The autopilot steps in fixed memory: what a vehicle at sea runs takes nothing from the heap once it has begun.
 
-use seatrial::algebra::Vec6;
 use seatrial::allocation::Allocator;
 use seatrial::autopilot::Autopilot;
 use seatrial::autopilot::settings::{Settings, built_in};
@@ -35,7 +34,7 @@ fn allocations(name: &str, steps: usize) -> usize {
     measured.channels[12] = 10.0;
     measured.voltage = 14.8;
     let mut feedback = vec![0.0; description.actuators.len()];
-    let mut velocity: Vec6<f64> = [0.0; 6];
+    let (mut velocity, mut fastest) = (0.0, 0.0_f64);
     let region = Region::new(HEAP);
     for k in 0..steps {
         let thought = autopilot.step(&mut state, &measured, Some(&feedback));
@@ -47,15 +46,16 @@ fn allocations(name: &str, steps: usize) -> usize {
         let desired = &thought.desired;
         let heading = &mut measured.channels[5];
         *heading += 0.2 * (desired.heading - *heading);
-        velocity[0] += 0.2 * (desired.speed - velocity[0]);
+        velocity += 0.2 * (desired.speed - velocity);
+        fastest = fastest.max(velocity);
         let (sine, cosine) = heading.sin_cos();
-        measured.channels[0] += dt * velocity[0] * cosine;
-        measured.channels[1] += dt * velocity[0] * sine;
+        measured.channels[0] += dt * velocity * cosine;
+        measured.channels[1] += dt * velocity * sine;
         measured.channels[2] += 0.1 * (desired.depth - measured.channels[2]);
         measured.channels[12] = 10.0 - measured.channels[2];
-        (measured.channels[6], measured.channels[13]) = (velocity[0], velocity[0]);
+        (measured.channels[6], measured.channels[13]) = (velocity, velocity);
     }
-    assert!(velocity[0] > 0.1, "{name} must have sailed");
+    assert!(fastest > 0.3, "{name} must have sailed");
     region.change().allocations
 }
 

@@ -28,7 +28,6 @@ fn calm<T: Real>(unit: T) -> Situation<T> {
         velocity: zero,
         attitude: [unit.zero(); 3],
         feed_forward: zero,
-        demanded: zero,
         achieved: zero,
         active: all,
         entered: zero,
@@ -247,7 +246,6 @@ fn depths(lqr: &Lqr<f64>, start: f64, load: f64, reach: f64, seconds: f64) -> Ve
             error: row(-z),
             velocity: row(w),
             rate: row(w),
-            demanded: row(demanded),
             achieved: row(achieved),
             active: only_heave,
             ..calm(0.0)

@@ -114,7 +114,7 @@ def check_mission(
     >>> mission = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> found = check_mission(mission, vehicle=st.Vehicle.load("cwolf"))
     >>> round(found.length_m), found.warnings
-    (452, ())
+    (454, ())
     """
     speeds = [float(speed) for speed in np.unique(mission.waypoints["speed_m_s"])]
     powers = _powers(vehicle, speeds, voltage_v) if vehicle is not None else {}

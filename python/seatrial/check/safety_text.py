@@ -64,6 +64,8 @@ def safety_sentences(safety: Mapping[str, Any], *, hovers: bool, loiter_radius_m
         f"An actuator {100.0 * actuator['deviation']:g} % of its largest signal off for"
         f" {actuator['after_s']:g} s: allocate without it, and {words[actuator['reaction']]}"
     )
+    stalled = safety["progress"]
+    said.append(f"No nearer to the waypoint for {stalled['after_s']:g} s: {words[stalled['reaction']]}")
     said.append(
         f"Surfacing: at {safety['surface_speed_m_s']:g} m/s until {safety['surfaced_above_m']:g} m of depth"
     )

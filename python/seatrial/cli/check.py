@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from seatrial.check.actuators import NOMINAL_V
 from seatrial.errors import SeatrialError
+from seatrial.file_kind import CAMPAIGN, EMPTY, VEHICLE, file_kind
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,20 +20,14 @@ if TYPE_CHECKING:
     from seatrial.check.campaign import CampaignCheck
     from seatrial.scale.inputs import InputJudgement
 
-_OTHER_FILES = {
-    "pulls": ("a bench file", "; evaluate it with seatrial bench {}"),
-    "steps": ("a bench file", "; evaluate it with seatrial bench {}"),
-    "truth": ("the recipe of a generated trial", "; check the campaign that names it"),
-    "factors": ("the truth of generated trials", "; check the vehicle that it names"),
+_ADVICE = {
+    "a bench file": "evaluate it with seatrial bench {}",
+    "the recipe of a generated trial": "check the campaign that names it",
+    "the truth of generated trials": "check the vehicle that it names",
+    EMPTY: "seatrial new writes one to begin with",
+    "a set of sensors": "fly with it: seatrial fly --sensors {}",
 }
-"""Files that are taken for a vehicle by mistake, by a key that only they have."""
-
-_KEYS = {
-    "a campaign": ("stages", "trials"),
-    "a mission": ("legs",),
-    "an autopilot": ("schedule", "modes", "loops"),
-}
-"""Keys that tell what a file is; without any of them it is a vehicle."""
+"""What to do with files that are taken for a vehicle by mistake."""
 
 _OPTIONS: dict[str, tuple[str, ...]] = {
     "a vehicle": ("--speed-kn", "--out"),
@@ -87,7 +81,7 @@ def check(
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Check a vehicle (signs, speeds, turns, stability), an autopilot, a mission or a campaign beforehand."""
-    _check_options(target, voltage, speed_kn or [])
+    _check_options(voltage, speed_kn or [])
     kind = _kind(target)
     given = {"--vehicle": vehicle, "--autopilot": autopilot, "--speed-kn": speed_kn or None, "--out": out}
     for option, value in given.items():
@@ -138,40 +132,36 @@ def _check_vehicle(
     list_figures(console, written)
 
 
-def _check_options(target: str, voltage: float, speed_kn: list[float]) -> None:
-    """Refuse numbers that are no voltage or speed, and files that are none of those."""
+def _check_options(voltage: float, speed_kn: list[float]) -> None:
+    """Refuse numbers that are no voltage or speed."""
     for option, values in (("--voltage", [voltage]), ("--speed-kn", speed_kn)):
         for value in values:
             if not math.isfinite(value):
                 raise SeatrialError(f"{option}: expected a finite number, found {value}")
-    for key, (kind, advice) in _OTHER_FILES.items():
-        if key in _tables(target):
-            raise SeatrialError(
-                f"{target}: expected a vehicle, campaign, mission or autopilot file, found"
-                f" {kind}{advice.format(target)}"
-            )
-
-
-def _tables(target: str) -> dict[str, Any]:
-    """Tables of the file; empty where it cannot be read, which is left to the vehicle."""
-    try:
-        return tomllib.loads(Path(target).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
 
 
 def _kind(target: str) -> str:
-    """What the file is, by the keys that only it has."""
-    data = _tables(target)
-    for kind, keys in _KEYS.items():
-        if any(key in data for key in keys):
-            return kind
-    return "a vehicle"
+    """What the file is; a vehicle where nothing tells."""
+    from seatrial._core import Vehicle
+
+    kind = file_kind(target)
+    if kind is not None and kind in _ADVICE:
+        raise SeatrialError(
+            f"{target}: expected a vehicle, campaign, mission or autopilot file, found {kind};"
+            f" {_ADVICE[kind].format(target)}"
+        )
+    if kind is None and target not in Vehicle.names() and not Path(target).is_file():
+        why = "a folder" if Path(target).is_dir() else "no such file"
+        raise SeatrialError(
+            f"{target or 'an empty name'}: expected a vehicle, campaign, mission or autopilot file or one of"
+            f" the built-in vehicles {', '.join(Vehicle.names())}, found {why}; check the path"
+        )
+    return kind or VEHICLE
 
 
 def _is_campaign(target: str) -> bool:
     """Whether the file is a campaign."""
-    return _kind(target) == "a campaign"
+    return file_kind(target) == CAMPAIGN
 
 
 def _print_vehicle(console: Console, found: VehicleCheck) -> None:

@@ -32,13 +32,14 @@ def check_mission_file(
     from seatrial._core import Autopilot, Vehicle
     from seatrial.check.mission import check_mission
     from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.file_kind import loaded
     from seatrial.mission import Mission
 
     mission = Mission.load(target)
     found = check_mission(
         mission,
-        vehicle=Vehicle.load(vehicle) if vehicle else None,
-        autopilot=Autopilot.load(autopilot) if autopilot else None,
+        vehicle=None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle"),
+        autopilot=None if autopilot is None else loaded(Autopilot, autopilot, "--autopilot"),
         voltage_v=voltage_v,
     )
     folder = out or Path("runs") / f"check-{Path(target).stem}"
@@ -68,8 +69,9 @@ def check_autopilot_file(target: str, vehicle: str | None, *, voltage_v: float, 
     from seatrial._core import Autopilot, Vehicle
     from seatrial.check.autopilot import check_autopilot
     from seatrial.cli.console import output, print_json
+    from seatrial.file_kind import loaded
 
-    on: Vehicle | None = Vehicle.load(vehicle) if vehicle else None
+    on: Vehicle | None = None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle")
     found = check_autopilot(Autopilot.load(target), vehicle=on, voltage_v=voltage_v)
     if json:
         print_json(found.to_dict())

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from seatrial.flight import Flight, Leg
 
 _MOST_LEGS = 30
+_LONGEST_NAME = 80
 _LABEL = 13  # characters of a waypoint's name: the table is to fit 80 columns
 _FIGURES = {
     "duration_s": ("duration, s", 1),
@@ -38,7 +39,7 @@ _FIGURES = {
 def fly(
     vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle that flies.")],
     autopilot: Annotated[str, typer.Argument(help="Autopilot file or built-in autopilot.")],
-    mission: Annotated[Path, typer.Argument(help="Mission file.")],
+    mission: Annotated[str, typer.Argument(help="Mission file.")],
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Run directory; runs/fly-VEHICLE-MISSION by default.")
     ] = None,
@@ -80,7 +81,9 @@ def fly(
     ] = None,
     seeds: Annotated[
         int | None,
-        typer.Option(min=2, help="Fly so many seeds, from --seed on, and tell how the figures spread."),
+        typer.Option(
+            min=2, max=100_000, help="Fly so many seeds, from --seed on, and tell how the figures spread."
+        ),
     ] = None,
     figures: Annotated[bool, typer.Option(help="Write figures (PNG and PDF) into the run directory.")] = True,
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
@@ -93,7 +96,10 @@ def fly(
     from seatrial.cli.fly_seeds import fly_seeds
     from seatrial.flight import Fault, Outage
     from seatrial.flight import fly as flown
+    from seatrial.run_directory import check_writable
 
+    if out is not None:
+        check_writable(out)
     sources = (vehicle, autopilot, mission)
     options: dict[str, Any] = {
         "model": model,
@@ -131,8 +137,8 @@ def fly(
 
 
 def _folder(flight: Flight) -> str:
-    """Name of the run directory."""
-    name = f"fly-{flight.vehicle.name}-{flight.route.name}"
+    """Name of the run directory, no longer than file systems take."""
+    name = f"fly-{flight.vehicle.name}-{flight.route.name}"[:_LONGEST_NAME]
     return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)
 
 

@@ -219,10 +219,21 @@ def lqr_tables(gains: Mapping[str, LqrGains], *, tracking_s: float = 5.0) -> lis
         {
             "mode": name,
             "tracking_s": tracking_s,
-            "gain": [[[float(f"{x:.5g}") for x in row] for row in point] for point in of_mode.gain],
+            "gain": [[[float(f"{x:.5g}") for x in row] for row in point] for point in _of_rates(of_mode)],
         }
         for name, of_mode in gains.items()
     ]
+
+
+def _of_rates(gains: LqrGains) -> Array:
+    """Gain (points, 6, 15) as the autopilot uses it: where heave is held, w stands for the rate of the depth.
+
+    That is ``w - u pitch``, so that the rest of what the gain makes of w goes to the pitch.
+    """
+    told = gains.gain.copy()
+    if "heave" in gains.loops:
+        told[:, :, 2] += np.array(gains.speeds_m_s)[:, None] * told[:, :, 6]
+    return told
 
 
 def _safe_gain(
@@ -284,8 +295,11 @@ def _gain(system: Sampled, tolerances: Tolerances, wrench: Array) -> Array:
 
 
 def _drifting(system: Sampled) -> tuple[int, ...]:
-    """Columns that a current moves although nothing is amiss: the sway over ground where no loop holds it."""
-    return () if "Y" in system.rows else (5,)
+    """Columns that a current moves although nothing is amiss: sway and heave over ground that no loop holds.
+
+    Of a hull that rolls in its turns, a current across shows in both.
+    """
+    return tuple(column for column, row in ((5, "Y"), (6, "Z")) if row not in system.rows)
 
 
 def _limits(vehicle: Vehicle, fastest: float, rows: str, tau_max: Mapping[str, float] | None) -> Array:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["autopilot_tables", "autopilot_text", "commented", "start_autopilot"]
 
-_STOP_SHARE = 0.2  # of the minimum revolutions
+_START_SHARE, _STOP_SHARE = 2.0, 0.2  # of the minimum revolutions
 _OWN_WORK = 0.05  # cost of thrusters that do not drive, against those that do
 
 
@@ -105,7 +105,7 @@ def _allocation(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
     if any(of["kind"] == "fin" for of in facts.values()):
         table["fin_inflow"] = False
     if any(float(of["minimum_ahead"]) > 0.0 for of in facts.values()):
-        table["stop_share"] = _STOP_SHARE
+        table |= {"start_share": _START_SHARE, "stop_share": _STOP_SHARE}
         cruising = start.modes[-1].actuators
         others = tuple(name for name in vehicle.actuators if name not in cruising) if cruising else ()
         if others:
@@ -126,6 +126,7 @@ def _reasons(vehicle: Vehicle, start: StartGains) -> Mapping[tuple[str, str], st
             "fin_inflow",
         ): "fins steady the hull by themselves; following a noisy inflow they shake it",
         ("allocation", "weights"): "vertical thrusters do not leave heave to propellers near their minimum",
+        ("allocation", "start_share"): "noise asks for less, and starts nothing",
         ("allocation", "stop_share"): "below the minimum revolutions: stops late, and seldom",
         ("safety", "stale_velocity"): "a Doppler log without bottom echoes for 10 s is no failure yet",
         ("safety", "surface_speed_m_s"): "fins need it",

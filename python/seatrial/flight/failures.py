@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial._core import autopilot_names
 from seatrial.errors import SimulationError, nearest
+from seatrial.flight.checked_numbers import is_number
 from seatrial.flight.sensor_channels import GROUP_OF_KIND
 
 if TYPE_CHECKING:
@@ -75,13 +76,13 @@ class Fault:
                 " ACTUATOR@SECONDS=VALUE, for example SbU@60"
             )
         time = _number(found["time"], f"fault {text!r}", "a time in s behind @")
-        value = found["value"]
+        actuator, value = found["actuator"].strip(), found["value"]
         if value is None or value == "dead":
-            return cls(found["actuator"], time)
+            return cls(actuator, time)
         if value == "stuck":
-            return cls(found["actuator"], time, stuck=True)
+            return cls(actuator, time, stuck=True)
         where = "stuck, dead or a value in the unit of the command behind ="
-        return cls(found["actuator"], time, stuck_at=_number(value, f"fault {text!r}", where))
+        return cls(actuator, time, stuck_at=_number(value, f"fault {text!r}", where))
 
     def sentence(self) -> str:
         """What fails, in words."""
@@ -137,7 +138,9 @@ class Outage:
         begins, dash, ends = found["times"].partition("-")
         where, what = f"outage {text!r}", "times in s as FROM-UNTIL behind @"
         return cls(
-            found["what"], _number(begins, where, what), _number(ends, where, what) if dash else math.inf
+            found["what"].strip(),
+            _number(begins, where, what),
+            _number(ends, where, what) if dash else math.inf,
         )
 
     def sentence(self) -> str:
@@ -170,10 +173,10 @@ def fault_rows(
             )
         if any(name == other for _, other, _, _ in rows):
             raise SimulationError(f"faults: {name} fails twice; the first failure lasts, give one of them")
-        if not 0.0 <= fault.at_s <= max_time:
+        if not is_number(fault.at_s) or not 0.0 <= fault.at_s <= max_time:
             raise SimulationError(
                 f"faults: {name}: expected a time within the flight, 0 to {max_time:.0f} s,"
-                f" found {fault.at_s:g}"
+                f" found {fault.at_s if is_number(fault.at_s) else repr(fault.at_s)}"
             )
         if fault.stuck and fault.stuck_at is not None:
             raise SimulationError(f"faults: {name}: give stuck or stuck_at, not both")
@@ -191,21 +194,21 @@ def _command(fault: Fault, facts: dict[str, Any]) -> float:
     astern, ahead = float(facts["maximum_astern"]), float(facts["maximum_ahead"])
     if facts["reversed"]:
         astern, ahead = ahead, astern
-    if not neutral - astern <= fault.stuck_at <= neutral + ahead:
+    if not is_number(fault.stuck_at) or not neutral - astern <= fault.stuck_at <= neutral + ahead:
         raise SimulationError(
             f"faults: {fault.actuator}: stuck_at: expected {neutral - astern:g} to {neutral + ahead:g}"
-            f" {facts['unit']}, found {fault.stuck_at:g}"
+            f" {facts['unit']}, found {fault.stuck_at!r}"
         )
     return float(fault.stuck_at)
 
 
-def outage_rows(outages: Sequence[Outage]) -> list[tuple[int, float, float]]:
+def outage_rows(outages: Sequence[Outage], max_time: float) -> list[tuple[int, float, float]]:
     """Rows (group, from, until in s) as the core takes them.
 
     Raises
     ------
     SimulationError
-        There is no such group or kind of sensor, or the times are not in order.
+        There is no such group or kind of sensor, or the times are not in order or beyond the flight.
     """
     groups = autopilot_names()["groups"]
     rows = []
@@ -214,16 +217,25 @@ def outage_rows(outages: Sequence[Outage]) -> list[tuple[int, float, float]]:
             raise SimulationError(
                 f"outages: expected st.Outage(group, from_s, until_s), found {outage!r}; give a list of them"
             )
-        name = GROUP_OF_KIND.get(outage.of, outage.of)
+        name = GROUP_OF_KIND.get(str(outage.of), str(outage.of))
         if name not in groups:
             known = [*groups, *(kind for kind in GROUP_OF_KIND if kind not in groups)]
             raise SimulationError(
-                f'outages: there is no group or kind of sensor "{outage.of}"{nearest(outage.of, known)}'
+                f'outages: there is no group or kind of sensor "{outage.of}"{nearest(str(outage.of), known)}'
+            )
+        if not (is_number(outage.from_s) and is_number(outage.until_s)):
+            raise SimulationError(
+                f"outages: {outage.of}: expected times in s, found {outage.from_s!r} and {outage.until_s!r}"
             )
         if not 0.0 <= outage.from_s < outage.until_s:
             raise SimulationError(
                 f"outages: {outage.of}: expected a beginning from 0 on and a later end, found"
                 f" {outage.from_s:g} to {outage.until_s:g} s"
+            )
+        if outage.from_s > max_time:
+            raise SimulationError(
+                f"outages: {outage.of}: expected a beginning within the flight, 0 to {max_time:.0f} s, found"
+                f" {outage.from_s:g}"
             )
         rows.append((groups.index(name), float(outage.from_s), float(outage.until_s)))
     return rows

@@ -24,6 +24,7 @@ _CAUSES = {
     "progress": "the next waypoint came no nearer for too long",
 }
 _SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the minimum
+_LEAST_S = 20.0  # of a flight from which starts per minute can be told
 _SATURATED = 0.05
 _OFF_M = 0.05
 
@@ -48,6 +49,7 @@ def sentences(flight: Flight) -> list[str]:
             f" ({worst.label}), the vertical error {figures['vertical_rms_m']:.2f} m rms and at most"
             f" {max(leg.vertical_largest_m for leg in straight):.2f} m."
         )
+    found += _speeds(flight)
     found += _depth(legs)
     found += _stations(legs)
     found += _loops(flight)
@@ -102,6 +104,15 @@ def _reactions(flight: Flight) -> list[str]:
     return found
 
 
+def _speeds(flight: Flight) -> list[str]:
+    """Legs that ask for more than guidance gives."""
+    asked = max(stop.speed for stop in flight.route.stops)
+    most = flight.autopilot.gains()["guidance.speed_max_m_s"]
+    if asked <= most:
+        return []
+    return [f"Legs ask for up to {asked:g} m/s, and guidance keeps to speed_max_m_s = {most:g} m/s."]
+
+
 def _depth(legs: Sequence[Leg]) -> list[str]:
     changed = [leg for leg in legs if not math.isnan(leg.depth_overshoot_m)]
     if not changed:
@@ -136,7 +147,7 @@ def _loops(flight: Flight) -> list[str]:
 
 def _actuators(flight: Flight) -> list[str]:
     busiest = max(flight.actuator_use.values(), key=lambda use: use.switches_per_minute, default=None)
-    if busiest is None:
+    if busiest is None or float(flight.t[-1]) < _LEAST_S:
         return []
     rate = f"{busiest.switches_per_minute:.1f} starts and stops a minute"
     if busiest.switches_per_minute > _SWITCHES_PER_MINUTE:
@@ -146,7 +157,7 @@ def _actuators(flight: Flight) -> list[str]:
 
 def _sensors(flight: Flight) -> list[str]:
     told = np.stack([flight.measured[name] for name in ("x", "y", "z")], axis=1)
-    off = np.linalg.norm(told - flight.position, axis=1)
+    off = np.hypot(np.hypot(*(told - flight.position).T[:2]), told[:, 2] - flight.position[:, 2])
     off = off[np.isfinite(off)]
     found = []
     if len(off) and np.max(off) > _OFF_M:
@@ -159,4 +170,6 @@ def _sensors(flight: Flight) -> list[str]:
 
 def _time(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
+    if minutes >= 60:
+        return f"{minutes // 60} h {minutes % 60:02d} min"
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.errors import SimulationError
+from seatrial.flight.checked_numbers import checked_list, checked_rows, checked_seed, checked_threads
 from seatrial.flight.failures import Fault, Outage, fault_rows
-from seatrial.flight.set_up import checked_seed, set_up
+from seatrial.flight.set_up import set_up
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Flights, State, Vehicle
@@ -101,33 +102,30 @@ def fly_batch(
     >>> flights.figures["ending"]
     array([1., 1., 1.])
     """
-    per_case = bool(len(faults)) and not all(isinstance(fault, Fault) for fault in faults)
-    rows = np.asarray(current, float)
-    lengths = {
-        name: len(np.atleast_1d(values))
-        for given in (coefficients, gains)
-        for name, values in (given or {}).items()
+    given = checked_faults(faults)
+    per_case = bool(given) and not all(isinstance(fault, Fault) for fault in given)
+    rows = checked_rows("current", current)
+    varied: dict[str, Any] = {
+        "coefficients": checked_columns("coefficients", coefficients),
+        "gains": checked_columns("gains", gains),
     }
+    lengths = {name: len(values) for some in varied.values() for name, values in (some or {}).items()}
     if rows.ndim == 2:
         lengths["current"] = len(rows)
     if not isinstance(seeds, int | np.integer):
+        seeds = checked_list("seeds", seeds, int, "1, 2, 3")
         lengths["seeds"] = len(seeds)
     if per_case:
-        lengths["faults"] = len(faults)
+        lengths["faults"] = len(given)
     k = max(lengths.values(), default=1)
     for name, length in lengths.items():
         if length != k:
             raise SimulationError(f"{name}: expected {k} values, one per case, found {length}")
     if k == 0:
         raise SimulationError("fly_batch: expected at least one case, found none")
-    if rows.ndim > 2 or rows.shape[-1:] != (3,) or not np.isfinite(rows).all():
-        raise SimulationError(
-            f"current: expected finite rows of north, east, down in m/s, found the shape {rows.shape}"
-            if np.isfinite(rows).all()
-            else "current: expected finite numbers, north, east, down in m/s, found one that is not"
-        )
+    checked_threads(threads)
     every = [seeds] * k if isinstance(seeds, int | np.integer) else list(seeds)
-    shared: list[Any] = [] if per_case else list(faults)
+    shared: list[Any] = [] if per_case else list(given)
     ready = set_up(
         (vehicle, autopilot, mission),
         model=model,
@@ -144,11 +142,46 @@ def fly_batch(
         max_time=max_time,
         rho=rho,
         g=g,
+        logs=logs,
     )
     longest = ready.circumstances.max_time
-    each = cast(Sequence[Sequence[Fault]], faults) if per_case else [shared] * k
+    each = cast(Sequence[Sequence[Fault]], given) if per_case else [shared] * k
     failing = [
         row for case, some in enumerate(each) for row in fault_rows(some, ready.vehicle, longest, case=case)
     ]
-    varied: dict[str, Any] = {"coefficients": coefficients, "gains": gains, "threads": threads}
-    return ready.fly([checked_seed(seed) for seed in every], failing, current=rows, logs=logs, **varied)
+    seen = [checked_seed(seed) for seed in every]
+    return ready.fly(seen, failing, current=rows, logs=logs, threads=threads, **varied)
+
+
+def checked_faults(faults: Any) -> tuple[Any, ...]:
+    """Faults for all cases, or a list of them per case."""
+    given = checked_list("faults", faults, Fault, 'st.Fault("NAME", at_s=60)')
+    alone = [isinstance(fault, Fault) for fault in given]
+    if any(alone) and not all(alone):
+        raise SimulationError(
+            "faults: expected either faults for all cases or a list of them per case, found both"
+        )
+    if not any(alone):
+        for some in given:
+            checked_list("faults", some, Fault, 'st.Fault("NAME", at_s=60)')
+    return given
+
+
+def checked_columns(what: str, given: Any) -> dict[str, Array] | None:
+    """Finite values by name, (k,) each."""
+    if given is None:
+        return None
+    if not isinstance(given, Mapping):
+        raise SimulationError(f"{what}: expected {{name: values}}, found {given!r}")
+    columns = {}
+    for name, values in given.items():
+        try:
+            column = np.asarray(values, float)
+        except (TypeError, ValueError):
+            column = np.empty(())
+        if column.ndim != 1 or not np.isfinite(column).all():
+            raise SimulationError(
+                f"{what}: {name}: expected finite numbers (k,), one per case, found {values!r}"
+            )
+        columns[name] = column
+    return columns

@@ -63,6 +63,7 @@ _CHANNELS_OF_GROUP = {
     "water": (13, 14, 15),
 }
 _TICK = 1e-6
+_MOST_LATE = 10_000  # control periods that the core keeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,8 @@ def sensors_of(
         return None
     if isinstance(source, str | Path):
         return load_sensors(source, vehicle)
+    if not isinstance(source, Mapping):
+        raise TrialError(f'sensors: expected {{kind: sensor}}, "typical" or a path, found {source!r}')
     for kind, sensor in source.items():
         if kind not in KINDS:
             raise TrialError(f'sensors: unknown sensor "{kind}"{nearest(kind, KINDS)}')
@@ -125,7 +128,7 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
     Raises
     ------
     TrialError
-        There is no sensor at all.
+        There is no sensor at all, or a latency beyond what is kept.
 
     Examples
     --------
@@ -169,6 +172,11 @@ def _timing(kind: str, sensor: Sensor, period_s: float, said: list[str]) -> list
         said.append(
             f"{kind}: {sensor.rate_hz:g} Hz becomes a sample every {every * period_s:.3g} s, a whole number"
             f" of control periods of {period_s:g} s."
+        )
+    if sensor.latency_s > _MOST_LATE * period_s:
+        raise TrialError(
+            f"sensors: {kind}, key latency_s: expected at most {_MOST_LATE * period_s:g} s, found"
+            f" {sensor.latency_s:g}"
         )
     late = round(sensor.latency_s / period_s)
     if abs(late * period_s - sensor.latency_s) > _TICK:

@@ -17,6 +17,17 @@ from numpy.typing import ArrayLike, NDArray
 from seatrial import _core
 from seatrial._core import Autopilot, Flights, State, Vehicle
 from seatrial.errors import SimulationError
+from seatrial.file_kind import loaded
+from seatrial.flight.checked_numbers import (
+    checked_list,
+    checked_seabed,
+    checked_seed,
+    checked_step,
+    checked_supply,
+    checked_vector,
+    longest,
+    within,
+)
 from seatrial.flight.circumstances import Circumstances
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.route import Route
@@ -26,14 +37,10 @@ from seatrial.mission import Mission
 if TYPE_CHECKING:
     from seatrial.sensors import Sensor
 
-__all__ = ["SetUp", "Sources", "checked_seed", "set_up"]
+__all__ = ["SetUp", "Sources", "set_up"]
 
 Array = NDArray[np.float64]
 Sources = tuple["Vehicle | str | Path", "Autopilot | str | Path", "Mission | str | Path"]
-
-_TIMES_PLANNED, _MARGIN_S = 3.0, 300.0
-_LARGEST_SEED = 2**53
-_MOST_ROWS = 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +135,7 @@ def set_up(
     max_time: float | None,
     rho: float | None,
     g: float | None,
+    logs: bool = True,
 ) -> SetUp:
     """A flight that is ready to go. See `seatrial.fly` for the parameters.
 
@@ -139,33 +147,33 @@ def set_up(
         A number, a failure or a sensor is not.
     """
     vehicle, autopilot, mission = (
-        _loaded(Vehicle, sources[0]),
-        _loaded(Autopilot, sources[1]),
-        _loaded(Mission, sources[2]),
+        loaded(kind, source) for kind, source in zip((Vehicle, Autopilot, Mission), sources, strict=True)
     )
     path = Route.of(mission)
-    longest = _longest(path, autopilot, max_time)
-    _positive("max_step", max_step, "s")
-    for name, value, unit in (("voltage", voltage, "V"), ("rho", rho, "kg/m3"), ("g", g, "m/s2")):
-        if value is not None:
-            _positive(name, value, unit)
-    if voltage is None and any(facts["needs_voltage"] for facts in vehicle.actuator_info().values()):
-        raise SimulationError(
-            f"voltage: the thrust of {vehicle.name} depends on the supply voltage; give it in V"
-        )
+    most = longest(path, autopilot, max_time, logs=logs)
+    checked_step(max_step, autopilot)
+    checked_supply(voltage, vehicle)
+    if rho is not None:
+        within("rho", rho, (500.0, 2000.0), "kg/m3")
+    if g is not None:
+        within("g", g, (0.1, 100.0), "m/s2")
+    if not isinstance(feedback, bool):
+        raise SimulationError(f"feedback: expected True or False, found {feedback!r}")
     checked_seed(seed)
+    failed = checked_list("faults", faults, Fault, 'st.Fault("NAME", at_s=60)')
+    silent = checked_list("outages", outages, Outage, 'st.Outage("position", from_s=100)')
     fitted = sensors_of(sensors, vehicle)
     channels = sensor_channels(fitted, autopilot.period_s)
     circumstances = Circumstances(
-        current=_vector("current", current),
-        model=vehicle if model is None else _loaded(Vehicle, model),
+        current=checked_vector("current", current),
+        model=vehicle if model is None else _model(model, vehicle),
         max_step=max_step,
-        max_time=longest,
+        max_time=most,
         sensors={} if fitted is None else {kind: _stated(sensor) for kind, sensor in fitted.items()},
         sensor_notes=channels.sentences,
-        faults=tuple(faults),
-        outages=tuple(outages),
-        seabed=_seabed(seabed, path),
+        faults=failed,
+        outages=silent,
+        seabed=checked_seabed(seabed, path),
         seed=seed,
         voltage=voltage,
         feedback=feedback,
@@ -176,97 +184,29 @@ def set_up(
             for name, source in zip(("vehicle", "autopilot", "mission"), sources, strict=True)
         },
     )
-    fault_rows(faults, vehicle, longest)
+    fault_rows(failed, vehicle, most)
     start = State(path.start, [0.0, 0.0, path.heading]) if initial is None else initial
     if not isinstance(start, State):
         raise SimulationError(f"initial: expected an st.State, found {initial!r}")
-    return SetUp(vehicle, autopilot, mission, path, circumstances, channels, outage_rows(outages), start)
+    return SetUp(vehicle, autopilot, mission, path, circumstances, channels, outage_rows(silent, most), start)
 
 
-def checked_seed(seed: int) -> int:
-    """A seed that is one.
-
-    Raises
-    ------
-    SimulationError
-        It is none.
-    """
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if not whole or not 0 <= seed < _LARGEST_SEED:
-        raise SimulationError(f"seed: expected a whole number from 0 to 2^53 - 1, found {seed!r}")
-    return int(seed)
-
-
-def _loaded(kind: Any, source: Any) -> Any:
-    """Vehicle, autopilot or mission itself, or that of a name or path."""
-    if isinstance(source, kind):
-        return source
-    if isinstance(source, str | Path):
-        return kind.load(source)
-    raise SimulationError(
-        f"{kind.__name__.lower()}: expected an st.{kind.__name__}, a name or a path,"
-        f" found {type(source).__name__}"
-    )
-
-
-def _longest(path: Route, autopilot: Autopilot, max_time: float | None) -> float:
-    """Duration at which a flight ends at the latest, s: well beyond the plan and the mission's own limit."""
-    if max_time is None:
-        planned = _TIMES_PLANNED * path.planned_time + _MARGIN_S
-        limit = path.longest + _MARGIN_S if math.isfinite(path.longest) else 0.0
-        max_time = max(planned, limit)
-    _positive("max_time", max_time, "s")
-    if max_time / autopilot.period_s > _MOST_ROWS:
+def _model(source: Any, vehicle: Vehicle) -> Vehicle:
+    """Vehicle that the autopilot believes in, with the actuators of the one that flies."""
+    model: Vehicle = loaded(Vehicle, source, "model")
+    here, there = vehicle.actuator_info(), model.actuator_info()
+    if list(here) != list(there):
         raise SimulationError(
-            f"max_time: expected at most {_MOST_ROWS:.0e} control periods of {autopilot.period_s:g} s, found"
-            f" {max_time:g} s; shorten it"
+            f"model: expected the actuators of {vehicle.name}, {', '.join(here)}, found those of"
+            f" {model.name}, {', '.join(there)}"
         )
-    return float(max_time)
-
-
-def _positive(name: str, value: float, unit: str) -> None:
-    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not number or not math.isfinite(value) or value <= 0.0:
-        raise SimulationError(f"{name}: expected a positive number in {unit}, found {value!r}")
-
-
-def _vector(name: str, value: ArrayLike) -> tuple[float, float, float]:
-    try:
-        vector = np.asarray(value, float)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise SimulationError(
-            f"{name}: expected three finite numbers, north, east, down in m/s, found {value!r}"
-        )
-    return float(vector[0]), float(vector[1]), float(vector[2])
-
-
-def _seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, float] | None:
-    """Depth of the bottom and its slopes; a mission along the bottom needs one."""
-    if value is None:
-        for k, stop in enumerate(path.stops):
-            if stop.vertical == "altitude":
-                raise SimulationError(
-                    f"seabed: leg {k + 1} ({stop.label}) of {path.name} follows the bottom, and there is"
-                    " none; give its depth in m"
-                )
-        return None
-    bottom = np.atleast_1d(np.asarray(value, float))
-    if bottom.shape == (1,):
-        bottom = np.array([bottom[0], 0.0, 0.0])
-    if bottom.shape != (3,) or not np.isfinite(bottom).all():
-        raise SimulationError(
-            f"seabed: expected its depth in m, or (depth, slope north, slope east), found {value!r}"
-        )
-    depth, north, east = (float(x) for x in bottom)
-    there = depth + north * path.start[0] + east * path.start[1]
-    if there <= path.start[2]:
-        raise SimulationError(
-            f"seabed: expected below the start of {path.name} at a depth of {path.start[2]:g} m, found"
-            f" {there:g} m"
-        )
-    return depth, north, east
+    for name, facts in here.items():
+        if facts["unit"] != there[name]["unit"]:
+            raise SimulationError(
+                f"model: {name}: expected commands in {facts['unit']} as {vehicle.name} takes them, found"
+                f" {there[name]['unit']}"
+            )
+    return model
 
 
 def _stated(sensor: Sensor) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 //! The weighted pseudo-inverse on the controlled rows.
 //!
 //! Least effort `Σ w_k f_k²` with `B f = τ` on the rows R that are controlled: `f = W⁻¹ Bᵀ (B W⁻¹ Bᵀ)⁺ τ`.
-//! Written with `c_k = 1/√w_k` (zero for an actuator that is out of use) and the row scales s (zero for a row
-//! that is not controlled, else the priority over the reachable wrench `Σ |b_ik| F_max,k`, so that newtons and newton
+//! Written with `c_k = 1/√w_k` (zero for an actuator that is out of use) and the row scales s (zero for a free
+//! row, else weight and priority over the reachable wrench `Σ |b_ik| F_max,k`, so that newtons and newton
 //! metres compare): `h_k = c_k s∘b_k`, `A = Σ h_k h_kᵀ`, `f_k = c_k h_k · (A⁺ s∘τ)`.
 //!
 //! `A⁺` is Tikhonov's inverse, iterated three times: `G + λ G² + λ² G³`, `G = (A + λ)⁻¹`, λ = 1e-8. A direction with
@@ -28,7 +28,7 @@ pub struct PseudoInverse<T> {
     pub columns: Vec<Vec6<T>>,
     /// s, 1/N and 1/(N m).
     pub scale: Vec6<T>,
-    /// Controlled rows, 0 or 1.
+    /// Weights of the rows: 1 controlled, less where zero is only better than not, 0 free.
     rows: Vec6<T>,
     /// G of all of them.
     inverse: Mat6<T>,
@@ -46,7 +46,7 @@ impl<T: Real> PseudoInverse<T> {
         }
     }
 
-    /// For the controlled rows (0 or 1) and their priorities; `wrench` gives the wrench per newton of actuator k, whose
+    /// For the weights of the rows and their priorities; `wrench` gives the wrench per newton of actuator k, whose
     /// [`Self::effort`] has been set.
     #[inline(always)]
     pub fn update(&mut self, rows: &Vec6<T>, priority: &Vec6<f64>, wrench: impl Fn(usize) -> Vec6<T>) {
@@ -104,7 +104,7 @@ impl<T: Real> PseudoInverse<T> {
         let mut a = [[zero; 6]; 6];
         for i in 0..6 {
             // Rows that are not controlled are zero: the identity stands in for them.
-            a[i][i] = one - self.rows[i] + LAMBDA;
+            a[i][i] = T::select(zero.lt(self.rows[i]), zero, one) + LAMBDA;
         }
         for (k, column) in self.columns.iter().enumerate() {
             let free = free(k);

@@ -140,6 +140,15 @@ impl AllocationTable {
         let mut holds = Vec::with_capacity(idle.len());
         for (actuator, idle) in description.actuators.iter().zip(&idle) {
             let hold = Hold::new(&actuator.limits, shares, *idle);
+            if let Some(side) = (0..2).find(|&side| hold.start[side] > hold.maximum[side]) {
+                return Err(format!(
+                    "start_share: expected a start below the largest signal of \"{}\", {} {}, found {}; take a smaller share",
+                    actuator.name,
+                    hold.maximum[side],
+                    actuator.unit.as_str(),
+                    hold.start[side]
+                ));
+            }
             let side = usize::from(*idle < 0.0);
             let (least, most) = (hold.minimum[side], hold.maximum[side]);
             if *idle != 0.0 && matches!(actuator.effect, Effect::Fin(_)) {

@@ -29,7 +29,8 @@ impl<T: Real> Autopilot<T> {
             known = [T::select(heave, zero, -x), T::select(heave, zero, -y), -sink, -k, -m, -n];
         }
         if table.drag {
-            let wanted = [desired.speed, desired.lateral, s.reference_rate[HEAVE], zero, zero, zero];
+            let sink = T::select(zero.splat(0.5).lt(s.active[HEAVE]), s.reference_rate[HEAVE], zero);
+            let wanted = [desired.speed, desired.lateral, sink, zero, zero, zero];
             let drag = self.model.damping.add(&wanted, &[zero; 6]);
             for i in [SURGE, SWAY, HEAVE] {
                 known[i] -= drag[i];

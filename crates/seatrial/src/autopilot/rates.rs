@@ -9,8 +9,8 @@ use crate::algebra::Vec6;
 use crate::navigation::Measurement;
 use crate::real::Real;
 
-/// Beyond this age a velocity is not used, s: it would be a constant error of every loop that it enters.
-const VELOCITY_IS_OLD_S: f64 = 1.0;
+/// Beyond this age a velocity is not used, s (a log at 1 Hz is younger): it would be a constant error of every loop that it enters.
+const VELOCITY_IS_OLD_S: f64 = 2.0;
 
 /// Time constant of the depth's rate from differences, s.
 const DEPTH_RATE_LAG_S: f64 = 1.0;

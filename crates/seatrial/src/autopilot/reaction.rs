@@ -3,7 +3,9 @@
 //! Tests: `tests/closed_loop/safety.rs`.
 
 use super::file::DepthBy;
+use super::rates::Rates;
 use super::{Autopilot, AutopilotState};
+use crate::guidance::limits::towards;
 use crate::guidance::{Desired, Fix};
 use crate::mission::Vertical;
 use crate::navigation::Measurement;
@@ -38,11 +40,15 @@ impl<T: Real> Autopilot<T> {
     ) -> Desired<T> {
         let half = before.splat(0.5);
         let begins = T::both(before.lt(half), half.lt(state.alert.level));
+        let mut fresh = measured.velocity();
+        for x in &mut fresh {
+            *x = T::select(Rates::blind(measured), x.zero(), *x);
+        }
         let fix = Fix {
             position: measured.position(),
             altitude: measured.altitude(),
             attitude: measured.attitude(),
-            velocity: measured.velocity(),
+            velocity: fresh,
         };
         if T::any(begins) {
             self.guidance.stop_here(&mut state.progress, &fix, begins);
@@ -65,20 +71,25 @@ impl<T: Real> Autopilot<T> {
         let (file, guidance) = (&self.settings.file, &self.guidance);
         let depth = measured.channels[2];
         let surface = zero.splat(f64::from(Reaction::Surface as u8) - 0.5).lt(level);
+        if state.steps == 0 {
+            (state.speed, state.depth) = (measured.velocity()[0], depth);
+        }
         if T::any(surface) {
             let still = self.settings.modes[0].depth_by == DepthBy::Heave;
             let speed = zero.splat(if still { 0.0 } else { file.safety.surface_speed_m_s });
             let dt = file.period_s;
-            let towards = |from: T, to: T, rate: T| from + (to - from).clamped(-(rate * dt), rate * dt);
             let pick = |to: &mut T, from: T| *to = T::select(surface, from, *to);
-            pick(&mut desired.speed, towards(state.speed, speed, guidance.acceleration_max));
+            pick(&mut desired.speed, towards(state.speed, speed, guidance.acceleration_max * dt));
             pick(&mut desired.lateral, zero);
             pick(&mut desired.heading, state.heading);
             pick(&mut desired.pitch, guidance.pitch_towards(depth));
-            pick(&mut desired.depth, towards(state.depth, zero, guidance.depth_rate_max));
+            pick(&mut desired.depth, towards(state.depth, zero, guidance.depth_rate_max * dt));
             pick(&mut desired.holding, zero.splat(f64::from(u8::from(still))));
         }
         (state.speed, state.depth) = (desired.speed, desired.depth);
-        T::both(surface, depth.lt(zero.splat(file.safety.surfaced_above_m)))
+        // Who was up stays stopped: without buoyancy it would start again and again.
+        let up = T::both(surface, depth.lt(zero.splat(file.safety.surfaced_above_m)));
+        state.surfaced = T::select(up, zero.splat(1.0), state.surfaced);
+        zero.lt(state.surfaced)
     }
 }

@@ -34,6 +34,9 @@ pub fn built_in(name: &str) -> Option<&'static str> {
 /// Tunable numbers per loop: K_P, K_I and K_D at every supporting point, and the reference filter.
 pub const PER_LOOP: usize = 3 * POINTS + 1;
 
+/// The longest control period, s.
+const LONGEST_PERIOD_S: f64 = 10.0;
+
 /// The gains of a loop as they are named.
 const GAINS: [&str; 3] = ["K_P", "K_I", "K_D"];
 
@@ -109,8 +112,11 @@ impl Settings {
     }
 
     fn checked(file: AutopilotFile) -> Result<Self, String> {
-        if !(file.period_s.is_finite() && file.period_s > 0.0) {
-            return Err(format!("period_s: expected a positive time in s, found {}", file.period_s));
+        if !(file.period_s > 0.0 && file.period_s <= LONGEST_PERIOD_S) {
+            return Err(format!(
+                "period_s: expected a positive time in s, at most {LONGEST_PERIOD_S}, found {}",
+                file.period_s
+            ));
         }
         let schedule =
             Schedule::new(file.schedule.speeds_m_s).map_err(|m| format!("schedule.speeds_m_s: {m}"))?;
@@ -293,6 +299,9 @@ fn modes(file: &AutopilotFile) -> Result<Vec<Mode>, String> {
     let mut modes: Vec<Mode> = Vec::with_capacity(file.modes.len());
     for (k, table) in file.modes.iter().enumerate() {
         let at = format!("modes[{}] \"{}\"", k + 1, table.name);
+        if modes.iter().any(|mode| mode.name == table.name) {
+            return Err(format!("{at}.name: expected another name than the modes before it"));
+        }
         let mut active = [false; 6];
         for name in &table.loops {
             let index = LOOPS

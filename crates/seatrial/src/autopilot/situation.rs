@@ -34,6 +34,9 @@ impl<T: Real> Autopilot<T> {
         state.pitch = from + (pitch_wanted - from).clamped(-most, most);
         let wanted = [desired.speed, desired.lateral, desired.depth, zero, state.pitch, desired.heading];
         let ([u, v, w], [p, q, r]) = (measured.velocity(), measured.rates());
+        // What is too old is no velocity: a law must not push against it.
+        let blind = Rates::blind(measured);
+        let known = |x: T| T::select(blind, zero, x);
         let shown = [u, v, measured.channels[2], roll, pitch, yaw];
         let mut situation = Situation {
             dt,
@@ -41,10 +44,9 @@ impl<T: Real> Autopilot<T> {
             error: [zero; 6],
             rate: state.rates.see(measured, dt),
             reference_rate: [zero; 6],
-            velocity: [u, v, w, p, q, r],
+            velocity: [known(u), known(v), known(w), p, q, r],
             attitude: [roll, pitch, yaw],
             feed_forward: [zero; 6],
-            demanded: state.demanded,
             achieved: state.achieved,
             active,
             entered: [zero; 6],
@@ -74,7 +76,6 @@ impl<T: Real> Autopilot<T> {
             let error = followed - shown[i];
             situation.error[i] = if angle { error.wrap() } else { error };
         }
-        let blind = Rates::blind(measured);
         for i in [SURGE, SWAY] {
             situation.error[i] = T::select(blind, zero, situation.error[i]);
         }

@@ -1,6 +1,7 @@
 //! From the demands of the loops to commands, and back to what of them is reached.
 //!
-//! The heave loop's force is vertical in the earth frame; `τ = Jᵀ f` turns it into the body frame, and what the
+//! Rows that the vehicle can command and no loop does are kept at zero where the others allow it: a dead thruster
+//! must not push the vehicle sideways. The heave loop's force is vertical in the earth frame; `τ = Jᵀ f` turns it into the body frame, and what the
 //! allocation misses is turned back for the anti-windup.
 //!
 //! Source: Fossen (2011), sections 7.5 and 12.2. Tests: `tests/closed_loop/modes.rs`, `tests/closed_loop/safety.rs`.
@@ -21,7 +22,7 @@ impl<T: Real> Autopilot<T> {
         situation: &Situation<T>,
         (demanded, mode, stopped): (&Vec6<T>, T, T::Mask),
     ) {
-        let zero = self.unit;
+        let (zero, half) = (self.unit, self.unit.splat(0.5));
         let ((s_roll, c_roll), (s_pitch, c_pitch)) =
             (situation.attitude[ROLL - 3].sin_cos(), situation.attitude[PITCH - 3].sin_cos());
         // The earth's vertical in the body frame.
@@ -36,7 +37,11 @@ impl<T: Real> Autopilot<T> {
         let [u, v, w] = measured.water();
         let [p, q, r] = measured.rates();
         let rows = situation.active;
-        state.allocator.prepare(&self.model, &rows, &state.usable, u);
+        let mut weights = rows;
+        for i in 0..6 {
+            weights[i] = T::select(half.lt(rows[i]), rows[i], zero.splat(self.idle_rows[i]));
+        }
+        state.allocator.prepare(&self.model, &weights, &state.usable, u);
         let nu_r = [u, v, w, p, q, r];
         let reached =
             state.allocator.allocate(&self.model, &tau, &nu_r, measured.voltage, &mut state.signals);
@@ -45,7 +50,6 @@ impl<T: Real> Autopilot<T> {
         }
         state.monitor.silence(&mut state.signals);
         state.monitor.expect(&state.signals, &self.limits);
-        let half = zero.splat(0.5);
         let mut short = [zero; 6];
         for i in 0..6 {
             short[i] = (T::select(stopped, zero, reached[i]) - tau[i]) * rows[i];

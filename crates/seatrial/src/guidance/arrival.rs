@@ -73,7 +73,7 @@ pub fn update<T: Real>(
     fix: &Fix<T>,
     dt: f64,
 ) {
-    let place = progress.leg.place(fix, progress.depth);
+    let place = progress.leg.place(fix, progress.terrain);
     let before = below(place.along, place.along.zero());
     let passed = (progress.armed * not(before)).max(progress.leg.upright);
     progress.armed = progress.armed.max(before);

@@ -56,6 +56,8 @@ pub struct Progress<T> {
     pub(super) pitch: T,
     /// Desired depth, m.
     pub(super) depth: T,
+    /// Depth that the leg last asked for, m: without bottom lock it stays.
+    pub(super) terrain: T,
 }
 
 impl<T: Real> Progress<T> {
@@ -88,6 +90,7 @@ impl<T: Real> Progress<T> {
             heading: zero,
             pitch: zero,
             depth: zero,
+            terrain: zero,
         };
         progress.end_at(from, holds(empty));
         progress
@@ -140,6 +143,7 @@ impl<T: Real> Progress<T> {
         self.heading = fix.attitude[2].wrap();
         self.pitch = fix.attitude[1];
         self.depth = fix.position[2];
+        self.terrain = fix.position[2];
     }
 
     /// Ends the mission at the place of the fix.

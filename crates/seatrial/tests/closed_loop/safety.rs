@@ -25,7 +25,7 @@ fn law_safety_each_stale_group_calls_its_reaction() {
         (0, "stale_position", Reaction::Surface, 60.0),
         (1, "stale_depth", Reaction::Abort, 5.0),
         (2, "stale_attitude", Reaction::Abort, 2.0),
-        (3, "stale_velocity", Reaction::Surface, 10.0),
+        (3, "stale_velocity", Reaction::Surface, 20.0),
         (4, "stale_rates", Reaction::Abort, 2.0),
     ] {
         let mut trip = Trip::cwolf(DIVE);
@@ -144,7 +144,7 @@ fn law_safety_an_altimeter_that_fails_does_not_lead_into_the_bottom() {
     let outcome = without.one(case([0.0; 3]));
     let (level, cause, since) = alert(&outcome);
     assert_eq!((level, cause), (2.0, "stale_altitude"), "no altimeter is not the same as no water");
-    assert!((since - 10.0).abs() < 0.25, "{since}");
+    assert!((since - 20.0).abs() < 0.25, "{since}");
 }
 
 /// What a reaction leaves undone is not counted.

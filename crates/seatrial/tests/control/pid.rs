@@ -18,7 +18,6 @@ fn situation(error: f64, rate: f64) -> Situation<f64> {
         velocity: [0.0; 6],
         attitude: [0.0; 3],
         feed_forward: [0.0; 6],
-        demanded: [0.0; 6],
         achieved: [0.0; 6],
         active: [1.0; 6],
         entered: [0.0; 6],
