@@ -198,8 +198,8 @@ def _short_enough(path: Path) -> None:
     size = len(os.fsencode(path.name))
     if size > _LONGEST_NAME:
         raise SeatrialError(
-            f"run directory {path.name[:40]}…: expected a name of at most {_LONGEST_NAME} bytes, found {size};"
-            " choose a shorter one"
+            f"run directory {path.name[:40]}…: expected a name of at most {_LONGEST_NAME} bytes, found"
+            f" {size}; choose a shorter one"
         )
 
 

@@ -36,6 +36,7 @@ pub const STATES: usize = 15;
 
 /// The states in the order of the gain's columns: deviations "measured minus desired" (m, rad, m/s, rad/s),
 /// then the integrals of the deviations of surge and sway speed (m), depth (m s), pitch and heading (rad s).
+/// `w` is the rate of the depth less the desired one where heave is at work; p, q, r are the rates of the angles.
 pub const NAMES: [&str; STATES] =
     ["z", "roll", "pitch", "heading", "u", "v", "w", "p", "q", "r", "∫u", "∫v", "∫z", "∫pitch", "∫heading"];
 

@@ -231,7 +231,7 @@ fn depth_gain() -> Gain<f64> {
 /// Depths over some seconds of a mass of 100 kg under a constant load (N), from a depth error of `start` m.
 fn depths(lqr: &Lqr<f64>, start: f64, load: f64, reach: f64, seconds: f64) -> Vec<f64> {
     let mut state = LqrState::at_rest(0.0);
-    let (mut z, mut w, mut demanded, mut achieved) = (start, 0.0, 0.0, 0.0);
+    let (mut z, mut w, mut achieved) = (start, 0.0, 0.0_f64);
     let mut only_heave = [0.0; 6];
     only_heave[HEAVE] = 1.0;
     let steps = (seconds / PERIOD) as usize;
@@ -254,8 +254,7 @@ fn depths(lqr: &Lqr<f64>, start: f64, load: f64, reach: f64, seconds: f64) -> Ve
             // Under way in the mode already, with nothing integrated: no preset hides the first error.
             lqr.step(&mut state, &Situation { active: only_heave, ..calm(0.0) }, &weights(0.0), 0.0);
         }
-        demanded = lqr.step(&mut state, &situation, &weights(0.0), 0.0)[HEAVE];
-        achieved = demanded.clamp(-reach, reach);
+        achieved = lqr.step(&mut state, &situation, &weights(0.0), 0.0)[HEAVE].clamp(-reach, reach);
         let acceleration = (achieved + load) / 100.0;
         // Exact for a constant force.
         z += PERIOD * (w + 0.5 * PERIOD * acceleration);

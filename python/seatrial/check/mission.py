@@ -107,6 +107,11 @@ def check_mission(
     voltage_v : float
         Supply voltage at which tables of thrust are read, V.
 
+    Raises
+    ------
+    VehicleError
+        The autopilot does not fit the vehicle.
+
     Examples
     --------
     >>> import seatrial as st
@@ -116,6 +121,8 @@ def check_mission(
     >>> round(found.length_m), found.warnings
     (454, ())
     """
+    if vehicle is not None and autopilot is not None:
+        autopilot.engage(vehicle, mission.core)
     speeds = [float(speed) for speed in np.unique(mission.waypoints["speed_m_s"])]
     powers = _powers(vehicle, speeds, voltage_v) if vehicle is not None else {}
     rows = leg_rows(mission, powers)

@@ -48,6 +48,8 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     from seatrial._core import State
     from seatrial.control_design.authority import ROWS, commandable, thrusts
 
+    if not vehicle.actuators:
+        return None
     missing = commandable(vehicle, speed_m_s, voltage_v=voltage_v)
     if "N" in missing:
         return None

@@ -59,7 +59,6 @@ def write(
     SeatrialError
         The directory cannot be written; nothing is left half-written.
     """
-    directory = RunDirectory(folder)
     log = io.BytesIO()
     flight.table().write_parquet(log)
     files: dict[str, str | bytes] = {
@@ -70,6 +69,7 @@ def write(
         "flight.parquet": log.getvalue(),
         **(beside or {}),
     }
+    directory = RunDirectory(folder)  # last of all: what takes its time leaves nothing when it is interrupted
     try:
         if figures and not flight.diverged:
             _draw(flight, directory.workspace / "figures")

@@ -20,7 +20,7 @@ const AFTER_ABORT_S: f64 = 120.0;
 /// The figures of a flight.
 #[derive(Clone, Debug)]
 pub struct Summary<T> {
-    /// Index into [`ENDINGS`].
+    /// Index into [`ENDINGS`]; not a number for what diverged.
     pub ending: T,
     /// Duration, s.
     pub duration: T,
@@ -136,7 +136,7 @@ impl<T: Real> Summary<T> {
         self.excursion = T::select(on_mission, self.excursion.max(out), self.excursion);
         // A reaction ends the mission where the vehicle is: that waypoint is not behind it.
         let behind = desired.leg + T::select(alert.level.lt(half), desired.done, zero);
-        self.waypoints = keep(behind, self.waypoints);
+        self.waypoints = T::select(T::both(flying, sound), behind, self.waypoints);
         self.missed_by = keep(thought.missed_by, self.missed_by);
         for (was, &command) in self.turning.iter_mut().zip(commands) {
             let turns = T::select(zero.lt(command.abs()), one, zero);
@@ -156,7 +156,9 @@ impl<T: Real> Summary<T> {
         let ends = T::either(ended, T::both(aborted, over));
         let rises = zero.splat(1.5).lt(alert.level);
         let ending = T::select(aborted, zero.splat(3.0), T::select(rises, zero.splat(2.0), one));
-        self.ending = T::select(T::both(flying, ends), ending, self.ending);
+        let ending = T::select(ends, ending, self.ending);
+        let ending = T::select(sound, ending, zero.splat(f64::NAN));
+        self.ending = T::select(flying, ending, self.ending);
         self.flying = T::select(ends, zero, T::select(sound, self.flying, zero));
     }
 

@@ -23,8 +23,8 @@ pub enum Method {
 pub struct GuidanceTable {
     /// How heading and pitch follow from the errors.
     pub method: Method,
-    /// Lookahead distance Δ in the horizontal plane, m: two to five lengths of the vehicle, and at least three times
-    /// the speed times the time constant of the heading.
+    /// Lookahead distance Δ in the horizontal plane, m: two to five lengths of the vehicle, and at least twice the
+    /// speed times the delay of the course, reference filter included.
     pub lookahead_m: f64,
     /// Lookahead distance Δ_z in the vertical plane, m.
     pub lookahead_vertical_m: f64,

@@ -45,7 +45,7 @@ fn a_table_that_does_not_fit_is_refused() {
         ("weights = { stern = 0.0 }", vec!["weights.stern", "positive", "found 0"]),
         ("priority = { x = 2.0 }", vec!["priority", "X Y Z K M N", "did you mean \"X\""]),
         ("priority = { X = 0.0 }", vec!["priority.X", "0.001", "found 0"]),
-        ("start_share = 12.0", vec!["start_share", "0 to 1", "1.5"]),
+        ("start_share = 12.0", vec!["start_share", "0 to 10", "12"]),
         ("stop_share = 1.0\nstart_share = 0.8", vec!["stop_share", "start_share", "found 1"]),
         ("fin_least_speed_m_s = -1.0", vec!["fin_least_speed_m_s", "-1"]),
         ("idle = { VTB = 20.0 }", vec!["idle", "VTB", "150", "2000", "rpm", "found 20"]),

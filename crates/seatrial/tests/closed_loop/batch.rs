@@ -93,3 +93,19 @@ fn scalar_closed_loop_dead_times_do_not_know_their_neighbours() {
     assert_eq!(course(&trip, &among_equals[0]), course(&trip, &beside_late[0]));
     assert_ne!(course(&trip, &beside_late[0]), course(&trip, &beside_late[1]), "the dead time acts");
 }
+
+/// A case that diverges is not a number in its figures, ends its log there, and leaves its neighbours alone.
+#[test]
+fn law_closed_loop_divergence_is_not_a_number() {
+    let trip = trip();
+    let drag = trip.description.layout.find("N_rr").expect("known");
+    let one = |n_rr: f64| Case { coefficients: vec![n_rr], ..case([0.0; 3]) };
+    let usual = trip.fly_with(&[one(-150.0), one(-150.0)], &[drag], &[]);
+    let mixed = trip.fly_with(&[one(-150.0), one(1e9)], &[drag], &[]);
+    let summary = &mixed[1].summary;
+    assert!(summary.ending.is_nan() && summary.duration.is_nan(), "{summary:?}");
+    assert_eq!(summary.waypoints, 0.0);
+    assert!(mixed[1].log.rows < usual[1].log.rows);
+    assert!(column(&trip, &mixed[1], "x").iter().all(|x| x.is_finite()));
+    assert_eq!(course(&trip, &mixed[0]), course(&trip, &usual[0]));
+}
