@@ -68,7 +68,8 @@ def test_issue_pure_pursuit_stays_metres_off_and_lookahead_its_offset(name: str)
     ratio = 0.3 / USUAL[name]
     crab = np.arcsin((np.sqrt(1.0 + 4.0 * ratio**2) - 1.0) / (2.0 * ratio))
     # What is left of the turn after two thirds of the leg, and the slip of the hull.
-    assert by_method["lookahead"] == pytest.approx(table["lookahead_m"] * np.tan(crab), rel=0.1)
+    share = min(1.0, max(0.5, USUAL[name] / table["lookahead_speed_m_s"]))
+    assert by_method["lookahead"] == pytest.approx(share * table["lookahead_m"] * np.tan(crab), rel=0.1)
     assert by_method["integral"] < 0.5
 
 
@@ -82,8 +83,7 @@ def test_lauv_at_its_slowest_is_moved_by_the_trim_that_changes_at_a_turn() -> No
         assert flown.ending == "complete"
         assert flown.cross_track < 0.5
         assert flown.vertical < 0.5
-        assert flown.overshoot_percent < 8.0
-    assert max(flown.overshoot_percent for flown in flights("lauv", 0.7)) > 5.0
+        assert flown.overshoot_percent < 6.0
 
 
 def test_remus_slower_than_its_lift_allows_is_told_by_its_file_and_does_not_keep_its_depth() -> None:

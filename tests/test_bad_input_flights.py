@@ -1,4 +1,4 @@
-"""Wrong input to flights and to the check of missions and autopilots: one sentence, exit code 2, nothing left."""
+"""Wrong input to flights and to the check of missions and autopilots: one sentence, exit code 2."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import seatrial as st
-from seatrial import run_directory
+from seatrial import run_directory, whole_file
 from seatrial.cli import app
 from seatrial.errors import SeatrialError
 from seatrial.file_kind import file_kind
@@ -255,7 +255,7 @@ def test_ctrl_c_while_a_flight_is_written_leaves_nothing(
     here: Path, monkeypatch: pytest.MonkeyPatch, written: int
 ) -> None:
     """Interrupted after so many files of the run directory."""
-    write, count = run_directory.write_whole, 0
+    write, count = whole_file.write_whole, 0
 
     def interrupted(path: Path, content: bytes) -> None:
         nonlocal count

@@ -43,6 +43,8 @@ pub struct Guidance<T> {
     pub lookahead: T,
     /// Lookahead distance Δ_z in the vertical plane, m.
     pub lookahead_vertical: T,
+    /// Speed for which both and the integral gains hold, m/s; 0: any.
+    pub lookahead_speed: f64,
     /// Integral gain κ in the horizontal plane, m/s.
     pub integral_gain: T,
     /// Integral gain κ_z in the vertical plane, m/s.
@@ -72,6 +74,9 @@ pub struct Guidance<T> {
     /// Radius of the circle of a vehicle that cannot stop, m.
     pub loiter_radius: T,
 }
+
+/// Least share of the lookahead distances on slow legs.
+const LEAST_SHARE: f64 = 0.5;
 
 /// Where the vehicle is and how it moves, as the navigation says.
 #[derive(Clone, Copy, Debug)]
@@ -119,6 +124,7 @@ impl<T: Real> Guidance<T> {
     pub fn new(table: &GuidanceTable, unit: T, sway: bool, hover: bool) -> Self {
         let zero = unit.zero();
         let mut guidance = Self {
+            lookahead_speed: table.lookahead_speed_m_s,
             method: table.method,
             sway,
             hover,
@@ -207,6 +213,28 @@ impl<T: Real> Guidance<T> {
         if !progress.started {
             progress.measured(fix);
         }
+        self.at_speed(progress.leg.speed).go_on(waypoints, progress, fix, dt)
+    }
+
+    /// The constants for the speed of a leg.
+    #[inline(always)]
+    fn at_speed(&self, speed: T) -> Self {
+        if self.lookahead_speed <= 0.0 {
+            return *self;
+        }
+        let share =
+            (speed * (1.0 / self.lookahead_speed)).clamped(speed.splat(LEAST_SHARE), speed.splat(1.0));
+        Self {
+            lookahead: self.lookahead * share,
+            lookahead_vertical: self.lookahead_vertical * share,
+            integral_gain: self.integral_gain * share,
+            integral_gain_vertical: self.integral_gain_vertical * share,
+            ..*self
+        }
+    }
+
+    #[inline(always)]
+    fn go_on(&self, waypoints: &[Waypoint], progress: &mut Progress<T>, fix: &Fix<T>, dt: f64) -> Desired<T> {
         arrival::update(self, waypoints, progress, fix, dt);
 
         let work = arrival::Work::new(self, progress);

@@ -196,7 +196,7 @@ def _notes(mission: Mission, rows: tuple[LegRow, ...]) -> list[str]:
         " the speeds of its legs, in still water"
     ]
     index, slope = mission.core.steepest
-    if abs(slope) > 1e-6:
+    if abs(slope) >= np.deg2rad(0.5):
         way = "up" if slope > 0.0 else "down"
         label = mission.waypoints["label"][index]
         notes.append(f'Steepest: {abs(np.rad2deg(slope)):.0f} deg {way} on the way to "{label}"')

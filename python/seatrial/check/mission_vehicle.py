@@ -73,11 +73,8 @@ def vehicle_warnings(rows: Sequence[LegRow], vehicle: Vehicle, voltage_v: float)
             f" {' '.join(lacking)} at rest{_others(held)}; it circles there instead; better plan"
             " circle_radius_m and turns"
         )
-    unturned = sorted({
-        row.speed_m_s
-        for row in rows
-        if row.speed_m_s <= top and not _turns(vehicle, row.speed_m_s, voltage_v)
-    })
+    asked = sorted({row.speed_m_s for row in rows if row.speed_m_s <= top})
+    unturned = [speed for speed in asked if not _turns(vehicle, speed, voltage_v)]
     if unturned:
         spoken = ", ".join(f"{speed:g}" for speed in unturned)
         sentences.append(f"{vehicle.name} cannot turn while it runs at {spoken} m/s; fly slower or faster")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from seatrial.check.mission import MissionCheck
 
 _LABEL = 22  # characters: the table of legs stays within 80 columns
+_MOST_LEGS = 60
 
 
 def check_mission_file(
@@ -86,6 +87,9 @@ def _print_mission(console: Console, found: MissionCheck) -> None:
     _title(console, found.name, found.description)
     powered = any(row.power_w is not None for row in found.legs)
     head = ["leg", "what", "points", "m", "deg", "depth, m", "m/s", "time", *(["W"] if powered else [])]
+    shown, left_out = found.legs, 0
+    if len(found.legs) > _MOST_LEGS:
+        shown, left_out = found.legs[:_MOST_LEGS], len(found.legs) - _MOST_LEGS
     rows = [
         [
             str(row.number),
@@ -98,9 +102,11 @@ def _print_mission(console: Console, found: MissionCheck) -> None:
             duration(row.time_s),
             *([_power(row)] if powered else []),
         ]
-        for row in found.legs
+        for row in shown
     ]
     console.print(table("Legs", head, rows, left=2))
+    if left_out:
+        console.print(f"and {left_out} legs more: --json tells all of them", markup=False)
     if any(row.vertical == "altitude" for row in found.legs):
         console.print("^ above the bottom", markup=False)
     _print_sentences(console, found.notes, found.warnings)

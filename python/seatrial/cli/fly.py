@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _MOST_LEGS = 30
 _LONGEST_NAME = 80
-_LABEL = 13  # characters of a waypoint's name: the table is to fit 80 columns
+_LABEL = 16  # characters of a waypoint's name: the table is to fit 80 columns
 _FIGURES = {
     "duration_s": ("duration, s", 1),
     "distance_m": ("way over ground, m", 1),
@@ -143,7 +143,7 @@ def _folder(flight: Flight) -> str:
 
 
 def _print(console: Console, flight: Flight) -> None:
-    console.print(_whole(flight.figures, f"{flight.vehicle.name} on {flight.route.name}: {flight.ending}"))
+    console.print(_whole(flight.figures, f"{flight.vehicle.name} on {flight.route.name}: {flight.verdict}"))
     console.print(_legs(flight))
     if not flight.diverged:
         console.print(_loops(flight))
@@ -157,7 +157,7 @@ def _whole(figures: Mapping[str, float], title: str) -> Table:
     rows = [
         [label, _number(figures[name], decimals)]
         for name, (label, decimals) in _FIGURES.items()
-        if math.isfinite(figures.get(name, math.nan))
+        if math.isfinite(figures.get(name, math.nan)) and (name != "energy_wh" or figures[name] > 0.0)
     ]
     return table(title, ["figure", "value"], rows)
 
@@ -171,9 +171,10 @@ def _legs(flight: Flight) -> Table:
         shown = sorted(shown, key=_importance, reverse=True)[:_MOST_LEGS]
         shown = [leg for leg in flight.legs if leg in shown]
         title = f"The {_MOST_LEGS} of {len(flight.legs)} legs that say most; errors of the second half, m"
+    numbers = {id(leg): number for number, leg in enumerate(flight.legs, start=1)}
     rows = [
         [
-            leg.label if len(leg.label) <= _LABEL else f"{leg.label[: _LABEL - 1]}…",
+            _shortened(f"{numbers[id(leg)]} {leg.label}"),
             "yes" if leg.reached else "no",
             _number(leg.smallest_m, 1),
             _number(leg.time_s, 1),
@@ -184,8 +185,16 @@ def _legs(flight: Flight) -> Table:
         ]
         for leg in shown
     ]
-    head = ["waypoint", "reached", "near, m", "time, s", "across", "most", "vertical", "over, %"]
+    head = ["waypoint", "reached", "near, m", "time, s", "across", "most", "vert.", "over, %"]
     return table(title, head, rows)
+
+
+def _shortened(label: str) -> str:
+    """A label without its middle where it is long: what tells waypoints of a pattern apart is at the end."""
+    if len(label) <= _LABEL:
+        return label
+    tail = _LABEL // 2 - 1
+    return f"{label[: _LABEL - 1 - tail]}…{label[-tail:]}"
 
 
 def _importance(leg: Leg) -> tuple[bool, float]:

@@ -46,8 +46,12 @@ def new(
         soft_wrap=True,
     )
     console.print(f"Next:  seatrial check {folder}/vehicle.toml", soft_wrap=True, markup=False)
-    steps = ("bench {}/bench.toml", "check {}/campaign.toml", "identify {}/campaign.toml")
-    steps += ("autopilot {0}/vehicle.toml --out {0}/autopilot.toml",)
-    steps += ("fly {0}/vehicle.toml {0}/autopilot.toml {0}/mission.toml",)
+    steps = (
+        "bench {0}/bench.toml",
+        "check {0}/campaign.toml",
+        "identify {0}/campaign.toml",
+        "autopilot {0}/vehicle.toml --out {0}/autopilot.toml",
+        "fly {0}/vehicle.toml {0}/autopilot.toml {0}/mission.toml",
+    )
     for step in steps:
         console.print(f"       seatrial {step.format(folder)}", soft_wrap=True, markup=False)

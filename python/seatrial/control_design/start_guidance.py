@@ -56,6 +56,7 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
             table[key] = max(distance, _LEAST_LENGTHS * length)
     hold = min(0.2 * float(np.median([gain.bandwidth for gain in surge.gains])), 0.2)
     table |= {
+        "lookahead_speed_m_s": start.speeds_m_s[_nearest(start, cruise)],
         "integral_gain_m_s": _INTEGRAL * cruise,
         "integral_gain_vertical_m_s": _INTEGRAL_VERTICAL * cruise,
         "speed_max_m_s": 0.9 * start.speeds_m_s[-1],

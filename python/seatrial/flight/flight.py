@@ -165,6 +165,12 @@ class Flight:
         return self.ending == "complete" and all(leg.reached for leg in self.legs)
 
     @property
+    def verdict(self) -> str:
+        """How it ended, in words that do not call a mission complete whose waypoints were missed."""
+        missed = self.ending == "complete" and not self.complete
+        return "flown to its end, waypoints missed" if missed else self.ending
+
+    @property
     def under_way(self) -> Mask:
         """Rows on the mission: not complete yet and without any reaction, (n,)."""
         return np.asarray((self.alert == 0) & ~self.done & np.isfinite(self.position).all(axis=1))

@@ -38,7 +38,11 @@ def sentences(flight: Flight) -> list[str]:
     legs = [leg for leg in flight.legs if not math.isnan(leg.begin_s)]
     found.append(
         f"It went {figures['distance_m']:.0f} m over ground in {_time(figures['duration_s'])}"
-        f" and used {figures['energy_wh']:.1f} Wh."
+        + (
+            f" and used {figures['energy_wh']:.1f} Wh."
+            if figures["energy_wh"] > 0.0
+            else "; the vehicle file tells neither power_w_s3 nor [power], so that its energy is not known."
+        )
     )
     straight = [leg for leg in legs if not math.isnan(leg.cross_track_largest_m)]
     if straight:
@@ -148,6 +152,8 @@ def _loops(flight: Flight) -> list[str]:
 def _actuators(flight: Flight) -> list[str]:
     busiest = max(flight.actuator_use.values(), key=lambda use: use.switches_per_minute, default=None)
     if busiest is None or float(flight.t[-1]) < _LEAST_S:
+        return []
+    if busiest.switches_per_minute == 0.0:
         return []
     rate = f"{busiest.switches_per_minute:.1f} starts and stops a minute"
     if busiest.switches_per_minute > _SWITCHES_PER_MINUTE:

@@ -83,32 +83,49 @@ class Leg:
         return asdict(self)
 
 
+class _Rows:
+    """Rows of the log that are under way, leg by leg: many legs share a long log."""
+
+    def __init__(self, flight: Flight) -> None:
+        under_way = np.flatnonzero(flight.under_way)
+        self.rows = under_way[np.argsort(flight.leg[under_way], kind="stable")]
+        self.ends = np.searchsorted(flight.leg[self.rows], np.arange(len(flight.route.stops) + 1))
+
+    def of(self, first: int, last: int) -> NDArray[np.int64]:
+        """Rows of the legs from the first to the last."""
+        return np.asarray(self.rows[self.ends[first] : self.ends[last + 1]])
+
+
 def legs_of(flight: Flight) -> tuple[Leg, ...]:
     """Legs of a flight, one per waypoint of its mission."""
-    return tuple(_leg(flight, k) for k in range(len(flight.route.stops)))
+    rows = _Rows(flight)
+    told = np.stack([flight.measured[name] for name in ("x", "y", "z")], axis=1)
+    return tuple(_leg(flight, k, rows, told) for k in range(len(flight.route.stops)))
 
 
-def _leg(flight: Flight, k: int) -> Leg:
+def _leg(flight: Flight, k: int, of_legs: _Rows, told: Array) -> Leg:
     path = flight.route
     stop = path.stops[k]
-    rows = flight.under_way & (flight.leg == k)
-    distance = _distance(flight, k, flight.position, flight.altitude)
-    told = np.stack([flight.measured[name] for name in ("x", "y", "z")], axis=1)
-    shown = _distance(flight, k, told, flight.measured["altitude"])
-    found = np.flatnonzero(rows)
+    found = of_legs.of(k, k)
     if not len(found):
         return _never(path, k)
-    first, last = int(found[0]), int(found[-1])
+    first, last = int(found.min()), int(found.max())
     # The row in which guidance goes on to the next leg is the one in which it saw the waypoint reached.
     switched = min(last + 1, len(flight.t) - 1)
-    smallest = float(np.nanmin(distance[first : switched + 1]))
-    seen = float(np.nanmin(shown[first : switched + 1]))
+    part = slice(first, switched + 1)
+    rows = np.zeros(switched + 1 - first, dtype=bool)
+    rows[found - first] = True
+    distance = _distance(flight, k, flight.position[part], flight.altitude[part])
+    shown = _distance(flight, k, told[part], flight.measured["altitude"][part])
+    smallest, seen = float(np.nanmin(distance)), float(np.nanmin(shown))
     half = 0.5 * path.length(k)
-    settled = rows & ~flight.holding & (flight.distance < half) & (stop.task != "circle")
+    holding = flight.holding[part]
+    settled = rows & ~holding & (flight.distance[part] < half) & (stop.task != "circle")
+    across, below = (flight.errors[name][part][settled] for name in ("cross_track", "vertical"))
     arrived = np.cumsum(rows & (distance <= stop.acceptance)) > 0
-    held = rows & flight.holding & arrived & (stop.task == "hold")
-    step, beyond = _overshoot(flight, k)
-    modes = np.bincount(flight.mode[rows], minlength=len(flight.modes)) / len(found)
+    held = rows & holding & arrived & (stop.task == "hold")
+    step, beyond = _overshoot(flight, k, of_legs)
+    modes = np.bincount(flight.mode[found], minlength=len(flight.modes)) / len(found)
     return Leg(
         label=stop.label,
         task=stop.task,
@@ -118,10 +135,10 @@ def _leg(flight: Flight, k: int) -> Leg:
         reached=seen <= stop.acceptance + _ROUNDING_M and smallest <= _TRULY * stop.acceptance,
         begin_s=float(flight.t[first]),
         time_s=float(flight.t[switched] - flight.t[first]),
-        cross_track_mean_m=_mean(flight.errors["cross_track"][settled]),
-        cross_track_largest_m=_largest(flight.errors["cross_track"][settled]),
-        vertical_mean_m=_mean(flight.errors["vertical"][settled]),
-        vertical_largest_m=_largest(flight.errors["vertical"][settled]),
+        cross_track_mean_m=_mean(across),
+        cross_track_largest_m=_largest(across),
+        vertical_mean_m=_mean(below),
+        vertical_largest_m=_largest(below),
         depth_step_m=step,
         depth_overshoot_m=beyond,
         depth_overshoot_percent=100.0 * beyond / abs(step),
@@ -179,7 +196,7 @@ def _step(path: Route, k: int) -> float:
     return step if abs(step) >= _LEAST_STEP_M else math.nan
 
 
-def _overshoot(flight: Flight, k: int) -> tuple[float, float]:
+def _overshoot(flight: Flight, k: int, of_legs: _Rows) -> tuple[float, float]:
     """Change of depth on leg `k` and how far beyond it the vehicle went before the next change, m."""
     path = flight.route
     step = _step(path, k)
@@ -190,7 +207,7 @@ def _overshoot(flight: Flight, k: int) -> tuple[float, float]:
         last + 1 < len(path.stops) and not path.follows_bottom(last + 1) and math.isnan(_step(path, last + 1))
     ):
         last += 1
-    rows = flight.under_way & (flight.leg >= k) & (flight.leg <= last)
+    rows = of_legs.of(k, last)
     beyond = math.copysign(1.0, step) * (flight.position[rows, 2] - path.stops[k].position[2])
     return step, max(0.0, float(np.max(beyond)))
 

@@ -68,7 +68,7 @@ def _remark(flight: Flight) -> str:
     """How long and how far, in the title."""
     way = flight.figures.get("distance_m", math.nan)
     length = f"{way / 1e3:.2f} km" if way >= 1e3 else f"{way:.0f} m"
-    return f"{flight.ending}, {length} in {flight.t[-1]:.0f} s"
+    return f"{flight.verdict}, {length} in {flight.t[-1]:.0f} s"
 
 
 def _flown(plan: Plan, flight: Flight) -> None:
@@ -120,7 +120,7 @@ def _flown(plan: Plan, flight: Flight) -> None:
 def _depth(axes: Axes, flight: Flight, path: PlannedPath) -> None:
     """Depth over time: waypoints as planned, desired and flown; bottom and limit where there are any."""
     t, depth = flight.t, flight.position[:, 2]
-    leg_lines(axes, flight, numbers=True)
+    leg_lines(axes, flight, numbers=True, room=0.045)
     rows = np.flatnonzero((np.diff(flight.leg) != 0) | (np.diff(flight.done.astype(int)) > 0)) + 1
     planned = path.places[flight.leg[rows - 1] + 1, 2]
     axes.plot(

@@ -28,6 +28,9 @@ pub struct GuidanceTable {
     pub lookahead_m: f64,
     /// Lookahead distance Δ_z in the vertical plane, m.
     pub lookahead_vertical_m: f64,
+    /// Speed for which lookahead distances and integral gains hold, m/s: on slower legs they shrink in proportion, to a
+    /// half at the least; 0: the same at any speed.
+    pub lookahead_speed_m_s: f64,
     /// Integral gain κ in the horizontal plane, m/s: a quarter of the speed is critically damped.
     pub integral_gain_m_s: f64,
     /// Integral gain κ_z in the vertical plane, m/s.
@@ -65,6 +68,7 @@ impl Default for GuidanceTable {
             method: Method::Integral,
             lookahead_m: 10.0,
             lookahead_vertical_m: 8.0,
+            lookahead_speed_m_s: 0.0,
             integral_gain_m_s: 0.25,
             integral_gain_vertical_m_s: 0.1,
             pitch_max_deg: 20.0,
@@ -145,6 +149,12 @@ impl GuidanceTable {
 
     /// What is wrong with the table, if anything: `key: expected …, found …; what to do`.
     pub fn complaint(&self) -> Option<String> {
+        let speed = self.lookahead_speed_m_s;
+        if !(0.0..=f64::MAX).contains(&speed) {
+            return Some(format!(
+                "lookahead_speed_m_s: expected a finite number, 0 or above, found {speed}; mend it or leave it out for the default"
+            ));
+        }
         for (index, (key, value)) in TUNABLE.iter().zip(self.tunable()).enumerate() {
             let (range, advice) = match index {
                 PITCH_MAX => ((0.0, 85.0), "an angle above 0 and up to 85°"),

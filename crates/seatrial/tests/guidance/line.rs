@@ -168,3 +168,17 @@ fn law_turns_go_the_shorter_way_across_south() {
     assert!(off < 16_f64.to_radians(), "{off}");
     assert!(Real::wrap(flight[flight.len() - 1].vessel.yaw - course).abs() < 0.01);
 }
+
+/// On a slower leg the lookahead distance shrinks in proportion to the speed, to a half at the least.
+#[test]
+fn law_lookahead_shrinks_on_slow_legs() {
+    for (speed, share) in [(0.2, 0.5), (1.0, 0.5), (1.5, 0.75), (2.0, 1.0), (3.0, 1.0)] {
+        let table = GuidanceTable { lookahead_speed_m_s: 2.0, ..unlimited(Method::Lookahead) };
+        let guidance = guidance(&table, Kind::Torpedo);
+        let waypoints = [seatrial::mission::Waypoint { speed, ..pass([100.0, 0.0, 0.0]) }];
+        let mut progress = guidance.begin(&start([0.0; 3]), &waypoints);
+        let desired = guidance.step(&waypoints, &mut progress, &at([50.0, 4.0, 0.0]), 0.1);
+        let heading = -(4.0 / (share * table.lookahead_m)).atan();
+        assert!((desired.heading - heading).abs() < 1e-12, "{speed} m/s"); // rounding
+    }
+}
