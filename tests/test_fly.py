@@ -212,7 +212,9 @@ def test_files_that_do_not_fit_together_are_refused(tmp_path: Path) -> None:
         SimulationError, match=r"mission: expected an st\.Mission, a name or a path, found int"
     ):
         st.fly("cwolf", "cwolf", 3)  # type: ignore[arg-type]
-    with pytest.raises(SimulationError, match="thrust of beluga .* depends on the supply voltage"):
+    with pytest.raises(
+        SimulationError, match=r"thrust of beluga \(thruster_0\) depends on the supply voltage"
+    ):
         st.fly("beluga", "cwolf", mission(OUT))
     with pytest.raises(
         VehicleError, match="the loop heave needs the row Z, found X M N controllable on remus100"

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from numpy import float64
 from numpy.typing import ArrayLike, NDArray
 from os import PathLike
+from seatrial._core import Mission as Mission2
+from seatrial.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
 __all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "autopilot_names", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
@@ -22,7 +24,7 @@ class Autopilot:
         """
         What the autopilot is for, in a sentence.
         """
-    def engage(self, /, vehicle: Vehicle, mission: Mission) -> Helm:
+    def engage(self, /, vehicle: Vehicle, mission: Mission2 | Mission3) -> Helm:
         """
         The autopilot at work on a vehicle, which is its model, and a mission: one step at a time.
         """

@@ -11,6 +11,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -164,6 +165,11 @@ class Mission:
     @property
     def waypoints(self) -> dict[str, Any]:
         """The waypoints as columns (n,), in the order of travel: see `_core.Mission.waypoints`."""
+        return dict(self._columns)
+
+    @cached_property
+    def _columns(self) -> dict[str, Any]:
+        """The columns once: the core makes them at every call, and a mission may have 10 000 waypoints."""
         return dict(self.core.waypoints)
 
     @property

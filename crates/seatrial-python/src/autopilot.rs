@@ -4,11 +4,13 @@ use crate::convert::{Fact, Named, fact_map};
 use crate::error::{VehicleError, raised, refused};
 use crate::mission::Mission;
 use crate::vehicle::Vehicle;
+use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
+use pyo3::{type_hint_identifier, type_hint_union};
 use seatrial::allocation::Allocator;
 use seatrial::autopilot::settings::{Settings, built_in, built_in_names};
 use seatrial::autopilot::{Autopilot as Engaged, AutopilotState, Thought};
-use seatrial::description::Description;
+use seatrial::description::{Description, Effect};
 use seatrial::error::nearest;
 use seatrial::facts::Value;
 use seatrial::navigation::{CHANNEL_NAMES, GROUP, GROUP_NAMES, Measurement};
@@ -124,10 +126,10 @@ impl Autopilot {
     }
 
     /// The autopilot at work on a vehicle, which is its model, and a mission: one step at a time.
-    fn engage(&self, vehicle: &Vehicle, mission: &Mission) -> PyResult<Helm> {
+    fn engage(&self, vehicle: &Vehicle, mission: Planned) -> PyResult<Helm> {
         self.settings.fits(&vehicle.description).map_err(raised)?;
         let autopilot =
-            Engaged::new(&self.settings, &vehicle.description, &mission.core, &self.settings.tunables)
+            Engaged::new(&self.settings, &vehicle.description, &mission.0, &self.settings.tunables)
                 .map_err(raised)?;
         let allocation = &self.settings.file.allocation;
         let allocator =
@@ -139,6 +141,24 @@ impl Autopilot {
 
     fn __repr__(&self) -> String {
         format!("Autopilot('{}', {} modes)", self.name(), self.settings.modes.len())
+    }
+}
+
+/// A mission of the core, or one of Python that carries it as `core`.
+struct Planned(Arc<seatrial::mission::Mission>);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Planned {
+    type Error = PyErr;
+    const INPUT_TYPE: PyStaticExpr = type_hint_union!(
+        type_hint_identifier!("seatrial._core", "Mission"),
+        type_hint_identifier!("seatrial.mission", "Mission")
+    );
+    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(mission) = object.cast::<Mission>() {
+            return Ok(Self(mission.get().core.clone()));
+        }
+        let core = object.getattr("core")?;
+        Ok(Self(core.cast::<Mission>()?.get().core.clone()))
     }
 }
 
@@ -160,6 +180,13 @@ pub struct Helm {
 impl Helm {
     fn memory(&self) -> PyResult<MutexGuard<'_, Memory>> {
         self.memory.lock().map_err(|_| refused("the helm was lost in an earlier error"))
+    }
+
+    /// The first actuator whose thrust depends on the supply voltage.
+    fn thrust_of_supply(&self) -> Option<&str> {
+        let depends =
+            |effect: &Effect| matches!(effect, Effect::Thrust(_, Some(table)) if table.needs_voltage());
+        self.description.actuators.iter().find(|a| depends(&a.effect)).map(|a| a.name.as_str())
     }
 
     /// The index of an actuator by its name.
@@ -199,8 +226,21 @@ impl Helm {
                 )));
             }
         }
+        let given = |name: &str| measurement.get(name).copied().filter(|x| x.is_finite());
+        if let Some(battery) = given("battery").filter(|share| !(0.0..=1.0).contains(share)) {
+            return Err(refused(format!("battery: expected the share left, from 0 to 1, found {battery}")));
+        }
+        if let Some(voltage) = given("voltage").filter(|v| *v <= 0.0) {
+            return Err(refused(format!("voltage: expected a positive supply in V, found {voltage}")));
+        }
         let mut memory = self.memory()?;
         let Memory { state, known, thought } = &mut *memory;
+        let supplied = given("voltage").is_some() || known.voltage.is_finite();
+        if let Some(name) = self.thrust_of_supply().filter(|_| !supplied) {
+            return Err(refused(format!(
+                "voltage: expected the supply in V with the first measurement, the thrust of {name} depends on it"
+            )));
+        }
         for age in &mut known.age {
             *age += self.autopilot.period();
         }
@@ -212,7 +252,7 @@ impl Helm {
                     known.age[GROUP[c]] = 0.0;
                 }
                 None if name == "battery" && value.is_finite() => known.battery = value,
-                None if name == "voltage" => known.voltage = value,
+                None if name == "voltage" && value.is_finite() => known.voltage = value,
                 _ => {}
             }
         }

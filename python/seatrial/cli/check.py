@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.check.actuators import NOMINAL_V
-from seatrial.errors import SeatrialError
+from seatrial.errors import SeatrialError, nearest
 from seatrial.file_kind import CAMPAIGN, EMPTY, VEHICLE, file_kind
 
 if TYPE_CHECKING:
@@ -151,10 +151,12 @@ def _kind(target: str) -> str:
             f" {_ADVICE[kind].format(target)}"
         )
     if kind is None and target not in Vehicle.names() and not Path(target).is_file():
+        near = nearest(target, Vehicle.names())
         why = "a folder" if Path(target).is_dir() else "no such file"
         raise SeatrialError(
             f"{target or 'an empty name'}: expected a vehicle, campaign, mission or autopilot file or one of"
-            f" the built-in vehicles {', '.join(Vehicle.names())}, found {why}; check the path"
+            f" the built-in vehicles {', '.join(Vehicle.names())}, found {why}"
+            f"{near if near.endswith('?') else '; check the path'}"
         )
     return kind or VEHICLE
 

@@ -35,6 +35,7 @@ _PITCH_DEG, _HELD = 20.0, 0.5  # largest pitch asked for; share of the reach tha
 _TURN_DEG_S = 20.0
 _SHARE = 0.5  # of the largest demand, for what the guidance asks
 _START_S = 4.0  # to the cruising speed, at the least
+_TURN_SHARE = 0.2  # of the speed while the bow is a right angle off: who can stop turns on the spot
 _HOLD_RADIUS_M, _WATCH = 2.0, 2.5  # largest; watch radius over hold radius
 _WEATHERVANE = 5.0  # times the hold gain: well damped in currents from 0.2 m/s on
 
@@ -69,7 +70,9 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
         radius = float(np.clip(length, 0.5, _HOLD_RADIUS_M))
         table |= {"hold_radius_m": radius, "watch_radius_m": _WATCH * radius}
         table["depth_rate_max_m_s"] = _steady_heave(vehicle, _SHARE * start.loops["heave"].tau_max)
-        if "sway" not in start.loops:
+        if "sway" in start.loops:
+            table["turn_speed_share"] = _TURN_SHARE
+        else:
             table["weathervane_gain_rad_m"] = _WEATHERVANE * hold
     if by_pitch:
         table["pitch_max_deg"] = _largest_pitch(vehicle, start, cruise)
