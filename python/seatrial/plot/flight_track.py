@@ -68,7 +68,9 @@ def _remark(flight: Flight) -> str:
     """How long and how far, in the title."""
     way = flight.figures.get("distance_m", math.nan)
     length = f"{way / 1e3:.2f} km" if way >= 1e3 else f"{way:.0f} m"
-    return f"{flight.verdict}, {length} in {flight.t[-1]:.0f} s"
+    # Short: it shares its line with the panel's name.
+    verdict = flight.verdict.removeprefix("flown to its end, ")
+    return f"{verdict}, {length} in {flight.t[-1]:.0f} s"
 
 
 def _flown(plan: Plan, flight: Flight) -> None:
