@@ -219,6 +219,16 @@ def test_issue_a_dead_thruster_of_bluerov2_heavy_is_survived(name: str, sensors:
         assert flown.cross_track < (1.0 if name == "thruster_1" else 0.5)
 
 
+@pytest.mark.parametrize("number", [0, 3, 4, 7])
+def test_a_dead_horizontal_thruster_does_not_push_beluga_aside(number: int) -> None:
+    """In cruise no loop holds sway: the allocation keeps the row at zero, or three thrusters would push."""
+    fault = st.Fault(Vehicle.load("beluga").actuators[number], at_s=20.0)
+    for flown in flights("beluga", 0.6, sensors="typical", faults=(fault,)):
+        assert flown.ending == "complete"
+        assert flown.missed_by <= RADIUS_M["beluga"]
+        assert flown.cross_track < 0.5
+
+
 STUCK_DEG = (0.0, 5.0, -5.0, 10.0, -13.6)
 
 
