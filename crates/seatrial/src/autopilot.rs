@@ -125,10 +125,11 @@ pub struct Thought<T> {
 }
 
 impl<T: Real> Autopilot<T> {
-    /// An autopilot that takes the vehicle `description` for its model, with the tunable numbers `tunables`.
+    /// An autopilot that takes the vehicle `description`, which it [fits](Settings::fits), for its model, with the
+    /// tunable numbers `tunables`.
     ///
     /// # Errors
-    /// The autopilot does not fit the vehicle: unknown actuators, a row that it cannot command.
+    /// A mode names actuators that the vehicle does not have, or the regulator's tables do not fit the modes.
     #[inline(always)]
     pub fn new(
         settings: &Arc<Settings>,
