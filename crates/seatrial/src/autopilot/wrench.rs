@@ -1,8 +1,8 @@
 //! From the demands of the loops to commands, and back to what of them is reached.
 //!
 //! Rows that the vehicle can command and no loop does are kept at zero where the others allow it: a dead thruster
-//! must not push the vehicle sideways. The heave loop's force is vertical in the earth frame; `τ = Jᵀ f` turns it into the body frame, and what the
-//! allocation misses is turned back for the anti-windup.
+//! must not push the vehicle sideways. The heave loop's force is vertical in the earth frame; `τ = Jᵀ f` turns it
+//! into the body frame, and what the allocation misses is turned back for the anti-windup.
 //!
 //! Source: Fossen (2011), sections 7.5 and 12.2. Tests: `tests/closed_loop/modes.rs`, `tests/closed_loop/safety.rs`.
 

@@ -229,7 +229,9 @@ impl<T: Real> Summary<T> {
         for sum in [&mut self.cross_track, &mut self.vertical] {
             sum[1] = (sum[1] / self.settled.max(one)).sqrt();
         }
-        let minutes = (self.duration * (1.0 / 60.0)).max(one.splat(1e-9));
+        // At least a tick; of what diverged it stays no number.
+        let (minutes, tick) = (self.duration * (1.0 / 60.0), one.splat(1e-9));
+        let minutes = T::select(minutes.lt(tick), tick, minutes);
         self.switches = self.switches / (minutes * self.turning.len().max(1) as f64);
     }
 }
