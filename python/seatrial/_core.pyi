@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "autopilot_names", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
+__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "autopilot_names", "error_edges", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
 
 @final
 class Autopilot:
@@ -96,6 +96,12 @@ class Flights:
         Names of the columns of a log; cmd.<actuator> and act.<actuator> are in the unit of the command.
         """
     @property
+    def cross_track_counts(self, /) -> NDArray[float64]:
+        """
+        How many samples of the cross-track error on settled legs there were and, of them, how many exceed each of
+        `error_edges`, shape (k, 1 + edges).
+        """
+    @property
     def figures(self, /) -> dict[str, NDArray[float64]]:
         """
         The figures of all cases by name, shape (k,) each; SI and rad, a diverged flight is not a number.
@@ -108,6 +114,17 @@ class Flights:
         """
         Time of the rows of a case, shape (n,), s.
         """
+    @property
+    def vertical_counts(self, /) -> NDArray[float64]:
+        """
+        The same of the vertical error.
+        """
+    @property
+    def violations(self, /) -> NDArray[float64]:
+        """
+        What each corridor of a trial was violated by, shape (k, corridors, 3): time integrals of the shortfall below
+        the lower bound and of the excess over the upper one, s, and of clock times deviation from the target, s².
+        """
 
 @final
 class Helm:
@@ -118,7 +135,7 @@ class Helm:
         """
         Takes an actuator out of the allocation from the next step on, or back into it.
         """
-    def step(self, /, measurement: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike] | None = None) -> dict[str, float]:
+    def step(self, /, measurement: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike] | None = None, *, set_points: Mapping[str, ArrayLike] | None = None) -> dict[str, float]:
         """
         Commands {actuator: value in its own unit} for the next control period.
 
@@ -127,7 +144,8 @@ class Helm:
         m/s, battery (share left), voltage in V. Missing channels keep their last value and grow old; a number that is
         not finite was not measured. signals: measured commands of the actuators, in the unit of the command, by which
         a failed one is found. The autopilot begins when position, depth, attitude and rates have been measured once
-        (`waiting_for`); before, commands are neutral.
+        (`waiting_for`); before, commands are neutral. set_points: speed and lateral (m/s), heading and pitch (rad), depth
+        (m) in place of guidance's, or north, east and down (m) by which the plan is moved: steering by hand.
         """
     @property
     def thought(self, /) -> dict[str, Any]:
@@ -483,7 +501,12 @@ def autopilot_names() -> dict[str, list[str]]:
     The names behind the numbers of a flight: channels, groups, reactions and watches of the autopilot.
     """
 
-def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step: SupportsFloat | SupportsIndex = 0.02, max_time: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None) -> Flights:
+def error_edges() -> NDArray[float64]:
+    """
+    The thresholds of the counts of errors, m, shape (edges,).
+    """
+
+def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step: SupportsFloat | SupportsIndex = 0.02, max_time: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ...) -> Flights:
     """
     Flies k cases of a mission; see `seatrial.fly`, which says it in the words of a user.
 
@@ -491,7 +514,11 @@ def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: Support
     vehicle that flies and gains {name: (k,)} of the autopilot; model: the vehicle that the autopilot takes it for.
     faults: rows (case, actuator, time in s, command or nan: where it is). errors (16, 4): noise, bias, drift and
     quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
-    rows (group, from, until in s). seabed (3,): depth in m and slopes north and east.
+    rows (group, from, until in s), case_outages: rows (case, group, from, until). seabed (3,): depth in m and slopes
+    north and east; obstacles: rows (north, east, radius in m). turbulence (k, 3) or (3,): standard deviation of the
+    current about its mean, NED, m/s, with turbulence_times in s. set_points {"times": (S,), name: (k, S) or (S,)}:
+    speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its plan is moved, each from
+    its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target, clock (P,)), see `Flights.violations`.
     """
 
 def initial_names() -> list[str]:

@@ -3,11 +3,13 @@
 use crate::convert::{Fact, Named, fact_map};
 use crate::error::{VehicleError, raised, refused};
 use crate::mission::Mission;
+use crate::trial::set_point;
 use crate::vehicle::Vehicle;
 use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
 use pyo3::{type_hint_identifier, type_hint_union};
 use seatrial::allocation::Allocator;
+use seatrial::autopilot::set_point::SET_POINTS;
 use seatrial::autopilot::settings::{Settings, built_in, built_in_names};
 use seatrial::autopilot::{Autopilot as Engaged, AutopilotState, Thought};
 use seatrial::description::{Description, Effect};
@@ -207,9 +209,16 @@ impl Helm {
     /// m/s, battery (share left), voltage in V. Missing channels keep their last value and grow old; a number that is
     /// not finite was not measured. signals: measured commands of the actuators, in the unit of the command, by which
     /// a failed one is found. The autopilot begins when position, depth, attitude and rates have been measured once
-    /// (`waiting_for`); before, commands are neutral.
-    #[pyo3(signature = (measurement, signals = None))]
-    fn step(&self, measurement: Named, signals: Option<Named>) -> PyResult<BTreeMap<String, f64>> {
+    /// (`waiting_for`); before, commands are neutral. set_points: speed and lateral (m/s), heading and pitch (rad), depth
+    /// (m) in place of guidance's, or north, east and down (m) by which the plan is moved: steering by hand.
+    #[pyo3(signature = (measurement, signals = None, *, set_points = None))]
+    fn step(
+        &self,
+        measurement: Named,
+        signals: Option<Named>,
+        set_points: Option<Named>,
+    ) -> PyResult<BTreeMap<String, f64>> {
+        let set_point = set_point(set_points)?;
         let mut feedback = vec![f64::NAN; self.description.actuators.len()];
         for (name, command) in Named::scalars(signals)? {
             let index = self.actuator("signals", &name)?;
@@ -257,7 +266,7 @@ impl Helm {
             }
         }
         if known.waiting_for().next().is_none() {
-            *thought = Some(self.autopilot.step(state, known, Some(&feedback)));
+            *thought = Some(self.autopilot.step_to(state, known, Some(&feedback), set_point.as_ref()));
         }
         let commands = self.description.actuators.iter().zip(&state.signals);
         Ok(commands.map(|(actuator, signal)| (actuator.name.clone(), actuator.command(*signal))).collect())
@@ -316,5 +325,6 @@ pub fn autopilot_names() -> BTreeMap<&'static str, Vec<&'static str>> {
         ("watches", WATCH_NAMES.to_vec()),
         ("loops", seatrial::control_law::LOOPS.to_vec()),
         ("endings", seatrial::closed_loop::summary::ENDINGS.to_vec()),
+        ("set_points", SET_POINTS.to_vec()),
     ])
 }

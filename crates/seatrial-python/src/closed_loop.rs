@@ -4,13 +4,16 @@ use crate::autopilot::Autopilot;
 use crate::convert::{Array, Named, Numbers};
 use crate::error::{interruptible, raised, refused};
 use crate::mission::Mission;
+use crate::trial::{CorridorRow, Trials};
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::autopilot::settings::{tunable_index, tunable_names};
 use seatrial::closed_loop::Flight;
 use seatrial::closed_loop::batch::{Case, Cases, Outcome};
+use seatrial::closed_loop::exceedance::{EDGES, edges};
 use seatrial::closed_loop::faults::ActuatorFault;
 use seatrial::closed_loop::log;
+use seatrial::closed_loop::obstacle::Obstacle;
 use seatrial::closed_loop::summary::Summary;
 use seatrial::description::{ActuatorDescription, Description};
 use seatrial::integrate;
@@ -33,6 +36,15 @@ impl Flights {
         self.outcomes
             .get(case)
             .ok_or_else(|| refused(format!("case: expected below {}, found {case}", self.outcomes.len())))
+    }
+
+    /// Settled samples and those above each threshold, of the cross-track (0) or the vertical error (1).
+    fn counts(&self, error: usize) -> Array {
+        let row = |o: &Outcome| {
+            let above = o.summary.exceedance[error].counts;
+            std::iter::once(o.summary.settled).chain(above).collect::<Vec<f64>>()
+        };
+        Array::new(&[self.outcomes.len(), 1 + EDGES], self.outcomes.iter().flat_map(row).collect())
     }
 }
 
@@ -99,8 +111,38 @@ impl Flights {
             ("alert_time", column(|s| s.alert[2])),
             ("roll_largest", column(|s| s.tilt[0])),
             ("pitch_largest", column(|s| s.tilt[1])),
+            ("clearance", column(|s| s.clearance)),
+            ("travel", column(|s| s.travel)),
         ])
     }
+
+    /// How many samples of the cross-track error on settled legs there were and, of them, how many exceed each of
+    /// `error_edges`, shape (k, 1 + edges).
+    #[getter]
+    fn cross_track_counts(&self) -> Array {
+        self.counts(0)
+    }
+
+    /// The same of the vertical error.
+    #[getter]
+    fn vertical_counts(&self) -> Array {
+        self.counts(1)
+    }
+
+    /// What each corridor of a trial was violated by, shape (k, corridors, 3): time integrals of the shortfall below
+    /// the lower bound and of the excess over the upper one, s, and of clock times deviation from the target, s².
+    #[getter]
+    fn violations(&self) -> Array {
+        let sums = |o: &Outcome| o.summary.violations.sums.concat();
+        let corridors = self.outcomes.first().map_or(0, |o| o.summary.violations.sums.len());
+        Array::new(&[self.outcomes.len(), corridors, 3], self.outcomes.iter().flat_map(sums).collect())
+    }
+}
+
+/// The thresholds of the counts of errors, m, shape (edges,).
+#[pyfunction]
+pub fn error_edges() -> Array {
+    Array::new(&[EDGES], edges().to_vec())
 }
 
 /// Flies k cases of a mission; see `seatrial.fly`, which says it in the words of a user.
@@ -109,9 +151,13 @@ impl Flights {
 /// vehicle that flies and gains {name: (k,)} of the autopilot; model: the vehicle that the autopilot takes it for.
 /// faults: rows (case, actuator, time in s, command or nan: where it is). errors (16, 4): noise, bias, drift and
 /// quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
-/// rows (group, from, until in s). seabed (3,): depth in m and slopes north and east.
+/// rows (group, from, until in s), case_outages: rows (case, group, from, until). seabed (3,): depth in m and slopes
+/// north and east; obstacles: rows (north, east, radius in m). turbulence (k, 3) or (3,): standard deviation of the
+/// current about its mean, NED, m/s, with turbulence_times in s. set_points {"times": (S,), name: (k, S) or (S,)}:
+/// speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its plan is moved, each from
+/// its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target, clock (P,)), see `Flights.violations`.
 #[pyfunction]
-#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage = f64::NAN, rho = None, g = None, max_step = 0.02, max_time, logs = true, threads = None))]
+#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage = f64::NAN, rho = None, g = None, max_step = 0.02, max_time, logs = true, threads = None, turbulence = None, turbulence_times = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new()))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn fly(
     py: Python<'_>,
@@ -139,11 +185,19 @@ pub fn fly(
     max_time: f64,
     logs: bool,
     threads: Option<usize>,
+    turbulence: Option<Numbers>,
+    turbulence_times: (f64, f64),
+    obstacles: Vec<(f64, f64, f64)>,
+    case_outages: Vec<(usize, usize, f64, f64)>,
+    set_points: Option<Named>,
+    corridors: Vec<CorridorRow>,
 ) -> PyResult<Flights> {
     let description = &vehicle.description;
     let settings = &autopilot.settings;
     let dt = settings.file.period_s;
-    for (name, x) in [("max_step", max_step), ("max_time", max_time)] {
+    let (tau, tau_2) = turbulence_times;
+    let times = [("turbulence_times", tau), ("turbulence_times", tau_2)];
+    for (name, x) in [("max_step", max_step), ("max_time", max_time)].into_iter().chain(times) {
         if !(x.is_finite() && x > 0.0) {
             return Err(refused(format!("{name}: expected a positive time in s, found {x}")));
         }
@@ -154,7 +208,12 @@ pub fn fly(
         attitude: spread("attitude", attitude.attitudes("attitude")?, k)?,
         nu: spread("nu", nu.rows::<6>("nu")?, k)?,
         current: spread("current", current.rows::<3>("current")?, k)?,
+        turbulence: match turbulence {
+            Some(turbulence) => spread("turbulence", turbulence.rows::<3>("turbulence")?, k)?,
+            None => vec![[0.0; 3]; k],
+        },
     };
+    let Trials { trial, set_points, scales } = Trials::new(set_points, corridors, k)?;
     let (sought, columns) = varied(coefficients, k, |name| description.layout.find(name).map_err(refused))?;
     let (tuned, tunings) = varied(gains, k, |name| tunable_index(name).map_err(refused))?;
     let all = tunable_names();
@@ -173,8 +232,12 @@ pub fn fly(
                 nu: starts.nu[i],
             },
             current: starts.current[i],
+            turbulence: starts.turbulence[i],
             seed: seeds[i] & ((1 << 53) - 1),
             faults: Vec::new(),
+            outages: Vec::new(),
+            set_points: set_points[i].clone(),
+            scales: scales[i].clone(),
         })
         .collect();
     for (case, name, from, command) in faults {
@@ -185,6 +248,18 @@ pub fn fly(
             .ok_or_else(|| refused(format!("faults: expected a case below {k}, found {case}")))?;
         case.faults.push(ActuatorFault { actuator, from, signal });
     }
+    for (case, group, from, until) in case_outages {
+        match cases.get_mut(case) {
+            Some(case) if group < GROUPS => case.outages.push(Outage { group, from, until }),
+            _ => {
+                return Err(refused(format!(
+                    "case_outages: expected a case below {k} and a group below {GROUPS}, found {case} and {group}"
+                )));
+            }
+        }
+    }
+    let obstacle = |(north, east, radius)| Obstacle { centre: [north, east], radius };
+    let obstacles: Vec<Obstacle> = obstacles.into_iter().map(obstacle).collect();
     let sensors = sensors(&errors, &timing, outages)?;
     let model = model.as_ref().map_or(description, |m| &m.description);
     let same = |(a, b): (&ActuatorDescription, &ActuatorDescription)| a.name == b.name && a.unit == b.unit;
@@ -205,6 +280,9 @@ pub fn fly(
         sensors: &sensors,
         feedback,
         seabed: seabed.map(|s| s.row::<3>("seabed")).transpose()?,
+        obstacles: &obstacles,
+        trial: &trial,
+        turbulence_times: [tau, tau_2],
         environment: Environment { rho_kg_m3: rho.unwrap_or(own.rho_kg_m3), g_m_s2: g.unwrap_or(own.g_m_s2) },
         voltage,
         substeps: (dt / max_step - 1e-9).ceil().max(1.0) as usize,
@@ -221,6 +299,7 @@ struct Starts {
     attitude: Vec<[f64; 4]>,
     nu: Vec<[f64; 6]>,
     current: Vec<[f64; 3]>,
+    turbulence: Vec<[f64; 3]>,
 }
 
 /// The longest latency of a sensor, control periods.

@@ -62,6 +62,22 @@ impl Numbers {
         }
     }
 
+    /// A row of `columns` values for each of `k` cases: from shape `(k, columns)`, from `(columns,)` for all alike, or
+    /// from `(k,)` and `()` where there is one column.
+    pub fn for_cases(self, name: &str, k: usize, columns: usize) -> PyResult<Vec<Vec<f64>>> {
+        let rows = |values: &[f64]| values.chunks_exact(columns.max(1)).map(<[f64]>::to_vec).collect();
+        match self.shape[..] {
+            [n, c] if n == k && c == columns => Ok(rows(&self.values)),
+            [n] if columns == 1 && n == k => Ok(rows(&self.values)),
+            [c] if c == columns => Ok(vec![self.values; k]),
+            [] if columns == 1 => Ok(vec![self.values; k]),
+            _ => Err(refused(format!(
+                "{name}: expected shape ({k}, {columns}) or ({columns},), found {:?}",
+                self.shape
+            ))),
+        }
+    }
+
     /// Whether the array has one dimension.
     pub fn is_single(&self) -> bool {
         self.shape.len() == 1
@@ -160,6 +176,11 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Named {
 }
 
 impl Named {
+    /// The arrays by name.
+    pub fn by_name(self) -> BTreeMap<String, Numbers> {
+        self.0
+    }
+
     /// One series `(n,)` per name; none when missing.
     pub fn vectors(map: Option<Self>) -> PyResult<BTreeMap<String, Vec<f64>>> {
         map.into_iter().flat_map(|m| m.0).map(|(name, x)| Ok((name.clone(), x.vector(&name)?))).collect()

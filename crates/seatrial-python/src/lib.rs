@@ -10,6 +10,7 @@ mod identify;
 mod mission;
 mod motor;
 mod simulate;
+mod trial;
 mod vehicle;
 
 /// The compiled core of seatrial.
@@ -18,7 +19,7 @@ mod _core {
     #[pymodule_export]
     use crate::autopilot::{Autopilot, Helm, autopilot_names};
     #[pymodule_export]
-    use crate::closed_loop::{Flights, fly};
+    use crate::closed_loop::{Flights, error_edges, fly};
     #[pymodule_export]
     use crate::identify::{OpenLoop, Record, all_nuisance_names, initial_names};
     #[pymodule_export]

@@ -20,6 +20,7 @@ mod modes;
 mod monitor;
 mod rates;
 mod reaction;
+pub mod set_point;
 pub mod settings;
 mod situation;
 mod wrench;
@@ -43,6 +44,7 @@ use crate::vehicle::{Structure, Vehicle};
 use file::{Control, DepthBy};
 use monitor::Monitor;
 use rates::Rates;
+use set_point::SetPoint;
 use settings::{PER_LOOP, Settings};
 use std::sync::Arc;
 
@@ -229,6 +231,18 @@ impl<T: Real> Autopilot<T> {
         measured: &Measurement<T>,
         feedback: Option<&[T]>,
     ) -> Thought<T> {
+        self.step_to(state, measured, feedback, None)
+    }
+
+    /// As [`step`](Self::step), with set points that stand in for guidance or move its plan.
+    #[inline(always)]
+    pub fn step_to(
+        &self,
+        state: &mut AutopilotState<T>,
+        measured: &Measurement<T>,
+        feedback: Option<&[T]>,
+        set_point: Option<&SetPoint<T>>,
+    ) -> Thought<T> {
         let (zero, one, half) = (self.unit, self.unit.splat(1.0), self.unit.splat(0.5));
         let flag = |mask: T::Mask| T::select(mask, one, zero);
         let dt = self.settings.file.period_s;
@@ -249,8 +263,10 @@ impl<T: Real> Autopilot<T> {
                 stalled: state.approach.stalled,
             },
         );
-        let mut desired = self.guide(state, measured, was.level);
-        state.approach.see((desired.leg, desired.distance), state.progress.busy(), dt);
+        let mut desired = self.guide(state, measured, was.level, set_point);
+        if set_point.is_none() {
+            state.approach.see((desired.leg, desired.distance), state.progress.busy(), dt);
+        }
         let surfaced = self.react(state, measured, &mut desired);
 
         let mode = self.mode(state, measured, desired.holding);

@@ -8,9 +8,13 @@
 
 pub mod batch;
 pub mod energy;
+pub mod exceedance;
 pub mod faults;
 pub mod log;
+pub mod obstacle;
 pub mod summary;
+pub mod trial;
+pub mod turbulence;
 
 use crate::actuator::drive::{Drive, UnlimitedDelay, act};
 use crate::actuator::motor::{Limits, MotorState};
@@ -18,21 +22,23 @@ use crate::algebra::Vec3;
 use crate::allocation::Allocator;
 use crate::autopilot::Autopilot;
 use crate::autopilot::settings::Settings;
-use crate::current::Current;
 use crate::description::Description;
 use crate::error::Error;
 use crate::integrate::{State, step};
 use crate::mission::Mission;
-use crate::navigation::{Navigation, Seabed, Sensors, truth};
+use crate::navigation::{GroupOutage, Navigation, Seabed, Sensors, truth};
 use crate::real::Real;
 use crate::vehicle::{Instant, Vehicle};
 use crate::vehicle_file::Environment;
 use energy::Energy;
 use faults::Faults;
 use log::{Log, Row};
+use obstacle::Obstacle;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use summary::Summary;
+use trial::Trial;
+use turbulence::Turbulence;
 
 /// What all cases of a flight share.
 pub struct Flight<'a> {
@@ -50,6 +56,12 @@ pub struct Flight<'a> {
     pub feedback: bool,
     /// The bottom, where there is one.
     pub seabed: Option<Seabed>,
+    /// What stands in the water.
+    pub obstacles: &'a [Obstacle],
+    /// Set points in place of guidance, and what their responses are held against.
+    pub trial: &'a Trial,
+    /// Time constants of the turbulence, s.
+    pub turbulence_times: [f64; 2],
     /// Water and gravity.
     pub environment: Environment,
     /// Supply voltage, V; not a number where it does not matter.
@@ -65,12 +77,20 @@ pub struct Flight<'a> {
 pub struct Setting<T> {
     /// Where the flight begins.
     pub state: State<T>,
-    /// Current, NED, m/s.
+    /// Current, NED, m/s: its mean.
     pub current: Vec3<T>,
-    /// Seed of the sensors' noise.
+    /// Standard deviation of the current about it, NED, m/s.
+    pub turbulence: Vec3<T>,
+    /// Seed of the sensors' noise and of the turbulence.
     pub seed: T,
     /// What fails, and when.
     pub faults: Faults<T>,
+    /// A time without samples per group of sensors; empty for none.
+    pub outages: Vec<GroupOutage<T>>,
+    /// Set points of the trial, `[named][time]`.
+    pub set_points: Vec<T>,
+    /// Base and scale of each corridor.
+    pub scales: Vec<[T; 2]>,
 }
 
 /// Flies one case; the autopilot begins at the first sample.
@@ -90,39 +110,49 @@ pub fn fly<T: Real>(
     let h = dt / flight.substeps as f64;
     let limits: Vec<Limits> = flight.description.actuators.iter().map(|a| a.limits).collect();
     let mut pilot = autopilot.begin(allocator);
-    let mut navigation = Navigation::new(flight.sensors, setting.seed);
+    let mut navigation = Navigation::new(flight.sensors, setting.seed, &setting.outages);
     let mut motors = Motors::new(vehicle, &limits, h, unit);
     let mut energy = Energy::new(flight.description, unit);
     let mut state = setting.state;
-    let mut summary = Summary::new(unit, limits.len());
+    let mut summary = Summary::new(flight, unit, &limits);
     let mut instants: [Instant<T>; 3] = Default::default();
-    let moves = setting.current.iter().any(|c| !c.equals(unit));
-    let current = moves.then_some(Current { velocity: setting.current, rate: [unit; 3] });
+    let water = (setting.current, setting.turbulence);
+    let mut current = Turbulence::new(water, flight.turbulence_times, setting.seed, dt);
     for instant in &mut instants {
-        instant.current = current;
+        instant.current = current.at(0.0);
     }
+    // A trial's criteria are of its whole time.
+    let is_trial = !flight.trial.corridors.is_empty();
     for k in 0..=flight.periods {
         if stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
         }
-        let shown = truth(&state, current.as_ref(), flight.seabed.as_ref());
+        let flow = current.begin(k);
+        let shown = truth(&state, flow.as_ref(), flight.seabed.as_ref());
         let measured = navigation.sample(shown, (k, dt));
         measured.voltage = flight.voltage;
         measured.battery = energy.left();
         let feedback = flight.feedback.then_some(&motors.signals[..]);
-        let thought = autopilot.step(&mut pilot, measured, feedback);
+        let set_point = flight.trial.set_point(unit, &setting.set_points, k as f64 * dt);
+        let thought = autopilot.step_to(&mut pilot, measured, feedback, set_point.as_ref());
         let power = energy.power(&motors.signals);
         if let Some(log) = &mut log {
             let row = Row { truth: &shown, measured, thought: &thought, power };
             log.add(&row, &pilot.signals, &motors.signals);
         }
         summary.add(flight, &shown, &thought, (k, &pilot.signals, energy.used));
-        if !summary.any_flying() || k == flight.periods {
+        summary.violations.add(flight.trial, (&shown, &thought), &setting.scales, (k, dt));
+        if (!is_trial && !summary.any_flying()) || k == flight.periods {
             break;
         }
         motors.command(vehicle, &pilot.signals, &limits);
         for s in 0..flight.substeps {
             let time = (k * flight.substeps + s) as f64 * h;
+            if current.varies() {
+                for (half, instant) in instants.iter_mut().enumerate() {
+                    instant.current = current.at((s as f64 + 0.5 * half as f64) * h);
+                }
+            }
             if s == 0 || motors.any_ideal {
                 motors.show(&setting.faults, time);
                 act(vehicle, &motors.signals, flight.voltage, |_| None, &mut instants[0]);

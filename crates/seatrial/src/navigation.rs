@@ -171,6 +171,9 @@ pub struct Outage {
     pub until: f64,
 }
 
+/// A time without samples of one group in one case, s: from, until.
+pub type GroupOutage<T> = (usize, [T; 2]);
+
 /// The sensors of a simulated vehicle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sensors {
@@ -196,6 +199,7 @@ pub type Seabed = [f64; 3];
 #[derive(Clone)]
 pub struct Navigation<'a, T> {
     sensors: &'a Sensors,
+    outages: &'a [GroupOutage<T>],
     seed: T,
     walk: [T; CHANNELS],
     silent: [T; GROUPS],
@@ -204,11 +208,13 @@ pub struct Navigation<'a, T> {
 }
 
 impl<'a, T: Real> Navigation<'a, T> {
-    /// The sensors before their first sample; `seed` is a whole number below 2⁵³ per lane.
+    /// The sensors before their first sample; `seed` is a whole number below 2⁵³ per lane, `outages` are the case's
+    /// own besides those of all.
     #[inline(always)]
-    pub fn new(sensors: &'a Sensors, seed: T) -> Self {
+    pub fn new(sensors: &'a Sensors, seed: T, outages: &'a [GroupOutage<T>]) -> Self {
         Self {
             sensors,
+            outages,
             seed,
             walk: [seed.zero(); CHANNELS],
             silent: [seed.zero(); GROUPS],
@@ -239,7 +245,14 @@ impl<'a, T: Real> Navigation<'a, T> {
                 let left = (self.silent[g] - dt).max(zero);
                 self.silent[g] = T::select(begins, left.max(length * timing.dropout), left);
             }
-            heard[g] = self.silent[g].lt(zero.splat(0.5 * dt));
+            let mut silent = self.silent[g];
+            for (_, [from, until]) in self.outages.iter().filter(|(group, _)| *group == g) {
+                let begun = from.lt(zero.splat(time + 1e-9));
+                let over = until.lt(zero.splat(time + 1e-9));
+                let rest = T::select(over, zero, zero.splat(dt));
+                silent = silent.max(T::select(begun, rest, zero));
+            }
+            heard[g] = silent.lt(zero.splat(0.5 * dt));
             if fresh[g] {
                 let new = zero.splat(timing.latency.min(k) as f64 * dt);
                 self.measurement.age[g] = T::select(heard[g], new, older);

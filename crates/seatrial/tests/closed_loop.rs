@@ -14,5 +14,9 @@ mod random;
 mod safety;
 #[path = "closed_loop/sensors.rs"]
 mod sensors;
+#[path = "closed_loop/set_points.rs"]
+mod set_points;
+#[path = "closed_loop/turbulence.rs"]
+mod turbulence;
 #[path = "support/vehicles.rs"]
 mod vehicles;

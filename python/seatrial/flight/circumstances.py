@@ -10,7 +10,10 @@ from seatrial.flight.failures import Fault, Outage
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Circumstances"]
+__all__ = ["TURBULENCE_TIMES_S", "Circumstances"]
+
+TURBULENCE_TIMES_S = (60.0, 2.0)
+"""Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,11 @@ class Circumstances:
     Attributes
     ----------
     current
-        North, east, down, m/s.
+        Mean, north, east, down, m/s.
+    turbulence, turbulence_times
+        Standard deviation of the current about its mean, m/s, and its two time constants, s.
+    obstacles
+        What stands in the water: north, east and radius of each cylinder, m.
     sensors
         Name of the set, and per kind its numbers; perfect ones without kinds.
     sensor_notes
@@ -49,6 +56,9 @@ class Circumstances:
     model: Vehicle
     max_step: float
     max_time: float
+    turbulence: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S
+    obstacles: tuple[tuple[float, float, float], ...] = ()
     sensors: dict[str, Any] = field(default_factory=dict)
     sensor_notes: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
@@ -67,6 +77,9 @@ class Circumstances:
             "sources": dict(self.sources),
             "model": self.model.name,
             "current_m_s": list(self.current),
+            "turbulence_m_s": list(self.turbulence),
+            "turbulence_times_s": list(self.turbulence_times),
+            "obstacles_m": [list(one) for one in self.obstacles],
             "sensors": self.sensors or "perfect",
             "sensor_notes": list(self.sensor_notes),
             "faults": [asdict(fault) for fault in self.faults],

@@ -1,8 +1,10 @@
 """The figures of a flight under names that carry their units.
 
 The core sums them while it flies (`closed_loop/summary.rs`). Errors of guidance count on the second half of
-straight legs, where the vehicle has had time to settle, and are those that guidance saw; the depth excursion
-is how far the vehicle leaves the band between the depths of a leg's two ends.
+straight legs, where the vehicle has had time to settle, and are those that guidance saw; the depth
+excursion is how far the vehicle leaves the band between the depths of a leg's two ends. The quantiles p50,
+p95 and p99 are those of one flight's error over time; the clearance is the smallest distance to an
+obstacle's edge, and travel the mean rate at which commands move, in shares of an actuator's range.
 
 Held by ``test_figures_of_the_core_are_those_of_the_log`` in ``tests/test_flight.py``.
 """
@@ -15,9 +17,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial._core import Flights, autopilot_names
+from seatrial._core import Flights, autopilot_names, error_edges
 
-__all__ = ["CODED", "DIVERGED", "ending_of", "figures_of"]
+__all__ = ["CODED", "DIVERGED", "ending_of", "figures_of", "quantile"]
 
 Array = NDArray[np.float64]
 
@@ -44,7 +46,10 @@ _NAMES = {
     "alert_time": ("alert_time_s", 1.0),
     "roll_largest": ("roll_largest_deg", _DEG),
     "pitch_largest": ("pitch_largest_deg", _DEG),
+    "clearance": ("clearance_m", 1.0),
+    "travel": ("travel_per_s", 1.0),
 }
+_QUANTILES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
 
 
 def figures_of(flights: Flights) -> dict[str, Array]:
@@ -57,7 +62,32 @@ def figures_of(flights: Flights) -> dict[str, Array]:
     for name, values in flights.figures.items():
         renamed, scale = _NAMES.get(name, (name, 1.0))
         found[renamed] = scale * np.asarray(values)
+    for error, counts in (("cross_track", flights.cross_track_counts), ("vertical", flights.vertical_counts)):
+        for name, share in _QUANTILES.items():
+            found[f"{error}_{name}_m"] = quantile(counts, share, largest=found[f"{error}_largest_m"])
     return found
+
+
+def quantile(counts: Array, share: float, *, largest: Array) -> Array:
+    """Quantile (k,), m, of the magnitude of an error from its counts, log-linear between the thresholds.
+
+    Parameters
+    ----------
+    counts : (k, 1 + edges) ndarray
+        Samples, and those above each of ``seatrial._core.error_edges``.
+    share : float
+        Of the samples that the error is at most the quantile for.
+    largest : (k,) ndarray
+        Largest error, m, which bounds the quantile.
+    """
+    edges = np.log(np.asarray(error_edges()))
+    samples, above = counts[:, :1], counts[:, 1:]
+    exceeding = above / np.maximum(samples, 1.0)
+    found = np.empty(len(counts))
+    for case, row in enumerate(exceeding):
+        # From the rarest threshold down, as np.interp wants rising shares.
+        found[case] = np.exp(np.interp(1.0 - share, row[::-1], edges[::-1]))
+    return np.minimum(found, largest)
 
 
 def ending_of(figures: Mapping[str, Array], case: int = 0) -> str:

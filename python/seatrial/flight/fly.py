@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from seatrial.flight.circumstances import TURBULENCE_TIMES_S
 from seatrial.flight.failures import Fault, Outage, fault_rows
 from seatrial.flight.flight import Flight
 from seatrial.flight.set_up import set_up
@@ -32,6 +33,9 @@ def fly(
     model: Vehicle | str | Path | None = None,
     sensors: Mapping[str, Sensor] | str | Path | None = None,
     current: ArrayLike = (0.0, 0.0, 0.0),
+    turbulence: ArrayLike = (0.0, 0.0, 0.0),
+    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S,
+    obstacles: Sequence[tuple[float, float, float]] = (),
     initial: State | None = None,
     faults: Sequence[Fault] = (),
     outages: Sequence[Outage] = (),
@@ -62,7 +66,14 @@ def fly(
     sensors : mapping of str to Sensor, str or Path, optional
         By kind, "typical", or a file with ``[sensors.KIND]`` tables; perfect sensors when omitted.
     current : (3,) array_like, optional
-        Velocity of the water, north, east, down, m/s.
+        Velocity of the water, north, east, down, m/s; its mean where it is turbulent.
+    turbulence : float or (3,) array_like, optional
+        Standard deviation of the current about its mean, m/s: of both horizontal components, or of north,
+        east and down; a second-order Gauss-Markov process that goes by the seed.
+    turbulence_times : (float, float), optional
+        Its correlation time, and the time in which eddies average out along the hull, s.
+    obstacles : sequence of (north, east, radius), optional
+        Cylinders in the water, m; the figure ``clearance_m`` is the smallest distance to an edge.
     initial : State, optional
         Where the flight begins; by default at rest at the mission's start, heading as the mission says or to
         the first waypoint.
@@ -114,6 +125,9 @@ def fly(
         model=model,
         sensors=sensors,
         current=current,
+        turbulence=turbulence,
+        turbulence_times=turbulence_times,
+        obstacles=obstacles,
         initial=initial,
         faults=faults,
         outages=outages,

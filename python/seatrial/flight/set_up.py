@@ -28,10 +28,11 @@ from seatrial.flight.checked_numbers import (
     longest,
     within,
 )
-from seatrial.flight.circumstances import Circumstances
+from seatrial.flight.circumstances import TURBULENCE_TIMES_S, Circumstances
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.route import Route
 from seatrial.flight.sensor_channels import SensorChannels, sensor_channels, sensors_of
+from seatrial.flight.surroundings import checked_obstacles, checked_times, checked_turbulence
 from seatrial.mission import Mission
 
 if TYPE_CHECKING:
@@ -91,17 +92,22 @@ class SetUp:
         VehicleError
             The autopilot does not fit the vehicle, or a name is unknown.
         """
-        around = self.circumstances
+        around, begin = self.circumstances, self.initial
+        own: dict[str, Any] = {
+            "position": begin.position,
+            "attitude": begin.attitude,
+            "nu": begin.nu,
+            "turbulence": around.turbulence,
+        }
         return _core.fly(
             self.vehicle,
             self.autopilot,
             self.mission.core,
             list(seeds),
             model=around.model,
-            position=self.initial.position,
-            attitude=self.initial.attitude,
-            nu=self.initial.nu,
             current=current,
+            turbulence_times=around.turbulence_times,
+            obstacles=list(around.obstacles),
             faults=faults,
             errors=self.channels.errors,
             timing=self.channels.timing,
@@ -114,7 +120,7 @@ class SetUp:
             max_step=around.max_step,
             max_time=around.max_time,
             logs=logs,
-            **batch,
+            **(own | batch),
         )
 
 
@@ -124,6 +130,9 @@ def set_up(
     model: Vehicle | str | Path | None,
     sensors: Mapping[str, Sensor] | str | Path | None,
     current: ArrayLike,
+    turbulence: ArrayLike = (0.0, 0.0, 0.0),
+    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S,
+    obstacles: Sequence[tuple[float, float, float]] = (),
     initial: State | None,
     faults: Sequence[Fault],
     outages: Sequence[Outage],
@@ -166,6 +175,9 @@ def set_up(
     channels = sensor_channels(fitted, autopilot.period_s)
     circumstances = Circumstances(
         current=checked_vector("current", current),
+        turbulence=checked_turbulence(turbulence),
+        turbulence_times=checked_times(turbulence_times),
+        obstacles=checked_obstacles(obstacles),
         model=vehicle if model is None else _model(model, vehicle),
         max_step=max_step,
         max_time=most,

@@ -4,6 +4,7 @@
 
 use super::file::DepthBy;
 use super::rates::Rates;
+use super::set_point::SetPoint;
 use super::{Autopilot, AutopilotState};
 use crate::guidance::limits::towards;
 use crate::guidance::{Desired, Fix};
@@ -30,13 +31,14 @@ impl<T: Real> Autopilot<T> {
         state.progress.leg().tabulated(follows)
     }
 
-    /// Guidance, stopped at the present place where a reaction begins.
+    /// Guidance, stopped at the present place where a reaction begins, with the set points that stand in for it.
     #[inline(always)]
     pub(super) fn guide(
         &self,
         state: &mut AutopilotState<T>,
         measured: &Measurement<T>,
         before: T,
+        set_point: Option<&SetPoint<T>>,
     ) -> Desired<T> {
         let half = before.splat(0.5);
         let begins = T::both(before.lt(half), half.lt(state.alert.level));
@@ -44,18 +46,24 @@ impl<T: Real> Autopilot<T> {
         for x in &mut fresh {
             *x = T::select(Rates::blind(measured), x.zero(), *x);
         }
-        let fix = Fix {
-            position: measured.position(),
-            altitude: measured.altitude(),
-            attitude: measured.attitude(),
-            velocity: fresh,
-        };
+        let mut position = measured.position();
+        if let Some(set_point) = set_point {
+            for i in 0..3 {
+                position[i] -= set_point.shift[i];
+            }
+        }
+        let fix =
+            Fix { position, altitude: measured.altitude(), attitude: measured.attitude(), velocity: fresh };
         if T::any(begins) {
             self.guidance.stop_here(&mut state.progress, &fix, begins);
             state.heading = T::select(begins, fix.attitude[2], state.heading);
         }
         let dt = self.settings.file.period_s;
-        self.guidance.step(&self.mission.waypoints, &mut state.progress, &fix, dt)
+        let mut desired = self.guidance.step(&self.mission.waypoints, &mut state.progress, &fix, dt);
+        if let Some(set_point) = set_point {
+            set_point.over(&mut desired);
+        }
+        desired
     }
 
     /// Puts what the reaction asks for over the desired values, within the limits of guidance; where the vehicle has

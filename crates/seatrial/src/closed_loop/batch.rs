@@ -14,6 +14,7 @@ use crate::autopilot::Autopilot;
 use crate::description::Description;
 use crate::error::Error;
 use crate::integrate::State;
+use crate::navigation::{GROUPS, GroupOutage, Outage};
 use crate::real::Real;
 use crate::real::lanes::{LANES, level};
 use crate::vehicle::{Mode, Structure, Vehicle};
@@ -30,12 +31,20 @@ pub struct Case {
     pub tunables: Vec<f64>,
     /// Where the flight begins.
     pub state: State<f64>,
-    /// Current, NED, m/s.
+    /// Mean of the current, NED, m/s.
     pub current: [f64; 3],
-    /// Seed of the sensors' noise, a whole number below 2⁵³.
+    /// Standard deviation of the current about it, NED, m/s.
+    pub turbulence: [f64; 3],
+    /// Seed of the sensors' noise and of the turbulence, a whole number below 2⁵³.
     pub seed: u64,
     /// What fails.
     pub faults: Vec<ActuatorFault>,
+    /// Times without samples, besides those of all cases.
+    pub outages: Vec<Outage>,
+    /// Set points of the trial, `[named][time]`.
+    pub set_points: Vec<f64>,
+    /// Base and scale of each corridor of the trial.
+    pub scales: Vec<[f64; 2]>,
 }
 
 /// The cases of a flight.
@@ -97,8 +106,12 @@ impl Flight<'_> {
         let setting = Setting {
             state: case.state,
             current: case.current,
+            turbulence: case.turbulence,
             seed: case.seed as f64,
             faults: Faults::new(from, signal, !case.faults.is_empty()),
+            outages: case.outages.iter().map(|o| (o.group, [o.from, o.until])).collect(),
+            set_points: case.set_points.clone(),
+            scales: case.scales.clone(),
         };
         let (summary, log) = self.run(work, (&values, &tunables), &setting, Allocator::single)?;
         Ok(Outcome { summary, log })
@@ -124,7 +137,15 @@ impl Flight<'_> {
         let of = |lane: usize| table(&case(lane).faults, actuators);
         let faults: Vec<(Vec<f64>, Vec<f64>)> = (0..LANES).map(of).collect();
         let any = (0..LANES).any(|lane| !case(lane).faults.is_empty());
+        let (named, corridors) =
+            (self.trial.named.len() * self.trial.times.len(), self.trial.corridors.len());
         let setting = Setting {
+            turbulence: std::array::from_fn(|i| lanes(&|case| case.turbulence[i])),
+            outages: outages(simd, &case),
+            set_points: (0..named).map(|i| lanes(&|case| case.set_points[i])).collect(),
+            scales: (0..corridors)
+                .map(|c| std::array::from_fn(|i| lanes(&|case| case.scales[c][i])))
+                .collect(),
             state: State {
                 position: std::array::from_fn(|i| lanes(&|case| case.state.position[i])),
                 attitude: std::array::from_fn(|i| lanes(&|case| case.state.attitude[i])),
@@ -164,6 +185,23 @@ impl Flight<'_> {
         let summary = fly(self, &vehicle, &autopilot, (setting, allocator, wanted), work.stop)?;
         Ok((summary, log))
     }
+}
+
+/// The outages of eight cases, the n-th of a group abreast; a lane without one has it at infinity.
+#[inline(always)]
+fn outages<'a, S: Simd>(simd: S, case: &impl Fn(usize) -> &'a Case) -> Vec<GroupOutage<f64x8<S>>> {
+    let own = |lane: usize, group: usize| case(lane).outages.iter().filter(move |o| o.group == group);
+    let mut abreast = Vec::new();
+    for group in 0..GROUPS {
+        let most = (0..LANES).map(|lane| own(lane, group).count()).max().unwrap_or(0);
+        for place in 0..most {
+            let end = |read: fn(&Outage) -> f64| {
+                f64x8::from_fn(simd, |lane| own(lane, group).nth(place).map_or(f64::INFINITY, read))
+            };
+            abreast.push((group, [end(|o| o.from), end(|o| o.until)]));
+        }
+    }
+    abreast
 }
 
 /// How the allocator of a number type is made.

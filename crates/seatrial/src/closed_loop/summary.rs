@@ -6,6 +6,10 @@
 //! Tests: `tests/closed_loop.rs`, `tests/test_fly.py` (equal to the same figures from the log).
 
 use super::Flight;
+use super::exceedance::{EDGES, Exceedance, edges};
+use super::obstacle::clearance;
+use super::trial::Violations;
+use crate::actuator::motor::Limits;
 use crate::autopilot::Thought;
 use crate::mission::{Task, Vertical};
 use crate::navigation::CHANNELS;
@@ -48,16 +52,28 @@ pub struct Summary<T> {
     pub alert: [T; 3],
     /// Largest roll and pitch, rad.
     pub tilt: [T; 2],
+    /// Smallest horizontal distance to the edge of an obstacle, m; infinite without any.
+    pub clearance: T,
+    /// Mean rate at which commands move, shares of an actuator's range per s.
+    pub travel: T,
+    /// Samples on settled legs, and those of them whose cross-track and vertical error exceeds each threshold.
+    pub settled: T,
+    /// Of the cross-track and of the vertical error.
+    pub exceedance: [Exceedance<T>; 2],
+    /// What the responses of a trial violate.
+    pub violations: Violations<T>,
     flying: T,
-    settled: T,
     last: [T; 3],
-    turning: Vec<T>,
+    before: Vec<T>,
+    /// Per actuator, one over its range.
+    range: Vec<f64>,
+    edges: [f64; EDGES],
 }
 
 impl<T: Real> Summary<T> {
     /// A flight that has not begun.
     #[inline(always)]
-    pub fn new(unit: T, actuators: usize) -> Self {
+    pub fn new(flight: &Flight<'_>, unit: T, limits: &[Limits]) -> Self {
         let zero = unit.zero();
         Self {
             ending: zero,
@@ -74,10 +90,16 @@ impl<T: Real> Summary<T> {
             switches: zero,
             alert: [zero; 3],
             tilt: [zero; 2],
-            flying: zero.splat(1.0),
+            clearance: zero.splat(f64::INFINITY),
+            travel: zero,
             settled: zero,
+            exceedance: [Exceedance::new(zero); 2],
+            violations: Violations::new(flight.trial, zero),
+            flying: zero.splat(1.0),
             last: [zero; 3],
-            turning: vec![zero; actuators],
+            before: vec![zero; limits.len()],
+            range: limits.iter().map(|l| 1.0 / (l.maximum[0] + l.maximum[1])).collect(),
+            edges: edges(),
         }
     }
 
@@ -115,6 +137,7 @@ impl<T: Real> Summary<T> {
         self.energy = keep(used, self.energy);
         self.depth = keep(self.depth.max(z), self.depth);
         self.altitude = keep(self.altitude.min(truth[12]), self.altitude);
+        self.clearance = keep(self.clearance.min(clearance(flight.obstacles, [x, y])), self.clearance);
         self.tilt = [
             keep(self.tilt[0].max(roll.abs()), self.tilt[0]),
             keep(self.tilt[1].max(pitch.abs()), self.tilt[1]),
@@ -126,11 +149,14 @@ impl<T: Real> Summary<T> {
         let counts = T::both(T::both(on_mission, desired.holding.lt(half)), half.lt(near));
         let share = T::select(counts, one, zero);
         self.settled += share;
-        for (sum, error) in
-            [(&mut self.cross_track, desired.cross_track), (&mut self.vertical, desired.vertical_error)]
-        {
+        let errors = [desired.cross_track, desired.vertical_error];
+        let sums = [&mut self.cross_track, &mut self.vertical];
+        for ((sum, error), above) in sums.into_iter().zip(errors).zip(&mut self.exceedance) {
             sum[0] = T::select(counts, sum[0].max(error.abs()), sum[0]);
             sum[1] += T::select(counts, error * error, zero);
+            if T::any(counts) {
+                above.add(error, counts, &self.edges);
+            }
         }
         let out = (z - lower).max(upper - z).max(zero);
         self.excursion = T::select(on_mission, self.excursion.max(out), self.excursion);
@@ -138,12 +164,13 @@ impl<T: Real> Summary<T> {
         let behind = desired.leg + T::select(alert.level.lt(half), desired.done, zero);
         self.waypoints = T::select(T::both(flying, sound), behind, self.waypoints);
         self.missed_by = keep(thought.missed_by, self.missed_by);
-        for (was, &command) in self.turning.iter_mut().zip(commands) {
-            let turns = T::select(zero.lt(command.abs()), one, zero);
+        let turns = |command: T| T::select(zero.lt(command.abs()), one, zero);
+        for ((was, &command), range) in self.before.iter_mut().zip(commands).zip(&self.range) {
             if k > 0 {
-                self.switches += T::select(flying, (turns - *was).abs(), zero);
+                self.switches += T::select(flying, (turns(command) - turns(*was)).abs(), zero);
+                self.travel += T::select(flying, (command - *was).abs() * *range, zero);
             }
-            *was = turns;
+            *was = command;
         }
         self.alert = [
             keep(alert.level, self.alert[0]),
@@ -215,10 +242,16 @@ impl<T: Real> Summary<T> {
             switches: lane(&self.switches),
             alert: three(&self.alert),
             tilt: two(&self.tilt),
-            flying: lane(&self.flying),
+            clearance: lane(&self.clearance),
+            travel: lane(&self.travel),
             settled: lane(&self.settled),
+            exceedance: [self.exceedance[0].read(&lane), self.exceedance[1].read(&lane)],
+            violations: Violations { sums: self.violations.sums.iter().map(&three).collect() },
+            flying: lane(&self.flying),
             last: three(&self.last),
-            turning: self.turning.iter().map(&lane).collect(),
+            before: self.before.iter().map(&lane).collect(),
+            range: self.range.clone(),
+            edges: self.edges,
         }
     }
 
@@ -232,6 +265,8 @@ impl<T: Real> Summary<T> {
         // At least a tick; of what diverged it stays no number.
         let (minutes, tick) = (self.duration * (1.0 / 60.0), one.splat(1e-9));
         let minutes = T::select(minutes.lt(tick), tick, minutes);
-        self.switches = self.switches / (minutes * self.turning.len().max(1) as f64);
+        let actuators = self.before.len().max(1) as f64;
+        self.switches = self.switches / (minutes * actuators);
+        self.travel = self.travel / (minutes * (60.0 * actuators));
     }
 }

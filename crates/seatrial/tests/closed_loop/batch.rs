@@ -3,7 +3,7 @@
 use crate::flights::{DIVE, Trip, case, column, fault};
 use seatrial::autopilot::settings::tunable_index;
 use seatrial::closed_loop::batch::{Case, Outcome};
-use seatrial::navigation::{ChannelErrors, GroupTiming};
+use seatrial::navigation::{ChannelErrors, GroupTiming, Outage};
 
 /// CWolf with sensors that err, are late and drop out.
 pub fn trip() -> Trip {
@@ -27,6 +27,11 @@ pub fn cases(trip: &Trip) -> (Vec<Case>, Vec<usize>, Vec<usize>) {
         one.coefficients = vec![-9.781 * (0.8 + 0.4 * share)];
         one.tunables = vec![25.0 + 15.0 * share];
         one.seed = k as u64;
+        one.turbulence = [0.05 * share, 0.05 * share, 0.01 * share];
+        if k % 4 == 2 {
+            let from = 10.0 * f64::from(k);
+            one.outages = vec![Outage { group: 3, from, until: from + 5.0 }];
+        }
         one.state.nu[0] = share;
         if k % 3 == 1 {
             one.faults = vec![fault(trip, "SbU", 20.0 + 5.0 * f64::from(k), Some(0.0))];

@@ -6,6 +6,8 @@ use seatrial::closed_loop::Flight;
 use seatrial::closed_loop::batch::{Case, Cases, Outcome};
 use seatrial::closed_loop::faults::ActuatorFault;
 use seatrial::closed_loop::log::columns;
+use seatrial::closed_loop::obstacle::Obstacle;
+use seatrial::closed_loop::trial::Trial;
 use seatrial::description::Description;
 use seatrial::integrate::State;
 use seatrial::mission::Mission;
@@ -28,6 +30,8 @@ pub struct Trip {
     pub mission: Arc<Mission>,
     pub sensors: Sensors,
     pub seabed: Option<Seabed>,
+    pub obstacles: Vec<Obstacle>,
+    pub trial: Trial,
     pub seconds: f64,
     pub substeps: usize,
 }
@@ -46,6 +50,8 @@ impl Trip {
             mission: Arc::new(Mission::from_toml(mission, "test").expect("a valid mission")),
             sensors: Sensors::default(),
             seabed: None,
+            obstacles: Vec::new(),
+            trial: Trial::default(),
             seconds: 300.0,
             substeps: 2,
         }
@@ -69,6 +75,9 @@ impl Trip {
             environment: self.description.file.environment,
             voltage: f64::NAN,
             substeps: self.substeps,
+            obstacles: &self.obstacles,
+            trial: &self.trial,
+            turbulence_times: [60.0, 2.0],
             periods: (self.seconds / self.settings.file.period_s).round() as usize,
         };
         let cases = Cases { coefficients, tunables, cases };
@@ -88,8 +97,12 @@ pub fn case(current: [f64; 3]) -> Case {
         tunables: Vec::new(),
         state: State { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] },
         current,
+        turbulence: [0.0; 3],
         seed: 1,
         faults: Vec::new(),
+        outages: Vec::new(),
+        set_points: Vec::new(),
+        scales: Vec::new(),
     }
 }
 

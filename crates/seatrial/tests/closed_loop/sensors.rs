@@ -20,7 +20,7 @@ fn ramp(k: usize) -> [f64; CHANNELS] {
 fn law_sensors_sample_late_and_seldom_as_they_are_told() {
     let mut sensors = Sensors::default();
     sensors.timing[0] = GroupTiming { every: 5, latency: 3, ..GroupTiming::default() };
-    let mut navigation = Navigation::new(&sensors, 0.0);
+    let mut navigation = Navigation::new(&sensors, 0.0, &[]);
     for k in 0..40 {
         let shown = navigation.sample(ramp(k), (k, DT));
         assert_eq!(shown.channels[2], ramp(k)[2], "depth is sampled at once");
@@ -39,7 +39,7 @@ fn law_sensors_sample_late_and_seldom_as_they_are_told() {
 fn law_sensors_are_silent_in_an_outage_and_grow_old() {
     let outages = vec![Outage { group: 3, from: 1.0, until: 2.0 }];
     let sensors = Sensors { outages, ..Sensors::default() };
-    let mut navigation = Navigation::new(&sensors, 0.0);
+    let mut navigation = Navigation::new(&sensors, 0.0, &[]);
     for k in 0..30 {
         let shown = navigation.sample(ramp(k), (k, DT));
         let out = (10..20).contains(&k);
@@ -54,7 +54,7 @@ fn law_sensors_are_silent_in_an_outage_and_grow_old() {
 fn law_sensors_drop_out_as_often_and_as_long_as_they_are_told() {
     let mut sensors = Sensors::default();
     sensors.timing[3] = GroupTiming { dropout_every: 20.0, dropout: 2.0, ..GroupTiming::default() };
-    let mut navigation = Navigation::new(&sensors, 5.0);
+    let mut navigation = Navigation::new(&sensors, 5.0, &[]);
     let steps = 200_000;
     let silent = (0..steps).filter(|&k| navigation.sample(ramp(k), (k, DT)).age[3] > 0.0).count();
     // Drop-outs that begin at the rate 1/20 s and last 2 s on average cover 1 − exp(−0.1) of the time, those of a
@@ -72,7 +72,7 @@ fn law_sensors_noise_bias_and_digits_have_their_size() {
     sensors.errors[0] = ChannelErrors { drift: 0.1, ..ChannelErrors::default() };
     let flat = [0.4; CHANNELS];
     let n = 20_000;
-    let mut navigation = Navigation::new(&sensors, 3.0);
+    let mut navigation = Navigation::new(&sensors, 3.0, &[]);
     let (mut sum, mut square) = (0.0, 0.0);
     for k in 0..n {
         let shown = navigation.sample(flat, (k, DT));
@@ -86,7 +86,7 @@ fn law_sensors_noise_bias_and_digits_have_their_size() {
     let runs = 2_000;
     let of = |channel: usize, steps: usize| -> f64 {
         let squares = (0..runs).map(|seed| {
-            let mut navigation = Navigation::new(&sensors, f64::from(seed));
+            let mut navigation = Navigation::new(&sensors, f64::from(seed), &[]);
             let mut last = 0.0;
             for k in 0..steps {
                 last = navigation.sample(flat, (k, DT)).channels[channel];

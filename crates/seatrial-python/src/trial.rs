@@ -1,0 +1,108 @@
+//! Set points and corridors of a trial of the loops, from the arrays that Python gives.
+
+use crate::convert::{Named, Numbers};
+use crate::error::refused;
+use pyo3::prelude::*;
+use seatrial::autopilot::set_point::{SET_POINTS, SetPoint};
+use seatrial::closed_loop::trial::{Corridor, ERRORS, Trial, channel_index};
+use seatrial::error::nearest;
+use seatrial::navigation::CHANNEL_NAMES;
+
+/// A corridor: channel, base and scale (k,), lower, upper, target and clock (P,).
+pub type CorridorRow = (String, Numbers, Numbers, Numbers, Numbers, Numbers, Numbers);
+
+/// A trial and what differs in it from case to case.
+pub struct Trials {
+    /// What all cases share.
+    pub trial: Trial,
+    /// Per case, `[named][time]`.
+    pub set_points: Vec<Vec<f64>>,
+    /// Per case, base and scale of each corridor.
+    pub scales: Vec<Vec<[f64; 2]>>,
+}
+
+/// The place of a set point by its name.
+fn place(name: &str) -> PyResult<usize> {
+    SET_POINTS.iter().position(|known| *known == name).ok_or_else(|| {
+        refused(format!("set_points: unknown set point \"{name}\"{}", nearest(name, SET_POINTS)))
+    })
+}
+
+/// The set points of one step.
+pub fn set_point(given: Option<Named>) -> PyResult<Option<SetPoint<f64>>> {
+    let mut values = Vec::new();
+    for (name, value) in Named::scalars(given)? {
+        if !value.is_finite() {
+            return Err(refused(format!("set_points: {name}: expected a finite number, found {value}")));
+        }
+        values.push((place(&name)?, value));
+    }
+    Ok((!values.is_empty()).then(|| SetPoint::of(0.0, values)))
+}
+
+impl Trials {
+    /// From set points {"times": (S,), name: (k, S) or (S,)} and corridors, for `k` cases.
+    pub fn new(set_points: Option<Named>, corridors: Vec<CorridorRow>, k: usize) -> PyResult<Self> {
+        let mut trials =
+            Self { trial: Trial::default(), set_points: vec![Vec::new(); k], scales: vec![Vec::new(); k] };
+        let mut named = set_points.map(Named::by_name).unwrap_or_default();
+        if !named.is_empty() {
+            let times = named.remove("times").ok_or_else(|| {
+                refused("set_points: expected \"times\" (S,), from which on each value holds, found none")
+            })?;
+            trials.trial.times = times.vector("set_points: times")?;
+            let rises = trials.trial.times.windows(2).all(|pair| pair[0] < pair[1]);
+            if trials.trial.times.is_empty() || !rises {
+                return Err(refused("set_points: times: expected rising times in s, at least one"));
+            }
+        }
+        for (name, values) in named {
+            trials.trial.named.push(place(&name)?);
+            let what = format!("set_points: {name}");
+            let rows = values.for_cases(&what, k, trials.trial.times.len())?;
+            if rows.iter().flatten().any(|x| !x.is_finite()) {
+                return Err(refused(format!("{what}: expected finite numbers")));
+            }
+            trials.set_points.iter_mut().zip(rows).for_each(|(own, row)| own.extend(row));
+        }
+        for (c, row) in corridors.into_iter().enumerate() {
+            trials.add(&format!("corridors[{c}]"), row, k)?;
+        }
+        Ok(trials)
+    }
+
+    fn add(&mut self, what: &str, row: CorridorRow, k: usize) -> PyResult<()> {
+        let (name, base, scale, lower, upper, target, clock) = row;
+        let known = || CHANNEL_NAMES.iter().chain(&ERRORS).copied();
+        let channel = channel_index(&name).ok_or_else(|| {
+            refused(format!("{what}: unknown channel \"{name}\"{}", nearest(&name, known())))
+        })?;
+        let of_cases = |x: Numbers, part: &str| x.for_cases(&format!("{what}: {part}"), k, 1);
+        let (base, scale) = (of_cases(base, "base")?, of_cases(scale, "scale")?);
+        if scale.iter().any(|x| !(x[0].is_finite() && x[0] != 0.0)) {
+            return Err(refused(format!("{what}: scale: expected numbers other than zero")));
+        }
+        let list = |x: Numbers, part: &str| x.vector(&format!("{what}: {part}"));
+        let corridor = Corridor {
+            channel,
+            lower: list(lower, "lower")?,
+            upper: list(upper, "upper")?,
+            target: list(target, "target")?,
+            clock: list(clock, "clock")?,
+        };
+        let lists = [&corridor.lower, &corridor.upper, &corridor.target, &corridor.clock];
+        if lists
+            .iter()
+            .any(|l| l.is_empty() || l.len() != corridor.lower.len() || l.iter().any(|x| x.is_nan()))
+        {
+            return Err(refused(format!(
+                "{what}: expected lower, upper, target and clock of one length, a number per control period each"
+            )));
+        }
+        self.trial.corridors.push(corridor);
+        for (own, (base, scale)) in self.scales.iter_mut().zip(base.into_iter().zip(scale)) {
+            own.push([base[0], scale[0]]);
+        }
+        Ok(())
+    }
+}

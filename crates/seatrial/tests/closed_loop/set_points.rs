@@ -1,0 +1,143 @@
+//! Set points in place of guidance, and the constraint criteria of their responses.
+
+use crate::flights::{Trip, case, column};
+use proptest::prelude::*;
+use seatrial::autopilot::set_point::SET_POINTS;
+use seatrial::closed_loop::batch::Case;
+use seatrial::closed_loop::trial::{Corridor, Trial, channel_index};
+
+/// A leg that nobody reaches.
+const FAR: &str = "format = 1\nname = \"far\"\nspeed_m_s = 1.5\nacceptance_radius_m = 5.0\n\
+    [[legs]]\nnorth_m = 9000.0\neast_m = 0.0\ndepth_m = 5.0\n";
+
+const STEP_AT_S: f64 = 20.0;
+
+fn named(names: &[&str]) -> Vec<usize> {
+    let index = |name: &&str| SET_POINTS.iter().position(|known| known == name).expect("a set point");
+    names.iter().map(index).collect()
+}
+
+/// Straight ahead at 1.5 m/s and 5 m, then a heading step.
+fn heading_step(corridor: Option<Corridor>) -> Trip {
+    let mut trip = Trip::cwolf(FAR);
+    trip.seconds = 60.0;
+    trip.trial = Trial {
+        times: vec![0.0, STEP_AT_S],
+        named: named(&["speed", "heading", "pitch", "depth"]),
+        corridors: corridor.into_iter().collect(),
+    };
+    trip
+}
+
+fn turning(heading: f64) -> Case {
+    let mut one = case([0.0; 3]);
+    one.state.position[2] = 5.0;
+    one.state.nu[0] = 1.5;
+    one.set_points = vec![1.5, 1.5, 0.0, heading, 0.0, 0.0, 5.0, 5.0];
+    one.scales = vec![[0.0, heading]];
+    one
+}
+
+/// Bounds that are the same from the step on, and none before.
+fn corridor(channel: &str, lower: f64, upper: f64) -> Corridor {
+    let periods = 601;
+    let after = |value: f64, before: f64| {
+        (0..periods).map(|k| if k as f64 * 0.1 < STEP_AT_S { before } else { value }).collect::<Vec<_>>()
+    };
+    Corridor {
+        channel: channel_index(channel).expect("a channel"),
+        lower: after(lower, f64::NEG_INFINITY),
+        upper: after(upper, f64::INFINITY),
+        target: after(1.0, 0.0),
+        clock: (0..periods).map(|k| (k as f64 * 0.1 - STEP_AT_S).max(0.0)).collect(),
+    }
+}
+
+#[test]
+fn a_set_point_stands_in_for_guidance() {
+    let trip = heading_step(None);
+    let outcome = trip.one(turning(0.4));
+    let heading = column(&trip, &outcome, "yaw");
+    assert!(heading[190].abs() < 0.01, "before the step guidance's course is kept: {}", heading[190]);
+    assert!((heading[600] - 0.4).abs() < 0.02, "the step is followed: {}", heading[600]);
+    assert_eq!(column(&trip, &outcome, "desired_heading")[250], 0.4);
+}
+
+#[test]
+fn a_moved_plan_is_a_step_of_the_path() {
+    let mut trip = Trip::cwolf(FAR);
+    trip.seconds = 120.0;
+    trip.trial = Trial { times: vec![0.0, STEP_AT_S], named: named(&["east"]), corridors: Vec::new() };
+    let mut one = case([0.0; 3]);
+    one.state.position[2] = 5.0;
+    one.set_points = vec![0.0, 6.0];
+    let outcome = trip.one(one);
+    let east = column(&trip, &outcome, "y");
+    assert!(east[195].abs() < 0.1, "on the path before: {}", east[195]);
+    assert!((east[1200] - 6.0).abs() < 0.3, "on the moved path: {}", east[1200]);
+    // Guidance sees the error of the moved path.
+    let error = column(&trip, &outcome, "cross_track");
+    assert!((error[201] + 6.0).abs() < 0.2, "{}", error[201]);
+}
+
+#[test]
+fn law_violations_are_the_sums_of_the_log() {
+    let trip = heading_step(Some(corridor("yaw", 0.9, 1.02)));
+    let outcome = trip.one(turning(0.4));
+    let heading = column(&trip, &outcome, "yaw");
+    let mut sums = [0.0; 3];
+    for (k, yaw) in heading.iter().enumerate() {
+        let t = k as f64 * 0.1;
+        if t >= STEP_AT_S {
+            sums[0] += (0.9 - yaw / 0.4).max(0.0) * 0.1;
+            sums[1] += (yaw / 0.4 - 1.02).max(0.0) * 0.1;
+        }
+        sums[2] += (yaw / 0.4 - 1.0).abs() * (t - STEP_AT_S).max(0.0) * 0.1;
+    }
+    let found = outcome.summary.violations.sums[0];
+    assert!(sums[0] > 0.5, "the rise violates the lower bound");
+    for (a, b) in found.iter().zip(sums) {
+        // The same sums, in another order of rounding.
+        assert!((a - b).abs() < 1e-9 * (1.0 + b), "{found:?} {sums:?}");
+    }
+}
+
+#[test]
+fn a_diverged_response_violates_everything() {
+    let trip = heading_step(Some(corridor("yaw", 0.9, 1.1)));
+    let mass = trip.description.layout.find("m").expect("known");
+    let mut one = turning(0.4);
+    one.coefficients = vec![f64::NAN];
+    let outcome = trip.fly_with(&[one], &[mass], &[]).remove(0);
+    assert_eq!(outcome.summary.violations.sums[0], [f64::INFINITY; 3]);
+}
+
+#[test]
+fn a_trial_is_judged_to_its_end() {
+    // The depth limit ends the flight long before the trial does.
+    let shallow = FAR.replace("[[legs]]", "[limits]\nmax_depth_m = 6.0\n[[legs]]");
+    let mut trip = heading_step(Some(corridor("yaw", 0.9, 1.1)));
+    trip.mission =
+        std::sync::Arc::new(seatrial::mission::Mission::from_toml(&shallow, "test").expect("valid"));
+    let mut one = turning(0.4);
+    one.set_points[7] = 20.0;
+    one.state.position[2] = 12.0;
+    let outcome = trip.one(one);
+    let below = outcome.summary.violations.sums[0][0];
+    assert!(below > 20.0, "it never turned, for all of the forty seconds: {below}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+    /// A corridor that is moved with the response is violated alike, whatever the size and sign of the step, as long as
+    /// the loop is linear: small steps.
+    #[test]
+    fn law_small_steps_scale(size in 0.01f64..0.03, starboard: bool) {
+        let trip = heading_step(Some(corridor("yaw", 0.95, 1.05)));
+        let size = if starboard { size } else { -size };
+        let both = trip.fly(&[turning(size), turning(0.5 * size)]);
+        let [a, b] = [0, 1].map(|i: usize| both[i].summary.violations.sums[0]);
+        // Quadratic damping and least revolutions bend the response a little.
+        prop_assert!((a[0] - b[0]).abs() < 0.15 * (a[0] + b[0]) + 0.05, "{a:?} {b:?}");
+    }
+}

@@ -1,0 +1,80 @@
+//! The turbulent current is the process that it says, and moves the vehicle as water does.
+
+use crate::flights::{Trip, case, column};
+use seatrial::closed_loop::turbulence::Turbulence;
+
+const TAU_S: f64 = 20.0;
+const TAU_2_S: f64 = 2.0;
+const DT_S: f64 = 0.1;
+
+/// Velocities of the first axis over the periods.
+fn record(seed: f64, periods: usize) -> Vec<f64> {
+    let mut current = Turbulence::new(([0.3, 0.0, 0.0], [0.1, 0.1, 0.0]), [TAU_S, TAU_2_S], seed, DT_S);
+    (0..periods).map(|k| current.begin(k).expect("it moves").velocity[0]).collect()
+}
+
+#[test]
+fn law_turbulence_has_its_mean_deviation_and_memory() {
+    // 400 records of 200 s: about 4000 independent values.
+    let records: Vec<Vec<f64>> = (0..400).map(|seed| record(f64::from(seed), 2000)).collect();
+    let mean_of = |read: &dyn Fn(&[f64]) -> f64| records.iter().map(|r| read(r)).sum::<f64>() / 400.0;
+    let mean = mean_of(&|r| r.iter().sum::<f64>() / r.len() as f64);
+    // Three standard errors of 4000 independent values of 0.1.
+    assert!((mean - 0.3).abs() < 3.0 * 0.1 / 4000f64.sqrt(), "{mean}");
+    let lagged = |lag: usize| {
+        mean_of(&|r| {
+            let n = r.len() - lag;
+            (0..n).map(|i| (r[i] - 0.3) * (r[i + lag] - 0.3)).sum::<f64>() / n as f64
+        })
+    };
+    let variance = lagged(0);
+    // Standard error 2 %; the step of a period biases it by far less.
+    assert!((variance.sqrt() - 0.1).abs() < 0.005, "{}", variance.sqrt());
+    // Two lags in a row: (τ e^(-t/τ) - τ_2 e^(-t/τ_2))/(τ - τ_2).
+    for seconds in [2.0f64, 10.0, 20.0] {
+        let wanted =
+            (TAU_S * (-seconds / TAU_S).exp() - TAU_2_S * (-seconds / TAU_2_S).exp()) / (TAU_S - TAU_2_S);
+        let found = lagged((seconds / DT_S) as usize) / variance;
+        assert!((found - wanted).abs() < 0.06, "{seconds} s: {found} {wanted}");
+    }
+    // It begins in its stationary distribution.
+    let first = (records.iter().map(|r| (r[0] - 0.3).powi(2)).sum::<f64>() / 400.0).sqrt();
+    assert!((first - 0.1).abs() < 0.012, "{first}");
+}
+
+#[test]
+fn turbulence_is_continuous_with_the_rate_that_it_says() {
+    let mut current = Turbulence::new(([0.0; 3], [0.1, 0.05, 0.02]), [TAU_S, TAU_2_S], 7.0, DT_S);
+    let mut end: Option<[f64; 3]> = None;
+    for k in 0..50 {
+        let begin = current.begin(k).expect("it moves");
+        if let Some(end) = end {
+            for axis in 0..3 {
+                assert!((begin.velocity[axis] - end[axis]).abs() < 1e-12);
+            }
+        }
+        let middle = current.at(0.5 * DT_S).expect("it moves");
+        for axis in 0..3 {
+            let moved = begin.velocity[axis] + 0.5 * DT_S * begin.rate[axis];
+            assert!((middle.velocity[axis] - moved).abs() < 1e-15);
+        }
+        end = Some(current.at(DT_S).expect("it moves").velocity);
+    }
+}
+
+#[test]
+fn law_a_drifting_vehicle_follows_slow_water() {
+    // Neutral, without commands, on a mission that is done at once: slow eddies carry the hull along.
+    let mut trip = Trip::cwolf(crate::flights::DIVE);
+    trip.seconds = 200.0;
+    let mut calm = case([0.2, 0.0, 0.0]);
+    calm.state.nu[0] = 0.2;
+    let mut rough = calm.clone();
+    rough.turbulence = [0.05, 0.05, 0.0];
+    let both = trip.fly(&[calm, rough]);
+    let [a, b] = [0, 1].map(|i: usize| column(&trip, &both[i], "u_water"));
+    let difference: f64 = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(difference > 0.02, "the water moves: {difference}");
+    let sound = |x: &[f64]| x.iter().all(|x| x.is_finite());
+    assert!(sound(&b));
+}
