@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from seatrial.mission import Mission as Mission
     from seatrial.random_starts import restarts as restarts
     from seatrial.restart_result import Restarts as Restarts
+    from seatrial.tune import tune as tune
+    from seatrial.tuning.tuning_result import Tuning as Tuning
 
 _LAZY = {
     "BenchTest": "seatrial.bench_test",
@@ -48,7 +50,9 @@ _LAZY = {
     "fly": "seatrial.flight",
     "fly_batch": "seatrial.flight",
     "restarts": "seatrial.random_starts",
+    "Tuning": "seatrial.tuning.tuning_result",
     "start_autopilot": "seatrial.autopilot_start",
+    "tune": "seatrial.tune",
 }
 
 __all__ = [
@@ -71,6 +75,7 @@ __all__ = [
     "State",
     "Trial",
     "TrialError",
+    "Tuning",
     "Vehicle",
     "VehicleError",
     "bench",
@@ -82,6 +87,7 @@ __all__ = [
     "score",
     "simulate_batch",
     "start_autopilot",
+    "tune",
 ]
 
 

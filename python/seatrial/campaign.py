@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.campaign_file import Budget, CampaignFile, Environment, Input, Places, Stage, TrialSource, parse
+from seatrial.campaign_file import CampaignFile, Environment, Input, Places, Stage, TrialSource, parse
 from seatrial.errors import CampaignError, VehicleError, nearest, reason
 from seatrial.parameters import Parameter, names, parameters
 from seatrial.recording.places import refuse_far
+from seatrial.search_budget import Budget
 from seatrial.toml_file import file_path, is_path
 from seatrial.variant import LockedAxes, locked
 
 if TYPE_CHECKING:
-    from seatrial._core import Vehicle
+    from seatrial._core import Autopilot, Vehicle
     from seatrial.bench_test import BenchTest
     from seatrial.trial import Trial
 
@@ -164,6 +165,39 @@ class Campaign:
         'YZKMN'
         """
         return locked(self, mode)
+
+    @property
+    def autopilot(self) -> Autopilot:
+        """The autopilot with the start gains: the file's, or the built-in one of the vehicle.
+
+        Raises
+        ------
+        CampaignError
+            The file names none, and there is none built in for the vehicle.
+        VehicleError
+            It cannot be loaded.
+        """
+        from seatrial._core import Autopilot
+
+        named = self.file.autopilot
+        if named is None:
+            if self.file.vehicle in Autopilot.names():
+                return Autopilot.load(self.file.vehicle)
+            raise CampaignError(
+                f"{self.source}: key autopilot: expected the autopilot whose gains are tuned or verified, found"
+                " none; make one with `seatrial autopilot VEHICLE --out autopilot.toml` and name it here"
+            )
+        return Autopilot.load(self.beside(named, "autopilot") if is_path(named) else named)
+
+    def beside(self, path: str, key: str) -> Path:
+        """Path of a file that the campaign names, which begins in the campaign's folder.
+
+        Raises
+        ------
+        CampaignError
+            An environment variable in the path is not set.
+        """
+        return self._path(path, f"key {key}")
 
     @property
     def name(self) -> str:

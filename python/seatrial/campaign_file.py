@@ -12,7 +12,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from seatrial.errors import nearest
 from seatrial.recording.columns import CHANNELS
+from seatrial.search_budget import Budget
 from seatrial.toml_file import Count, FolderName, Interval, Name, Number, Positive, Section, checked, tables
+from seatrial.tuning.tuning_file import TuningTable
+from seatrial.verification.verification_file import VerificationTable
 
 AXES = "XYZKMN"
 """Letters of the axes in the core's order."""
@@ -122,19 +125,6 @@ class Coefficient(Section):
         elif self.relative:
             raise ValueError("relative = true needs bounds: two factors of the vehicle's value")
         return self
-
-
-class Budget(Section):
-    """How long a stage searches. What is absent is chosen from the number of coefficients."""
-
-    population: Annotated[int, Field(strict=True, ge=2)] | None = None
-    generations: Count | None = None
-    simplex_rounds: Count | None = None
-    tolerance: Positive | None = None
-
-    def over(self, other: Budget) -> Budget:
-        """Budget with what is absent here taken from the other one."""
-        return Budget(**(other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)))
 
 
 class Stage(Section):
@@ -297,6 +287,9 @@ class CampaignFile(Section):
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
     polish: Polish | None = None
     anchor: Anchor = Anchor()
+    autopilot: Name | None = None
+    tuning: TuningTable | None = None
+    verification: VerificationTable | None = None
 
 
 def parse(text: str, source: str) -> CampaignFile:

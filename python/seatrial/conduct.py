@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import platform
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-from seatrial import _core
 from seatrial.campaign import Campaign
 from seatrial.certainty.assessment import Certainty, certainty, conditioning
 from seatrial.errors import CampaignError, SeatrialError, TrialError
@@ -20,10 +16,11 @@ from seatrial.hold_out import part_scores
 from seatrial.identification import Identification, estimates
 from seatrial.progress import Progress
 from seatrial.run_directory import RunDirectory
+from seatrial.run_facts import run_facts
 from seatrial.scale.anchor import judge_scale
 from seatrial.search import Step
 from seatrial.stage import plan
-from seatrial.stage_order import StageOrder, version
+from seatrial.stage_order import StageOrder
 
 __all__ = ["conduct"]
 
@@ -72,7 +69,7 @@ def conduct(
         before=before,
         scale=judge_scale(campaign, vehicle),
         notes=(*notes, *judged.missing),
-        facts=_facts(campaign) | {"started_utc": started, "wall_s": time.monotonic() - began},
+        facts=run_facts(campaign) | {"started_utc": started, "wall_s": time.monotonic() - began},
         interrupted=interrupted,
         not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
     )
@@ -115,29 +112,3 @@ def _watch(order: StageOrder, progress: Callable[[Progress], None] | None) -> Ca
         )
 
     return watch
-
-
-def _facts(campaign: Campaign) -> dict[str, Any]:
-    """What a run rests on: versions, machine, seed, SIMD level, hashes of the inputs."""
-    return {
-        "campaign": campaign.name,
-        "seed": campaign.seed,
-        "simd": _core.simd_level(),
-        "versions": {name: version(name) for name in ("seatrial", "numpy", "scipy", "cma", "polars")}
-        | {"python": platform.python_version()},
-        "platform": platform.platform(),
-        "sha256": {
-            "campaign": hashlib.sha256(campaign.text.encode()).hexdigest(),
-            "vehicle": hashlib.sha256(campaign.vehicle.to_toml().encode()).hexdigest(),
-        }
-        | _bench_hashes(campaign)
-        | {f"trial {name}": campaign.file_hash(name) for name in campaign.trials},
-    }
-
-
-def _bench_hashes(campaign: Campaign) -> dict[str, str]:
-    """SHA-256 of the bench file and of what it reads."""
-    if campaign.bench is None:
-        return {}
-    facts = campaign.bench.facts
-    return {"bench": facts["bench_sha256"]} | {f"bench {k}": v for k, v in facts["inputs_sha256"].items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from seatrial.campaign import Campaign
     from seatrial.certainty.assessment import Certainty
     from seatrial.certainty.identifiability import Identifiability
+    from seatrial.coefficient_covariance import CoefficientCovariance
     from seatrial.scale.anchor import ScaleReport
     from seatrial.score import Score
 
@@ -115,6 +117,13 @@ class Identification:
         """What the data tell and what they cannot; None without a joint estimate."""
         return None if self.certainty is None else self.certainty.identifiability
 
+    @cached_property
+    def covariance(self) -> CoefficientCovariance | None:
+        """Covariance of the coefficients, SI, to draw vehicles with; None without a joint estimate."""
+        from seatrial.coefficient_covariance import coefficient_covariance
+
+        return coefficient_covariance(self)
+
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations of the jointly estimated coefficients, SI; infinite if undetermined."""
@@ -141,6 +150,7 @@ class Identification:
             "before": list(self.before),
             "scale": self.scale.to_dict(),
             "certainty": None if self.certainty is None else self.certainty.to_dict(),
+            "covariance": None if self.covariance is None else self.covariance.to_dict(),
             "scores": {
                 part: {
                     kind: {name: score.to_dict() for name, score in row.items()} for kind, row in of.items()

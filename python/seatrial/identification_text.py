@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from seatrial.identification import Estimate, derived
 from seatrial.recording.columns import CHANNELS
+from seatrial.text_table import text_table
 
 if TYPE_CHECKING:
     from seatrial.identification import Identification
@@ -35,7 +35,7 @@ def _stage_table(fit: Identification) -> str:
         for stage in fit.stages
     ]
     head = ("Stage", "trials", "cost at start", "best", "candidates", "step", "time")
-    return _table(head, rows)
+    return text_table(head, rows)
 
 
 def _coefficient_table(fit: Identification) -> str:
@@ -53,7 +53,9 @@ def _coefficient_table(fit: Identification) -> str:
         )
         for row in distinct(fit)
     ]
-    return _table(("Coefficient", "unit", "start", "estimate", "verdict", "factor", "bounds", "stage"), rows)
+    return text_table(
+        ("Coefficient", "unit", "start", "estimate", "verdict", "factor", "bounds", "stage"), rows
+    )
 
 
 def distinct(fit: Identification) -> tuple[Estimate, ...]:
@@ -67,7 +69,7 @@ def distinct(fit: Identification) -> tuple[Estimate, ...]:
 
 
 def _meaning(fit: Identification) -> str:
-    return _table(
+    return text_table(
         ("Quantity", "value"), [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
     )
 
@@ -82,7 +84,7 @@ def _score_table(fit: Identification) -> str:
             for trial, score in per_trial.items():
                 cells = (f"{score.r2[c]:.3f}" if c in score.r2 else "" for c in channels)
                 rows.append((f"R2 {part.replace('_', ' ')}, {titles[kind]}", trial, *cells))
-    return _table(("Score", "trial", *channels), rows) if rows else ""
+    return text_table(("Score", "trial", *channels), rows) if rows else ""
 
 
 def advice(fit: Identification) -> list[str]:
@@ -109,7 +111,7 @@ def advice(fit: Identification) -> list[str]:
 def _nuisance_table(fit: Identification) -> str:
     found = [] if fit.certainty is None else fit.certainty.nuisances()
     rows = [(row["name"], row["unit"], plus_minus(row["estimate"], row["sigma"])) for row in found]
-    return _table(("Nuisance parameter", "unit", "estimate"), rows)
+    return text_table(("Nuisance parameter", "unit", "estimate"), rows)
 
 
 def plus_minus(estimate: float, sigma: float | None) -> str:
@@ -120,14 +122,3 @@ def plus_minus(estimate: float, sigma: float | None) -> str:
         return f"{estimate:.4g} (undetermined)"
     digits = max(1 - math.floor(math.log10(sigma)), 0) if sigma > 0 else 4
     return f"{estimate:.{digits}f} ± {sigma:.{digits}f}"
-
-
-def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    """Text table with aligned columns; empty without rows."""
-    if not rows:
-        return ""
-    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in [head, *rows]
-    ]
-    return "\n".join(line.rstrip() for line in lines)

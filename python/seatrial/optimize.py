@@ -29,6 +29,7 @@ def evolve(
     seed: int = 0,
     population: int | None = None,
     generations: int = 200,
+    spread: float = 0.25,
     tolerance: float = 1e-4,
     watch: Watch | None = None,
 ) -> Optimum:
@@ -48,6 +49,8 @@ def evolve(
         Candidates per generation; by default enough for m, rounded up to full lanes.
     generations : int
         Budget of generations.
+    spread : float
+        Standard deviation of the first population, a share of the box: small where the start is good already.
     tolerance : float
         Stop when the best cost has not improved by this fraction over the last generations.
     watch : callable, optional
@@ -87,7 +90,7 @@ def evolve(
 
     def search() -> None:
         ledger.start_cost = float(ledger.costs(first[None, :])[0])
-        strategy = cma.CMAEvolutionStrategy(padded, 0.25, options)
+        strategy = cma.CMAEvolutionStrategy(padded, spread, options)
         while ledger.generation < generations and not strategy.stop():
             candidates = strategy.ask()
             costs = ledger.costs(np.array(candidates)[:, : len(first)])

@@ -92,7 +92,7 @@ def autopilot_margins(
     found = []
     for speed in autopilot.speeds_m_s if speeds_m_s is None else speeds_m_s:
         reached = [mode for mode in modes[1:] if speed >= mode["from_speed_m_s"]]
-        found.append(_at(vehicle, tables, (reached or modes[:1])[-1], float(speed)))
+        found.append(_at(vehicle, tables, (reached or modes[:1])[-1]["name"], float(speed)))
     return found
 
 
@@ -111,37 +111,68 @@ def sound_speeds(vehicle: Vehicle, autopilot: Autopilot) -> tuple[float, float] 
     return float(grid[first]), float(grid[last])
 
 
-def _at(vehicle: Vehicle, tables: dict[str, Any], mode: dict[str, Any], speed: float) -> MarginRow:
+@dataclass(frozen=True, eq=False)
+class ModeLoop:
+    """A mode at a desired speed in m/s, before its gains: the sampled plant and what else acts on it.
+
+    ``known`` is K (6, 15) of the restoring feed-forward, zero where the file has none; ``trimmed`` says
+    whether there is straight level motion at that speed.
+    """
+
+    mode: str
+    speed_m_s: float
+    loops: tuple[str, ...]
+    system: Sampled
+    known: NDArray[np.float64]
+    trimmed: bool
+
+
+def mode_loop(vehicle: Vehicle, tables: dict[str, Any], mode: str, speed_m_s: float) -> ModeLoop:
+    """Sampled motion about the trim of a mode at a speed in m/s, of the tables of an autopilot file."""
     from seatrial.control_design.authority import LOOPS, ROWS, delays
-    from seatrial.control_design.closed_loop import closed, margins, plant, restoring_law, sampled
+    from seatrial.control_design.closed_loop import STATES, plant, restoring_law, sampled
     from seatrial.control_design.trim import Trim, trim
 
-    loops = tuple(loop for loop in LOOPS if loop in mode["loops"])
+    table = next(one for one in tables["modes"] if one["name"] == mode)
+    loops = tuple(loop for loop in LOOPS if loop in table["loops"])
     rows = "".join(ROWS[LOOPS.index(loop)] for loop in loops)
-    actuators = _at_work(vehicle, mode.get("actuators", ()))
-    flight = trim(vehicle, speed, rows, actuators)
-    nu = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
-    about = flight or Trim(speed, rows, np.zeros(3), nu, np.zeros(6), actuators)
-    period = float(tables["period_s"])
-    system = sampled(plant(vehicle, about, loops), delays(vehicle, rows), period, loops)
-    law = _law(tables, mode["name"], loops, speed)
+    actuators = _at_work(vehicle, table.get("actuators", ()))
+    flight = trim(vehicle, speed_m_s, rows, actuators)
+    nu = np.array([speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
+    about = flight or Trim(speed_m_s, rows, np.zeros(3), nu, np.zeros(6), actuators)
+    motion = plant(vehicle, about, loops)
+    system = sampled(motion, delays(vehicle, rows), float(tables["period_s"]), loops)
+    known = np.zeros((len(ROWS), len(STATES)))
     if tables["feed_forward"]["restoring"]:
-        law = law + restoring_law(vehicle, rows)
-    reached = margins(system, law)
+        known = restoring_law(vehicle, rows)
+    return ModeLoop(mode, speed_m_s, loops, system, known, flight is not None)
+
+
+def _at(vehicle: Vehicle, tables: dict[str, Any], mode: str, speed: float) -> MarginRow:
+    from seatrial.control_design.closed_loop import closed, margins
+
+    at = mode_loop(vehicle, tables, mode, speed)
+    gain = mode_law(tables, mode, at.loops, speed) + at.known
+    reached = margins(at.system, gain)
     doubles, grows = None, ""
-    if reached.radius > 2.0 ** (period / _HOUR_S):
-        doubles = float(period * np.log(2.0) / np.log(reached.radius))
-        grows = _moves_most(closed(system, law), system)
+    if reached.radius > neutral_radius(at.system.period_s):
+        doubles = float(at.system.period_s * np.log(2.0) / np.log(reached.radius))
+        grows = _moves_most(closed(at.system, gain), at.system)
     return MarginRow(
-        mode=mode["name"],
+        mode=mode,
         speed_m_s=speed,
         phase_deg=reached.phase_deg,
         gain=reached.gain,
         delay_s=reached.delay_s,
         doubles_s=doubles,
         grows=grows,
-        trimmed=flight is not None,
+        trimmed=at.trimmed,
     )
+
+
+def neutral_radius(period_s: float) -> float:
+    """Largest closed-loop |eigenvalue| per step that counts as neutral: doubling within an hour."""
+    return float(2.0 ** (period_s / _HOUR_S))
 
 
 def _moves_most(step: NDArray[np.float64], system: Sampled) -> str:
@@ -160,7 +191,7 @@ def _moves_most(step: NDArray[np.float64], system: Sampled) -> str:
     return " and ".join(sorted(much, key=lambda name: -sizes[name])[:2])
 
 
-def _law(tables: dict[str, Any], mode: str, loops: tuple[str, ...], speed: float) -> NDArray[np.float64]:
+def mode_law(tables: dict[str, Any], mode: str, loops: tuple[str, ...], speed: float) -> NDArray[np.float64]:
     """The control law of a mode at a desired speed as K (6, 15), between the points linear as in the core."""
     from seatrial.control_design.loop_gains import LoopGain, law
 

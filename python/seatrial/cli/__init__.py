@@ -25,6 +25,7 @@ from seatrial.cli import (
     plan,
     score,
     simulate,
+    tune,
 )
 from seatrial.cli.console import complain
 from seatrial.errors import SeatrialError
@@ -95,6 +96,7 @@ app.command("identify")(identify.identify)
 app.command("score")(score.score)
 app.command("autopilot")(autopilot.autopilot)
 app.command("fly")(fly.fly)
+app.command("tune")(tune.tune)
 app.command("gallery")(gallery.gallery)
 app.command("coverage")(coverage.coverage)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,9 +72,14 @@ def list_figures(console: Console, written: Sequence[Path]) -> None:
         console.print(f"Figures ({endings}) in {folder}: {', '.join(stems)}", soft_wrap=True, markup=False)
 
 
+def identification_progress(*, quiet: bool = False) -> AbstractContextManager[Callable[[State], None]]:
+    """Callback for `seatrial.identify.identify`, see `search_progress`."""
+    return search_progress("reading the trials", quiet=quiet)
+
+
 @contextmanager
-def identification_progress(*, quiet: bool = False) -> Iterator[Callable[[State], None]]:
-    """Callback for `seatrial.identify.identify` that shows stage, generation, best cost and time left.
+def search_progress(first: str, *, quiet: bool = False) -> Iterator[Callable[[State], None]]:
+    """Callback for a long search that shows stage, generation, best cost, time left; `first` stands before.
 
     A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
     """
@@ -89,7 +94,7 @@ def identification_progress(*, quiet: bool = False) -> Iterator[Callable[[State]
 
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), TaskProgressColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading the trials", total=1.0)
+        task = bar.add_task(first, total=1.0)
 
         def show(state: State) -> None:
             for note in state.notes:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from seatrial.check.stability import neutral_fins
 from seatrial.control_design.authority import LOOPS, ROWS, Delay, mixing
+from seatrial.control_design.loop_margins import loop_margins
 from seatrial.control_design.trim import Trim
 
 if TYPE_CHECKING:
@@ -204,39 +205,38 @@ def row_margins(of: Sampled, gain: Array) -> dict[str, Margins]:
     """Margins of the law K (6, 15) per row: opened alone at the vehicle's input, the others closed."""
     k = feedback(of, gain)
     radius = float(np.abs(np.linalg.eigvals(of.phi - of.gamma @ k)).max())
-    omega = np.geomspace(1e-3, np.pi / of.period_s, _FREQUENCIES)
-    z = np.exp(1j * omega * of.period_s)[:, None, None]
-    # All rows opened at once, by solutions: the poles of a chain of delays are defective.
-    g = k @ np.linalg.solve(z * np.eye(len(of.phi)) - of.phi, of.gamma.astype(complex))
+    omega = frequencies(of.period_s, _FREQUENCIES)
+    g = k[:, of.seen] @ responses(of, omega)
     found = {}
     for row, name in enumerate(of.rows):
         others = [i for i in range(len(k)) if i != row]
         closing = np.eye(len(others)) + g[:, others][:, :, others]
         through = np.linalg.solve(closing, g[:, others, row][:, :, None])
-        loop = g[:, row, row] - (g[:, row, others][:, None] @ through)[:, 0, 0]
-        found[name] = _of_loop(np.asarray(loop, dtype=complex), omega, radius)
+        opened = g[:, row, row] - (g[:, row, others][:, None] @ through)[:, 0, 0]
+        of_row = loop_margins(np.asarray(opened, dtype=complex), omega)
+        found[name] = Margins(
+            radius,
+            phase_deg=float(of_row.phase_deg),
+            gain=float(of_row.gain),
+            delay_s=float(of_row.delay_s),
+            sensitivity=float(of_row.sensitivity),
+        )
     return found
 
 
-def _of_loop(gains: NDArray[np.complex128], omega: Array, radius: float) -> Margins:
-    """Margins of an open loop's frequency response at omega (rad/s)."""
-    phase, factor, delay = 180.0, np.inf, np.inf
-    size, angle = np.log(np.maximum(np.abs(gains), 1e-300)), np.unwrap(np.angle(gains))
-    for i in np.flatnonzero((size[:-1] >= 0.0) != (size[1:] >= 0.0)):
-        share = size[i] / (size[i] - size[i + 1])
-        turned = angle[i] + share * (angle[i + 1] - angle[i]) + np.pi
-        over = float((turned + np.pi) % (2.0 * np.pi) - np.pi)  # above -180 deg
-        phase = min(phase, abs(float(np.rad2deg(over))))
-        crossover = omega[i] * (omega[i + 1] / omega[i]) ** share
-        if over > 0.0:
-            delay = min(delay, over / float(crossover))
-    turns = (angle - np.pi) / (2.0 * np.pi)
-    for i in np.flatnonzero(np.floor(turns[:-1]) != np.floor(turns[1:])):
-        share = (max(np.floor(turns[i]), np.floor(turns[i + 1])) - turns[i]) / (turns[i + 1] - turns[i])
-        crossed = size[i] + share * (size[i + 1] - size[i])
-        if crossed < 0.0:
-            factor = min(factor, float(np.exp(-crossed)))
-    return Margins(radius, phase, factor, delay, max(1.0, float((1.0 / np.abs(1.0 + gains)).max())))
+def frequencies(period_s: float, count: int) -> Array:
+    """Frequencies (count,) in rad/s, even by their logarithm, from 0.001 rad/s to half the sampling rate."""
+    return np.geomspace(1e-3, np.pi / period_s, count)
+
+
+def responses(of: Sampled, omega: Array) -> NDArray[np.complex128]:
+    """What each row of the wrench moves, (zI - phi)^-1 gamma: (F, seen, rows) at omega (F,) in rad/s."""
+    z = np.exp(1j * omega * of.period_s)[:, None, None]
+    # All rows at once and by solutions: the poles of a chain of delays are defective.
+    moved: NDArray[np.complex128] = np.linalg.solve(
+        z * np.eye(len(of.phi)) - of.phi, of.gamma.astype(complex)
+    )
+    return moved[:, of.seen]
 
 
 def step_response(of: Sampled, gain: Array, loop: str, seconds: float, *, known: float = 0.0) -> Array:

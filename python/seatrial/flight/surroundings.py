@@ -75,9 +75,9 @@ def checked_obstacles(given: Any) -> tuple[tuple[float, float, float], ...]:
     for place, one in enumerate(given):
         row = list(one) if isinstance(one, tuple | list | np.ndarray) else []
         sound = len(row) == 3 and all(is_number(x) and math.isfinite(x) for x in row)
-        if not sound or row[2] <= 0.0:
+        if not sound or row[2] < 0.0:
             raise SimulationError(
-                f"obstacles[{place}]: expected north, east and a positive radius in m, found {one!r}"
+                f"obstacles[{place}]: expected north, east and a radius from 0 on in m, found {one!r}"
             )
         found.append((float(row[0]), float(row[1]), float(row[2])))
     return tuple(found)

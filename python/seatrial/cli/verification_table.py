@@ -1,0 +1,210 @@
+"""How a verification is shown on the command line: progress while it flies, tables and sentences after."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from seatrial.verification.comparison_of_autopilots import AutopilotComparison
+    from seatrial.verification.judged_requirement import JudgedRequirement
+    from seatrial.verification.mission_series import MissionsFlown
+    from seatrial.verification.verification_result import Verification
+
+__all__ = ["missions_progress", "print_verification"]
+
+_LINE_EVERY_S = 5.0
+_MOST_NOTES = 4
+_FIGURES = {
+    "cross_track_p95_m": "median cross-track p95, m",
+    "vertical_p95_m": "median vertical p95, m",
+    "energy_wh": "median energy, Wh",
+    "duration_s": "median duration, s",
+    "travel_per_s": "median command travel, 1/s",
+}
+
+
+@contextmanager
+def missions_progress(*, quiet: bool = False) -> Iterator[Callable[[MissionsFlown], None]]:
+    """Callback for `seatrial.verify` that shows the missions flown, the real-time factor and the time left.
+
+    A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
+    """
+    if quiet:
+        yield lambda _: None
+        return
+    if not sys.stderr.isatty():
+        yield _lines()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), TaskProgressColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("first missions", total=1.0)
+
+        def show(state: MissionsFlown) -> None:
+            bar.update(task, completed=state.flown / state.runs, description=_words(state))
+
+        yield show
+
+
+def print_verification(console: Console, found: Verification) -> None:
+    """Print verdict, requirements, causes, worst missions and comparison."""
+    from seatrial.verification.verification_text import again, headline, time_sentence
+
+    console.print(_requirements(found))
+    if any(len(one.by_mission) > 1 for one in found.requirements):
+        console.print(_missions(found))
+    if any(one.worst for one in found.requirements):
+        console.print(_worst(found))
+    if found.comparison is not None:
+        console.print(_comparison(found.comparison))
+        console.print(_medians(found.comparison))
+    for one in found.requirements:
+        for line in _sentences(one):
+            console.print(f"- {line}", soft_wrap=True, markup=False)
+    for note in found.notes[:_MOST_NOTES]:
+        console.print(f"- {note}", soft_wrap=True, markup=False)
+    if len(found.notes) > _MOST_NOTES:
+        more = len(found.notes) - _MOST_NOTES
+        console.print(f"- {more} more notes on what is left out stand in summary.txt.", markup=False)
+    console.print(f"- {time_sentence(found)}", soft_wrap=True, markup=False)
+    console.print(f"- {again(found)}", soft_wrap=True, markup=False)
+    console.print(headline(found), soft_wrap=True, markup=False, style="bold")
+
+
+def _requirements(found: Verification) -> Table:
+    from seatrial.cli.console import table
+    from seatrial.verification.failure_probability import share
+
+    rows = []
+    for one in found.requirements:
+        lower, upper = one.found.interval
+        rows.append([
+            one.requirement.name,
+            one.requirement.holds,
+            share(one.requirement.allowed),
+            f"{one.found.failures}",
+            f"{share(lower, 'down')} to {share(upper, 'up')}",
+            share(one.found.at_most, "up"),
+            one.verdict,
+        ])
+    sure = f"{100.0 * found.flights.table.confidence:g} %"
+    flights = found.flights
+    title = f"{flights.autopilot.name} on {flights.fitted.vehicle.name}: {len(found.flown)} missions"
+    head = ["requirement", "holds", "allowed", "failures", f"{sure} interval", "at most", "verdict"]
+    return table(title, head, rows)
+
+
+def _missions(found: Verification) -> Table:
+    from seatrial.cli.console import table
+
+    titles = found.flights.titles
+    rows = [
+        [
+            one.requirement.name,
+            *(
+                f"{part.failures} of {part.runs}" if (part := one.by_mission.get(title)) else "-"
+                for title in titles
+            ),
+        ]
+        for one in found.requirements
+    ]
+    return table("Failures by mission", ["requirement", *titles], rows)
+
+
+def _worst(found: Verification) -> Table:
+    from seatrial.cli.console import table
+    from seatrial.verification.verification_text import reserve
+
+    rows = []
+    for one in found.requirements:
+        for run in one.worst[:3]:
+            figures = run.figures
+            rows.append([
+                one.requirement.name,
+                str(run.number),
+                run.mission,
+                reserve(run.reserve, one.judgement.unit),
+                str(figures["ending"]),
+                _number(figures["cross_track_p95_m"], 2),
+                _number(figures["vertical_p95_m"], 2),
+                _number(figures["clearance_m"], 1),
+                _number(figures["duration_s"], 0),
+            ])
+    head = ["requirement", "number", "mission", "reserve", "ending", "across p95, m", "vert. p95, m"]
+    return table("Worst missions", [*head, "clear, m", "time, s"], rows)
+
+
+def _comparison(found: AutopilotComparison) -> Table:
+    from seatrial.cli.console import table
+    from seatrial.verification.failure_probability import share
+
+    verified, *others = found.autopilots
+    rows = []
+    for name, failures in verified.failures.items():
+        for other in others:
+            pair = found.pair(name, other.name)
+            rows.append([
+                name,
+                other.name,
+                share(failures.estimate),
+                share(other.failures[name].estimate),
+                str(pair.only_verified),
+                str(pair.only_other),
+                f"{pair.corrected:.2g}",
+                pair.words,
+            ])
+    head = ["requirement", "against", "fails", "the other", "only it", "only other", "p", "verdict"]
+    return table(f"On the same {found.runs} draws (McNemar's exact test, Holm)", head, rows, left=2)
+
+
+def _medians(found: AutopilotComparison) -> Table:
+    from seatrial.cli.console import table
+
+    rows = [
+        [label, *(_number(one.figures[name], 3) for one in found.autopilots)]
+        for name, label in _FIGURES.items()
+        if name in found.autopilots[0].figures
+    ]
+    return table("Figures on the same draws", ["figure", *(one.name for one in found.autopilots)], rows)
+
+
+def _sentences(one: JudgedRequirement) -> list[str]:
+    """Verdict of a requirement and what its failures go with, where there is something to say."""
+    said = [] if one.verdict == "held" else [f"{one.requirement.name} {one.sentence}."]
+    if one.found.failures:
+        said += [f"{one.requirement.name}: {cause}." for cause in one.named_causes[:3]]
+    return said
+
+
+def _lines() -> Callable[[MissionsFlown], None]:
+    last = time.monotonic()
+
+    def show(state: MissionsFlown) -> None:
+        nonlocal last
+        if time.monotonic() - last >= _LINE_EVERY_S:
+            last = time.monotonic()
+            print(f"{100 * state.flown / state.runs:3.0f} %  {_words(state)}", file=sys.stderr, flush=True)
+
+    return show
+
+
+def _words(state: MissionsFlown) -> str:
+    left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
+    return (
+        f"{state.autopilot}: {state.flown} of {state.runs} missions,"
+        f" {state.real_time_factor:,.0f} times real time, {left} left"
+    )
+
+
+def _number(value: float, decimals: int) -> str:
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else "-"

@@ -1,0 +1,181 @@
+"""`seatrial verify`: a campaign and an autopilot in, a verdict from many missions out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from seatrial.campaign import Campaign
+    from seatrial.verification.verification_result import Verification
+    from seatrial.verification.verified_campaign import VerifiedCampaign
+
+
+def verify(
+    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML) with [verification].")],
+    run: Annotated[
+        Path | None,
+        typer.Option(
+            "--run",
+            help="Run directory of `seatrial identify`, or a vehicle; runs/NAME where that is one, else the"
+            " campaign's own vehicle.",
+        ),
+    ] = None,
+    autopilot: Annotated[
+        Path | None,
+        typer.Option(
+            "--autopilot",
+            help="Autopilot file or run directory of `seatrial tune`; runs/NAME-tuned where that is one, else"
+            " the campaign's own autopilot.",
+        ),
+    ] = None,
+    runs: Annotated[
+        int | None, typer.Option(min=1, help="Number of missions instead of the campaign's.")
+    ] = None,
+    mission: Annotated[
+        list[Path] | None,
+        typer.Option("--mission", help="Mission file instead of the campaign's; repeatable."),
+    ] = None,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Fly the same draws with the campaign's start autopilot too.")
+    ] = False,
+    replay: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="NUMBER", help="Fly one mission again, with its log, and nothing else."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Run directory; runs/NAME-verified or runs/NAME-mission-NUMBER."),
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the JUnit XML to this file as well.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option(help="Reuse missions that an earlier run flew from the same inputs.")
+    ] = True,
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    figures: Annotated[bool, typer.Option(help="Write figures (PNG and PDF) into the run directory.")] = True,
+    json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Verify an autopilot by many missions of drawn vehicles in drawn water, with noise and failures.
+
+    The exit code is 0 when every requirement is held, 1 when one failed or is undecided, 2 for bad input.
+    Ctrl-C keeps the missions flown; the same command goes on from there.
+    """
+    from seatrial.campaign import Campaign
+    from seatrial.cli.console import output, print_json
+    from seatrial.cli.tune import fitted_source
+    from seatrial.run_directory import check_writable
+    from seatrial.verification.verified_campaign import verified_campaign
+
+    loaded = Campaign.load(campaign)
+    source, gains = fitted_source(loaded, run), gains_source(loaded, autopilot)
+    prepared = verified_campaign(loaded, source, gains, runs=runs, missions=mission or None, compare=compare)
+    if not json:
+        used = f"Vehicle: {source or loaded.vehicle.name}. Autopilot: {gains or prepared.flights.autopilot.name}."
+        output().print(used, soft_wrap=True, markup=False)
+    if replay is not None:
+        _replay(prepared, replay, out, figures=figures, json=json)
+        return
+    folder = out or Path("runs") / f"{loaded.name}-verified"
+    check_writable(folder)
+    found = verified(prepared, folder, threads=threads, resume=resume, quiet=json)
+    written = draw(found, folder) if figures and not found.interrupted else []
+    if junit is not None:
+        _write(junit, found.junit())
+    if json:
+        print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in written]})
+    else:
+        _print(found, folder, written)
+    if found.interrupted:
+        raise typer.Exit(130)
+    if not found.held:
+        raise typer.Exit(1)
+
+
+def gains_source(campaign: Campaign, given: Path | None) -> Path | str | None:
+    """The autopilot that is verified: what was given, else the campaign's tuned one, else nothing."""
+    if given is not None:
+        return given if given.exists() else str(given)
+    beside = Path("runs") / f"{campaign.name}-tuned" / "autopilot.toml"
+    return beside if beside.is_file() else None
+
+
+def verified(
+    prepared: VerifiedCampaign,
+    folder: Path | None,
+    *,
+    threads: int | None = None,
+    resume: bool = True,
+    quiet: bool = False,
+) -> Verification:
+    """Verification of a campaign into a run directory, with progress on standard error."""
+    from seatrial.cli.verification_table import missions_progress
+    from seatrial.verification.conduct import conduct
+
+    with missions_progress(quiet=quiet) as progress:
+        return conduct(prepared, run_dir=folder, progress=progress, resume=resume, threads=threads)
+
+
+def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png", "pdf")) -> list[Path]:
+    """Paths of the figures of a verification in its run directory."""
+    from seatrial.plot.verification_gallery import verification_gallery
+
+    return verification_gallery(found, folder / "figures", formats=formats)
+
+
+def _replay(prepared: VerifiedCampaign, number: int, out: Path | None, *, figures: bool, json: bool) -> None:
+    """One mission flown again into a run directory of its own."""
+    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.verification.verification_text import reserve
+
+    flight = prepared.flights.replay(number)
+    default = Path("runs") / f"{prepared.campaign.name}-mission-{number}"
+    folder = flight.write(out or default, figures=figures)
+    written = sorted((folder / "figures").glob("*"))
+    if json:
+        print_json(
+            flight.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in written]}
+        )
+        return
+    console = output()
+    for line in flight.sentences():
+        console.print(f"- {line}", soft_wrap=True, markup=False)
+    figures_of_it = prepared.flights.fly([number]).figures
+    for one in prepared.requirements:
+        judged = one.judge(figures_of_it)
+        said = "held" if judged.held[0] else "not held"
+        size = reserve(float(judged.reserve[0]), judged.unit)
+        left = "" if size in ("held", "failed") else f", reserve {size}"
+        console.print(f"- {one.name}: {one.holds}: {said}{left}", soft_wrap=True, markup=False)
+    console.print(
+        f"Mission {number} in {folder}: flight.json, flight.parquet, summary.txt and the inputs",
+        soft_wrap=True,
+        markup=False,
+    )
+    list_figures(console, written)
+
+
+def _print(found: Verification, folder: Path, written: list[Path]) -> None:
+    from seatrial.cli.console import list_figures, output
+    from seatrial.cli.verification_table import print_verification
+
+    console = output()
+    print_verification(console, found)
+    console.print(
+        f"Results in {folder}: verification.json, summary.txt, junit.xml, worst_runs.json, missions.parquet and"
+        " the inputs",
+        soft_wrap=True,
+        markup=False,
+    )
+    list_figures(console, written)
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file that was asked for beside the run directory."""
+    from seatrial.whole_file import write_whole
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, text.encode())

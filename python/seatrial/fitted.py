@@ -1,0 +1,271 @@
+"""A vehicle with what is known of its coefficients, and vehicles drawn from it.
+
+Draws are multivariate normal, ``x = x_0 + D R z`` with D the standard deviations and R the symmetric root of
+the correlations. It exists for singular ones (tied coefficients), where a Cholesky factor does not, and does
+not depend on the signs that a library gives its eigenvectors. What no vehicle can have
+(`seatrial.possible_coefficients`) is thrown away and drawn again: the normal distribution cut at what is
+possible. Draw i depends on the seed and on i alone (`seatrial.numbered_draws`).
+
+Tests: ``tests/test_fitted.py``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from seatrial.coefficient_covariance import CoefficientCovariance
+from seatrial.errors import CampaignError, reason
+from seatrial.file_kind import loaded
+from seatrial.numbered_draws import checked_numbers, generator
+from seatrial.possible_coefficients import PossibleCoefficients
+from seatrial.relative_deviations import widened
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.identification import Identification
+
+__all__ = ["Drawn", "Fitted"]
+
+Array = NDArray[np.float64]
+
+RESULT = "identification.json"
+_CAUSE = 1  # stream of the coefficients
+_TRIES, _ROUNDS = 8, 125  # attempts at once, and how often, before a draw is given up
+_CHUNK = 4096
+_AWAY = 1e-6  # relative; a file of text keeps more digits
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Coefficients of k drawn vehicles.
+
+    Attributes
+    ----------
+    names, values
+        Coefficients (n,), and their values (k, n), SI.
+    thrown
+        How many impossible draws went before each, (k,).
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    thrown: NDArray[np.int_]
+
+    @property
+    def coefficients(self) -> dict[str, Array]:
+        """Values (k,) by name, as `seatrial.fly_batch` takes them."""
+        return {name: self.values[:, k].copy() for k, name in enumerate(self.names)}
+
+    def sentence(self) -> str:
+        """How many draws were thrown away, in words; empty if none was."""
+        lost = int(self.thrown.sum())
+        if not lost:
+            return ""
+        share = lost / (lost + len(self.values))
+        return (
+            f"{lost} of {lost + len(self.values)} drawn vehicles ({100 * share:.2g} %) were physically"
+            " impossible (damping that adds energy, negative mass or gain) and drawn again."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A vehicle and how well its coefficients are known.
+
+    Attributes
+    ----------
+    vehicle
+        With the best values: the centre of the draws.
+    names
+        Coefficients that are uncertain (n,).
+    covariance
+        Their covariance (n, n), SI.
+    notes
+        Sentences: what is not in the covariance, and what is there by assumption.
+
+    Examples
+    --------
+    >>> fitted = Fitted.of("cwolf", percent={"X_uu": 10.0, "stern.gain": 5.0})
+    >>> drawn = fitted.draws(100, 7)
+    >>> sorted(drawn), bool((drawn["X_uu"] < 0.0).all())
+    (['PL.gain', 'PU.gain', 'SbL.gain', 'SbU.gain', 'X_uu'], True)
+    """
+
+    vehicle: Vehicle
+    names: tuple[str, ...]
+    covariance: Array
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        source: Fitted | Identification | Vehicle | str | Path,
+        *,
+        percent: Mapping[str, float] | None = None,
+    ) -> Fitted:
+        """A vehicle and how well it is known, from wherever that stands.
+
+        Parameters
+        ----------
+        source : Fitted, Identification, Vehicle, str or Path
+            A result of `seatrial.identify`, its run directory, or a vehicle, whose coefficients count as
+            exact.
+        percent : mapping of str to float, optional
+            Further standard deviations in percent of the value, independent of everything else, by name, by
+            pattern (``"*_uu"``: each for itself) or by group (``"stern.gain"``: all of the group together).
+
+        Raises
+        ------
+        CampaignError
+            The run directory cannot be read or does not belong together; a name is unknown, a percentage
+            impossible.
+        VehicleError
+            The vehicle cannot be loaded.
+        """
+        fitted = source if isinstance(source, Fitted) else _found(source)
+        if not percent:
+            return fitted
+        names, matrix = widened(fitted.vehicle, percent, names=fitted.names, covariance=fitted.covariance)
+        return cls(fitted.vehicle, names, matrix, fitted.notes)
+
+    @property
+    def nominal(self) -> Array:
+        """Values of the uncertain coefficients (n,), SI."""
+        own = self.vehicle.coefficients()
+        return np.array([own.get(name, 0.0) for name in self.names])
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations of the uncertain coefficients (n,), SI, before anything is cut."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def draws(self, k: int | ArrayLike, seed: int, *, nominal_first: bool = False) -> dict[str, Array]:
+        """Coefficients of k drawn vehicles by name, (k,) each, SI; see `drawn`."""
+        return self.drawn(k, seed, nominal_first=nominal_first).coefficients
+
+    def drawn(self, k: int | ArrayLike, seed: int, *, nominal_first: bool = False) -> Drawn:
+        """Vehicles drawn, and how many impossible ones were thrown away.
+
+        Parameters
+        ----------
+        k : int or (k,) array_like of int
+            How many, or the numbers of the draws: number 17 is the same in both ways.
+        seed : int
+        nominal_first : bool
+            Whether draw 0 is the vehicle itself.
+
+        Raises
+        ------
+        CampaignError
+            A thousand draws in a row were impossible.
+        """
+        numbers = checked_numbers(k)
+        values = np.tile(self.nominal, (len(numbers), 1))
+        thrown = np.zeros(len(numbers), dtype=np.int_)
+        asked = np.array([place for place, i in enumerate(numbers) if not (nominal_first and i == 0)], int)
+        if self.names:
+            root = _root(self.covariance)
+            possible = PossibleCoefficients(self.vehicle, self.names)
+            for start in range(0, len(asked), _CHUNK):
+                self._fill(asked[start : start + _CHUNK], numbers, seed, root, possible, (values, thrown))
+        return Drawn(self.names, values, thrown)
+
+    def _fill(
+        self,
+        open_: NDArray[np.int_],
+        numbers: list[int],
+        seed: int,
+        root: Array,
+        possible: PossibleCoefficients,
+        into: tuple[Array, NDArray[np.int_]],
+    ) -> None:
+        """Draw until every place has a possible vehicle."""
+        values, thrown = into
+        centre, wrong = self.nominal, np.zeros(len(self.names))
+        for round_ in range(_ROUNDS):
+            normal = np.array([
+                generator(seed, numbers[place], cause=_CAUSE, attempt=round_).standard_normal((
+                    _TRIES,
+                    len(self.names),
+                ))
+                for place in open_
+            ])
+            left = np.arange(len(open_))
+            for attempt in range(_TRIES):
+                tried = centre + normal[left, attempt] @ root
+                good = possible.mask(tried)
+                values[open_[left[good]]] = tried[good]
+                thrown[open_[left[~good]]] += 1
+                wrong += possible.outside(tried).sum(axis=0)
+                left = left[~good]
+                if not left.size:
+                    return
+            open_ = open_[left]
+        worst = int(wrong.argmax())
+        name, unit = self.names[worst], self.vehicle.coefficient_info()[self.names[worst]]["unit"]
+        raise CampaignError(
+            f"{self.vehicle.name}: {_TRIES * _ROUNDS} vehicles drawn for number {numbers[open_[0]]} are all"
+            f" physically impossible, most often by {name} = {centre[worst]:.4g} {unit} with a standard"
+            f" deviation of {self.sigma[worst]:.3g}; identify it better, give it narrower bounds, or draw no"
+            " coefficients"
+        )
+
+
+def _found(source: Any) -> Fitted:
+    """A vehicle and its covariance of an identification, a run directory or a vehicle."""
+    from seatrial._core import Vehicle
+    from seatrial.identification import Identification
+
+    if isinstance(source, Identification):
+        return _with(source.vehicle, source.covariance, f"the identification {source.campaign.name}")
+    if isinstance(source, str | Path) and Path(source).is_dir():
+        folder = Path(source)
+        path = folder / RESULT
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise CampaignError(
+                f"{folder}: expected a run directory of `seatrial identify`, but {RESULT} cannot be read"
+                f" ({reason(error)}); give the folder that it printed, or a vehicle file"
+            ) from None
+        if not isinstance(data, dict) or "covariance" not in data:
+            raise CampaignError(
+                f"{path}: expected the key covariance, found none; let `seatrial identify` write it again"
+            )
+        given = data["covariance"]
+        known = None if given is None else CoefficientCovariance.from_dict(given, str(path))
+        return _with(Vehicle.load(folder / "vehicle.toml"), known, str(path))
+    vehicle: Vehicle = loaded(Vehicle, source)
+    return Fitted(vehicle, (), np.zeros((0, 0)))
+
+
+def _with(vehicle: Vehicle, known: CoefficientCovariance | None, source: str) -> Fitted:
+    if known is None:
+        note = f"{source} has no joint estimate: its coefficients count as exact."
+        return Fitted(vehicle, (), np.zeros((0, 0)), (note,))
+    own = vehicle.coefficients()
+    for name, value in zip(known.names, known.at.tolist(), strict=True):
+        if abs(own.get(name, 0.0) - value) > _AWAY * max(abs(value), 1e-9):
+            raise CampaignError(
+                f"{source}: the covariance holds about {name} = {value:.6g}, and the vehicle beside it has"
+                f" {own.get(name, 0.0):.6g}; they belong to different runs: identify again, or give the"
+                " vehicle file alone"
+            )
+    return Fitted(vehicle, known.names, known.matrix, known.notes)
+
+
+def _root(covariance: Array) -> Array:
+    """Matrix S (n, n) with ``S' S`` the covariance; what is rounding beside the largest part is zero."""
+    size = np.sqrt(np.diag(covariance))
+    size = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    values = np.where(values > len(size) * np.finfo(float).eps * values.max(initial=0.0), values, 0.0)
+    root = (vectors * np.sqrt(values)) @ vectors.T
+    return np.asarray(root * size)

@@ -1,0 +1,197 @@
+"""Verdicts of a verification: failure probabilities against what is allowed, and what drives the failures.
+
+Held by `tests/test_verification_figures.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.plot.style import (
+    FAINT,
+    MEASURED,
+    RESIDUAL,
+    SECOND,
+    SIMULATED,
+    THIRD,
+    house_style,
+    new_figure,
+    panel_title,
+)
+from seatrial.verification.failure_probability import FailureProbability, share, wilson
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from seatrial.verification.causes import Influence
+
+__all__ = ["Verified", "cause_bars", "verified_requirements"]
+
+_COLOUR = {"held": THIRD, "failed": RESIDUAL, "undecided": SECOND}
+_ROW_IN = 0.36
+_LONGEST = 34  # letters of a name beside a panel
+_DECADE = 0.5  # of a decade, from the smallest number to the edge
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A row of `verified_requirements`: name, what was found, the allowed failure probability."""
+
+    name: str
+    found: FailureProbability
+    allowed: float
+
+
+def verified_requirements(rows: Sequence[Verified], *, heading: str = "") -> Figure:
+    """Figure of the failure probability of every requirement against the allowed one, on a logarithmic axis.
+
+    A dot is the share of failures, its bar the exact interval; without any failure there is no dot and the
+    bar ends at the bound on one side. The tick is what is allowed, the field beyond it shaded.
+
+    Parameters
+    ----------
+    rows : sequence of Verified
+        At least one.
+    heading : str
+    """
+    with house_style():
+        figure = new_figure(0.95 + _ROW_IN * len(rows))
+        axes = figure.subplots()
+        numbers = [value for row in rows for value in (*_span(row.found), row.allowed) if value > 0.0]
+        left = 10.0 ** (np.floor(np.log10(min(numbers)) / _DECADE) * _DECADE - _DECADE)
+        right = 1.0
+        for place, row in enumerate(rows):
+            _requirement(axes, row, place, (left, right))
+        axes.set_xscale("log")
+        axes.set_xlim(left, right)
+        axes.set_ylim(len(rows) - 0.45, -0.55)
+        axes.set_yticks(range(len(rows)), [_short(row.name) for row in rows])
+        axes.tick_params(axis="y", length=0)
+        axes.grid(visible=False, axis="y")
+        axes.xaxis.set_major_formatter(lambda value, _: share(value))
+        sure = sorted({f"{100.0 * row.found.confidence:g} %" for row in rows})
+        axes.set_xlabel(
+            f"failure probability of a mission; bar: {' and '.join(sure)} interval; tick: allowed"
+        )
+        beside = axes.secondary_yaxis("right")
+        beside.set_yticks(range(len(rows)), [_words(row) for row in rows])
+        beside.tick_params(axis="y", length=0)
+        beside.spines["right"].set_visible(False)
+        panel_title(axes, heading or "requirements")
+    return figure
+
+
+def cause_bars(causes: Sequence[Influence], *, heading: str = "", most: int = 6) -> Figure:
+    """Figure of what drives the failures: strength of each cause, failure rate along the leading ones.
+
+    Parameters
+    ----------
+    causes : sequence of Influence
+        As `seatrial.verification.causes.find_causes` orders them.
+    heading : str
+    most : int
+        Number of causes that are shown.
+    """
+    shown = list(causes[:most])
+    led = [one for one in shown if one.named and one.by_failures][:3]
+    with house_style():
+        figure = new_figure(max(1.9, 1.0 + 0.3 * len(shown)) if not led else 2.6)
+        panels = figure.subplots(1, 1 + len(led), squeeze=False, width_ratios=[1.5] + [1.0] * len(led))[0]
+        _strengths(panels[0], shown, heading)
+        for axes, cause in zip(panels[1:], led, strict=True):
+            _rates(axes, cause)
+        if led:
+            panels[1].set_ylabel("missions that fail, %")
+    return figure
+
+
+def _requirement(axes: Axes, row: Verified, place: int, span: tuple[float, float]) -> None:
+    colour = _COLOUR[row.found.verdict(row.allowed)]
+    low, high = _span(row.found)
+    axes.fill_between(
+        [row.allowed, span[1]], place - 0.42, place + 0.42, color=RESIDUAL, alpha=0.08, linewidth=0.0
+    )
+    axes.plot([max(low, span[0]), high], [place, place], color=colour, linewidth=3.2, solid_capstyle="butt")
+    if row.found.failures:
+        axes.plot(row.found.estimate, place, "o", color=colour, markersize=6.0, markeredgecolor="white")
+    else:
+        axes.plot(high, place, "|", color=colour, markersize=9.0, markeredgewidth=1.6)
+    axes.plot([row.allowed] * 2, [place - 0.42, place + 0.42], color=MEASURED, linewidth=1.6)
+
+
+def _span(found: FailureProbability) -> tuple[float, float]:
+    return found.interval if found.failures else (0.0, found.at_most)
+
+
+def _words(row: Verified) -> str:
+    return f"{row.found.verdict(row.allowed)}: {row.found.failures} of {row.found.runs}"
+
+
+def _strengths(axes: Axes, causes: Sequence[Influence], heading: str) -> None:
+    by_failures = all(one.by_failures for one in causes)
+    for place, cause in enumerate(causes):
+        axes.barh(place, cause.strength, height=0.62, color=SIMULATED if cause.named else FAINT)
+        inside = cause.strength > 0.6
+        axes.text(
+            cause.strength + (-0.02 if inside else 0.02), place, _size(cause), va="center", fontsize=6.5,
+            ha="right" if inside else "left", color="white" if inside and cause.named else "#262626",
+        )  # fmt: skip
+    axes.set_yticks(range(len(causes)), [_two_lines(one.label, 24) for one in causes], fontsize=6.5)
+    axes.set_ylim(max(len(causes), 1) - 0.4, -0.6)
+    axes.set_xlim(0.0, 1.0)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
+    what = "|2 AUC \N{MINUS SIGN} 1|" if by_failures else "|rank correlation| with the reserve"
+    axes.set_xlabel(f"{what}; grey: not shown to matter")
+    panel_title(axes, _short(heading or "causes", 30))
+
+
+def _size(cause: Influence) -> str:
+    if not cause.by_failures:
+        return f"{cause.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
+    odds = f", odds \N{MULTIPLICATION SIGN} {cause.odds:.2g}" if 0.0 < cause.odds < np.inf else ""
+    return f"AUC {cause.auc:.2f}{odds}"
+
+
+def _rates(axes: Axes, cause: Influence) -> None:
+    groups = cause.groups
+    failures, runs = np.array(groups.failures), np.array(groups.runs)
+    met = runs > 0
+    low, high = (100.0 * bound for bound in wilson(failures[met], runs[met]))
+    place, rate = np.flatnonzero(met), 100.0 * failures[met] / runs[met]
+    axes.bar(place, rate, width=0.8, color=SIMULATED)
+    error = np.clip(np.stack([rate - low, high - rate]), 0.0, None)
+    axes.errorbar(place, rate, error, fmt="none", ecolor=MEASURED, elinewidth=0.9, capsize=1.8)
+    axes.set_ylim(bottom=0.0)
+    axes.grid(visible=False, axis="x")
+    axes.set_title(_two_lines(cause.name, 19), loc="left", fontweight="bold", fontsize=7)
+    if groups.edges:
+        first = [label.split(" to ")[0] for label in groups.labels]
+        words = [*first, groups.labels[-1].split(" to ")[1]]
+        axes.set_xticks(
+            np.arange(len(words)) - 0.5, words, rotation=30, ha="right", rotation_mode="anchor", fontsize=6.0
+        )
+        axes.set_xlabel(f"fifths, {cause.unit}" if cause.unit and cause.unit != "1" else "fifths")
+    elif cause.kind == "direction":
+        axes.set_xticks(range(len(runs)), groups.labels, fontsize=6.0)
+        axes.set_xlabel("towards")
+    else:
+        axes.set_xticks(
+            range(len(runs)), [_short(label, 12) for label in groups.labels], rotation=30, ha="right",
+            rotation_mode="anchor", fontsize=6.0,
+        )  # fmt: skip
+
+
+def _two_lines(name: str, width: int) -> str:
+    """A name in two lines where one is too short for it."""
+    return "\n".join(wrap(name, width, max_lines=2, placeholder="\N{HORIZONTAL ELLIPSIS}"))
+
+
+def _short(name: str, longest: int = _LONGEST) -> str:
+    return name if len(name) <= longest else f"{name[: longest - 1]}\N{HORIZONTAL ELLIPSIS}"

@@ -1,0 +1,84 @@
+"""The figures of a verification: requirements, causes, cross-track error, tracks of the worst missions.
+
+Held by tests/test_verify.py.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from seatrial._core import error_edges
+from seatrial.plot.cross_track import cross_track
+from seatrial.plot.style import save
+from seatrial.plot.verification import Verified, cause_bars, verified_requirements
+from seatrial.plot.worst_missions import WorstFlight, worst_missions
+from seatrial.verification.verification_text import reserve
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from seatrial.verification.judged_requirement import JudgedRequirement
+    from seatrial.verification.verification_result import Verification
+
+__all__ = ["verification_gallery"]
+
+_LIMIT = re.compile(r"cross_track_p95_m <=? ([0-9.]+)")
+_MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4
+
+
+def verification_gallery(
+    found: Verification, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
+) -> list[Path]:
+    """Paths of the figures of a verification after they were written into a folder.
+
+    The worst missions of each requirement that some mission failed are flown again for their tracks.
+
+    Raises
+    ------
+    SeatrialError
+        The folder cannot be written.
+    """
+    written: list[Path] = []
+    for name, figure in _figures(found):
+        written += save(figure, Path(folder) / name, formats=formats)
+    return written
+
+
+def _figures(found: Verification) -> Iterator[tuple[str, Figure]]:
+    missions = ", ".join(found.flights.titles)
+    rows = [Verified(one.requirement.name, one.found, one.requirement.allowed) for one in found.requirements]
+    yield "requirements", verified_requirements(rows, heading=f"{missions}: {len(found.flown)} missions")
+    limits = [limit for one in found.requirements for limit in _LIMIT.findall(one.requirement.holds)]
+    yield (
+        "cross_track",
+        cross_track(
+            found.flown.cross_track_counts,
+            error_edges(),
+            p95_m=found.flown.figures["cross_track_p95_m"],
+            threshold_m=float(limits[0]) if limits else None,
+        ),
+    )
+    for one in [row for row in found.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
+        name = _safe(one.requirement.name)
+        yield f"causes_{name}", cause_bars(one.causes, heading=one.requirement.name)
+        if one.worst:
+            yield f"worst_{name}", _worst(found, one)
+
+
+def _worst(found: Verification, one: JudgedRequirement) -> Figure:
+    """Tracks of the worst missions, as far as they fly the same mission as the worst of all."""
+    same = [run for run in one.worst if run.mission == one.worst[0].mission][:_MOST_TRACKS]
+    flights = [
+        WorstFlight(
+            f"mission {run.number}: {reserve(run.reserve, one.judgement.unit)}", found.replay(run.number)
+        )
+        for run in same
+    ]
+    return worst_missions(flights, heading=f"{same[0].mission}, {one.requirement.name}: least reserve")
+
+
+def _safe(name: str) -> str:
+    return "".join(letter if letter.isalnum() else "_" for letter in name)

@@ -1,0 +1,52 @@
+"""What a log would have shown: the chance that a usual change of the vehicle is noticed on it.
+
+A log on which nothing could have been seen does not speak for the model. Four changes that happen to vehicles
+are tried to first order; their predictions move by ``J theta``, and the share outside the band follows from
+the spread of a valid model's errors (`seatrial.recorded.validity`).
+
+Tests: ``tests/test_recorded_validity.py``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seatrial.parameters import actuator_groups
+from seatrial.recorded.log_verdict import Detectable
+from seatrial.recorded.validity import LEVEL, Validity, power
+
+__all__ = ["detectable_changes"]
+
+_DRAG, _THRUST, _WEIGHT = 0.25, -0.15, 0.01
+
+
+def detectable_changes(of: Validity, *, level: float = LEVEL) -> tuple[Detectable, ...]:
+    """Chances that drag +25 %, thrust -15 %, the first actuator -30 % and 1 % more weight are noticed.
+
+    Parameters
+    ----------
+    of : Validity
+        Gives windows, band and spread.
+    level : float, optional
+        Chance of a false alarm.
+    """
+    vehicle = of.log.vehicle
+    values = vehicle.coefficients()
+    g = float(vehicle.environment()["g"])
+    drag = {name: _DRAG * values[name] for name in ("X_u", "X_uu") if values.get(name)}
+    gains = [f"{a}.gain" for group in actuator_groups(vehicle).values() for a in group]
+    gains = [name for name in gains if name in values]
+    weight = _WEIGHT * values["m"]
+    tried = [
+        (f"drag ahead {100 * _DRAG:+.0f} %", drag),
+        (f"all thrust {100 * _THRUST:+.0f} %", {name: _THRUST * values[name] for name in gains}),
+        (f"{weight:.2g} kg more weight in water", {"B": -g * weight}),
+    ]
+    if of.log.input == "tau":
+        tried.pop(1)
+    tried = [(words, change) for words, change in tried if change]
+    slopes = of.log.slopes([change for _, change in tried])
+    return tuple(
+        Detectable(words, power(of, [np.asarray(one.by_direction[:, :, k]) for one in slopes], level=level))
+        for k, (words, _) in enumerate(tried)
+    )

@@ -1,0 +1,181 @@
+"""How far a valid model may miss a log: the spread of its predictions beside that of the coefficients.
+
+A model predicts no better than it did where it was known to hold: sensors err, the state at a restart errs
+with them, the water moves, and every model leaves something out. Where that is known from
+
+| source | spread of a channel at time t since the restart |
+|---|---|
+| logs on which the model is known to hold | rms there, at least the 95 % quantile of the error over 1.96 |
+| an error per channel, as of `score` | ``rms sqrt(1/2 + t/T)``: half constant, half a random walk |
+| nothing but the log itself | noise n of the first moments after a restart, and what it does to a start |
+
+it is that; in the last case ``s^2 = n^2 + sum_k (dy/dx0_k n_k)^2`` has no room for what every model leaves
+out, so that it suits generated logs and very good models, and says so.
+
+Tests: ``tests/test_recorded_validity.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.errors import TrialError, nearest
+from seatrial.recorded.clustered_share import clustered_share
+from seatrial.recorded.restarts import Restarts
+from seatrial.recording.columns import CHANNELS
+
+__all__ = ["INITIAL_PLACES", "Spread", "spread_of_errors", "spread_of_noise", "spread_of_reference"]
+
+Array = NDArray[np.float64]
+
+_FIRST_S = 0.5
+"""After a restart no model error has had the time to show: what is seen is noise."""
+
+_BINS = 12
+_NORMAL_95 = 1.959964
+INITIAL_PLACES = (6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5)
+"""Channel of every initial condition in the core's order: position, attitude, velocity."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Standard deviation of a valid model's errors by the time since a restart.
+
+    Attributes
+    ----------
+    since_s, sigma
+        Times (b,) in s, and the spread of each of `CHANNELS` there, (b, 12), SI; infinite where unknown.
+    noise
+        The same in the first moments after a restart, (12,), SI.
+    windows
+        How many windows it rests on.
+    source
+        Where it comes from, in words.
+    effective
+        How many independent samples each channel rests on, (12,); infinite where it is taken for known.
+    """
+
+    since_s: Array
+    sigma: Array
+    noise: Array
+    windows: int
+    source: str
+    effective: Array = field(default_factory=lambda: np.full(12, np.inf))
+
+    def at(self, since_s: Array) -> Array:
+        """Spread (n, 12) at times (n,) since a restart, SI."""
+        columns = [np.interp(since_s, self.since_s, column) for column in self.sigma.T]
+        return np.stack(columns, axis=1)
+
+    @property
+    def factor(self) -> float:
+        """Half-width of the 95 % band in units of the spread: Student's, for as few windows as there are."""
+        from scipy.stats import t as student
+
+        return float(student.ppf(0.975, max(self.windows - 1, 2)))
+
+
+def spread_of_reference(references: Sequence[Restarts]) -> Spread:
+    """Spread over logs on which the model is known to hold, (b, 12), SI.
+
+    Raises
+    ------
+    TrialError
+        There is no log, or fewer than six windows.
+    """
+    count = sum(len(one.spans) for one in references)
+    if count < 6:
+        raise TrialError(
+            f"reference: expected logs of at least six windows on which the model is known to hold, found"
+            f" {count}; give a longer log, or leave it out"
+        )
+    since = np.concatenate([one.since_restart(w) for one in references for w in range(len(one.spans))])
+    error = np.concatenate([part for one in references for part in one.residual])
+    counted = np.concatenate([part for one in references for part in one.counted])
+    edges = np.linspace(0.0, since.max() + 1e-9, _BINS + 1)
+    sigma = np.full((_BINS, 12), np.inf)
+    for b in range(_BINS):
+        rows = (since >= edges[b]) & (since < edges[b + 1])
+        for c in range(12):
+            sizes = np.abs(error[rows, c][counted[rows, c]])
+            if len(sizes):
+                tail = float(np.quantile(sizes, 0.95)) / _NORMAL_95
+                sigma[b, c] = max(float(np.sqrt(np.mean(sizes**2))), tail)
+    noise = _noise(references)
+    names = ", ".join(dict.fromkeys(one.trial.name for one in references))
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    found = Spread(centres, sigma, noise, count, f"errors of the model on {names} ({count} windows)")
+    return replace(found, effective=_worth(references, found))
+
+
+def spread_of_errors(rms: Mapping[str, float], log: Restarts, source: str = "the errors given") -> Spread:
+    """Spread (b, 12) from a root mean square error per channel over windows of the same length, SI.
+
+    Raises
+    ------
+    TrialError
+        A channel is unknown or its error no positive number.
+    """
+    for name, value in rms.items():
+        if name not in CHANNELS:
+            raise TrialError(f'reference: "{name}" is no channel{nearest(name, CHANNELS)}')
+        if not (np.isfinite(value) and value > 0.0):
+            raise TrialError(f"reference: {name}: expected a positive error in SI, found {value!r}")
+    longest = max(log.since_restart(w)[-1] for w in range(len(log.spans)))
+    share = np.linspace(0.0, 1.0, _BINS)
+    level = np.array([rms.get(name, np.inf) for name in CHANNELS])
+    sigma = np.where(np.isfinite(level), level, np.inf) * np.sqrt(0.5 + share)[:, None]
+    return Spread(longest * share, sigma, np.minimum(_noise([log]), sigma[0]), 1_000_000, source)
+
+
+def spread_of_noise(log: Restarts) -> Spread:
+    """Spread (b, 12) from the log's own noise and what it does to the state at a restart, SI."""
+    noise = _noise([log])
+    slopes = log.slopes([])
+    width = max(len(one.by_start) for one in slopes)
+    total, seen = np.zeros((width, 12)), np.zeros((width, 1))
+    start = np.nan_to_num(noise[list(INITIAL_PLACES)])
+    for one in slopes:
+        with np.errstate(over="ignore"):  # an unstable model forgets its start the other way round
+            total[: len(one.by_start)] += ((one.by_start * start) ** 2).sum(axis=2)
+        seen[: len(one.by_start)] += 1.0
+    variance = total / np.maximum(seen, 1.0)
+    since = np.arange(width) * log.trial.dt
+    keep = np.unique(np.linspace(0, width - 1, 4 * _BINS).astype(int))
+    sigma = np.sqrt(noise**2 + variance[keep])
+    sigma[:, ~np.isfinite(noise)] = np.inf
+    source = "the log's own noise alone, without room for what every model leaves out"
+    return Spread(since[keep], sigma, noise, len(log.spans), source)
+
+
+def _worth(references: Sequence[Restarts], spread: Spread) -> Array:
+    """How many independent samples (12,) the tail of each channel rests on."""
+    found = np.full(12, np.inf)
+    bands = [
+        _NORMAL_95 * spread.at(one.since_restart(w)) for one in references for w in range(len(one.spans))
+    ]
+    errors = [error for one in references for error in one.residual]
+    masks = [mask for one in references for mask in one.counted]
+    for c in np.flatnonzero(np.isfinite(spread.sigma).all(axis=0)):
+        found[c] = clustered_share([
+            (np.abs(e[:, c]) > b[:, c])[m[:, c]] for e, b, m in zip(errors, bands, masks, strict=True)
+        ])[2]
+    return found
+
+
+def _noise(logs: Sequence[Restarts]) -> Array:
+    """Root mean square (12,) of the errors in the first moments after a restart; infinite without any."""
+    squares, samples = np.zeros(12), np.zeros(12)
+    for log in logs:
+        rows = max(2, 1 + round(_FIRST_S / log.trial.dt))
+        for error, mask in zip(log.residual, log.counted, strict=True):
+            squares += (error[:rows] ** 2).sum(axis=0)
+            samples += mask[:rows].sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        noise = np.sqrt(squares / samples)
+    # A channel that repeats exactly has the noise of its last digit, which is not nothing.
+    return np.where(samples > 0, np.maximum(noise, 1e-6), np.inf)

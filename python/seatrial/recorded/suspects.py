@@ -1,0 +1,344 @@
+"""Suspects: which change of the vehicle explains the misfit of a log, sorted by how much of it.
+
+Per window the residual r, in units of a valid model's spread, is ``r = J_theta theta + J_0 x_0 + e``: J exact
+derivatives, x_0 the error of the state at the restart, known to within the noise. With ``J_0 S_0`` = U D V'
+the whitening ``I - U (1 - (1 + D^2)^-1/2) U'`` leaves unit noise (variable projection with a prior). For
+every candidate (`seatrial.recorded.candidates`) alone
+
+    theta = (J'J)^-1 J'r,   gain = (J'r)' (J'J)^-1 (J'r) / r'r,
+
+its scatter by the jackknife over windows (`seatrial.criticism.score_test`). The best ones are then followed
+by Gauss-Newton steps with J held and the non-linear model simulated, and sorted by what they truly explain,
+less Akaike's share for each unknown. Candidates whose columns run alike (90 % of one's square lies in the
+span of the other's) cannot be told apart by the log and are named beside it.
+
+Tests: ``tests/test_recorded_suspects.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.criticism.score_test import ScoreTests, score_tests
+from seatrial.linearisation import Linearisation, Piece
+from seatrial.recorded.candidates import Candidate
+from seatrial.recorded.restarts import Restarts, Slopes
+from seatrial.recorded.spread import INITIAL_PLACES, Spread
+from seatrial.recording.columns import CHANNELS
+
+__all__ = ["Suspect", "suspects"]
+
+Array = NDArray[np.float64]
+
+_FOLLOWED = 8
+_STEPS = 4
+_ALIKE = 0.9
+_LEAST_GAIN = 0.02
+_AKAIKE = 2.0
+_THING = 0.01
+_MOST_FACTOR = 3.0
+_KNEE = 2.0
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A change of the vehicle, or of its surroundings, that explains a part of the misfit.
+
+    Attributes
+    ----------
+    name, kind
+        Of the candidate: a coefficient, a group, or the surroundings.
+    change
+        In words.
+    values, units, sigma
+        The best values of its unknowns, their units, and the standard deviation over windows.
+    gain
+        Share of the misfit (sum of squares) that it explains, simulated anew.
+    left
+        Root mean square of what it leaves, in units of a valid model's error.
+    p
+        Of no change, jackknife over windows (of the first unknown where there are several).
+    sigmas
+        Change over the identified standard deviation; None where that is not known.
+    alike
+        Candidates that this log cannot tell from it.
+    coefficients
+        Values {name: value} that it would give the vehicle.
+    """
+
+    name: str
+    kind: str
+    change: str
+    values: tuple[float, ...]
+    units: tuple[str, ...]
+    sigma: tuple[float, ...]
+    gain: float
+    left: float
+    p: float
+    sigmas: float | None
+    alike: tuple[str, ...]
+    coefficients: Mapping[str, float]
+
+    def sentence(self) -> str:
+        """The suspect in words."""
+        share = f"{100.0 * self.gain:.{1 if self.gain > 0.99 else 0}f}"
+        text = (
+            f"{self.change}: explains {share} % of the misfit, leaves {self.left:.2g} times the usual error"
+        )
+        if self.sigmas is not None and abs(self.sigmas) >= 0.1:
+            text += f", {abs(self.sigmas):.1f} standard deviations of the identification"
+        if self.alike:
+            shown = ", ".join(self.alike[:4]) + (" and others" if len(self.alike) > 4 else "")
+            text += f"; this log cannot tell it from {shown}"
+        return text + "."
+
+    def to_dict(self) -> dict[str, Any]:
+        """The suspect as plain data."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "change": self.change,
+            "values": list(self.values),
+            "units": list(self.units),
+            "sigma": list(self.sigma),
+            "gain": self.gain,
+            "left": self.left,
+            "p": self.p,
+            "sigmas": self.sigmas,
+            "alike": list(self.alike),
+            "coefficients": dict(self.coefficients),
+        }
+
+
+def suspects(
+    log: Restarts,
+    spread: Spread,
+    tried: Sequence[Candidate],
+    *,
+    sigma: Mapping[str, float] | None = None,
+    current: bool = True,
+    most: int = _FOLLOWED,
+) -> tuple[Suspect, ...]:
+    """Suspects of a log, the one that explains most first.
+
+    Parameters
+    ----------
+    log : Restarts
+    spread : Spread
+        Of a valid model's errors.
+    tried : sequence of Candidate
+    sigma : mapping of str to float, optional
+        Standard deviations of the identified coefficients.
+    current : bool, optional
+        Whether a steady current that was not recorded is tried too.
+    most : int, optional
+        How many to list.
+    """
+    directions = [one for candidate in tried for one in candidate.directions()]
+    slopes = log.slopes(directions, current=current)
+    white = _Whitening(log, spread, slopes)
+    columns = white.columns(slopes)
+    tests = score_tests(
+        _linearisation(white.residual, white.counted),
+        columns,
+        fitted=(),
+        block=[np.full(len(one), w) for w, one in enumerate(columns)],
+    )
+    places, first = [], 0
+    for candidate in tried:
+        places.append(list(range(first, first + len(candidate.scale))))
+        first += len(candidate.scale)
+    if current:
+        places.append([first, first + 1])
+    squares = white.weight**2
+    samples = float(sum(w * mask.sum() for w, mask in zip(squares, white.counted, strict=True)))
+    # The score test thins long logs.
+    part = white.cost / max(tests.cost, 1e-300)
+    fits = [(theta, part * gain) for theta, gain in (_fit(tests, own) for own in places)]
+    results = tests.results()
+    order = sorted(range(len(places)), key=lambda i: -fits[i][1])
+    # Errors of a window hang together: it is worth about one observation per channel.
+    penalty = _AKAIKE * white.cost / (len(columns) * len(white.places))
+    found: list[tuple[float, Suspect]] = []
+    for i in order[: 2 * most]:
+        theta, linear = fits[i]
+        own = places[i]
+        spread_of = tuple(float(results.sigma[k]) for k in own)
+        if i == len(tried):
+            gain, coefficients = linear, {}
+            name, kind = "current", "surroundings"
+            units: tuple[str, ...] = ("m/s", "m/s")
+            words = f"a current of {theta[0]:+.2f} m/s north and {theta[1]:+.2f} m/s east beyond the recorded"
+        else:
+            candidate = tried[i]
+            theta, gain = white.followed(candidate, columns, own, theta, linear)
+            if gain <= 0.0:
+                continue
+            coefficients = candidate.changes(theta)
+            name, kind, units = candidate.name, candidate.kind, candidate.units
+            words = candidate.words(theta)
+        share = gain / white.cost
+        if share < _LEAST_GAIN or not _plausible(log, coefficients):
+            continue
+        known = (sigma or {}).get(name)
+        suspect = Suspect(
+            name=name,
+            kind=kind,
+            change=words,
+            values=tuple(float(x) for x in theta),
+            units=units,
+            sigma=spread_of,
+            gain=share,
+            left=float(np.sqrt(max(white.cost - gain, 0.0) / max(samples, 1.0))),
+            p=float(np.min(results.p[own])),
+            sigmas=None if not known else float(theta[0]) / known,
+            alike=_alike(tests, places, i, ([one.name for one in tried] + ["current"], [f[1] for f in fits])),
+            coefficients=coefficients,
+        )
+        # Of two that explain the same, the one that is a thing rather than a number is read first.
+        worth = gain - penalty * (len(own) - 1) + (_THING * white.cost if kind == "group" else 0.0)
+        found.append((worth, suspect))
+    found.sort(key=lambda pair: -pair[0])
+    return tuple(suspect for _, suspect in found[:most])
+
+
+class _Whitening:
+    """Residuals and derivatives in units of the spread, what the state at the restart explains taken out."""
+
+    def __init__(self, log: Restarts, spread: Spread, slopes: Sequence[Slopes]) -> None:
+        self.log = log
+        self.places = [k for k, name in enumerate(CHANNELS) if name in log.channels]
+        start = np.where(np.isfinite(spread.noise), spread.noise, 0.0)[list(INITIAL_PLACES)]
+        self.counted = [mask[:, self.places] for mask in log.counted]
+        self.scale, self.shrink = [], []
+        for w, slope in enumerate(slopes):
+            scale = 1.0 / spread.at(log.since_restart(w))[:, self.places]
+            self.scale.append(scale)
+            by_start = slope.by_start[:, self.places] * start * scale[:, :, None]
+            u, d, _ = np.linalg.svd(by_start.reshape(-1, 12), full_matrices=False)
+            self.shrink.append((u, 1.0 - 1.0 / np.sqrt(1.0 + d**2)))
+        self.weight = np.ones(len(slopes))
+        sizes = np.array([float(np.sqrt(np.mean(one**2))) for one in self.of(log.residual)])
+        # Huber's weights for whole windows: a few wild ones shall not name the suspect.
+        self.weight = np.minimum(1.0, _KNEE * np.median(sizes) / np.maximum(sizes, 1e-300))
+        self.residual = self.of(log.residual)
+        self.cost = sum(float((one**2).sum()) for one in self.residual)
+
+    def of(self, parts: Sequence[Array]) -> list[Array]:
+        """Residuals (n, C) of every window, whitened."""
+        return [self._white(w, part[:, self.places, None])[:, :, 0] for w, part in enumerate(parts)]
+
+    def columns(self, slopes: Sequence[Slopes]) -> list[Array]:
+        """Derivatives (n, C, d) of every window, whitened."""
+        return [self._white(w, slope.by_direction[:, self.places]) for w, slope in enumerate(slopes)]
+
+    def followed(
+        self, candidate: Candidate, columns: Sequence[Array], own: Sequence[int], theta: Array, linear: float
+    ) -> tuple[Array, float]:
+        """Best values of a candidate on the non-linear model, and the fall of the sum of squares."""
+        own_columns = [part[:, :, own].reshape(-1, len(own)) for part in columns]
+        normal = sum(part.T @ part for part in own_columns)
+        best, least = np.zeros(len(own)), self.cost
+        step = theta
+        for _ in range(_STEPS):
+            at, reach = best + step, None
+            for _ in range(3):  # a step too far is halved
+                reach = self._cost(candidate, at)
+                if reach is not None and reach[0] < least:
+                    break
+                at = 0.5 * (at + best)
+            if reach is None or reach[0] >= least:
+                break
+            gained, best, least = least - reach[0], at, reach[0]
+            pull = sum(part.T @ r.ravel() for part, r in zip(own_columns, reach[1], strict=True))
+            step = np.linalg.solve(np.atleast_2d(normal), np.atleast_1d(pull))
+            if gained < 1e-3 * self.cost:
+                break
+        return best, self.cost - least
+
+    def _cost(self, candidate: Candidate, theta: Array) -> tuple[float, list[Array]] | None:
+        from seatrial.errors import SeatrialError
+
+        try:
+            parts = self.log.of(candidate.changes(theta))
+        except SeatrialError:  # no vehicle has such coefficients
+            return None
+        if not all(np.isfinite(part).all() for part in parts):
+            return None
+        white = self.of(parts)
+        return sum(float((one**2).sum()) for one in white), white
+
+    def _white(self, w: int, part: Array) -> Array:
+        scaled = np.where(self.counted[w][:, :, None], part * self.scale[w][:, :, None], 0.0)
+        flat = scaled.reshape(-1, part.shape[2])
+        u, shrink = self.shrink[w]
+        flat = flat - u @ (shrink[:, None] * (u.T @ flat))
+        return np.asarray(self.weight[w] * flat.reshape(scaled.shape))
+
+
+def _plausible(log: Restarts, coefficients: Mapping[str, float]) -> bool:
+    """Whether no coefficient changes its sign, vanishes or becomes more than three times itself."""
+    present = log.vehicle.coefficients()
+    signed = [
+        (present[name], value)
+        for name, value in coefficients.items()
+        if present.get(name) and name[:2] not in ("x_", "y_", "z_")
+    ]
+    return all(0.0 <= value / own <= _MOST_FACTOR for own, value in signed)
+
+
+def _linearisation(residual: Sequence[Array], counted: Sequence[NDArray[np.bool_]]) -> Linearisation:
+    pieces = tuple(
+        Piece(
+            trial="log",
+            t=np.arange(len(one), dtype=float),
+            residual=one,
+            counted=mask,
+            weight=np.ones_like(one),
+            jacobian=np.zeros((*one.shape, 0)),
+            nu=np.zeros((len(one), 6)),
+        )
+        for one, mask in zip(residual, counted, strict=True)
+    )
+    width = residual[0].shape[1]
+    return Linearisation((), np.zeros(0), tuple("c" * width), np.ones(width), 1.0, pieces)
+
+
+def _fit(tests: ScoreTests, own: Sequence[int]) -> tuple[Array, float]:
+    """Values of the unknowns at places `own`, and the fall of the sum of squares, both to first order."""
+    total = tests.reduced[0]
+    normal, pull = total[np.ix_(own, own)], total[own, -1]
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(own))
+    theta = np.linalg.solve(scaled, pull / size) / size
+    if not (np.diag(normal) > 1e-12 * tests.cost).all():
+        return np.zeros(len(own)), 0.0
+    return theta, float(theta @ pull)
+
+
+def _alike(
+    tests: ScoreTests, places: Sequence[list[int]], of: int, known: tuple[list[str], list[float]]
+) -> tuple[str, ...]:
+    """Candidates most of whose column lies in the span of this one's, and which explain nearly as much."""
+    names, gains = known
+    total, own = tests.reduced[0], places[of]
+    normal = total[np.ix_(own, own)]
+    found = []
+    for i, other in enumerate(places):
+        if i == of or len(other) > len(own) or gains[i] < _ALIKE * gains[of]:
+            continue
+        square = total[np.ix_(other, other)]
+        cross = total[np.ix_(own, other)]
+        if np.trace(square) <= 0.0 or np.trace(normal) <= 0.0:
+            continue
+        inside = cross.T @ np.linalg.lstsq(normal, cross, rcond=1e-9)[0]
+        shares = np.linalg.lstsq(square, inside, rcond=1e-9)[0]
+        share = float(np.trace(shares)) / len(other)
+        if share > _ALIKE:
+            found.append((share, names[i]))
+    return tuple(name for _, name in sorted(found, reverse=True))

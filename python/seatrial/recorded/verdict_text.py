@@ -1,0 +1,101 @@
+"""A verdict on a log in words: outcome, channels, suspects, the mission's own figures.
+
+Tests: ``tests/test_recorded_verdict.py``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from seatrial.channel import readable
+
+if TYPE_CHECKING:
+    from seatrial.recorded.log_verdict import LogVerdict
+
+__all__ = ["summary"]
+
+_SHOWN = 6
+
+
+def summary(verdict: LogVerdict) -> str:
+    """Text of a verdict, the most important first."""
+    lines = [f"{verdict.log.trial.name}: {verdict.outcome}", verdict.reason]
+    lines += _channels(verdict)
+    if verdict.suspects:
+        lines += ["", "What may have changed, the best explanation first:"]
+        lines += [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:_SHOWN], 1)]
+        lines += _inseparable(verdict)
+    if verdict.detectable:
+        words = [f"{one.change} {100.0 * one.power:.0f} %" for one in verdict.detectable]
+        lines += ["", f"Chance that this log would have shown: {', '.join(words)}."]
+    lines += _mission(verdict)
+    if verdict.notes:
+        lines += ["", *verdict.notes]
+    return "\n".join(lines)
+
+
+def _channels(verdict: LogVerdict) -> list[str]:
+    if verdict.validity is None:
+        return []
+    lines = [
+        "",
+        f"{'channel':<9}{'outside 95 % band':>18}{'error rms':>11}{'band +-':>9}  {'unit':<6}{'p':>9}",
+    ]
+    for name, one in verdict.validity.channels.items():
+        scale, unit = readable(name)
+        p = f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001"
+        mark = "  fails" if one.fails else ""
+        lines.append(
+            f"{name:<9}{100.0 * one.outside:>16.1f} %{scale * one.rms:>11.3g}{scale * one.spread:>9.3g}"
+            f"  {unit:<6}{p:>9}{mark}"
+        )
+    return lines
+
+
+def _inseparable(verdict: LogVerdict) -> list[str]:
+    """A word on weight and buoyancy, of which logs tell the difference alone."""
+    first = verdict.suspects[0]
+    named = {first.name, *first.alike}
+    if {"m", "B"} <= named or (first.name.startswith("payload") and {"m", "B"} & named):
+        return [
+            "B and m g are seen as their difference, the weight in water, unless the log tells the inertia;"
+            " weigh what was changed."
+        ]
+    return []
+
+
+def _mission(verdict: LogVerdict) -> list[str]:
+    lines = []
+    figures = verdict.figures
+    said = [
+        (name, text)
+        for name, text in (
+            ("cross_track_p95_m", "cross-track error {:.2f} m in 95 % of the settled time"),
+            ("vertical_p95_m", "vertical error {:.2f} m"),
+            ("duration_s", "{:.0f} s"),
+            ("energy_wh", "{:.1f} Wh"),
+        )
+        if name in figures
+    ]
+    if said:
+        lines += ["", f"The mission: {', '.join(text.format(figures[name]) for name, text in said)}."]
+    for one in verdict.requirements:
+        if one.held is None:
+            lines.append(f"  ?     {one.name}: {one.holds}; the log does not tell {', '.join(one.missing)}")
+        else:
+            lines.append(
+                f"  {'held ' if one.held else 'FAILS'} {one.name}: {one.holds},"
+                f" reserve {one.reserve:.3g} {one.unit}"
+            )
+    for step in verdict.steps:
+        inside = "inside its corridor" if step.criterion <= 0.0 else f"outside by {step.criterion:.3g} s"
+        lines.append(f"  step of the {step.loop} set point at {step.at_s:.1f} s: {inside}")
+    if verdict.envelope is not None:
+        shares = ", ".join(
+            f"{name.replace('_', '-')} {100.0 * band.outside:.0f} %"
+            for name, band in verdict.envelope.bands.items()
+        )
+        lines.append(
+            f"Outside the closed-loop envelope of {verdict.envelope.flights} flights: {shares} of the log."
+        )
+    return lines

@@ -1,0 +1,251 @@
+"""The search: margins first, then each group of loops by evolution strategy and simplex, again where needed.
+
+Where the start gains leave a motion unstable or short of its margins, the gains of the supporting points
+concerned are first brought to where all margins hold, as near to the start as that allows: a loop cannot be
+tried while another one lets the vehicle tumble. Then the groups take their turn, each with the gains that
+the others have found; those that violate a corridor after all had their turn are searched again.
+
+Held by tests/test_tune.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.optimize import batch_size, evolve, refine
+from seatrial.search import Optimum, Step, Watch, join
+from seatrial.tuning.gain_parameters import GainParameters, excited_points
+from seatrial.tuning.objective import Objective, Terms
+from seatrial.tuning.step_trial import Rig, Samples
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot
+    from seatrial.tuning.margin_constraint import MarginConstraint
+    from seatrial.tuning.tuning_plan import Group, TuningPlan
+
+__all__ = ["GroupResult", "constraint", "search_group", "search_margins"]
+
+Array = NDArray[np.float64]
+
+_GENERATIONS, _ROUNDS = 50, 40
+_MARGIN_GENERATIONS, _MARGIN_POPULATION = 150, 32
+_TOLERANCE = 1e-2
+_SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
+_NEAR_START = 0.01  # weight of the mean square of ln(factor) beside the shortfall of the margins
+
+
+@dataclass(frozen=True, eq=False)
+class GroupResult:
+    """What the search of one group found.
+
+    Attributes
+    ----------
+    name
+        Of the group.
+    gains
+        Found, by the names of `Autopilot.gains`.
+    before, after
+        Parts of the cost with the gains that the search began with, and with those found: violation (s),
+        margin, time (s), roughness, effort (1/s).
+    evaluations, flown_s
+        Sets of gains that were tried, and the time that they flew, s.
+    history
+        A `Step` per batch.
+    at_bound
+        Factors that ended at a bound.
+    interrupted
+        Whether Ctrl-C ended it.
+    """
+
+    name: str
+    gains: Mapping[str, float]
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    evaluations: int
+    flown_s: float
+    history: tuple[Step, ...]
+    at_bound: tuple[str, ...]
+    interrupted: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, kept: Mapping[str, Any]) -> GroupResult:
+        """Result as `to_dict` gave it."""
+        fields = {key: kept[key] for key in cls.__dataclass_fields__}
+        fields["history"] = tuple(Step(**step) for step in kept["history"])
+        fields["at_bound"] = tuple(kept["at_bound"])
+        return cls(**fields)
+
+
+def constraint(plan: TuningPlan, autopilot: Autopilot) -> MarginConstraint | None:
+    """Limits of the margins; None where the campaign asks for none, or for a regulator."""
+    from seatrial.tuning.margin_constraint import MarginConstraint
+
+    limits = plan.table.margins
+    if not (limits.phase_deg or limits.gain_db or limits.delay_s):
+        return None
+    return MarginConstraint(plan.vehicle, autopilot, limits=limits)
+
+
+def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -> GroupResult | None:
+    """Gains with sound margins, near those of the start; None where they are sound already."""
+    limits = constraint(plan, plan.autopilot)
+    if limits is None:
+        return None
+    weak = [point.speed_m_s for point in limits.margins({}) if float(point.shortfall(limits.limits)[0]) > 0.0]
+    if not weak:
+        return None
+    points = plan.autopilot.speeds_m_s
+    free = [p for p in excited_points(weak, points) if p in plan.places]
+    gains, parameters = plan.autopilot.gains(), GainParameters(())
+    others = [p for p in plan.places if p not in free]
+    for loop in sorted({loop for point in limits.margins({}) for loop in point.loops}):
+        parameters += GainParameters.of_loop(
+            loop, gains, free=free, taken=others, reached=plan.places, bounds=plan.table.bounds
+        )
+    lower, upper = parameters.bounds
+
+    def cost(x: Array) -> Array:
+        near: Array = _NEAR_START * (x**2).mean(axis=1)
+        return limits.shortfall(parameters.gains(x)) + near
+
+    best = evolve(
+        cost,
+        np.zeros(len(parameters)),
+        lower=lower,
+        upper=upper,
+        seed=seed,
+        population=_MARGIN_POPULATION,
+        generations=_MARGIN_GENERATIONS,
+        tolerance=_TOLERANCE,
+        watch=watch,
+    )
+    before, after = (
+        {"margin": float(limits.shortfall(parameters.gains(x))[0])}
+        for x in (np.zeros((1, len(parameters))), best.x)
+    )
+    return _result("margins", parameters, best, (before, after), flown_s=0.0)
+
+
+def search_group(
+    plan: TuningPlan,
+    group: Group,
+    rig: Rig,
+    samples: Samples,
+    *,
+    seed: int,
+    start: Mapping[str, float],
+    watch: Watch | None = None,
+) -> GroupResult:
+    """Gains of a group, all others as the rig's autopilot has them.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+    group : Group
+    rig : Rig
+        With the gains so far.
+    samples : Samples
+    seed : int
+    start : mapping of str to float
+        Gains so far; the bounds stay those about the campaign's start gains.
+    watch : callable, optional
+        Called with a `Step` after every batch.
+    """
+    parameters = group.parameters
+    quantile = 1.0 if plan.table.robust == "worst" else float(plan.table.robust)
+    objective = Objective(
+        rig=rig,
+        trials=group.trials,
+        samples=samples,
+        parameters=parameters,
+        margins=constraint(plan, rig.autopilot),
+        quantile=quantile,
+        smoothness=plan.table.smoothness,
+        reached=plan.reached,
+    )
+    lower, upper = parameters.bounds
+    begin = np.clip(_factors(parameters, start), lower, upper)
+    budget = plan.table.budget
+    tolerance = budget.tolerance or _TOLERANCE
+    found = evolve(
+        objective,
+        begin,
+        lower=lower,
+        upper=upper,
+        seed=seed,
+        population=budget.population or batch_size(len(parameters)),
+        generations=budget.generations or _GENERATIONS,
+        spread=_SPREAD,
+        tolerance=tolerance,
+        watch=watch,
+    )
+    if not found.interrupted:
+        fine = refine(
+            objective,
+            found.elite,
+            lower=lower,
+            upper=upper,
+            rounds=budget.simplex_rounds or _ROUNDS,
+            tolerance=tolerance,
+            watch=watch,
+        )
+        found = join(found, fine) if fine.cost <= found.cost else found
+    ends = [_terms(objective, parameters, x) for x in (begin, found.x)]
+    each = sum(len(trials) * trials.duration_s for trials in group.trials) * len(samples)
+    return _result(group.name, parameters, found, (ends[0], ends[1]), flown_s=each * found.evaluations)
+
+
+def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[str, float]:
+    terms: Terms = objective.terms(parameters.gains(x), reserve=0.0)
+    return {name: float(values[0]) for name, values in vars(terms).items()}
+
+
+def _factors(parameters: GainParameters, gains: Mapping[str, float]) -> Array:
+    """Logarithms of the factors (m,) that give some gains: of the first that each scales."""
+    found = []
+    for parameter in parameters.parameters:
+        # The point that gave the parameter its name, or the first that it scales.
+        name = parameter.name if parameter.name in parameter.starts else next(iter(parameter.starts))
+        found.append(np.log(gains.get(name, parameter.starts[name]) / parameter.starts[name]))
+    return np.array(found)
+
+
+def _result(
+    name: str,
+    parameters: GainParameters,
+    found: Optimum,
+    ends: tuple[Mapping[str, float], Mapping[str, float]],
+    *,
+    flown_s: float,
+) -> GroupResult:
+    lower, upper = parameters.bounds
+    near = 1e-3 * (upper - lower)
+    at_bound = [
+        factor
+        for factor, x, low, high, width in zip(parameters.names, found.x, lower, upper, near, strict=True)
+        if x - low < width or high - x < width
+    ]
+    return GroupResult(
+        name=name,
+        gains={key: float(values[0]) for key, values in parameters.gains(found.x).items()},
+        before=ends[0],
+        after=ends[1],
+        evaluations=found.evaluations,
+        flown_s=flown_s,
+        history=found.history,
+        at_bound=tuple(at_bound),
+        interrupted=found.interrupted,
+    )
+
+
+Report = Callable[[str, Step], None]
+"""Told the name of what is searched and the state of its search."""

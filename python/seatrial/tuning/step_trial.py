@@ -1,0 +1,347 @@
+"""Set-point steps of one loop on the full non-linear closed loop, held against their corridors.
+
+A trial is a flight at a speed: the loop settles at its set point, steps, and after the corridor's end steps
+back, so that it is judged in both directions. Heading, speed and, where the loop is none of them, depth stay
+with guidance on a straight level leg north; what may happen to them meanwhile are corridors beside it. A path
+is stepped by moving the whole plan: guidance and the loop answer together. All candidates fly abreast with
+the same noise (`seatrial.flight.fly_batch`; sums in the core's ``closed_loop/trial.rs``).
+
+Source: Taubert et al. (2014), section "Constraint Criteria Optimization". Held by tests/test_step_trial.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from seatrial.flight.set_up import SetUp, set_up
+from seatrial.mission import Mission
+from seatrial.tuning.corridor import Corridor
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Flights, Vehicle
+    from seatrial.sensors import Sensor
+
+__all__ = ["CHANNELS", "PATHS", "LoopTrials", "Rig", "Samples"]
+
+Array = NDArray[np.float64]
+
+CHANNELS = {
+    "surge": ("speed", "u"),
+    "sway": ("lateral", "v"),
+    "heave": ("depth", "z"),
+    "pitch": ("pitch", "pitch"),
+    "heading": ("heading", "yaw"),
+    "depth": ("down", "z"),
+    "cross_track": ("east", "y"),
+}
+"""Set point and channel of the answer, per loop or path. Roll is held level: its set point does not move."""
+
+PATHS = ("depth", "cross_track")
+
+_DEPTH_M = 100.0  # room for a pitch step to dive and climb
+_LEG_M = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What each candidate meets: s vehicles, currents and noises.
+
+    Attributes
+    ----------
+    coefficients
+        Of the vehicle that flies, {name: (s,)}, SI.
+    current
+        North, east, down, (s, 3), m/s; trials head north.
+    seeds
+        Of the sensors' noise, (s,).
+    """
+
+    coefficients: Mapping[str, Array]
+    current: Array
+    seeds: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def first(self, count: int) -> Samples:
+        """The first of them."""
+        kept = {name: np.asarray(values)[:count] for name, values in self.coefficients.items()}
+        return Samples(kept, self.current[:count], self.seeds[:count])
+
+
+@dataclass(frozen=True, eq=False)
+class LoopTrials:
+    """Steps of a loop, and what its answers are held against.
+
+    Attributes
+    ----------
+    loop
+        Key of `CHANNELS`.
+    corridor
+        Of the loop's own answer.
+    beside
+        Half-width of the band that another channel keeps to, by channel, SI.
+    speeds, sizes
+        Per trial the desired speed, m/s, and the step, SI.
+    settle_s
+        Time before the first step.
+    """
+
+    loop: str
+    corridor: Corridor
+    beside: Mapping[str, float]
+    speeds: tuple[float, ...]
+    sizes: tuple[float, ...]
+    settle_s: float
+
+    def __len__(self) -> int:
+        return len(self.speeds)
+
+    @property
+    def until_s(self) -> float:
+        """Time from step to step."""
+        return self.corridor.until_s
+
+    @property
+    def duration_s(self) -> float:
+        """Time of a trial: settle, step, step back."""
+        return self.settle_s + 2.0 * self.until_s
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Channels of the corridors: the loop's own first."""
+        return CHANNELS[self.loop][1], *self.beside
+
+    @property
+    def settled(self) -> float:
+        """Half-width of the band in which the answer ends, as a share of the step."""
+        lower, upper = self.corridor.sampled([self.until_s])
+        half = float(min(1.0 - lower[0], upper[0] - 1.0))
+        return half if 0.0 < half < 0.2 else 0.05
+
+    def base(self, trial: int) -> float:
+        """Set point of a trial before its step, SI."""
+        held = {"surge": self.speeds[trial], "heave": _DEPTH_M, "depth": _DEPTH_M}
+        return held.get(self.loop, 0.0)
+
+    def grid(self, period_s: float) -> Array:
+        """Times of the control periods, (p,), s."""
+        return np.asarray(period_s * np.arange(round(self.duration_s / period_s) + 1))
+
+    def bounds(self, period_s: float, *, reserve: float = 0.0) -> tuple[Array, Array, Array, Array]:
+        """Lower and upper bound, target and clock of the normalised answer per control period, (p,) each.
+
+        Parameters
+        ----------
+        period_s : float
+        reserve : float
+            By how much both bounds move inwards, as a share of the step, as far as they leave room.
+        """
+        t = self.grid(period_s)
+        lower, upper = np.full(len(t), -np.inf), np.full(len(t), np.inf)
+        target, clock = np.zeros(len(t)), np.zeros(len(t))
+        for place, back in ((self.settle_s, False), (self.settle_s + self.until_s, True)):
+            since = t - place
+            rows = (since > -1e-9) & (since < self.until_s - 1e-9)
+            low, high = self.corridor.sampled(since[rows])
+            room = np.minimum(reserve, 0.25 * (high - low))
+            low, high = low + room, high - room
+            lower[rows], upper[rows] = (1.0 - high, 1.0 - low) if back else (low, high)
+            target[rows] = 0.0 if back else 1.0
+            clock[rows] = since[rows]
+        return lower, upper, target, clock
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """The closed loop in which trials are flown.
+
+    Attributes
+    ----------
+    vehicle
+        The best values: the autopilot's own model.
+    autopilot
+        Whose gains the candidates change.
+    sensors
+        By kind, "typical" or a file; None for perfect ones.
+    max_step
+        Of the integration, s.
+    threads
+        All by default.
+    """
+
+    vehicle: Vehicle
+    autopilot: Autopilot
+    sensors: Mapping[str, Sensor] | str | None = "typical"
+    max_step: float = 0.05
+    threads: int | None = None
+
+    @cached_property
+    def _ready(self) -> dict[tuple[float, float], SetUp]:
+        return {}
+
+    def violations(
+        self, trials: LoopTrials, samples: Samples, gains: Mapping[str, ArrayLike], *, reserve: float = 0.0
+    ) -> tuple[Array, Array]:
+        """What k candidates violate, and how much their commands move.
+
+        Parameters
+        ----------
+        trials : LoopTrials
+        samples : Samples
+        gains : mapping of str to (k,) array-like
+        reserve : float
+            See `LoopTrials.bounds`.
+
+        Returns
+        -------
+        violations : (k, trials, samples, corridors, 3) ndarray
+            Below, above (s), and time-weighted deviation (s^2); infinite for what diverged.
+        travel : (k, trials, samples) ndarray
+            Mean rate of the commands, shares of an actuator's range per s.
+        """
+        columns = {name: np.atleast_1d(np.asarray(values, float)) for name, values in gains.items()}
+        k = len(next(iter(columns.values()))) if columns else 1
+        found = np.empty((k, len(trials), len(samples), 1 + len(trials.beside), 3))
+        travel = np.empty((k, len(trials), len(samples)))
+        for chosen, flights in self._flights(trials, samples, columns, k, reserve=reserve, logs=False):
+            shape = (len(chosen), len(samples), k)
+            sums = np.asarray(flights.violations).reshape(*shape, -1, 3)
+            found[:, chosen] = np.moveaxis(sums, 2, 0)
+            moved = np.asarray(flights.figures["travel"]).reshape(shape)
+            travel[:, chosen] = np.moveaxis(moved, 2, 0)
+        return found, travel
+
+    def responses(
+        self, trials: LoopTrials, samples: Samples, gains: Mapping[str, float]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Times (p,), s, and per channel of the corridors the answers (trials, samples, p), SI."""
+        columns = {name: np.array([float(value)]) for name, value in gains.items()}
+        t = trials.grid(self.autopilot.period_s)
+        found = {name: np.full((len(trials), len(samples), len(t)), np.nan) for name in trials.names}
+        for chosen, flights in self._flights(trials, samples, columns, 1, reserve=0.0, logs=True):
+            names = flights.columns
+            for case, (trial, sample) in enumerate(np.ndindex(len(chosen), len(samples))):
+                log = np.asarray(flights.log(case))
+                for name, into in found.items():
+                    into[chosen[trial], sample, : len(log)] = log[:, names.index(name)]
+        return t, found
+
+    def _flights(
+        self,
+        trials: LoopTrials,
+        samples: Samples,
+        gains: Mapping[str, Array],
+        k: int,
+        *,
+        reserve: float,
+        logs: bool,
+    ) -> list[tuple[list[int], Flights]]:
+        """Flights of some trials at a time: those that share a mission. Candidates are the fastest index."""
+        speeds = np.array(trials.speeds)
+        # Guidance scales its lookahead with the speed of the leg, so that a path needs a leg for each speed.
+        legs = sorted(set(np.abs(speeds).tolist())) if trials.loop in PATHS else [1.0]
+        found = []
+        for leg in legs:
+            every = trials.loop not in PATHS
+            chosen = [i for i, speed in enumerate(speeds) if every or abs(speed) == leg]
+            found.append((chosen, self._fly(trials, samples, gains, (chosen, leg, k), reserve, logs)))
+        return found
+
+    def _fly(
+        self,
+        trials: LoopTrials,
+        samples: Samples,
+        gains: Mapping[str, Array],
+        which: tuple[list[int], float, int],
+        reserve: float,
+        logs: bool,
+    ) -> Flights:
+        chosen, leg, k = which
+        ready = self._on_leg(leg, trials.duration_s)
+        count, s = len(chosen), len(samples)
+
+        def per_trial(values: ArrayLike) -> Array:
+            return np.repeat(np.asarray(values, float), s * k, axis=0)
+
+        def per_sample(values: ArrayLike) -> Array:
+            return np.tile(np.repeat(np.asarray(values, float), k, axis=0), (count, 1))
+
+        speed, size = np.array(trials.speeds)[chosen], np.array(trials.sizes)[chosen]
+        set_point, channel = CHANNELS[trials.loop]
+        before = np.array([trials.base(trial) for trial in chosen])
+        start = np.zeros(count) if trials.loop in PATHS else before
+        steps = start[:, None] + size[:, None] * np.array([0.0, 1.0, 0.0])
+        set_points: dict[str, Any] = {
+            "times": [0.0, trials.settle_s, trials.settle_s + trials.until_s],
+            "speed": per_trial(np.tile(speed[:, None], 3)),
+            set_point: per_trial(steps),
+        }
+        if trials.loop != "cross_track" and trials.loop != "depth":
+            set_points.setdefault("heading", np.zeros(3))
+        lower, upper, target, clock = trials.bounds(self.autopilot.period_s, reserve=reserve)
+        corridors: list[Any] = [(channel, per_trial(before), per_trial(size), lower, upper, target, clock)]
+        still = np.zeros(len(lower))
+        judged = np.isfinite(lower) | np.isfinite(upper)
+        for name, half in trials.beside.items():
+            level = {"u": speed, "z": np.full(count, _DEPTH_M)}.get(name, np.zeros(count))
+            inside = 1.0 - min(reserve, 0.25)
+            low, high = np.where(judged, -inside, -np.inf), np.where(judged, inside, np.inf)
+            corridors.append((name, per_trial(level), np.full(count * s * k, half), low, high, still, clock))
+        nu = np.zeros((count * s * k, 6))
+        nu[:, 0] = per_trial(speed)
+        if trials.loop == "surge":
+            nu[:, 0] = per_trial(steps[:, 0])
+        return ready.fly(
+            np.tile(np.repeat(np.asarray(samples.seeds), k), count).tolist(),
+            [],
+            current=per_sample(samples.current),
+            logs=logs,
+            threads=self.threads,
+            nu=nu,
+            coefficients={
+                name: per_sample(np.asarray(x)[:, None])[:, 0] for name, x in samples.coefficients.items()
+            },
+            gains={name: np.tile(values, count * s) for name, values in gains.items()},
+            set_points=set_points,
+            corridors=corridors,
+        )
+
+    def _on_leg(self, speed: float, duration_s: float) -> SetUp:
+        """A straight level leg north that nobody reaches the end of."""
+        if (speed, duration_s) not in self._ready:
+            mission = Mission.from_toml(
+                f"""
+                format = 1
+                name = "trial"
+                speed_m_s = {speed!r}
+                acceptance_radius_m = 10.0
+                start = {{ north_m = 0.0, east_m = 0.0, depth_m = {_DEPTH_M}, heading_deg = 0.0 }}
+                legs = [{{ north_m = {_LEG_M}, east_m = 0.0, depth_m = {_DEPTH_M} }}]
+                """
+            )
+            self._ready[speed, duration_s] = set_up(
+                (self.vehicle, self.autopilot, mission),
+                model=self.vehicle,
+                sensors=self.sensors,
+                current=np.zeros(3),
+                initial=None,
+                faults=(),
+                outages=(),
+                seabed=None,
+                seed=0,
+                voltage=None,
+                feedback=True,
+                max_step=self.max_step,
+                max_time=duration_s,
+                rho=None,
+                g=None,
+                logs=False,
+            )
+        return self._ready[speed, duration_s]

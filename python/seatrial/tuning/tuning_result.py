@@ -1,0 +1,169 @@
+"""Tuning: the autopilot that was found, how its responses and margins are, for people, machines and as files.
+
+Held by tests/test_tune.py.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
+from seatrial.tuning.group_search import GroupResult
+from seatrial.tuning.judged import Judged
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from seatrial._core import Autopilot
+    from seatrial.campaign import Campaign
+    from seatrial.tuning.margin_report import ReportedMargins
+    from seatrial.tuning.relay import RelayTuning
+    from seatrial.tuning.tuning_plan import TuningPlan
+
+__all__ = ["Tuning", "tuned_autopilot"]
+
+_DIGITS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """What a tuning found; made by `seatrial.tune`.
+
+    Attributes
+    ----------
+    campaign, plan
+        What was asked for, and the trials and samples that it became.
+    autopilot
+        With the tuned gains.
+    groups
+        A `GroupResult` per search, in the order of the searches.
+    judged
+        Responses of the start gains ("start"), of a relay autotuning where asked for ("relay") and of the
+        tuned ones ("tuned") on samples that the search never saw.
+    relay
+        The relay autotuning; None where not asked for.
+    elapsed_s
+        Wall time.
+    interrupted
+        Whether Ctrl-C ended it; then nothing is judged.
+    """
+
+    campaign: Campaign
+    plan: TuningPlan
+    autopilot: Autopilot
+    groups: tuple[GroupResult, ...]
+    judged: tuple[Judged, ...]
+    relay: RelayTuning | None
+    elapsed_s: float
+    interrupted: bool
+
+    @property
+    def start(self) -> Autopilot:
+        """The autopilot with the start gains."""
+        return self.plan.autopilot
+
+    def of(self, name: str) -> Judged | None:
+        """The judgement of that name."""
+        return next((judged for judged in self.judged if judged.name == name), None)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the vehicle itself violates no corridor with the tuned gains."""
+        tuned = self.of("tuned")
+        return tuned is not None and tuned.feasible
+
+    @cached_property
+    def margins(self) -> Mapping[str, list[ReportedMargins]]:
+        """Margins by python-control per mode, reachable supporting point and loop, "start" and "tuned"."""
+        from seatrial.tuning.margin_report import report_margins
+
+        pairs = {"start": self.start, "tuned": self.autopilot}
+        return {name: report_margins(self.plan.vehicle, autopilot) for name, autopilot in pairs.items()}
+
+    def summary(self) -> str:
+        """Text that a control engineer reads."""
+        from seatrial.tuning.tuning_text import summary
+
+        return summary(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        return {
+            "campaign": self.campaign.name,
+            "vehicle": self.plan.vehicle.name,
+            "autopilot": self.autopilot.name,
+            "feasible": self.feasible,
+            "interrupted": self.interrupted,
+            "elapsed_s": self.elapsed_s,
+            "plan": self.plan.to_dict(),
+            "gains": {"start": self.start.gains(), "tuned": self.autopilot.gains()},
+            "groups": [group.to_dict() for group in self.groups],
+            "judged": [judged.to_dict() for judged in self.judged],
+            "margins": {} if self.interrupted else _plain_margins(self.margins),
+            "relay": None if self.relay is None else self.relay.to_dict(),
+            "notes": list(self.plan.fitted.notes),
+        }
+
+    def save(self, run_dir: str | Path) -> Path:
+        """Path of a run directory with all results; an earlier run's is replaced.
+
+        Raises
+        ------
+        SeatrialError
+            The directory cannot be written; nothing is left half-written.
+        """
+        return self.publish(RunDirectory(run_dir))
+
+    def publish(self, directory: RunDirectory) -> Path:
+        """Path of an opened run directory after the results are in it. See `save`."""
+        from dataclasses import asdict
+
+        import polars as pl
+
+        from seatrial.run_facts import run_facts
+
+        history = [{"search": group.name} | asdict(step) for group in self.groups for step in group.history]
+        trials = [
+            {"autopilot": judged.name} | asdict(trial) for judged in self.judged for trial in judged.trials
+        ]
+        files: dict[str, str | bytes] = {
+            RUN_FILE: to_json(run_facts(self.campaign, trials=False) | {"kind": "tuning"}),
+            "campaign.toml": self.campaign.text,
+            "autopilot.toml": self.autopilot.to_toml(),
+            "start_autopilot.toml": self.start.to_toml(),
+            "vehicle.toml": self.plan.vehicle.to_toml(),
+            "tuning.json": to_json(self.to_dict()),
+            "summary.txt": self.summary() + "\n",
+            "history.parquet": _parquet(pl.DataFrame(history, infer_schema_length=None)),
+            "trials.parquet": _parquet(pl.DataFrame(trials, infer_schema_length=None)),
+        }
+        for group in self.groups:
+            files[directory.stage_name(group.name)] = to_json(group.to_dict())
+        return directory.publish(files)
+
+
+def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], campaign: str) -> Autopilot:
+    """The autopilot with other gains, four digits each, under a name that says where they come from."""
+    import tomlkit
+
+    from seatrial._core import Autopilot
+
+    rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in gains.items()}
+    text = tomlkit.parse(start.with_gains(rounded).to_toml() if rounded else start.to_toml())
+    text["name"] = f"{campaign} tuned"
+    text["description"] = f"Gains of {start.name} tuned on the campaign {campaign} by constraint criteria"
+    return Autopilot.from_toml(tomlkit.dumps(text), "tuned")
+
+
+def _plain_margins(margins: Mapping[str, list[ReportedMargins]]) -> dict[str, list[dict[str, Any]]]:
+    return {name: [row.to_dict() for row in rows] for name, rows in margins.items()}
+
+
+def _parquet(frame: Any) -> bytes:
+    stream = io.BytesIO()
+    frame.write_parquet(stream)
+    return stream.getvalue()

@@ -1,0 +1,264 @@
+"""A requirement on missions: what must hold, in which share of them, and by how much a mission held it.
+
+``holds`` (k,) is three-valued inside (Kleene 1952, strong logic of three values): a comparison with a figure
+that is not a number, as a diverged flight has, is neither true nor false, its negation neither, and a mission
+of which the whole is not true does not hold the requirement. So ``not (roll_largest_deg > 30)`` is not held
+by a flight that diverged.
+
+The reserve is the distance to the threshold, positive where the requirement is held: ``b - a`` of ``a <= b``,
+``-|a - b|`` of ``a == b``, the smallest over ``and``, the largest over ``or``, negated by ``not``; words and
+truths are infinitely far. Where the comparisons have different units, each is divided by the size of its
+threshold. It ranks missions; it is no probability.
+
+Held by `tests/test_requirement.py`.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.errors import CampaignError
+from seatrial.verification.expression import KNOWN, Figure, check, names_in, parse, unit_of
+
+__all__ = ["Judgement", "Requirement"]
+
+Array = NDArray[np.float64]
+Values = NDArray[Any]
+
+_SHARE = "of the threshold"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Of k missions: whether the requirement was ``held`` (k,), and its ``reserve`` (k,) in ``unit``.
+
+    The reserve is positive where it was held, and minus infinity where a figure is not a number.
+    """
+
+    held: NDArray[np.bool_]
+    reserve: Array
+    unit: str
+
+    @property
+    def failures(self) -> int:
+        """Number of missions that did not hold it."""
+        return int(np.count_nonzero(~self.held))
+
+    def worst(self, count: int) -> NDArray[np.intp]:
+        """Numbers of the missions with the least reserve, the worst first; equal ones in their order."""
+        return np.argsort(np.where(self.held, self.reserve, np.minimum(self.reserve, 0.0)), kind="stable")[
+            :count
+        ]
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """An expression over the figures of a mission that must hold in a share of all missions.
+
+    Parameters
+    ----------
+    name : str
+        How reports call it.
+    holds : str
+        The expression, see `seatrial.verification.expression`.
+    probability : float
+        Share of the missions that must hold it at least, between 0 and 1.
+
+    Raises
+    ------
+    CampaignError
+        The expression cannot be read or is not allowed, or the share cannot be shown by any sample.
+
+    Examples
+    --------
+    >>> path = Requirement("keeps its path", 'cross_track_p95_m <= 1.0 and ending == "complete"')
+    >>> flown = {"cross_track_p95_m": [0.4, 1.5, 0.9], "ending": ["complete", "complete", "aborted"]}
+    >>> judged = path.judge(flown)
+    >>> judged.held.tolist(), judged.reserve.tolist(), judged.unit
+    ([True, False, False], [0.6, -0.5, -inf], 'm')
+    """
+
+    name: str
+    holds: str
+    probability: float = 0.99
+    _tree: ast.expr = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.probability < 1.0:
+            raise CampaignError(
+                f'requirement "{self.name}": probability: expected a share above 0 and below 1, found'
+                f" {self.probability:g}; no number of missions shows that none will ever fail"
+            )
+        try:
+            object.__setattr__(self, "_tree", parse(self.holds))
+        except CampaignError as error:
+            raise self._refused(error) from None
+
+    @property
+    def allowed(self) -> float:
+        """Failure probability that it allows."""
+        return 1.0 - self.probability
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Names of the figures that it needs."""
+        return names_in(self._tree)
+
+    def check(self, figures: Mapping[str, Figure] = KNOWN) -> None:
+        """Refuse what cannot be judged by these figures, before anything flies.
+
+        Raises
+        ------
+        CampaignError
+            A name is no figure, kinds do not fit, or the whole is no condition.
+        """
+        try:
+            check(self._tree, figures)
+        except CampaignError as error:
+            raise self._refused(error) from None
+
+    def judge(self, figures: Mapping[str, Any]) -> Judgement:
+        """Whether each of k missions held it, and with which reserve.
+
+        Parameters
+        ----------
+        figures : mapping of str to array_like, shape (k,)
+            Numbers, words (``ending``) and truths (``abort``) of the missions.
+
+        Raises
+        ------
+        CampaignError
+            As for `check`.
+        """
+        values = {name: np.asarray(figures[name]) for name in figures}
+        self.check({name: Figure(_kind_of(array), _known(name)) for name, array in values.items()})
+        units = {unit_of(side) or "" for side in _sides(self._tree)}
+        mixed = len(units) > 1
+        with np.errstate(all="ignore"):
+            truth, reserve = _judged(self._tree, values, mixed)
+        shape = np.broadcast_shapes(*(values[name].shape for name in self.figures))
+        held = np.broadcast_to(truth > 0.0, shape).copy()
+        reserve = np.broadcast_to(np.where(truth == 0.0, -np.inf, reserve), shape).copy()
+        return Judgement(held, reserve, _SHARE if mixed else (units.pop() if units else ""))
+
+    def _refused(self, error: CampaignError) -> CampaignError:
+        return CampaignError(f'requirement "{self.name}": holds: {error}')
+
+
+def _known(name: str) -> tuple[str, ...]:
+    return KNOWN[name].values if name in KNOWN else ()
+
+
+def _kind_of(array: Values) -> Any:
+    if array.dtype == np.bool_:
+        return "truth"
+    return "number" if np.issubdtype(array.dtype, np.number) else "word"
+
+
+def _sides(tree: ast.expr) -> list[ast.expr]:
+    """Of every comparison of numbers, a side that names a figure."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            if not any(isinstance(side, ast.Constant) and isinstance(side.value, str) for side in sides):
+                found += [next((side for side in sides if unit_of(side) is not None), sides[0])]
+    return found
+
+
+def _judged(node: ast.expr, figures: Mapping[str, Values], mixed: bool) -> tuple[Array, Array]:
+    """Truth (1: true, -1: false, 0: neither) and reserve (not a number where neither) of a condition."""
+    match node:
+        case ast.UnaryOp(operand=operand):
+            truth, reserve = _judged(operand, figures, mixed)
+            return -truth, -reserve
+        case ast.BoolOp(op=op, values=values):
+            return _joined(op, [_judged(value, figures, mixed) for value in values])
+        case ast.Compare(left=left, ops=ops, comparators=comparators):
+            sides = [left, *comparators]
+            links = zip(sides, ops, comparators, strict=False)
+            return _joined(ast.And(), [_compared(one, op, two, figures, mixed) for one, op, two in links])
+        case ast.Name(id=name):
+            return _certain(figures[name])
+    raise AssertionError(ast.dump(node))  # `check` lets nothing else through
+
+
+def _joined(op: ast.boolop, parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    truths, reserves = zip(*(np.broadcast_arrays(*part) for part in parts), strict=True)
+    pick, among = (np.minimum, np.fmin) if isinstance(op, ast.And) else (np.maximum, np.fmax)
+    truth, reserve = truths[0], reserves[0]
+    for other, distance in zip(truths[1:], reserves[1:], strict=True):
+        truth, reserve = pick(truth, other), among(reserve, distance)
+    return truth, np.where(truth == 0.0, np.nan, reserve)
+
+
+def _certain(truth: Values) -> tuple[Array, Array]:
+    sign = np.where(truth, 1.0, -1.0)
+    return sign, sign * np.inf
+
+
+def _compared(
+    one: ast.expr, op: ast.cmpop, other: ast.expr, figures: Mapping[str, Values], mixed: bool
+) -> tuple[Array, Array]:
+    a, b = _value(one, figures), _value(other, figures)
+    if not np.issubdtype(a.dtype, np.number):
+        return _certain((a == b) == isinstance(op, ast.Eq))
+    apart = np.abs(a - b)
+    compare, reserve = {
+        ast.Lt: (np.less, b - a),
+        ast.LtE: (np.less_equal, b - a),
+        ast.Gt: (np.greater, a - b),
+        ast.GtE: (np.greater_equal, a - b),
+        ast.Eq: (np.equal, -apart),
+        ast.NotEq: (np.not_equal, apart),
+    }[type(op)]
+    truth = np.where(np.isnan(a) | np.isnan(b), 0.0, np.where(compare(a, b), 1.0, -1.0))
+    if mixed:
+        reserve = reserve / _threshold(one, other, a, b)
+    # Equal infinities have no distance, yet they compare.
+    reserve = np.where(np.isnan(reserve), 0.0, reserve)
+    return truth, np.where(truth == 0.0, np.nan, reserve)
+
+
+def _threshold(one: ast.expr, other: ast.expr, a: Values, b: Values) -> Values:
+    """Size that makes reserves of different units comparable: that of the plain number, if it is not zero."""
+    for node, value in ((other, b), (one, a)):
+        if unit_of(node) is None and np.all(value != 0.0):
+            return np.asarray(np.abs(value))
+    return np.asarray(np.maximum(np.maximum(np.abs(a), np.abs(b)), np.finfo(np.float64).tiny))
+
+
+def _value(node: ast.expr, figures: Mapping[str, Values]) -> Values:
+    """Value of a number or word, (k,) or a single one."""
+    match node:
+        case ast.Constant(value=value):
+            return np.asarray(value if isinstance(value, str) else float(value))  # type: ignore[arg-type]
+        case ast.Name(id=name):
+            array = figures[name]
+            return array.astype(np.float64) if np.issubdtype(array.dtype, np.number) else array
+        case ast.UnaryOp(op=op, operand=operand):
+            inner = _value(operand, figures)
+            return -inner if isinstance(op, ast.USub) else inner
+        case ast.BinOp(left=left, op=op, right=right):
+            return np.asarray(_SUMS[type(op)](_value(left, figures), _value(right, figures)))
+        case ast.Call(func=ast.Name(id=name), args=args):
+            found = [_value(argument, figures) for argument in args]
+            return np.asarray(_FUNCTIONS[name](*found) if len(found) == 1 else _folded(name, found))
+    raise AssertionError(ast.dump(node))  # `check` lets nothing else through
+
+
+def _folded(name: str, values: list[Values]) -> Values:
+    result = values[0]
+    for value in values[1:]:
+        result = _FUNCTIONS[name](result, value)
+    return result
+
+
+_SUMS = {ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power}
+_FUNCTIONS = {"abs": np.abs, "sqrt": np.sqrt, "min": np.minimum, "max": np.maximum}

@@ -1,0 +1,94 @@
+"""What a verification leaves in its run directory: verdict, missions, JUnit XML, worst missions, inputs, figures.
+
+Tests: ``tests/test_verify.py``, ``tests/test_cli_verify.py``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from seatrial.run_directory import RUN_FILE, to_json
+from seatrial.run_facts import run_facts
+from seatrial.verification.junit import Outcome, junit_xml
+
+if TYPE_CHECKING:
+    from seatrial.verification.verification_result import Verification
+
+__all__ = ["facts", "files", "junit"]
+
+
+def facts(found: Verification) -> dict[str, Any]:
+    """What a verification rests on: versions, machine, seed, hashes of the inputs, what was asked for."""
+    known = run_facts(found.campaign, trials=False)
+    inputs = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in _inputs(found).items()}
+    return known | {
+        "kind": "verification",
+        "missions": len(found.flown),
+        "verification": found.flights.table.model_dump(mode="json", exclude_none=True),
+        "sha256": known["sha256"] | inputs,
+    }
+
+
+def junit(found: Verification) -> str:
+    """JUnit XML with a case per requirement."""
+    from seatrial.verification.verification_text import again, requirement_lines
+
+    titles = found.flights.titles
+    mission = titles[0] if len(titles) == 1 else "all missions"
+    part = found.flown.wall_s / len(found.requirements)
+    outcomes = [
+        Outcome(
+            mission,
+            one.requirement.name,
+            one.verdict,
+            message=one.sentence,
+            details="\n".join([*(line.strip() for line in requirement_lines(one)), again(found)]),
+            time_s=part,
+        )
+        for one in found.requirements
+    ]
+    rests_on = {
+        "seed": found.flights.seed,
+        "missions": len(found.flown),
+        "seatrial": metadata.version("seatrial"),
+        "autopilot": found.flights.autopilot.name,
+        "vehicle": found.flights.fitted.vehicle.name,
+    }
+    return junit_xml(found.campaign.name, outcomes, properties=rests_on)
+
+
+def files(found: Verification) -> dict[str, str | bytes]:
+    """Files of the run directory by name: text, or bytes."""
+    missions = io.BytesIO()
+    found.table().write_parquet(missions)
+    worst = {one.requirement.name: [run.to_dict() for run in one.worst] for one in found.requirements}
+    return {
+        RUN_FILE: to_json(facts(found)),
+        **_inputs(found),
+        "verification.json": to_json(found.to_dict()),
+        "summary.txt": found.summary() + "\n",
+        "junit.xml": junit(found),
+        "worst_runs.json": to_json(worst),
+        "missions.parquet": missions.getvalue(),
+    }
+
+
+def _inputs(found: Verification) -> dict[str, str]:
+    """Files of the inputs by name, as they were flown."""
+    flights = found.flights
+    return {
+        "campaign.toml": found.campaign.text,
+        "vehicle.toml": flights.fitted.vehicle.to_toml(),
+        "autopilot.toml": flights.autopilot.to_toml(),
+        **{
+            f"missions/{_safe(title)}.toml": mission.to_toml()
+            for title, mission in zip(flights.titles, flights.missions, strict=True)
+        },
+    }
+
+
+def _safe(name: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)

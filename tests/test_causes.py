@@ -1,0 +1,215 @@
+"""Causes of failures: noise is seldom named, a planted cause is found, tests agree with published ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import permutation_test, spearmanr
+
+from seatrial.verification.cause_groups import grouped
+from seatrial.verification.cause_tests import (
+    circular_correlation,
+    holm,
+    mann_whitney,
+    spearman,
+    uniform_scores,
+)
+from seatrial.verification.causes import Cause, Influence, find_causes
+
+Array = NDArray[np.float64]
+K = 400
+
+
+def drawn(rng: np.random.Generator, k: int = K) -> list[Cause]:
+    return [
+        *(Cause(f"coefficient {i}", rng.normal(size=k), "kg/m") for i in range(4)),
+        Cause("current speed", rng.uniform(0.0, 0.5, k), "m/s"),
+        Cause("current direction", rng.uniform(0.0, 2.0 * np.pi, k), kind="direction"),
+        Cause("fault", rng.choice(["none", "PtL", "SbU"], k, p=[0.9, 0.05, 0.05]), kind="category"),
+    ]
+
+
+def values(causes: list[Cause], name: str) -> NDArray[np.generic]:
+    return np.asarray(next(cause.values for cause in causes if cause.name == name))
+
+
+def of(found: tuple[Influence, ...], label: str) -> Influence:
+    return next(one for one in found if one.label == label)
+
+
+@pytest.mark.parametrize("quantile", [0.3, 0.02, -1.0])
+def test_law_noise_is_named_at_most_at_the_level(quantile: float) -> None:
+    """Many failures, few, and none, so that the reserve is asked."""
+    rng, named, campaigns = np.random.default_rng(11), 0, 60
+    for _ in range(campaigns):
+        reserve = rng.normal(size=K)
+        held = reserve > np.quantile(reserve, quantile) if quantile > 0.0 else np.ones(K, dtype=bool)
+        named += any(one.named for one in find_causes(held, reserve, causes=drawn(rng), level=0.1))
+    # 0.1 with four standard deviations of a share of 60 campaigns.
+    assert named / campaigns <= 0.1 + 4.0 * np.sqrt(0.1 * 0.9 / campaigns)
+
+
+@pytest.mark.parametrize("spread", [0.02, 0.1])
+@pytest.mark.parametrize("margin", [0.35, 0.9])
+def test_a_planted_speed_is_found_and_leads(spread: float, margin: float) -> None:
+    """With failures, and without any."""
+    rng = np.random.default_rng(2)
+    causes = drawn(rng)
+    speed = values(causes, "current speed").astype(float)
+    reserve = margin - speed + rng.normal(0.0, spread, K)
+    found = find_causes(reserve > 0.0, reserve, causes=causes)
+    assert found[0].name == "current speed"
+    assert found[0].named
+    assert [one.name for one in found if one.named] == ["current speed"]
+    if margin == 0.35:
+        assert found[0].auc > 0.85
+        assert found[0].groups.rates[0] < 0.05 < 0.5 < found[0].groups.rates[-1]
+        assert str(found[0]).startswith("failures go with current speed: ")
+    else:
+        assert not found[0].by_failures
+        assert "reserve shrinks with current speed" in str(found[0])
+
+
+@pytest.mark.parametrize("margin", [1.2, 9.0])
+def test_a_planted_direction_is_found_across_north(margin: float) -> None:
+    rng = np.random.default_rng(3)
+    causes = drawn(rng)
+    direction = values(causes, "current direction").astype(float)
+    reserve = margin - 1.5 * np.cos(direction - np.radians(5.0)) + rng.normal(0.0, 0.2, K)
+    found = find_causes(reserve > 0.0, reserve, causes=causes)
+    assert found[0].name == "current direction"
+    assert found[0].named
+    if margin == 1.2:
+        # Some 80 failures within about 40 degrees of 5 degrees: 4 standard deviations of their mean.
+        away = np.angle(np.exp(1j * (found[0].failed - np.radians(5.0))))
+        assert abs(np.degrees(away)) < 4.0 * 40.0 / np.sqrt(80)
+        assert "of the missions fail towards N" in str(found[0])
+        assert found[0].auc > 0.9
+
+
+@pytest.mark.parametrize("harm", [2.0, 0.8])
+def test_a_planted_fault_is_found_by_its_name(harm: float) -> None:
+    rng = np.random.default_rng(4)
+    causes = drawn(rng)
+    reserve = 1.0 - harm * (values(causes, "fault") == "SbU") + rng.normal(0.0, 0.05, K)
+    found = find_causes(reserve > 0.0, reserve, causes=causes)
+    assert found[0].label == "fault: SbU"
+    assert [one.label for one in found if one.named] == ["fault: SbU"]
+    if harm == 2.0:
+        assert "fault, with SbU:" in str(found[0])
+        assert "(100 %), 0 of" in str(found[0])
+    assert of(found, "fault: PtL").corrected > 0.05
+    assert "is not shown to matter" in str(of(found, "fault: PtL"))
+
+
+def test_what_never_varies_or_is_unknown_is_left_out() -> None:
+    rng = np.random.default_rng(6)
+    held = rng.random(K) > 0.3
+    causes = [
+        Cause("fixed", np.full(K, 2.0)),
+        Cause("fault", np.full(K, "none"), kind="category"),
+        Cause("unknown", np.full(K, np.nan)),
+        Cause("time of fault", np.where(rng.random(K) < 0.5, np.nan, 1.0 + held)),
+    ]
+    found = find_causes(held, np.where(held, 1.0, -1.0), causes=causes)
+    assert [one.name for one in found] == ["time of fault"]
+    assert found[0].auc == 0.0
+    assert sum(found[0].groups.runs) < K
+    with pytest.raises(ValueError, match="short: expected 400 values"):
+        find_causes(held, held, causes=[Cause("short", np.zeros(3))])
+
+
+def test_holm_steps_down() -> None:
+    """The smallest of m times m, the next times m - 1, never falling."""
+    assert holm([0.010, 0.020, 0.005]) == pytest.approx([0.02, 0.02, 0.015])
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+def test_area_under_the_curve_counts_pairs() -> None:
+    one, other = np.array([3.0, 5.0, 5.0]), np.array([1.0, 3.0, 4.0, 9.0])
+    pairs = (one[:, None] > other).sum() + 0.5 * (one[:, None] == other).sum()
+    assert mann_whitney(one, other)[0] == pytest.approx(pairs / 12.0)
+    assert mann_whitney(one, one[:0]) == (0.5, 1.0)
+
+
+def test_rank_correlation_is_that_of_scipy_and_takes_infinities() -> None:
+    rng = np.random.default_rng(8)
+    x = rng.normal(size=50)
+    y = x + rng.normal(size=50)
+    # The same sums in another order.
+    assert spearman(x, y) == pytest.approx(tuple(spearmanr(x, y)), rel=1e-9)
+    least = int(np.argmin(y))
+    lost = np.where(np.arange(50) == least, -np.inf, y)
+    assert spearman(x, lost) == spearman(x, y)
+    assert spearman(x, np.zeros(50)) == (0.0, 1.0)
+
+
+def test_tests_of_directions_agree_with_permutation() -> None:
+    """Their chi-square approximation against the share of shuffled samples as extreme."""
+    rng = np.random.default_rng(9)
+    angle = rng.vonmises(0.0, 0.3, 60) % (2.0 * np.pi)
+    chosen = rng.random(60) < 1.0 / (1.0 + np.exp(1.5 - 1.6 * np.cos(angle)))
+    reserve = np.cos(angle) + 2.0 * rng.normal(size=60)
+
+    def by_scores(mask: Array) -> float:
+        return -uniform_scores(angle, mask > 0.5)
+
+    def by_ranks(shuffled: Array) -> float:
+        return circular_correlation(angle, shuffled)[0]
+
+    for data, statistic, found in (
+        (chosen.astype(float), by_scores, uniform_scores(angle, chosen)),
+        (reserve, by_ranks, circular_correlation(angle, reserve)[1]),
+    ):
+        shuffled = permutation_test(
+            (data,), statistic, permutation_type="pairings", n_resamples=1000, alternative="greater",
+            vectorized=False, rng=np.random.default_rng(10),
+        )  # fmt: skip
+        # Three standard deviations of a share of 1000 shuffles, and a tenth for the approximation.
+        p = float(shuffled.pvalue)
+        assert 1e-3 < p < 0.5
+        assert found == pytest.approx(p, abs=3.0 * np.sqrt(p / 1000.0) + 0.1 * p)
+
+
+def test_groups_hold_every_mission_once() -> None:
+    rng = np.random.default_rng(12)
+    failed = rng.random(K) < 0.2
+    for kind, numbers in (
+        ("number", rng.normal(size=K)),
+        ("number", rng.integers(0, 3, K).astype(float)),
+        ("direction", rng.uniform(0.0, 2.0 * np.pi, K)),
+        ("category", rng.choice(["a", "b"], K)),
+    ):
+        found = grouped(numbers, failed, kind=kind)
+        assert sum(found.runs) == K
+        assert sum(found.failures) == failed.sum()
+        assert len(found.labels) == len(found.runs) == len(found.rates)
+    sectors = grouped(
+        np.radians([350.0, 10.0, 44.0, 181.0]), np.array([True, False, True, False]), kind="direction"
+    )
+    assert dict(zip(sectors.labels, sectors.runs, strict=True)) == {
+        "N": 2, "NE": 1, "E": 0, "SE": 0, "S": 1, "SW": 0, "W": 0, "NW": 0,
+    }  # fmt: skip
+
+
+def test_columns_of_draws_become_causes() -> None:
+    rng = np.random.default_rng(13)
+    fault, outage = rng.random(K) < 0.05, np.where(rng.random(K) < 0.1, rng.uniform(1.0, 9.0, K), 0.0)
+    reserve = 1.0 - 2.0 * fault + rng.normal(0.0, 0.05, K)
+    columns = {"fault of PtL": fault.astype(float), "outage of depth, s": outage}
+    causes = [Cause.of_column(name, column) for name, column in columns.items()]
+    assert [(cause.name, cause.unit, cause.kind) for cause in causes] == [
+        ("fault of PtL", "", "category"),
+        ("outage of depth", "s", "number"),
+    ]
+    found = find_causes(reserve > 0.0, reserve, causes=causes)
+    assert found[0].label == "fault of PtL"
+    n = int(fault.sum())
+    assert str(found[0]).startswith(
+        f"failures go with fault of PtL: {n} of {n} missions with it fail (100 %)"
+    )
+    # Nine tenths without an outage fill more than four fifths.
+    assert found[1].groups.labels == ("0", "above 0")
+    assert found[1].groups.runs == (int((outage == 0.0).sum()), int((outage > 0.0).sum()))
