@@ -130,6 +130,20 @@ def test_faults_and_outages_are_read_from_their_options() -> None:
 
 
 @pytest.mark.usefixtures("here")
+def test_turbulence_goes_by_the_seed() -> None:
+    found = {}
+    for seed in (1, 2):
+        result = quick("--turbulence", 0.1, "--seed", seed, "--json")
+        assert result.exit_code == 0, result.output
+        found[seed] = json.loads(result.stdout)
+    # North and east alike, nothing down; without sensors nothing else depends on the seed.
+    assert found[1]["circumstances"]["turbulence_m_s"] == [0.1, 0.1, 0.0]
+    same = st.fly("cwolf", "cwolf", "out.toml", turbulence=0.1, seed=1)
+    assert found[1]["figures"]["distance_m"] == same.figures["distance_m"]
+    assert found[1]["figures"]["distance_m"] != found[2]["figures"]["distance_m"]
+
+
+@pytest.mark.usefixtures("here")
 def test_many_seeds_tell_how_the_figures_spread() -> None:
     Path("sensors.toml").write_text(
         "format = 1\n[sensors.position]\nnoise_m = 0.3\n[sensors.depth]\n[sensors.attitude]\n"
@@ -187,6 +201,7 @@ def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
             ["cwolf", "cwolf", "out.toml", "--current", "nan", "0", "0"],
             "current: expected three finite numbers",
         ),
+        (["cwolf", "cwolf", "out.toml", "--turbulence", "7"], "turbulence: expected a standard deviation"),
         (["cwolf", "cwolf", "out.toml", "--seabed", "1"], "seabed: expected below the start"),
         (["cwolf", "cwolf", "out.toml", "--sensors", "none.toml"], "none.toml"),
         (["cwolf", "cwolf", "out.toml", "--out", "out.toml"], "expected a folder, found a file"),

@@ -59,15 +59,15 @@ def test_errors_of_guidance_follow_from_positions_where_they_were_not_logged() -
 
 def test_the_envelope_holds_the_log_of_the_same_vehicle_and_not_that_of_a_heavier_one() -> None:
     pilot = st.Autopilot.load("cwolf")
-    same = mission_envelope(fitted(), log(2), pilot, MISSION, flights=20, sensors="typical")
+    same = mission_envelope(fitted(), log(2), pilot, MISSION, flights=40, sensors="typical")
     assert set(same.bands) == {"depth", "speed", "pitch", "cross_track", "heading"}
     # 5 % on average; of one flight in five quantities up to a quarter, since all its samples hang together.
     assert all(band.outside < 0.25 for band in same.bands.values())
     heavy = log(2, (("B", fitted().vehicle.coefficients()["B"] - 40.0),))
-    other = mission_envelope(fitted(), heavy, pilot, MISSION, flights=20, sensors="typical")
+    other = mission_envelope(fitted(), heavy, pilot, MISSION, flights=40, sensors="typical")
     assert other.bands["pitch"].outside > 0.5
-    with pytest.raises(SimulationError, match="at least 20"):
-        mission_envelope(fitted(), log(2), pilot, MISSION, flights=5)
+    with pytest.raises(SimulationError, match="at least 39"):
+        mission_envelope(fitted(), log(2), pilot, MISSION, flights=38)
 
 
 def test_steps_of_logged_set_points_are_held_against_corridors() -> None:

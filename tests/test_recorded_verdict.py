@@ -24,7 +24,7 @@ def verdict() -> LogVerdict:
         autopilot="cwolf",
         mission=MISSION,
         sensors="typical",
-        flights=20,
+        flights=40,
         draws=16,
         requirements=[
             Requirement("keeps its path", "cross_track_p95_m <= 100"),
@@ -47,7 +47,7 @@ def test_a_verdict_reads_from_outcome_to_suspects_to_the_mission() -> None:
     assert places == sorted(places)
     assert "FAILS saves energy" in text
     assert "the log does not tell clearance_m" in text
-    assert "closed-loop envelope of 20 flights" in text
+    assert "closed-loop envelope of 40 flights" in text
 
 
 def test_a_verdict_is_plain_data() -> None:

@@ -15,6 +15,8 @@ from seatrial.errors import CampaignError, SeatrialError, SimulationError, Trial
 from seatrial.identify import identify
 from seatrial.score import Score, score
 from seatrial.trial import Trial
+from seatrial.tune import tune
+from seatrial.verify import verify
 
 if TYPE_CHECKING:
     from seatrial.autopilot_start import start_autopilot as start_autopilot
@@ -31,9 +33,12 @@ if TYPE_CHECKING:
     from seatrial.identification import Identification as Identification
     from seatrial.mission import Mission as Mission
     from seatrial.random_starts import restarts as restarts
+    from seatrial.recorded import LogVerdict as LogVerdict
+    from seatrial.recorded import MissionLog as MissionLog
+    from seatrial.recorded import verify_log as verify_log
     from seatrial.restart_result import Restarts as Restarts
-    from seatrial.tune import tune as tune
     from seatrial.tuning.tuning_result import Tuning as Tuning
+    from seatrial.verification.verification_result import Verification as Verification
 
 _LAZY = {
     "BenchTest": "seatrial.bench_test",
@@ -42,7 +47,9 @@ _LAZY = {
     "Fault": "seatrial.flight",
     "Flight": "seatrial.flight",
     "Identification": "seatrial.identification",
+    "LogVerdict": "seatrial.recorded",
     "Mission": "seatrial.mission",
+    "MissionLog": "seatrial.recorded",
     "Outage": "seatrial.flight",
     "Restarts": "seatrial.restart_result",
     "bench": "seatrial.bench_test",
@@ -51,8 +58,9 @@ _LAZY = {
     "fly_batch": "seatrial.flight",
     "restarts": "seatrial.random_starts",
     "Tuning": "seatrial.tuning.tuning_result",
+    "Verification": "seatrial.verification.verification_result",
     "start_autopilot": "seatrial.autopilot_start",
-    "tune": "seatrial.tune",
+    "verify_log": "seatrial.recorded",
 }
 
 __all__ = [
@@ -65,7 +73,9 @@ __all__ = [
     "Flight",
     "Flights",
     "Identification",
+    "LogVerdict",
     "Mission",
+    "MissionLog",
     "Outage",
     "Restarts",
     "Run",
@@ -78,6 +88,7 @@ __all__ = [
     "Tuning",
     "Vehicle",
     "VehicleError",
+    "Verification",
     "bench",
     "compare",
     "fly",
@@ -88,6 +99,8 @@ __all__ = [
     "simulate_batch",
     "start_autopilot",
     "tune",
+    "verify",
+    "verify_log",
 ]
 
 

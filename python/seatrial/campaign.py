@@ -184,13 +184,19 @@ class Campaign:
             if self.file.vehicle in Autopilot.names():
                 return Autopilot.load(self.file.vehicle)
             raise CampaignError(
-                f"{self.source}: key autopilot: expected the autopilot whose gains are tuned or verified, found"
-                " none; make one with `seatrial autopilot VEHICLE --out autopilot.toml` and name it here"
+                f"{self.source}: key autopilot: expected the autopilot that is tuned or verified, found none;"
+                " make one with `seatrial autopilot VEHICLE --out autopilot.toml` and name it here"
             )
         return Autopilot.load(self.beside(named, "autopilot") if is_path(named) else named)
 
     def beside(self, path: str, key: str) -> Path:
         """Path of a file that the campaign names, which begins in the campaign's folder.
+
+        Parameters
+        ----------
+        path : str
+        key : str
+            Of the campaign file, for messages.
 
         Raises
         ------

@@ -78,7 +78,7 @@ _EXPECTED = {
     "list_type": "expected a list [...]",
     "dict_type": "expected a table",
     "model_type": "expected a table",
-    "too_short": "expected more entries",
+    "too_short": "expected at least one entry",
     "too_long": "expected fewer entries",
 }
 """What was expected, by pydantic's name of the complaint, where its own words speak of Python."""

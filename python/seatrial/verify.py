@@ -26,6 +26,7 @@ def verify(
     fit: Identification | Fitted | Vehicle | str | Path | None = None,
     gains: Any = None,
     *,
+    model: Vehicle | str | Path | None = None,
     runs: int | None = None,
     missions: Sequence[Mission | str | Path] | None = None,
     threads: int | None = None,
@@ -50,6 +51,10 @@ def verify(
     gains : Tuning, Autopilot, str or Path, optional
         The autopilot: a result of `seatrial.tune` or its run directory, an autopilot, a built-in name or a
         file; by default the campaign's.
+    model : Vehicle, str or Path, optional
+        The vehicle that the autopilot believes in; by default the best values of ``fit``. With it, ``fit``
+        may be a vehicle that the autopilot does not know: the truth of generated trials, or another one of
+        its class.
     runs : int, optional
         Number of missions instead of the table's.
     missions : sequence of Mission, str or Path, optional
@@ -90,5 +95,7 @@ def verify(
     from seatrial.verification.conduct import conduct
     from seatrial.verification.verified_campaign import verified_campaign
 
-    prepared = verified_campaign(campaign, fit, gains, runs=runs, missions=missions, compare=compare)
+    prepared = verified_campaign(
+        campaign, fit, gains, model=model, runs=runs, missions=missions, compare=compare
+    )
     return conduct(prepared, run_dir=run_dir, progress=progress, resume=resume, threads=threads)

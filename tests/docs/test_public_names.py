@@ -13,10 +13,12 @@ import typer
 from pydantic import BaseModel
 
 import seatrial as st
-from seatrial import _core, campaign_file, mission
+from seatrial import _core, campaign_file, mission, search_budget
 from seatrial.cli import app
 from seatrial.recording.columns import CANONICAL, CHANNELS
 from seatrial.toml_file import Section
+from seatrial.tuning import tuning_file
+from seatrial.verification import distribution_table, verification_file
 from tests.docs.pages import NAMES, ROOT, blocks, text
 
 INTERFACE = "docs/interface.md"
@@ -76,14 +78,39 @@ def test_every_parameter_is_documented(name: str, thing: Any, doc: str) -> None:
 
 
 def _sections() -> Iterator[type[BaseModel]]:
-    for thing in vars(campaign_file).values():
-        if inspect.isclass(thing) and issubclass(thing, Section):
-            yield thing
+    for module in (campaign_file, search_budget, tuning_file, verification_file, distribution_table):
+        for thing in vars(module).values():
+            if inspect.isclass(thing) and issubclass(thing, Section):
+                yield thing
 
 
 def test_keys_of_the_campaign_file_are_those_of_its_page() -> None:
     known = {field for section in _sections() for field in section.model_fields}
+    assert {"stages", "rise_s", "heading_deg", "delay_s", "requirements", "weibull"} <= known
     assert set(ROW.findall(text("docs/campaign-file.md"))) == known
+
+
+def test_defaults_of_the_campaign_file_are_those_of_its_page() -> None:
+    page, compared = text("docs/campaign-file.md"), 0
+    tables = {
+        "## `[tuning]`": tuning_file.TuningTable(),
+        "### `margins`": tuning_file.Margins(),
+        "### `weights`": tuning_file.Weights(),
+        "## `[verification]`": verification_file.VerificationTable.model_validate({"missions": "out.toml"}),
+        "### `start`": verification_file.Start(),
+        "### `seabed`": verification_file.Seabed(depth_m=10.0),
+    }
+    for heading, table in tables.items():
+        section = page[page.index(f"\n{heading}\n") + 1 :]
+        section = section[: section.index("\n#", 1)]
+        for key, default in re.findall(
+            r"^\| `(\w+)` \| [^|]+ \| `?([\d.]+|\"\w+\")`? \|", section, re.MULTILINE
+        ):
+            value = getattr(table, key)
+            if isinstance(value, int | float | str):
+                assert value == tomllib.loads(f"x = {default}")["x"], key
+                compared += 1
+    assert compared > 15
 
 
 def test_keys_of_the_vehicle_file_are_those_of_its_page() -> None:

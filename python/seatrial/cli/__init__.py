@@ -26,6 +26,7 @@ from seatrial.cli import (
     score,
     simulate,
     tune,
+    verify,
 )
 from seatrial.cli.console import complain
 from seatrial.errors import SeatrialError
@@ -97,6 +98,7 @@ app.command("score")(score.score)
 app.command("autopilot")(autopilot.autopilot)
 app.command("fly")(fly.fly)
 app.command("tune")(tune.tune)
+app.command("verify")(verify.verify)
 app.command("gallery")(gallery.gallery)
 app.command("coverage")(coverage.coverage)
 

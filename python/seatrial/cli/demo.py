@@ -1,4 +1,4 @@
-"""`seatrial demo`: identify vehicles from the trials that come with the package, or that are at hand."""
+"""`seatrial demo`: from trials to a verdict for CWolf, and Beluga identified where its recordings are."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from seatrial._core import Vehicle
     from seatrial.campaign import Campaign
     from seatrial.identification import Identification
 
@@ -25,20 +26,38 @@ def demo(
     threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
 ) -> None:
-    """Identify CWolf from generated trials and, where its recordings are at hand, the AUV Beluga."""
+    """Identify CWolf from generated trials, tune and verify its autopilot; identify the AUV Beluga.
+
+    Beluga's turn comes where its recordings are at hand. The exit code is 1 where CWolf's verdict is not
+    held.
+    """
     from seatrial.cli.console import output, print_json
+    from seatrial.cli.demo_autopilot import demonstrate
 
     console = output()
-    results = {"cwolf": _cwolf(console, out / "cwolf", threads=threads, quiet=json)}
-    if (campaign := _beluga(console, quiet=json)) is not None:
-        results["beluga"] = _identified(console, campaign, out / "beluga", threads=threads, quiet=json)
+    fit, truth = _cwolf(console, out / "cwolf", threads=threads, quiet=json)
+    results = {"cwolf": fit.to_dict()}
+    interrupted, held = fit.interrupted, True
+    if not interrupted:
+        chain = demonstrate(console, fit, truth, out, threads=threads, quiet=json)
+        results |= chain.results
+        interrupted, held = chain.interrupted, chain.held
+    if not interrupted and (campaign := _beluga(console, quiet=json)) is not None:
+        beluga = _identified(console, campaign, out / "beluga", threads=threads, quiet=json)
+        results["beluga"] = beluga.to_dict()
+        interrupted = beluga.interrupted
     if json:
-        print_json({name: fit.to_dict() for name, fit in results.items()})
-    if any(fit.interrupted for fit in results.values()):
+        print_json(results)
+    if interrupted:
         raise typer.Exit(130)
+    if not held:
+        raise typer.Exit(1)
 
 
-def _cwolf(console: Console, folder: Path, *, threads: int | None, quiet: bool) -> Identification:
+def _cwolf(
+    console: Console, folder: Path, *, threads: int | None, quiet: bool
+) -> tuple[Identification, Vehicle]:
+    """CWolf identified, and the vehicle that sailed its trials."""
     from seatrial.campaign import Campaign
     from seatrial.generated import Recipe, Truth
 
@@ -59,7 +78,7 @@ def _cwolf(console: Console, folder: Path, *, threads: int | None, quiet: bool) 
             Recipe.load(path).write_csv(logs / f"generated-{name}.csv")
     if not quiet:
         console.print(f"Generated trials in {logs}\n", soft_wrap=True, markup=False)
-    return fit
+    return fit, truth.vehicle
 
 
 def _beluga(console: Console, *, quiet: bool) -> Campaign | None:

@@ -47,12 +47,18 @@ def fly(
         tuple[float, float, float],
         typer.Option(metavar="NORTH EAST DOWN", help="Velocity of the water, m/s."),
     ] = (0.0, 0.0, 0.0),
+    turbulence: Annotated[
+        float,
+        typer.Option(
+            metavar="M_S", min=0.0, help="Standard deviation of the water's north and east velocity, m/s."
+        ),
+    ] = 0.0,
     sensors: Annotated[
         str | None,
         typer.Option(metavar="FILE", help="Sensors of the vehicle, or: typical. Perfect ones when missing."),
     ] = None,
     seed: Annotated[
-        int, typer.Option(min=0, help="Of the sensors' errors; the same seed, the same flight.")
+        int, typer.Option(min=0, help="Of sensors' errors and turbulence; the same seed, the same flight.")
     ] = 0,
     fault: Annotated[
         list[str] | None,
@@ -105,6 +111,7 @@ def fly(
         "model": model,
         "sensors": sensors,
         "current": current,
+        "turbulence": turbulence,
         "faults": [Fault.parse(text) for text in fault or []],
         "outages": [Outage.parse(text) for text in outage or []],
         "seabed": seabed,

@@ -113,6 +113,7 @@ def print_tuning(console: Console, found: Tuning) -> None:
     """Print responses before and after, gains, margins and what they mean."""
     from seatrial.cli.console import table
     from seatrial.tuning.tuning_text import (
+        COMPARISON_TITLE,
         GAIN_HEAD,
         TRIAL_HEAD,
         comparison_head,
@@ -123,9 +124,9 @@ def print_tuning(console: Console, found: Tuning) -> None:
     )
 
     if (judged := found.of("tuned")) is not None:
-        title = f"{found.plan.vehicle.name}: responses with the tuned gains (violation and times in s)"
+        title = f"{found.plan.vehicle.name}: responses with the tuned gains"
         console.print(table(title, TRIAL_HEAD, trial_rows(judged)))
-        console.print(table("Side by side", comparison_head(found), comparison_rows(found)))
+        console.print(table(COMPARISON_TITLE, comparison_head(found), comparison_rows(found)))
     console.print(
         table("Gains at the supporting points that are reached", GAIN_HEAD, gain_rows(found), left=2)
     )
@@ -143,7 +144,7 @@ def print_tuning(console: Console, found: Tuning) -> None:
             )
             for row in found.margins["tuned"]
         ]
-        head = ("mode", "m/s", "loop", "gain up, dB", "gain down, dB", "phase, deg", "delay, s", "")
+        head = ("mode", "m/s", "loop", "up, dB", "down, dB", "phase, deg", "delay, s", "")
         console.print(table("Margins with the tuned gains", head, rows))
     for line in sentences(found):
         console.print(f"- {line}", soft_wrap=True, markup=False)

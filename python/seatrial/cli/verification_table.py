@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["missions_progress", "print_verification"]
 
 _LINE_EVERY_S = 5.0
-_MOST_NOTES = 4
 _FIGURES = {
     "cross_track_p95_m": "median cross-track p95, m",
     "vertical_p95_m": "median vertical p95, m",
@@ -71,11 +70,8 @@ def print_verification(console: Console, found: Verification) -> None:
     for one in found.requirements:
         for line in _sentences(one):
             console.print(f"- {line}", soft_wrap=True, markup=False)
-    for note in found.notes[:_MOST_NOTES]:
+    for note in found.notes:
         console.print(f"- {note}", soft_wrap=True, markup=False)
-    if len(found.notes) > _MOST_NOTES:
-        more = len(found.notes) - _MOST_NOTES
-        console.print(f"- {more} more notes on what is left out stand in summary.txt.", markup=False)
     console.print(f"- {time_sentence(found)}", soft_wrap=True, markup=False)
     console.print(f"- {again(found)}", soft_wrap=True, markup=False)
     console.print(headline(found), soft_wrap=True, markup=False, style="bold")
@@ -101,7 +97,9 @@ def _requirements(found: Verification) -> Table:
     flights = found.flights
     title = f"{flights.autopilot.name} on {flights.fitted.vehicle.name}: {len(found.flown)} missions"
     head = ["requirement", "holds", "allowed", "failures", f"{sure} interval", "at most", "verdict"]
-    return table(title, head, rows)
+    made = table(title, head, rows)
+    made.columns[1].justify = "left"
+    return made
 
 
 def _missions(found: Verification) -> Table:
@@ -163,7 +161,7 @@ def _comparison(found: AutopilotComparison) -> Table:
                 f"{pair.corrected:.2g}",
                 pair.words,
             ])
-    head = ["requirement", "against", "fails", "the other", "only it", "only other", "p", "verdict"]
+    head = ["requirement", "against", "fails", "other fails", "only it", "only other", "p", "verdict"]
     return table(f"On the same {found.runs} draws (McNemar's exact test, Holm)", head, rows, left=2)
 
 
@@ -171,7 +169,7 @@ def _medians(found: AutopilotComparison) -> Table:
     from seatrial.cli.console import table
 
     rows = [
-        [label, *(_number(one.figures[name], 3) for one in found.autopilots)]
+        [label, *(f"{one.figures[name]:.4g}" for one in found.autopilots)]
         for name, label in _FIGURES.items()
         if name in found.autopilots[0].figures
     ]

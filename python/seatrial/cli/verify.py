@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def verify(
-    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML) with [verification].")],
+    campaign: Annotated[Path, typer.Argument(help="Campaign file (TOML) with a table verification.")],
     run: Annotated[
         Path | None,
         typer.Option(
@@ -74,8 +74,8 @@ def verify(
     source, gains = fitted_source(loaded, run), gains_source(loaded, autopilot)
     prepared = verified_campaign(loaded, source, gains, runs=runs, missions=mission or None, compare=compare)
     if not json:
-        used = f"Vehicle: {source or loaded.vehicle.name}. Autopilot: {gains or prepared.flights.autopilot.name}."
-        output().print(used, soft_wrap=True, markup=False)
+        flies, steers = source or loaded.vehicle.name, gains or prepared.flights.autopilot.name
+        output().print(f"Vehicle: {flies}. Autopilot: {steers}.", soft_wrap=True, markup=False)
     if replay is not None:
         _replay(prepared, replay, out, figures=figures, json=json)
         return
@@ -165,8 +165,8 @@ def _print(found: Verification, folder: Path, written: list[Path]) -> None:
     console = output()
     print_verification(console, found)
     console.print(
-        f"Results in {folder}: verification.json, summary.txt, junit.xml, worst_runs.json, missions.parquet and"
-        " the inputs",
+        f"Results in {folder}: verification.json, summary.txt, junit.xml, worst_runs.json, missions.parquet"
+        " and the inputs",
         soft_wrap=True,
         markup=False,
     )

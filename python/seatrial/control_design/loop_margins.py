@@ -51,8 +51,15 @@ class LoopMargins:
     sensitivity: Array
 
 
+_REAL = 1e-9  # imaginary part, as a share, that is rounding
+_TINY = 1e-300
+
+
 def loop_margins(loops: Complex, omega: Array) -> LoopMargins:
     """Margins of loops (..., F) from their responses at rising frequencies omega (F,) in rad/s.
+
+    Of sampled loops the last frequency is half the sampling rate, where a real response below zero counts
+    as a crossing of the negative real axis.
 
     Examples
     --------
@@ -86,6 +93,12 @@ def loop_margins(loops: Complex, omega: Array) -> LoopMargins:
     crossed = size - angle / np.where(change.imag == 0.0, 1.0, change.imag) * change.real
     np.minimum.at(gain, case[crossed < 0.0], np.exp(-crossed[crossed < 0.0]))
     np.minimum.at(reduction, case[crossed >= 0.0], np.exp(crossed[crossed >= 0.0]))
+    # A sampled loop is real at half the sampling rate: a pole may leave through z = -1.
+    end = flat[:, -1]
+    at_edge = (np.abs(end.imag) <= _REAL * np.abs(end)) & (end.real < 0.0)
+    size = np.where(at_edge, np.abs(end), 1.0)
+    gain = np.where(at_edge & (size < 1.0), np.minimum(gain, 1.0 / np.maximum(size, _TINY)), gain)
+    reduction = np.where(at_edge & (size >= 1.0), np.minimum(reduction, size), reduction)
     return LoopMargins(
         phase_deg=phase.reshape(shape),
         gain=gain.reshape(shape),

@@ -87,7 +87,7 @@ def quantile(counts: Array, share: float, *, largest: Array) -> Array:
     for case, row in enumerate(exceeding):
         # From the rarest threshold down, as np.interp wants rising shares.
         found[case] = np.exp(np.interp(1.0 - share, row[::-1], edges[::-1]))
-    return np.minimum(found, largest)
+    return np.where(samples[:, 0] > 0.0, np.minimum(found, largest), np.nan)
 
 
 def ending_of(figures: Mapping[str, Array], case: int = 0) -> str:

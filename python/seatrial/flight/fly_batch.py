@@ -172,7 +172,7 @@ def fly_batch(
         turbulence=eddies if eddies.ndim == 1 else (0.0, 0.0, 0.0),
         turbulence_times=turbulence_times,
         obstacles=obstacles,
-        initial=initial if states is None else states[0],
+        initial=initial if initial is None or isinstance(initial, State) else initial[0],
         faults=shared,
         outages=[] if silent_per_case else silent,
         seabed=seabed,

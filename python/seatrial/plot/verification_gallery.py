@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from seatrial.verification.judged_requirement import JudgedRequirement
     from seatrial.verification.verification_result import Verification
 
-__all__ = ["verification_gallery"]
+__all__ = ["verification_figures", "verification_gallery"]
 
 _LIMIT = re.compile(r"cross_track_p95_m <=? ([0-9.]+)")
 _MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4
@@ -42,12 +42,13 @@ def verification_gallery(
         The folder cannot be written.
     """
     written: list[Path] = []
-    for name, figure in _figures(found):
+    for name, figure in verification_figures(found):
         written += save(figure, Path(folder) / name, formats=formats)
     return written
 
 
-def _figures(found: Verification) -> Iterator[tuple[str, Figure]]:
+def verification_figures(found: Verification) -> Iterator[tuple[str, Figure]]:
+    """Name and figure, one after the other: requirements, cross-track error, causes and worst missions."""
     missions = ", ".join(found.flights.titles)
     rows = [Verified(one.requirement.name, one.found, one.requirement.allowed) for one in found.requirements]
     yield "requirements", verified_requirements(rows, heading=f"{missions}: {len(found.flown)} missions")

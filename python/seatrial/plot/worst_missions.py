@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatrial.plot.plan_page import layout, page_legend, page_title, profile_axes
 from seatrial.plot.plan_view import extent, new_plan, waypoints
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
 
 __all__ = ["WorstFlight", "worst_missions"]
+
+Array = NDArray[np.float64]
 
 _OBSTACLE = "obstacle"
 
@@ -48,8 +51,9 @@ def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figu
     path = planned_path(first.mission, seabed=first.circumstances.seabed)
     acceptance = np.array([stop.acceptance for stop in first.route.stops])
     tracks = [one.flight.position[np.isfinite(one.flight.position).all(axis=1)] for one in flights]
-    obstacles = first.circumstances.obstacles
-    corners = extent(path.points, *tracks, *([[n - r, e - r], [n + r, e + r]] for n, e, r in obstacles))
+    reach = [path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]]
+    corners = extent(path.points, *tracks, *reach)
+    obstacles = [one for one in first.circumstances.obstacles if _within(one, corners)]
     plain = ["planned path", "waypoint", "sphere of acceptance"] + [_OBSTACLE] * bool(obstacles)
     page = layout(corners, [*plain, *(one.label for one in flights)])
     with house_style():
@@ -60,7 +64,11 @@ def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figu
         profile = profile_axes(figure, page)
         for number, (one, track) in enumerate(zip(flights, tracks, strict=True)):
             colour = CYCLE[number % len(CYCLE)]
-            style = {"color": colour, "linewidth": 1.2 if number == 0 else 0.9, "zorder": 4.0 - 0.1 * number}
+            style: dict[str, Any] = {
+                "color": colour,
+                "linewidth": 1.2 if number == 0 else 0.9,
+                "zorder": 4.0 - 0.1 * number,
+            }
             plan.axes.plot(track[:, 1], track[:, 0], label=one.label, **style)
             plan.axes.plot(track[-1, 1], track[-1, 0], "s", color=colour, markersize=4.0, zorder=5.0)
             profile.plot(one.flight.t[: len(track)], track[:, 2], **style)
@@ -68,11 +76,19 @@ def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figu
         profile.invert_yaxis()
         profile.set_xlabel("time, s")
         profile.set_ylabel("depth, m")
+        profile.ticklabel_format(useOffset=False)
         profile.set_xlim(0.0, max(float(one.flight.t[-1]) for one in flights))
         panel_title(profile, "depth")
         page_title(figure, page, heading or f"worst missions of {first.mission.name}")
         page_legend(figure, (plan.axes, profile), page)
     return figure
+
+
+def _within(obstacle: tuple[float, float, float], corners: tuple[Array, Array]) -> bool:
+    """Whether some of an obstacle lies in the view; a far one would make the tracks small."""
+    place, radius = np.array(obstacle[:2]), obstacle[2]
+    nearest = np.clip(place, *corners)
+    return bool(np.hypot(*(place - nearest)) <= radius)
 
 
 def _obstacles(axes: Axes, obstacles: Sequence[tuple[float, float, float]]) -> None:

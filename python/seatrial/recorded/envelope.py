@@ -2,8 +2,10 @@
 
 The mission is flown k times in closed loop, each time with coefficients drawn from their covariance, other
 noise of the sensors and, where given, another current; the band of a quantity is that between the 2.5 % and
-97.5 % quantiles over the flights at the same time since the start. A closed loop hides errors of the model,
-and a delay of some seconds shifts all that follows: the envelope shows how the mission went, and the
+97.5 % quantiles over the flights at the same time since the start: the ranks 0.025 (k + 1) and 0.975 (k + 1),
+between which a further flight of the same kind falls with 95 % (Weibull 1939; Hyndman & Fan 1996, The American
+Statistician 50:361, definition 6). They exist from 39 flights on; where fewer are still under way there is no
+band. A closed loop hides errors of the model, and a delay of some seconds shifts all that follows: the envelope shows how the mission went, and the
 verdict rests on `seatrial.recorded.validity`.
 
 Tests: ``tests/test_recorded_mission.py``.
@@ -29,9 +31,14 @@ if TYPE_CHECKING:
     from seatrial.mission import Mission
     from seatrial.recorded.mission_log import MissionLog
 
-__all__ = ["QUANTITIES", "Band", "Envelope", "mission_envelope"]
+__all__ = ["FEWEST_FLIGHTS", "QUANTITIES", "Band", "Envelope", "mission_envelope"]
 
 Array = NDArray[np.float64]
+
+FEWEST_FLIGHTS = 39
+"""Of fewer, no rank leaves 2.5 % on either side."""
+
+_RANKS = (0.025, 0.5, 0.975)
 
 QUANTITIES: Mapping[str, tuple[str, str]] = {
     "depth": ("depth", "m"),
@@ -90,7 +97,7 @@ class Envelope:
             "flights": self.flights,
             "outside": {name: band.outside for name, band in self.bands.items()},
             "figures": {
-                name: [float(x) for x in np.nanquantile(values, (0.025, 0.5, 0.975))]
+                name: [float(x) for x in np.nanquantile(values, _RANKS, method="weibull")]
                 for name, values in self.figures.items()
                 if np.isfinite(values).any()
             },
@@ -103,7 +110,7 @@ def mission_envelope(
     autopilot: Autopilot,
     mission: Mission,
     *,
-    flights: int = 40,
+    flights: int = 64,
     seed: int = 0,
     sensors: Any = None,
     current: ArrayLike | None = None,
@@ -120,7 +127,7 @@ def mission_envelope(
     mission : Mission
         What was flown.
     flights : int, optional
-        How many flights, at least twenty.
+        How many flights, at least 39; of some more, a few may end before the log does.
     seed : int, optional
     sensors : optional
         As for `seatrial.fly`.
@@ -132,13 +139,15 @@ def mission_envelope(
     Raises
     ------
     SimulationError
-        Too few flights, all of which may have diverged.
+        Too few flights, or too many of them diverged.
     """
     from seatrial.flight.figures_of_flight import CODED, figures_of
     from seatrial.flight.fly_batch import fly_batch
 
-    if flights < 20:
-        raise SimulationError(f"flights: expected at least 20 for a band of 95 %, found {flights}")
+    if flights < FEWEST_FLIGHTS:
+        raise SimulationError(
+            f"flights: expected at least {FEWEST_FLIGHTS} for a band of 95 %, found {flights}; fly more"
+        )
     trial = log.trial
     if current is None:
         current = np.zeros(3) if trial.current is None else np.nanmean(trial.current, axis=0)
@@ -170,11 +179,11 @@ def mission_envelope(
         if name not in recorded:
             continue
         stack = np.stack([one[name] for one in shown])
-        enough = np.isfinite(stack).sum(axis=0) >= flights // 2
+        enough = np.isfinite(stack).sum(axis=0) >= FEWEST_FLIGHTS
         lower, middle, upper = np.full((3, len(t)), np.nan)
         if enough.any():
             lower[enough], middle[enough], upper[enough] = np.nanquantile(
-                stack[:, enough], (0.025, 0.5, 0.975), axis=0
+                stack[:, enough], _RANKS, axis=0, method="weibull"
             )
         band = Band(lower, middle, upper, recorded[name], 0.0)
         seen = np.isfinite(lower) & np.isfinite(band.log)
@@ -182,8 +191,8 @@ def mission_envelope(
         bands[name] = Band(lower, middle, upper, band.log, share)
     if not any(np.isfinite(band.middle).any() for band in bands.values()):
         raise SimulationError(
-            f"{fitted.vehicle.name}: more than half of {flights} flights of {mission.name} diverged; check"
-            " the autopilot and the covariance of the coefficients"
+            f"{fitted.vehicle.name}: fewer than {FEWEST_FLIGHTS} of {flights} flights of {mission.name} did"
+            " not diverge; check the autopilot and the covariance of the coefficients, or fly more"
         )
     figures = {name: value for name, value in figures_of(flown).items() if name not in CODED}
     return Envelope(t, bands, flights, figures)

@@ -57,7 +57,7 @@ def verify_log(
     stop_s: float | None = None,
     input: Input | None = None,
     draws: int = 64,
-    flights: int = 40,
+    flights: int = 64,
     seed: int = 0,
     level: float = LEVEL,
     payload_density: float = PAYLOAD_DENSITY,

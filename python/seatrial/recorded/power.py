@@ -1,8 +1,9 @@
 """What a log would have shown: the chance that a usual change of the vehicle is noticed on it.
 
-A log on which nothing could have been seen does not speak for the model. Four changes that happen to vehicles
+A log on which nothing could have been seen does not speak for the model. Three changes that happen to vehicles
 are tried to first order; their predictions move by ``J theta``, and the share outside the band follows from
-the spread of a valid model's errors (`seatrial.recorded.validity`).
+the spread of a valid model's errors, and is held against the share that the verdict itself would call no chance
+(`seatrial.recorded.validity`).
 
 Tests: ``tests/test_recorded_validity.py``.
 """
@@ -21,7 +22,7 @@ _DRAG, _THRUST, _WEIGHT = 0.25, -0.15, 0.01
 
 
 def detectable_changes(of: Validity, *, level: float = LEVEL) -> tuple[Detectable, ...]:
-    """Chances that drag +25 %, thrust -15 %, the first actuator -30 % and 1 % more weight are noticed.
+    """Chances that drag ahead +25 %, all thrust -15 % and 1 % more weight in water are noticed.
 
     Parameters
     ----------

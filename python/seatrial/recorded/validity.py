@@ -111,6 +111,8 @@ class Validity:
         Half-width of the band per window, (n, 12), SI.
     spread
         The spread of a valid model's errors.
+    expected
+        Share outside had the vehicle and the sensors the values of a draw, (k, 12).
     draws
         Number of draws of the coefficients; zero without a covariance.
     """
@@ -119,6 +121,7 @@ class Validity:
     log: Restarts
     half_width: tuple[Array, ...]
     spread: Spread
+    expected: Array
     draws: int
 
     @property
@@ -200,13 +203,14 @@ def validity(
         channels[name] = ChannelValidity(
             name, share, samples, effective, float(p), rms=size[0], spread=size[1], fails=fails
         )
-    return Validity(channels, log, half, spread, int(sound.sum()) if given else 0)
+    return Validity(channels, log, half, spread, expected, int(sound.sum()) if given else 0)
 
 
 def power(of: Validity, change: list[Array], *, level: float = LEVEL) -> float:
     """Chance that a change of the vehicle is noticed, which moves the predictions by (n, 12) per window.
 
-    The largest over the channels: of a binomial count of as many samples as the channel is worth.
+    The largest over the channels: of a binomial count of as many samples as the channel is worth, held
+    against the count that `validity` would call no chance.
     """
     from scipy.stats import binom
 
@@ -216,10 +220,22 @@ def power(of: Validity, change: list[Array], *, level: float = LEVEL) -> float:
         c = CHANNELS.index(name)
         share = _share([d[:, c] for d in change], [s[:, c] for s in sigma], [b[:, c] for b in of.half_width])
         count = max(1, round(min(one.effective, 4.0 * len(change))))
-        needed = int(binom.isf(level / len(of.channels), count, _NOMINAL)) + 1
-        needed = max(needed, int(np.ceil(LEAST_SHARE * count)))
+        known = of.expected[:, c], float(of.spread.effective[c])
+        needed = _needed(count, known, level / len(of.channels))
         best = max(best, float(binom.sf(needed - 1, count, share)))
     return best
+
+
+def _needed(count: int, known: tuple[Array, float], level: float) -> int:
+    """Least number of samples outside, of so many, that is no chance; one more than there are if none is."""
+    least, most = int(LEAST_SHARE * count), count + 1
+    while most - least > 1:
+        middle = (least + most) // 2
+        if _tail(middle / count, float(count), known) < level:
+            most = middle
+        else:
+            least = middle
+    return most
 
 
 def _deviations(

@@ -32,7 +32,7 @@ __all__ = ["GroupResult", "constraint", "search_group", "search_margins"]
 
 Array = NDArray[np.float64]
 
-_GENERATIONS, _ROUNDS = 50, 40
+_GENERATIONS, _ROUNDS = 30, 25
 _MARGIN_GENERATIONS, _MARGIN_POPULATION = 150, 32
 _TOLERANCE = 1e-2
 _SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once

@@ -25,7 +25,7 @@ __all__ = ["Judged", "JudgedTrial", "Responses", "judge"]
 
 Array = NDArray[np.float64]
 
-_SHOWN = 9  # samples whose responses are kept for figures, the nominal one first
+_SHOWN = 9  # samples whose responses are kept for figures
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,10 @@ class JudgedTrial:
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """Answers of a loop for figures: times (p,), s, and values (trials, samples, p), SI, nominal first."""
+    """Answers of a loop for figures: times (p,), s, and values (trials, samples, p), SI.
+
+    The samples are the nominal one, then those that leave the corridors furthest.
+    """
 
     trials: LoopTrials
     t: Array
@@ -157,11 +160,23 @@ def judge(
         total = violated(trials, sums)[0]
         shown = None
         if responses:
-            t, values = rig.responses(trials, samples.first(_SHOWN), {})
+            t, values = rig.responses(trials, _worst(samples, total), {})
             shown = kept[trials.loop] = Responses(trials, t, values[trials.names[0]])
         for k in range(len(trials)):
             found.append(_judged(trials, k, total[k], shown))
     return Judged(name, rig.autopilot, tuple(found), len(samples), kept)
+
+
+def _worst(samples: Samples, total: Array) -> Samples:
+    """The first of some samples and those that violate most, of violations (trials, samples)."""
+    worst = total.max(axis=0)
+    worst[0] = np.inf
+    rows = np.argsort(-worst, kind="stable")[:_SHOWN]
+    return Samples(
+        {name: np.asarray(values)[rows] for name, values in samples.coefficients.items()},
+        samples.current[rows],
+        tuple(samples.seeds[row] for row in rows),
+    )
 
 
 def _judged(trials: LoopTrials, k: int, total: Array, shown: Responses | None) -> JudgedTrial:
@@ -177,7 +192,7 @@ def _judged(trials: LoopTrials, k: int, total: Array, shown: Responses | None) -
         loop=trials.loop,
         unit=entry.unit,
         speed_m_s=trials.speeds[k],
-        step=trials.sizes[k] / entry.to_si,
+        step=float(f"{trials.sizes[k] / entry.to_si:.9g}"),  # as it stood in the file
         nominal_s=float(total[0]),
         worst_s=float(total.max()),
         held=float((total == 0.0).mean()),

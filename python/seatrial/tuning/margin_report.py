@@ -29,7 +29,7 @@ __all__ = ["ReportedMargins", "margin_table", "open_loop", "report_margins"]
 Array = NDArray[np.float64]
 
 _FREQUENCIES = 400
-_BELOW_NYQUIST = 0.9999  # at half the sampling rate every response is real: that is no crossing
+_BELOW_NYQUIST = 0.9999  # at half the sampling rate every response is real: it is looked at by itself
 
 
 @dataclass(frozen=True)
@@ -136,6 +136,9 @@ def _margins(loop: Any, period_s: float) -> dict[str, Any]:
     omega = np.geomspace(1e-3, _BELOW_NYQUIST * np.pi / period_s, _FREQUENCIES)
     response = control.frd(loop, omega)
     gains, phases, _, at_gain, at_phase, _ = control.stability_margins(response, returnall=True)
+    edge = complex(loop(-1.0))  # a pole may leave through z = -1, half the sampling rate
+    if edge.real < 0.0:
+        gains, at_gain = np.append(gains, 1.0 / -edge.real), np.append(at_gain, np.pi / period_s)
     decibel = 20.0 * np.log10(gains)
     up, down = decibel > 0.0, decibel <= 0.0
     late = np.deg2rad(phases % 360.0) / at_phase

@@ -103,7 +103,13 @@ class Objective:
             total += violated(trials, sums).mean(axis=1) / len(self.trials)
             time += sums[..., 0, 2].mean(axis=(1, 2)) / trials.until_s / len(self.trials)
             effort += travel.mean(axis=(1, 2)) / len(self.trials)
-        named = {name: values for name, values in gains.items() if name.rpartition(".")[2].isdigit()}
+        loops = {name.partition(".")[0] for name in gains}
+        # Points that another group sets belong to the schedule all the same.
+        every = {name: np.full(1, value) for name, value in self.rig.autopilot.gains().items()}
+        every = {name: values for name, values in every.items() if name.partition(".")[0] in loops} | dict(
+            gains
+        )
+        named = {name: values for name, values in every.items() if name.rpartition(".")[2].isdigit()}
         rough = (
             roughness(named, self.reached, speeds_m_s=self.rig.autopilot.speeds_m_s) if named else np.zeros(1)
         )
@@ -115,7 +121,10 @@ def violated(trials: LoopTrials, sums: Array) -> Array:
     """Weighted violation, s, (k, trials, samples), of sums (k, trials, samples, corridors, 3)."""
     weights = np.ones((sums.shape[-2], 2))
     weights[0] = trials.corridor.weight_lower, trials.corridor.weight_upper
-    return np.asarray((sums[..., :2] * weights).sum(axis=(-1, -2)))
+    sides = sums[..., :2]
+    counted = np.where(np.isfinite(sides) & (weights > 0.0), sides, 0.0)
+    diverged = np.isinf(sides).any(axis=(-1, -2))
+    return np.where(diverged, np.inf, (counted * weights).sum(axis=(-1, -2)))
 
 
 def robust(total: Array, quantile: float) -> Array:

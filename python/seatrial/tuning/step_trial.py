@@ -6,13 +6,16 @@ with guidance on a straight level leg north; what may happen to them meanwhile a
 is stepped by moving the whole plan: guidance and the loop answer together. All candidates fly abreast with
 the same noise (`seatrial.flight.fly_batch`; sums in the core's ``closed_loop/trial.rs``).
 
+Sensors have their noise, digits, delays and drop-outs, but no offset and no drift: an offset that is constant
+through a flight moves the answer, and is no property of the gains.
+
 Source: Taubert et al. (2014), section "Constraint Criteria Optimization". Held by tests/test_step_trial.py.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +49,7 @@ PATHS = ("depth", "cross_track")
 
 _DEPTH_M = 100.0  # room for a pitch step to dive and climb
 _LEG_M = 1e6
+_OFFSETS = [1, 2]  # offset and drift among the errors of a channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,21 +169,27 @@ class Rig:
     Attributes
     ----------
     vehicle
-        The best values: the autopilot's own model.
+        That flies, unless the samples say otherwise.
+    model
+        The autopilot's own model: the best values.
     autopilot
         Whose gains the candidates change.
     sensors
         By kind, "typical" or a file; None for perfect ones.
     max_step
         Of the integration, s.
+    voltage
+        Supply, V, where thrust depends on it.
     threads
         All by default.
     """
 
     vehicle: Vehicle
+    model: Vehicle
     autopilot: Autopilot
     sensors: Mapping[str, Sensor] | str | None = "typical"
     max_step: float = 0.05
+    voltage: float | None = None
     threads: int | None = None
 
     @cached_property
@@ -326,9 +336,9 @@ class Rig:
                 legs = [{{ north_m = {_LEG_M}, east_m = 0.0, depth_m = {_DEPTH_M} }}]
                 """
             )
-            self._ready[speed, duration_s] = set_up(
+            ready = set_up(
                 (self.vehicle, self.autopilot, mission),
-                model=self.vehicle,
+                model=self.model,
                 sensors=self.sensors,
                 current=np.zeros(3),
                 initial=None,
@@ -336,7 +346,7 @@ class Rig:
                 outages=(),
                 seabed=None,
                 seed=0,
-                voltage=None,
+                voltage=self.voltage,
                 feedback=True,
                 max_step=self.max_step,
                 max_time=duration_s,
@@ -344,4 +354,8 @@ class Rig:
                 g=None,
                 logs=False,
             )
+            errors = ready.channels.errors.copy()
+            errors[:, _OFFSETS] = 0.0
+            steady = replace(ready.channels, errors=errors)
+            self._ready[speed, duration_s] = replace(ready, channels=steady)
         return self._ready[speed, duration_s]

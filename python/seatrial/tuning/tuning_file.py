@@ -291,4 +291,5 @@ class TuningTable(Section):
     smoothness: NotNegative = 0.05
     bounds: Annotated[Interval, BeforeValidator(_factors)] = (0.1, 10.0)
     settle_s: Positive | None = None
+    voltage_v: Positive | None = None
     budget: Budget = Budget()

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from seatrial.errors import CampaignError
 from seatrial.tuning.gain_parameters import GainParameters, excited_points
-from seatrial.tuning.step_trial import CHANNELS, LoopTrials, Samples
+from seatrial.tuning.step_trial import CHANNELS, LoopTrials, Rig, Samples
 from seatrial.tuning.tuning_file import LOOPS, LoopTable, TuningTable, default_steps
 from seatrial.tuning.working_points import reachable_points
 
@@ -44,7 +44,8 @@ _GUIDANCE = {
 _GUIDANCE_BOUNDS = (0.3, 3.0)
 _FILTER_BOUNDS = (0.3, 3.0)
 _BESIDE_MODE_M_S = 0.1  # how far a trial keeps from a switching speed, beside the current
-_SETTLE_S = 15.0
+_SETTLE_S = 15.0  # at least; a loop that settles in its corridor has settled at its start as well
+_APART = 0.2  # of the mean spacing of the points: speeds that are nearer tell the same
 _WALK = 2.399963  # golden angle, rad: currents from all sides, whatever their number
 
 
@@ -151,7 +152,8 @@ class TuningPlan:
                 for begin, end in self.modes_of(loop)
             ]
             at = near[int(np.argmin(np.abs(np.array(near) - wanted)))]
-            if at <= self.top_m_s and not any(abs(at - other) < 1e-6 for other in found):
+            apart = _APART * float(np.mean(np.diff(self.autopilot.speeds_m_s)))
+            if at <= self.top_m_s and not any(abs(at - other) < apart for other in found):
                 found.append(round(at, 6))
         return tuple(found)
 
@@ -182,7 +184,7 @@ class TuningPlan:
             beside=table.beside.half_widths(),
             speeds=tuple(speed for speed, _ in each),
             sizes=tuple(step * LOOPS[loop].to_si for _, step in each),
-            settle_s=self.table.settle_s or _SETTLE_S,
+            settle_s=self.table.settle_s or max(_SETTLE_S, corridor.until_s),
         )
 
     def _within(self, loop: str, speed: float, step: float) -> bool:
@@ -227,6 +229,37 @@ class TuningPlan:
                     parameters += GainParameters.of_number(name, gains.get(name, 0.0), _GUIDANCE_BOUNDS)
             found.append(Group(" and ".join(chosen), tuple(every[name] for name in chosen), parameters))
         return tuple(found)
+
+    def rig(
+        self,
+        autopilot: Autopilot,
+        *,
+        vehicle: Vehicle | None = None,
+        max_step: float = 0.02,
+        threads: int | None = None,
+    ) -> Rig:
+        """The closed loop of an autopilot, with the sensors of the campaign.
+
+        Parameters
+        ----------
+        autopilot : Autopilot
+        vehicle : Vehicle, optional
+            That flies; by default the best values, which the autopilot takes it for.
+        max_step : float, optional
+            Of the integration, s.
+        threads : int, optional
+            All by default.
+        """
+        sensors = self.table.sensors
+        return Rig(
+            self.vehicle if vehicle is None else vehicle,
+            self.vehicle,
+            autopilot,
+            sensors=None if sensors == "perfect" else sensors,
+            max_step=max_step,
+            voltage=self.table.voltage_v,
+            threads=threads,
+        )
 
     def samples(self, count: int, seed: int) -> Samples:
         """The vehicle itself in still water, then drawn vehicles with a current from all sides.

@@ -11,6 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
 from seatrial.tuning.group_search import GroupResult
 from seatrial.tuning.judged import Judged
@@ -18,7 +20,7 @@ from seatrial.tuning.judged import Judged
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from seatrial._core import Autopilot
+    from seatrial._core import Autopilot, Vehicle
     from seatrial.campaign import Campaign
     from seatrial.tuning.margin_report import ReportedMargins
     from seatrial.tuning.relay import RelayTuning
@@ -84,6 +86,32 @@ class Tuning:
         pairs = {"start": self.start, "tuned": self.autopilot}
         return {name: report_margins(self.plan.vehicle, autopilot) for name, autopilot in pairs.items()}
 
+    def on(self, vehicle: Vehicle | str | Path, *, name: str = "another vehicle") -> Judged:
+        """How the tuned responses keep to their corridors on a vehicle that the autopilot does not know.
+
+        Parameters
+        ----------
+        vehicle : Vehicle, built-in name or file
+            That flies, in still water; the autopilot's own model stays the identified one.
+        name : str, optional
+            What to call it.
+
+        Raises
+        ------
+        VehicleError
+            It cannot be loaded.
+        SimulationError
+            Its actuators are others.
+        """
+        from seatrial._core import Vehicle
+        from seatrial.file_kind import loaded
+        from seatrial.tuning.judged import judge
+        from seatrial.tuning.step_trial import Samples
+
+        flown = loaded(Vehicle, vehicle)
+        still = Samples({}, np.zeros((1, 3)), (1,))
+        return judge(self.plan, name, self.plan.rig(self.autopilot, vehicle=flown), still)
+
     def summary(self) -> str:
         """Text that a control engineer reads."""
         from seatrial.tuning.tuning_text import summary
@@ -110,6 +138,11 @@ class Tuning:
 
     def save(self, run_dir: str | Path) -> Path:
         """Path of a run directory with all results; an earlier run's is replaced.
+
+        Parameters
+        ----------
+        run_dir : str or Path
+            Made when it does not exist.
 
         Raises
         ------

@@ -16,9 +16,22 @@ if TYPE_CHECKING:
     from seatrial.tuning.judged import Judged, JudgedTrial
     from seatrial.tuning.tuning_result import Tuning
 
-__all__ = ["comparison_rows", "gain_rows", "sentences", "summary", "trial_rows"]
+__all__ = [
+    "COMPARISON_TITLE",
+    "GAIN_HEAD",
+    "TRIAL_HEAD",
+    "comparison_head",
+    "comparison_rows",
+    "gain_rows",
+    "on_another_vehicle",
+    "sentences",
+    "summary",
+    "trial_rows",
+]
 
-TRIAL_HEAD = ("loop", "m/s", "step", "violation", "worst", "held", "rise", "over", "settled")
+_ROUNDING = 0.01  # what the frequency grid and four digits of a gain leave
+
+TRIAL_HEAD = ("loop", "m/s", "step", "outside, s", "worst, s", "held", "rise, s", "over", "settled, s")
 GAIN_HEAD = ("gain", "unit", "m/s", "start", "tuned")
 _UNITS = {
     "surge": "N s/m",
@@ -29,6 +42,10 @@ _UNITS = {
     "heading": "N m/rad",
 }
 _OF_GAIN = {"K_P": "", "K_I": " per s", "K_D": " s"}
+_ENDINGS = {"_rad_s": "rad/s", "_m_s": "m/s", "_m": "m"}  # units of numbers that are no gains
+_LEAST_S = 0.001  # a violation below is told as less than that
+
+COMPARISON_TITLE = "Side by side: outside in all, samples held"
 
 
 def summary(tuning: Tuning) -> str:
@@ -39,7 +56,7 @@ def summary(tuning: Tuning) -> str:
     for judged in tuning.judged:
         parts.append(f"Responses with the {judged.name} gains\n" + text_table(TRIAL_HEAD, trial_rows(judged)))
     if len(tuning.judged) > 1:
-        parts.append("Side by side\n" + text_table(comparison_head(tuning), comparison_rows(tuning)))
+        parts.append(COMPARISON_TITLE + "\n" + text_table(comparison_head(tuning), comparison_rows(tuning)))
     parts.append(
         "Gains at the supporting points that are reached\n" + text_table(GAIN_HEAD, gain_rows(tuning))
     )
@@ -56,33 +73,60 @@ def sentences(tuning: Tuning) -> list[str]:
         lines.append("The tuning was interrupted: the gains are the best so far, and nothing was judged.")
     elif tuned.feasible:
         whole = [trial for trial in tuned.trials if trial.held == 1.0]
-        lines.append(
-            f"All {len(tuned.trials)} responses stay within their corridors, there and back; {len(whole)} of"
-            f" them with every one of {tuned.samples} drawn vehicles and currents, too."
-        )
+        lines.append(_all_inside(len(tuned.trials), len(whole), tuned.samples))
         for trial in tuned.trials:
             if trial.held < 1.0:
                 lines.append(
-                    f"{_of(trial)}: within the corridor with {trial.held:.0%} of the samples; outside by up"
-                    f" to {trial.worst_s:.2g} s of a step."
+                    f"{_of(trial)}: within the corridor with {trial.held:.0%} of the samples, else outside by"
+                    f" up to {_seconds(trial.worst_s)} s of a step."
                 )
     else:
         out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
+        leave = "leave their corridors" if len(out) > 1 else "leaves its corridor"
         lines.append(
-            f"{len(out)} of {len(tuned.trials)} responses leave their corridors: widen these, or give the"
+            f"{len(out)} of {len(tuned.trials)} responses {leave}: widen what is too narrow, or give the"
             " search more room under [tuning] (bounds, budget)."
         )
-        lines += [f"{_of(trial)}: outside by {trial.nominal_s:.2g} s of a step." for trial in out]
+        lines += [f"{_of(trial)}: outside by {_seconds(trial.nominal_s)} s of a step." for trial in out]
     last = {group.name.partition(",")[0]: group for group in tuning.groups}
     ended = {name for group in last.values() for name in group.at_bound}
     if ended:
         lines.append(f"Factors at a bound of the search: {', '.join(sorted(ended))}; widen [tuning] bounds.")
-    lacking = [group for group in tuning.groups[-1:] if group.after.get("margin", 0.0) > 0.0]
-    lines += [
-        f"The margins fall short of their limits by {group.after['margin']:.2g} in all." for group in lacking
-    ]
+    if not tuning.interrupted and (short := _short_margins(tuning)):
+        lines.append(f"Margins short of their limits: {'; '.join(short)}.")
     lines += list(tuning.plan.fitted.notes)
     return lines
+
+
+def on_another_vehicle(judged: Judged) -> str:
+    """Whether the responses keep to their corridors on a vehicle that the autopilot does not know."""
+    out = [trial for trial in judged.trials if trial.nominal_s > 0.0]
+    if not out:
+        return f"all {len(judged.trials)} responses stay within their corridors."
+    listed = "; ".join(f"{_of(trial)} by {_seconds(trial.nominal_s)} s" for trial in out)
+    return f"{len(out)} of {len(judged.trials)} responses leave their corridors: {listed}."
+
+
+def _short_margins(tuning: Tuning) -> list[str]:
+    """Loops whose margins fall short of what the campaign asks for, with what there is and what was asked."""
+    limits = tuning.plan.table.margins
+    rows = tuning.margins["tuned"]
+    unstable = dict.fromkeys((row.mode, row.speed_m_s) for row in rows if not row.stable)
+    found = [f"{mode} at {speed:.2f} m/s (unstable)" for mode, speed in unstable]
+    for row in rows:
+        short = [
+            f"{value:.2g} {unit} of {limit:g}"
+            for value, limit, unit in (
+                (row.phase_deg, limits.phase_deg, "deg"),
+                (row.gain_up_db, limits.gain_db, "dB"),
+                (row.gain_down_db, limits.gain_db, "dB down"),
+                (row.delay_s, limits.delay_s, "s"),
+            )
+            if value is not None and value < (1.0 - _ROUNDING) * limit
+        ]
+        if short and row.stable:  # margins of an unstable loop mean something else
+            found.append(f"{row.loop} in {row.mode} at {row.speed_m_s:.2f} m/s ({', '.join(short)})")
+    return found
 
 
 def trial_rows(judged: Judged) -> list[tuple[str, ...]]:
@@ -105,7 +149,7 @@ def trial_rows(judged: Judged) -> list[tuple[str, ...]]:
 
 def comparison_head(tuning: Tuning) -> tuple[str, ...]:
     """Head of `comparison_rows`."""
-    return ("loop", *(f"{judged.name}: {what}" for judged in tuning.judged for what in ("violation", "held")))
+    return ("loop", *(what for judged in tuning.judged for what in (f"{judged.name}, s", "held")))
 
 
 def comparison_rows(tuning: Tuning) -> list[tuple[str, ...]]:
@@ -142,7 +186,7 @@ def gain_rows(tuning: Tuning) -> list[tuple[str, ...]]:
                     ))
     for name, value in tuned.items():
         if not name.rpartition(".")[2].isdigit() and value != start[name]:
-            unit = name.rpartition("_rad_s")[1].strip("_").replace("_", "/") or "SI"
+            unit = next((unit for ending, unit in _ENDINGS.items() if name.endswith(ending)), "")
             rows.append((name, unit, "", f"{start[name]:.4g}", f"{value:.4g}"))
     return rows
 
@@ -151,8 +195,26 @@ def _of(trial: JudgedTrial) -> str:
     return f"{trial.loop} at {trial.speed_m_s:.2f} m/s, step of {trial.step:+.3g} {trial.unit}"
 
 
+def _all_inside(count: int, whole: int, samples: int) -> str:
+    """The sentence on a feasible tuning."""
+    others = samples - 1
+    every = f"every one of {others} others that were drawn, in their currents"
+    if count == 1:
+        also = f", and so with {every}" if whole else ""
+        return f"The response of the vehicle itself stays within its corridor, there and back{also}."
+    also = f"{whole} of them" if whole < count else "all of them"
+    return (
+        f"All {count} responses of the vehicle itself stay within their corridors, there and back, and"
+        f" {also} with {every}, too."
+    )
+
+
 def _seconds(value: float) -> str:
-    return "0" if value == 0.0 else f"{value:.2g}" if math.isfinite(value) else "diverged"
+    if not math.isfinite(value):
+        return "diverged"
+    if 0.0 < value < _LEAST_S:
+        return f"<{_LEAST_S:g}"
+    return "0" if value == 0.0 else f"{value:.0f}" if value >= 100.0 else f"{value:.2g}"
 
 
 def _time(value: float) -> str:

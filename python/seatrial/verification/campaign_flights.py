@@ -59,6 +59,8 @@ class CampaignFlights:
         Those of the table, in its order.
     seed
         Of the campaign.
+    model
+        The vehicle that the autopilot believes in; None: the identified one.
     sensors
         "typical", a file, or None for perfect ones.
     rho, g
@@ -70,6 +72,7 @@ class CampaignFlights:
     autopilot: Autopilot
     missions: tuple[Mission, ...]
     seed: int
+    model: Vehicle | None = None
     sensors: str | Path | None = "typical"
     rho: float | None = None
     g: float | None = None
@@ -87,16 +90,21 @@ class CampaignFlights:
         """The same draws for another autopilot."""
         return replace(self, autopilot=autopilot)
 
-    def check(self) -> tuple[str, ...]:
-        """Sentences on what the flights leave out; refuses what cannot be flown before anything flies.
+    def check(self) -> None:
+        """Refuse what cannot be flown before anything flies.
 
         Raises
         ------
         SimulationError, TrialError, VehicleError, CampaignError
             A number, name, sensor or file is not usable.
         """
-        notes = self.cases([0]).notes
-        return tuple(dict.fromkeys([*notes, *self._ready[0].circumstances.sensor_notes]))
+        self.cases([0])
+        _ = self._ready
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Sentences on where the sensors of the flights differ from those of the set."""
+        return self._ready[0].circumstances.sensor_notes
 
     def fly(self, numbers: ArrayLike, *, threads: int | None = None) -> FlownMissions:
         """Missions of these numbers, flown side by side.
@@ -169,6 +177,7 @@ class CampaignFlights:
             [self.rho, self.g, around.sensors],
             [fitted.vehicle.to_toml(), fitted.names, fitted.covariance.tolist()],
             self.autopilot.to_toml(),
+            None if self.model is None else self.model.to_toml(),
             [one.to_toml() for one in self.missions],
         ]
         return hashlib.sha256(json.dumps(what).encode()).hexdigest()
@@ -181,8 +190,8 @@ class CampaignFlights:
     def _set_up(self, mission: Mission) -> SetUp:
         table, bottom = self.table, self.table.seabed
         return set_up(
-            (self.fitted.vehicle, self.autopilot, mission),  # type: ignore[arg-type]
-            model=None,
+            (self.fitted.vehicle, self.autopilot, mission),
+            model=self.model,
             sensors=self.sensors,
             current=(0.0, 0.0, 0.0),
             turbulence_times=table.current.turbulence_times_s,

@@ -1,4 +1,4 @@
-"""The conduct of a verification: missions flown, other autopilots flown on the same draws, all judged and kept.
+"""The conduct of a verification: missions flown, with other autopilots too, all of them judged and kept.
 
 Tests: ``tests/test_verify.py``.
 """
@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from seatrial.flight.checked_numbers import checked_threads
 from seatrial.run_directory import RunDirectory
 from seatrial.verification.comparison_of_autopilots import AutopilotComparison, compared
 from seatrial.verification.judged_requirement import judged
@@ -37,9 +38,14 @@ def conduct(
 
     Raises
     ------
+    SimulationError
+        There is no such number of threads.
+    SeatrialError
+        The run directory cannot be written.
     KeyboardInterrupt
         Before the first missions were finished.
     """
+    checked_threads(threads)
     directory = None if run_dir is None else RunDirectory(run_dir)
     try:
         series = fly_series(
@@ -55,7 +61,9 @@ def conduct(
             raise KeyboardInterrupt
         flown, comparison, interrupted = series.flown, None, series.interrupted
         if prepared.others and not interrupted:
-            comparison, interrupted = _compared(prepared, flown, directory, progress, resume, threads)
+            comparison, interrupted = _compared(
+                prepared, flown, store=directory, progress=progress, resume=resume, threads=threads
+            )
     except BaseException:
         if directory is not None:
             directory.abandon()
@@ -77,7 +85,7 @@ def conduct(
         comparison=comparison,
         asked=prepared.runs,
         interrupted=interrupted,
-        notes=prepared.notes,
+        notes=tuple(dict.fromkeys([*prepared.notes, *prepared.flights.cases(len(flown)).notes])),
     )
     if directory is not None:
         found.publish(directory)
@@ -87,7 +95,8 @@ def conduct(
 def _compared(
     prepared: VerifiedCampaign,
     flown: FlownMissions,
-    directory: RunDirectory | None,
+    *,
+    store: RunDirectory | None,
     progress: Callable[[MissionsFlown], None] | None,
     resume: bool,
     threads: int | None,
@@ -100,7 +109,7 @@ def _compared(
             prepared.flights.with_autopilot(autopilot),
             runs,
             autopilot=name,
-            store=directory,
+            store=store,
             resume=resume,
             progress=progress,
             threads=threads,

@@ -7,7 +7,10 @@ more, would be as rare as alpha,
     sum_{i>=k} C(n,i) p_L^i (1-p_L)^(n-i) = alpha,    p_L = quantile alpha of Beta(k, n-k+1)
 
 alpha = 1 - confidence for a bound on one side, half of it for each side of an interval. Whatever p is, they
-cover it at least as often as they say. With no failure p_U = 1 - alpha^(1/n), about 3/n at 95 %: the rule of
+cover it at least as often as they say, for a number of missions that was fixed beforehand: who adds missions
+until the verdict suits looks several times and errs more often. Look j at the risk alpha/2^j errs with at most
+alpha over all looks (Bonferroni's inequality), so that the advice of an undecided verdict is given at half the
+risk. With no failure p_U = 1 - alpha^(1/n), about 3/n at 95 %: the rule of
 three (Hanley & Lippman-Hand 1983, JAMA 249:1743).
 
 A verdict takes the bounds on one side: "held" where the upper one does not exceed what is allowed, "failed"
@@ -20,7 +23,7 @@ Held by `tests/test_failure_probability.py`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -127,6 +130,11 @@ class FailureProbability:
         """Upper bound on one side: with this confidence the failure probability is not larger."""
         return float(_bounds(self.failures, self.runs, 1.0 - self.confidence)[1])
 
+    @property
+    def looked_at_again(self) -> FailureProbability:
+        """The same count at half the risk: what a further look at a growing number of missions may spend."""
+        return replace(self, confidence=0.5 * (1.0 + self.confidence))
+
     def verdict(self, allowed: float) -> Verdict:
         """Held, failed or undecided against the allowed failure probability."""
         if self.at_most <= allowed:
@@ -140,7 +148,7 @@ class FailureProbability:
         --------
         >>> print(FailureProbability(0, 100).sentence(0.01))
         undecided: at most 3 % of the missions fail (95 % confidence), 1 % is allowed;
-        199 more without a failure would hold it
+        268 more without a failure would hold it at 97.5 % (half the risk, being another look)
         """
         verdict, sure = self.verdict(allowed), f"({100.0 * self.confidence:g} % confidence)"
         limit = f"{share(allowed)} is allowed"
@@ -149,13 +157,15 @@ class FailureProbability:
         said = f"{verdict}: at most {share(self.at_most, 'up')} of the missions fail {sure}, {limit}"
         if verdict == "held":
             return said
+        again = self.looked_at_again
+        careful = f"at {100.0 * again.confidence:.6g} % (half the risk, being another look)"
         if self.failures == 0:
-            more = runs_needed(allowed, confidence=self.confidence) - self.runs
-            return f"{said}; {more} more without a failure would hold it"
+            more = runs_needed(allowed, confidence=again.confidence) - self.runs
+            return f"{said}; {more} more without a failure would hold it {careful}"
         about = further_runs(self, allowed)
         if about is None:
             return f"{said}; the share is so close to it that a billion missions may not decide it"
-        return f"{said}; about {_rounded(about)} more missions will probably decide it"
+        return f"{said}; about {_rounded(about)} more missions will probably decide it {careful}"
 
     def __str__(self) -> str:
         """Count, share and interval; without a failure the bound on one side and the rule of three."""
@@ -197,6 +207,7 @@ def runs_needed(allowed: float, *, failures: int = 0, confidence: float = 0.95) 
 def further_runs(found: FailureProbability, allowed: float, *, chance: float = 0.8) -> int | None:
     """Number of further missions that decide with this chance whether it is held, zero if it is decided.
 
+    They are a further look at what was flown, so that they are judged at half the risk.
     The failures to come are foretold from those seen (Jeffreys' prior, Beta(k + 1/2, n - k + 1/2)): the share
     itself is not known, and where it is close to the allowed one many missions are needed.
 
@@ -211,6 +222,7 @@ def further_runs(found: FailureProbability, allowed: float, *, chance: float = 0
     _open("chance", chance)
     if found.verdict(allowed) != "undecided":
         return 0
+    found = found.looked_at_again
     likely = beta.ppf(
         (np.arange(_NODES) + 0.5) / _NODES, found.failures + 0.5, found.runs - found.failures + 0.5
     )

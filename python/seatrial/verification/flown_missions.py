@@ -189,6 +189,10 @@ def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], Array
     called = np.nan_to_num(found["alert"]) > 0.0
     found["alert"] = np.where(called, watches[causes], "")
     found["alert_time_s"] = np.where(called, found["alert_time_s"], np.nan)
-    found["abort"] = found["ending"] == "aborted"
+    # Of a diverged mission no figure may hold a requirement.
+    for name, values in found.items():
+        if values.dtype.kind == "f":
+            found[name] = np.where(diverged, np.nan, values)
+    found["abort"] = np.isin(found["ending"], ("aborted", DIVERGED))
     samples = np.asarray(flights.cross_track_counts, dtype=float)
     return found, samples - np.append(samples[:, 1:], np.zeros((len(samples), 1)), axis=1)

@@ -30,8 +30,8 @@ CHUNK = 512
 class MissionsFlown:
     """State of a verification after a chunk.
 
-    ``autopilot`` is what flies ("verified", "start", ...), ``flown`` of ``runs`` missions are done, ``left_s``
-    is the time left, s, ``real_time_factor`` the time flown over the time it took.
+    ``autopilot`` is what flies ("verified", "start", ...), ``flown`` of ``runs`` missions are done,
+    ``left_s`` is the time left, s, ``real_time_factor`` the time flown over the time it took.
     """
 
     autopilot: str

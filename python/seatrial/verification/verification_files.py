@@ -1,4 +1,4 @@
-"""What a verification leaves in its run directory: verdict, missions, JUnit XML, worst missions, inputs, figures.
+"""What a verification leaves in its run directory: verdict, missions, JUnit XML, worst missions, inputs.
 
 Tests: ``tests/test_verify.py``, ``tests/test_cli_verify.py``.
 """
@@ -39,16 +39,18 @@ def junit(found: Verification) -> str:
     titles = found.flights.titles
     mission = titles[0] if len(titles) == 1 else "all missions"
     part = found.flown.wall_s / len(found.requirements)
+    lines = [requirement_lines(one) for one in found.requirements]
     outcomes = [
         Outcome(
             mission,
             one.requirement.name,
             one.verdict,
             message=one.sentence,
-            details="\n".join([*(line.strip() for line in requirement_lines(one)), again(found)]),
+            # The second line is the message.
+            details="\n".join([said[0], *(line.strip() for line in said[2:]), again(found)]),
             time_s=part,
         )
-        for one in found.requirements
+        for one, said in zip(found.requirements, lines, strict=True)
     ]
     rests_on = {
         "seed": found.flights.seed,

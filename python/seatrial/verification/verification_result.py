@@ -44,7 +44,7 @@ class Verification:
     interrupted
         Whether Ctrl-C ended them early: the verdict is that of the missions until then.
     notes
-        Sentences: what is assumed, what the flights leave out.
+        Sentences on what is assumed and what was drawn; ``flights.left_out`` says more.
     """
 
     campaign: Campaign
@@ -75,6 +75,10 @@ class Verification:
 
     def requirement(self, name: str) -> JudgedRequirement:
         """The requirement with a name.
+
+        Parameters
+        ----------
+        name : str
 
         Raises
         ------
@@ -125,6 +129,7 @@ class Verification:
                 "missions_per_s": self.flown.per_second,
             },
             "notes": list(self.notes),
+            "left_out": list(self.flights.left_out),
         }
 
     def junit(self) -> str:
@@ -149,7 +154,12 @@ class Verification:
         return self.publish(RunDirectory(run_dir))
 
     def publish(self, directory: RunDirectory) -> Path:
-        """Path of an opened run directory after the results are in it. See `save`."""
+        """Path of an opened run directory after the results are in it. See `save`.
+
+        Parameters
+        ----------
+        directory : RunDirectory
+        """
         from seatrial.verification.verification_files import files
 
         return directory.publish(files(self))

@@ -37,8 +37,7 @@ def summary(found: Verification) -> str:
         lines += [*comparison_lines(found.comparison), ""]
     lines.append(again(found))
     lines.append(time_sentence(found))
-    if found.notes:
-        lines += ["", *(f"- {note}" for note in found.notes)]
+    lines += ["", *(f"- {note}" for note in (*found.notes, *found.flights.left_out))]
     return "\n".join(lines)
 
 
@@ -107,8 +106,8 @@ def time_sentence(found: Verification) -> str:
     """How much was flown in which time."""
     flown = found.flown
     return (
-        f"{flown.flown_s / 3600.0:.3g} h were flown in {flown.wall_s:.3g} s: {flown.per_second:.3g} missions"
-        f" per second, {flown.real_time_factor:,.0f} times real time."
+        f"{_size(flown.flown_s / 3600.0)} h were flown in {_size(flown.wall_s)} s:"
+        f" {flown.per_second:,.0f} missions per second, {flown.real_time_factor:,.0f} times real time."
     )
 
 
@@ -117,6 +116,10 @@ def reserve(value: float, unit: str) -> str:
     if math.isinf(value):
         return "failed" if value < 0.0 else "held"
     return f"{value:+.2g} {unit}".rstrip().replace("-", "\N{MINUS SIGN}")
+
+
+def _size(value: float) -> str:
+    return f"{value:,.1f}" if value >= 1.0 else f"{value:.2g}"
 
 
 def _figure(value: float) -> str:

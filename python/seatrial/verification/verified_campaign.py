@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial._core import Autopilot
+from seatrial._core import Autopilot, Vehicle
 from seatrial.errors import CampaignError, SimulationError
 from seatrial.file_kind import loaded
 from seatrial.fitted import Fitted
@@ -47,7 +47,7 @@ class VerifiedCampaign:
     runs
         Number of missions.
     notes
-        Sentences: what is assumed, what the flights leave out.
+        Sentences on what is assumed.
     """
 
     campaign: Campaign
@@ -63,6 +63,7 @@ def verified_campaign(
     fit: Any = None,
     gains: Any = None,
     *,
+    model: Any = None,
     runs: int | None = None,
     missions: Sequence[Mission | str | Path] | None = None,
     compare: bool | Mapping[str, Any] = False,
@@ -86,13 +87,14 @@ def verified_campaign(
         autopilot=autopilot,
         missions=flown,
         seed=campaign.seed,
+        model=None if model is None else loaded(Vehicle, model, "model"),
         sensors=_sensors(campaign, table),
         rho=environment.rho_kg_m3,
         g=environment.g_m_s2,
     )
     if table.coefficients == "covariance" and not flights.fitted.names:
         notes.append("Every vehicle flies with the same coefficients, for no covariance of them is known.")
-    notes += flights.check()
+    flights.check()
     for other in others.values():
         flights.with_autopilot(other).check()
     return VerifiedCampaign(campaign, flights, requirements, others, number, tuple(notes))

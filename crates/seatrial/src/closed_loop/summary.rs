@@ -258,9 +258,28 @@ impl<T: Real> Summary<T> {
     /// Turns sums into means.
     #[inline(always)]
     pub fn finish(&mut self) {
-        let one = self.settled.splat(1.0);
+        let (one, none) = (self.settled.splat(1.0), self.settled.splat(f64::NAN));
+        let any = one.zero().lt(self.settled);
         for sum in [&mut self.cross_track, &mut self.vertical] {
             sum[1] = (sum[1] / self.settled.max(one)).sqrt();
+            // Who never settled on a leg has no error of guidance, rather than none at all.
+            for figure in sum {
+                *figure = T::select(any, *figure, none);
+            }
+        }
+        // Of what diverged nothing is a figure: its last sound value would be a good one.
+        let sound = self.duration.abs().lt(one.splat(f64::INFINITY));
+        let pairs = self.cross_track.iter_mut().chain(&mut self.vertical).chain(&mut self.tilt);
+        for figure in pairs.chain([
+            &mut self.energy,
+            &mut self.excursion,
+            &mut self.depth,
+            &mut self.altitude,
+            &mut self.clearance,
+            &mut self.distance,
+            &mut self.missed_by,
+        ]) {
+            *figure = T::select(sound, *figure, none);
         }
         // At least a tick; of what diverged it stays no number.
         let (minutes, tick) = (self.duration * (1.0 / 60.0), one.splat(1e-9));
