@@ -10,12 +10,24 @@ from typer.testing import CliRunner, Result
 
 import seatrial as st
 from seatrial.cli import app
-from tests.tuning_campaigns import HEAD, HEADING
+from tests.tuning_campaigns import HEAD, HEADING, START
 
-QUICK = HEADING.replace("generations = 6, simplex_rounds = 3", "generations = 2, simplex_rounds = 1")
-HARD = QUICK.replace("rise_s = 7.0", "rise_s = 1.2").replace(
-    "generations = 2, simplex_rounds = 1", "generations = 1, simplex_rounds = 1"
-)
+QUICK = HEADING.replace("generations = 6, simplex_rounds = 3", "generations = 1, simplex_rounds = 1")
+HARD = QUICK.replace("rise_s = 7.0", "rise_s = 1.2")
+# A hull that never goes astern is stable at all that it reaches, so that a tuning can end well.
+LAUV = HEAD.replace("cwolf", "lauv", 1).replace(START.as_posix(), "lauv")
+NIMBLE = """
+[tuning]
+samples = 1
+current_m_s = 0.05
+settle_s = 6.0
+margins = { phase_deg = 20.0, gain_db = 3.0, delay_s = 0.05 }
+budget = { population = 8, generations = 6, simplex_rounds = 3 }
+[tuning.loops.heading]
+steps = [20.0]
+speeds_m_s = [1.318]
+corridor = { rise_s = 5.0, overshoot = 0.08, settling_s = 14.0, settled = 0.08, until_s = 18.0 }
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -24,8 +36,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def call(tuning: str, *arguments: object) -> Result:
-    Path("small.toml").write_text(HEAD + tuning)
+def call(tuning: str, *arguments: object, head: str = HEAD) -> Result:
+    Path("small.toml").write_text(head + tuning)
     return CliRunner().invoke(app, ["tune", "small.toml", *map(str, arguments), "--threads", "1"])
 
 
@@ -34,12 +46,12 @@ def words(text: str) -> str:
 
 
 def test_tables_verdict_files_and_figures_of_a_tuning() -> None:
-    result = call(HEADING)
+    result = call(NIMBLE, head=LAUV)
     assert result.exit_code == 0, result.output
     said = words(result.stdout)
     for expected in (
-        "Vehicle: cwolf",
-        "cwolf: responses with the tuned gains",
+        "Vehicle: lauv",
+        "lauv: responses with the tuned gains",
         "Side by side",
         "start, s",
         "Gains at the supporting points that are reached",
@@ -58,6 +70,15 @@ def test_tables_verdict_files_and_figures_of_a_tuning() -> None:
     figures = {path.stem for path in (run / "figures").iterdir()}
     assert figures == {"corridor_heading", "responses_heading", "margins"}
     assert st.Autopilot.load(run / "autopilot.toml").name == "small tuned"
+
+
+def test_margins_that_fall_short_are_exit_code_1_though_the_corridors_are_held() -> None:
+    # The loop at 3 m/s is tuned; astern, where nobody asked, the start gains leave the hull unstable.
+    result = call(HEADING, "--no-figures")
+    assert result.exit_code == 1, result.output
+    said = words(result.stdout)
+    assert "stays within its corridor" in said
+    assert "hover at -1.00 m/s (unstable)" in said
 
 
 def test_json_is_all_that_is_printed_and_a_violation_is_exit_code_1() -> None:
@@ -103,7 +124,7 @@ def test_ctrl_c_is_exit_code_130_and_nothing_is_published(monkeypatch: pytest.Mo
         return terms(self, gains, reserve=reserve)
 
     monkeypatch.setattr(objective.Objective, "terms", interrupted)
-    result = call(QUICK)
+    result = call(HEADING)
     assert result.exit_code == 130, result.output
     assert "The tuning was interrupted: the gains are the best so far" in words(result.stdout)
     assert not Path("runs/small-tuned").exists()

@@ -145,7 +145,7 @@ def test_a_count_reads_as_a_share_with_its_interval(failures: int, runs: int, te
     [
         (3, 2000, "held: at most 0.39 % of the missions fail (95 % confidence), 1 % is allowed"),
         (60, 2000, "failed: at least 2.3 % of the missions fail (95 % confidence), 1 % is allowed"),
-        (0, 100, "199 more without a failure would hold it"),
+        (0, 100, "268 more without a failure would hold it at 97.5 % (half the risk, being another look)"),
         (5, 1000, "more missions will probably decide it"),
     ],
 )
@@ -169,7 +169,8 @@ def test_further_runs_decide_about_as_often_as_they_promise(failures: int, runs:
     rng = np.random.default_rng(5)
     truth = rng.beta(failures + 0.5, runs - failures + 0.5, 2000)
     count, times = np.unique(failures + rng.binomial(more, truth), return_counts=True)
-    decided = [FailureProbability(int(k), runs + more).verdict(allowed) != "undecided" for k in count]
+    # A further look spends half the risk.
+    decided = [FailureProbability(int(k), runs + more, 0.975).verdict(allowed) != "undecided" for k in count]
     # Four standard deviations of a share of 2000 draws, and the teeth of the count itself.
     assert np.dot(decided, times) / 2000.0 == pytest.approx(0.8, abs=0.04 + 0.03)
 
@@ -193,3 +194,24 @@ def test_bounds_are_rounded_to_their_safe_side() -> None:
 def test_counts_that_cannot_be_are_refused(failures: int, runs: int, confidence: float) -> None:
     with pytest.raises(ValueError, match="expected"):
         FailureProbability(failures, runs, confidence)
+
+
+def test_law_looks_at_a_growing_campaign_err_no_more_than_promised_when_each_takes_half_the_risk() -> None:
+    """Six looks, the missions doubling, at a failure probability just above what is allowed."""
+    rng, allowed, campaigns = np.random.default_rng(2), 0.05, 4000
+    runs = 200 * 2 ** np.arange(6)
+    failures = np.cumsum(rng.binomial(np.diff(runs, prepend=0), allowed * 1.0001, (campaigns, 6)), axis=1)
+
+    def wrongly_held(risks: np.ndarray) -> float:
+        most = [
+            np.flatnonzero(
+                clopper_pearson(np.arange(n // 10), n, confidence=1.0 - 2.0 * r)[1] <= allowed
+            ).max()
+            for n, r in zip(runs.tolist(), risks.tolist(), strict=True)
+        ]
+        return float(np.mean((failures <= most).any(axis=1)))
+
+    # Three standard deviations of a share of 4000 at 5 %.
+    assert wrongly_held(0.05 * 0.5 ** np.arange(1, 7)) <= 0.05 + 0.011
+    assert wrongly_held(np.full(6, 0.05)) > 0.10
+    assert FailureProbability(1, 300).looked_at_again.confidence == pytest.approx(0.975)

@@ -25,6 +25,7 @@ from seatrial.identify import identify
 from seatrial.numbered_draws import checked_numbers, generator, uniforms
 from seatrial.parameters import Parameter
 from seatrial.possible_coefficients import PossibleCoefficients
+from seatrial.scale.homogeneity import STATIC, THRUST, Held, Homogeneity
 
 Array = NDArray[np.float64]
 
@@ -63,7 +64,14 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Identification
 
 
 def joint(
-    covariance: Any, *, singular: Any = None, vectors: Any = None, sigma: Any = None, bench: Any = None
+    covariance: Any,
+    *,
+    singular: Any = None,
+    vectors: Any = None,
+    sigma: Any = None,
+    bench: Any = None,
+    warning: str | None = None,
+    held: tuple[Held, ...] = (),
 ) -> Identification:
     """What of an identification counts: two parameters, X_uu and Y_vv, with bounds 40 and 400 wide."""
     names, widths = ("X_uu", "Y_vv"), (40.0, 400.0)
@@ -84,6 +92,10 @@ def joint(
             singular_values=np.ones(2) if singular is None else np.array(singular),
             vectors=np.eye(2) if vectors is None else np.array(vectors),
         ),
+        criticism=SimpleNamespace(warning=warning),
+    )
+    scale = SimpleNamespace(
+        homogeneity=Homogeneity((), (), held), tested=() if bench is None else tuple(bench.pulls)
     )
     return cast(
         Identification,
@@ -91,6 +103,7 @@ def joint(
             certainty=certainty,
             vehicle=Vehicle.load("cwolf"),
             coefficients=(),
+            scale=scale,
             campaign=SimpleNamespace(bench=bench),
         ),
     )
@@ -166,6 +179,21 @@ def test_what_the_data_tell_is_left_as_it_is() -> None:
     assert known is not None
     np.testing.assert_allclose(known.matrix, [[4.0, 3.0], [3.0, 100.0]], rtol=1e-12)
     assert known.notes == ()
+
+
+def test_notes_say_what_no_draw_contains() -> None:
+    """The criticism's warning, and what holds the scale of all forces where no bench test measured it."""
+    thrust = Held(THRUST, ("SbL",))
+    known = coefficient_covariance(joint(np.eye(2), warning="The truth lies outside", held=(thrust,)))
+    assert known is not None
+    outside, scale = known.notes
+    assert outside.startswith("The truth lies outside. Draws stay within that class")
+    assert scale.startswith("The scale rests on the thrust of SbL as in the vehicle file; draws do not vary")
+    fitted = CoefficientCovariance.from_dict(json.loads(json.dumps(known.to_dict())), "run")
+    assert fitted.notes == known.notes
+    only_moments = coefficient_covariance(joint(np.eye(2), held=(Held(STATIC, ("m g z_g",)),)))
+    assert only_moments is not None
+    assert only_moments.notes == ()
 
 
 def test_direction_without_information_gets_the_bounds_and_keeps_its_sum() -> None:

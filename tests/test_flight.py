@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import tomlkit
+from hypothesis import given
+from hypothesis import strategies as st_
 from numpy.typing import NDArray
 
 import seatrial as st
+from seatrial._core import error_edges
+from seatrial.flight.figures_of_flight import quantile
 from seatrial.run_directory import to_json
 from seatrial.sensors import Sensor
 from tests.flying import BOX, OUT, STATION, flown
@@ -63,6 +67,65 @@ def test_figures_of_the_core_are_those_of_the_log() -> None:
         # The same sums in another order.
         assert flight.figures[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
     assert flight.energy_wh[-1] == pytest.approx(flight.figures["energy_wh"], rel=1e-9)
+
+
+def settled(flight: st.Flight) -> NDArray[np.bool_]:
+    """Rows on the second half of their leg, where errors count."""
+    start, waypoints = flight.mission.start, flight.mission.waypoints
+    north, east = (np.append(start[name], waypoints[name]) for name in ("north_m", "east_m"))
+    half = 0.5 * np.hypot(np.diff(north), np.diff(east))[flight.leg]
+    rows: NDArray[np.bool_] = ~flight.holding & ~flight.done & (flight.alert == 0) & (flight.distance < half)
+    return rows
+
+
+@pytest.mark.parametrize("current", [(0.0, 0.3, 0.0), (0.2, -0.1, 0.0)])
+def test_quantiles_of_the_core_are_those_of_the_log(current: tuple[float, float, float]) -> None:
+    flight = flown(BOX, current)
+    rows = settled(flight)
+    for error in ("cross_track", "vertical"):
+        size = np.abs(flight.errors[error][rows])
+        for share in (50, 95, 99):
+            found = flight.figures[f"{error}_p{share}_m"]
+            # Log-linear between thresholds that are 26 % apart: up to three per cent off, beside one sample
+            # in two hundred.
+            near = np.quantile(size, np.clip(share / 100.0 + np.array([-0.005, 0.0, 0.005]), 0.0, 1.0))
+            assert 0.97 * near[0] <= found <= 1.03 * near[2], (error, share)
+        assert found <= flight.figures[f"{error}_largest_m"]
+
+
+@given(st_.integers(0, 2**32 - 1), st_.floats(0.02, 3.0), st_.floats(0.1, 1.0))
+def test_law_a_quantile_of_counts_is_that_of_the_samples(seed: int, scale: float, spread: float) -> None:
+    size = scale * np.exp(spread * np.random.default_rng(seed).standard_normal(4000))
+    edges = np.asarray(error_edges())
+    counts = np.concatenate([[len(size)], (size[:, None] > edges).sum(axis=0)])[None].astype(float)
+    for share in (0.5, 0.95, 0.99):
+        found = quantile(counts, share, largest=np.array([size.max()]))[0]
+        exact = float(np.quantile(size, share))
+        if edges[0] < exact < edges[-1]:
+            # Never beyond the thresholds about it, which are 26 % apart; three per cent where the samples
+            # spread over several of them, but for p99, above which there are only forty.
+            assert exact / 1.26 <= found <= 1.26 * exact
+            if spread > 0.5:
+                assert found == pytest.approx(exact, rel=0.03 if share < 0.99 else 0.10)
+
+
+def test_quantiles_of_errors_beyond_the_thresholds_are_bounded_by_the_largest() -> None:
+    edges = np.asarray(error_edges())
+    tiny = np.concatenate([[100.0], np.zeros(len(edges))])[None]
+    assert quantile(tiny, 0.95, largest=np.array([1e-9]))[0] == 1e-9
+    huge = np.concatenate([[100.0], np.full(len(edges), 100.0)])[None]
+    assert edges[0] < quantile(huge, 0.95, largest=np.array([1e3]))[0] <= 1e3
+
+
+def test_clearance_and_travel_of_the_core_are_those_of_the_log() -> None:
+    rows = ((40.0, 12.0, 3.0), (100.0, 60.0, 1.5))
+    flight = flown(BOX, obstacles=rows)
+    away = [np.hypot(*(flight.position[:, :2] - row[:2]).T) - row[2] for row in rows]
+    assert flight.figures["clearance_m"] == pytest.approx(np.min(away), rel=1e-9)
+    info = flight.vehicle.actuator_info()
+    span = {name: each["maximum_ahead"] + each["maximum_astern"] for name, each in info.items()}
+    moved = [np.abs(np.diff(values)).sum() / span[name] for name, values in flight.commands.items()]
+    assert flight.figures["travel_per_s"] == pytest.approx(np.mean(moved) / flight.t[-1], rel=1e-9)
 
 
 def test_a_flight_says_what_happened_row_by_row() -> None:

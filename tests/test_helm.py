@@ -105,3 +105,56 @@ def test_a_thrust_table_asks_for_the_supply() -> None:
     with pytest.raises(SimulationError, match="voltage: expected the supply in V with the first measurement"):
         one.step(STILL)
     assert np.isfinite(list(one.step(STILL | {"voltage": 14.8}).values())).all()
+
+
+def test_set_points_by_hand_take_the_place_of_guidance_where_they_are_named() -> None:
+    one = helm()
+    for _ in range(20):
+        one.step(STILL)
+    guided = one.thought
+    assert guided["speed"] > 0.0
+    one.step(STILL, set_points={"speed": 0.4, "heading": 0.5, "depth": 3.0})
+    by_hand = one.thought
+    assert by_hand["speed"] == pytest.approx(0.4)
+    assert by_hand["heading"] == pytest.approx(0.5)
+    assert by_hand["depth"] == pytest.approx(3.0)
+    assert by_hand["waypoint"] == guided["waypoint"]
+
+
+def test_hands_off_gives_the_vehicle_back_to_guidance() -> None:
+    one, other = helm(), helm()
+    for k in range(60):
+        one.step(STILL, set_points={"heading": 0.5} if 10 <= k < 20 else None)
+        other.step(STILL)
+    assert one.thought["heading"] == pytest.approx(other.thought["heading"], abs=1e-9)
+    assert one.thought["speed"] == pytest.approx(other.thought["speed"], abs=1e-9)
+
+
+def test_a_heading_by_hand_turns_the_vehicle_the_shorter_way() -> None:
+    port, starboard = helm(), helm()
+    for _ in range(5):
+        left = port.step(STILL, set_points={"speed": 0.0, "heading": -0.5})
+        right = starboard.step(STILL, set_points={"speed": 0.0, "heading": 0.5})
+    # Mirrored set points of a hull that is all but a mirror image of itself.
+    assert left["SbU"] - left["PU"] == pytest.approx(right["PU"] - right["SbU"], rel=0.05)
+    assert abs(left["SbU"] - left["PU"]) > 100.0
+
+
+def test_north_east_and_down_move_the_plan() -> None:
+    one, other = helm(), helm()
+    for _ in range(20):
+        one.step(STILL | {"x": 10.0, "y": 3.0, "z": 2.0}, set_points={"north": 4.0, "east": 3.0, "down": 1.0})
+        other.step(STILL | {"x": 6.0, "y": 0.0, "z": 1.0})
+    for name in ("heading", "speed", "cross_track"):
+        assert one.thought[name] == pytest.approx(other.thought[name], abs=1e-9), name
+    assert one.thought["depth"] == pytest.approx(other.thought["depth"] + 1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("set_points", "says"),
+    [({"speeds": 1.0}, "speeds"), ({"heading": np.nan}, "heading"), ({"depth": np.inf}, "depth")],
+)
+def test_a_set_point_that_is_none_is_refused(set_points: dict[str, float], says: str) -> None:
+    one = helm()
+    with pytest.raises(SimulationError, match=says):
+        one.step(STILL, set_points=set_points)

@@ -10,7 +10,7 @@ import pytest
 import seatrial as st
 from seatrial.errors import CampaignError, SimulationError, TrialError
 from seatrial.recorded import MissionLog
-from seatrial.recorded.envelope import mission_envelope
+from seatrial.recorded.envelope import FEWEST_FLIGHTS, mission_envelope, prediction_band
 from seatrial.recorded.log_figures import errors_of_guidance, log_figures
 from seatrial.recorded.set_point_steps import logged_steps
 from seatrial.tuning.corridor import Corridor
@@ -86,3 +86,28 @@ def test_steps_of_logged_set_points_are_held_against_corridors() -> None:
     assert logged_steps(read, {"heading": wide}) == ()
     with pytest.raises(CampaignError, match='no loop "surg"; did you mean'):
         logged_steps(read, {"surg": wide})
+
+
+def test_a_set_point_that_is_ramped_is_a_step_from_where_the_ramp_begins() -> None:
+    t = np.arange(0.0, 80.0, 0.1)
+    wanted = np.clip(0.5 + 0.4 * (t - 20.0), 0.5, 1.5)
+    noise = 0.02 * np.random.default_rng(3).standard_normal(len(t))
+    done = 0.5 + 0.1 * np.convolve(wanted - 0.5, np.exp(-t / 2.0) / 2.0)[: len(t)] + noise
+    read = MissionLog.read({"t_s": t, "u_m_s": done, "desired.speed_m_s": wanted}, name="ramp", align=False)
+    wide = Corridor.from_figures(rise_s=8.0, overshoot=0.1, settling_s=14.0, settled=0.1, until_s=20.0)
+    (step,) = logged_steps(read, {"surge": wide})
+    assert step.at_s == pytest.approx(20.1, abs=0.11)
+    assert (step.before, step.after) == pytest.approx((0.5, 1.5))
+    assert step.criterion == 0.0
+    # A set point that wanders is no step.
+    wandering = {"t_s": t, "u_m_s": done, "desired.speed_m_s": 1.0 + 0.5 * np.sin(0.2 * t)}
+    assert logged_steps(MissionLog.read(wandering, align=False), {"surge": wide}) == ()
+
+
+def test_law_a_further_flight_falls_into_the_band_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(4)
+    for flights in (FEWEST_FLIGHTS, 64):
+        lower, _, upper = prediction_band(rng.standard_normal((flights, 20_000)))
+        further = rng.standard_normal(20_000)
+        # Four standard deviations of a share of 20,000 at 95 %.
+        assert np.mean((lower <= further) & (further <= upper)) == pytest.approx(0.95, abs=0.0062)

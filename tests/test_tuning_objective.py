@@ -11,9 +11,9 @@ from hypothesis import strategies as st_
 
 from seatrial.tuning.corridor import Corridor
 from seatrial.tuning.gain_parameters import GainParameters
+from seatrial.tuning.loop_trials import LoopTrials
 from seatrial.tuning.margin_constraint import MarginConstraint
 from seatrial.tuning.objective import Objective, Terms, robust, violated
-from seatrial.tuning.step_trial import LoopTrials
 from seatrial.tuning.tuning_file import Margins
 from tests.tuning_campaigns import cwolf, rig, start, still
 
@@ -23,11 +23,10 @@ HEADING = GainParameters.of_loop("heading", start().gains(), free=FREE, reached=
 WIDE = Corridor([(0.0, -0.5), (14.0, -0.5), (14.0, 0.6)], [(0.0, 1.5), (20.0, 1.5)])
 
 
-def objective(corridor: Corridor = WIDE, margins: Margins | None = None, **changes: float) -> Objective:
+def objective(corridor: Corridor = WIDE, margins: Margins | None = None) -> Objective:
     trials = LoopTrials("heading", corridor, {}, (1.5,), (0.3,), settle_s=4.0)
     limits = None if margins is None else MarginConstraint(cwolf(), start(), (3.0,), limits=margins)
-    made = Objective(rig(), (trials,), still(2), HEADING, limits, 1.0, 0.05, REACHED)
-    return replace(made, **changes)
+    return Objective(rig(), (trials,), still(2), HEADING, limits, 1.0, 0.05, REACHED)
 
 
 def gains(*factors: float) -> dict[str, np.ndarray]:

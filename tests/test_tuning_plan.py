@@ -45,9 +45,13 @@ def test_a_vehicle_is_tuned_at_the_points_that_it_reaches(name: str) -> None:
     points = np.array(one.autopilot.speeds_m_s)
     np.testing.assert_array_equal(one.reached, reachable_points(one.vehicle, one.autopilot))
     assert one.places == np.flatnonzero(one.reached).tolist()
+    # Surge and heading work in every mode, so at every point that is reached; a step of the speed has to be
+    # within reach as well, against the current too.
+    np.testing.assert_allclose(one.trials("heading").speeds, points[one.reached], atol=1e-6)
     surge = one.trials("surge")
-    # Surge works in every mode, so at every point that is reached.
-    np.testing.assert_allclose(sorted(set(surge.speeds)), points[one.reached], atol=1e-6)
+    ends = np.array(surge.speeds) + np.array(surge.sizes)
+    assert (ends <= one.top_m_s - one.table.current_m_s).all()
+    assert set(surge.speeds) <= set(np.round(points[one.reached], 6).tolist())
     for group in one.groups:
         assert len(group.parameters) > 0
         for trials in group.trials:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from seatrial.plot.cross_track import cross_track, exceedance, quantile_of_counts
 from seatrial.plot.verification import Verified, cause_bars, verified_requirements
-from seatrial.verification.causes import Cause, Influence, find_causes
+from seatrial.verification.causes import Cause, find_causes
 from seatrial.verification.failure_probability import FailureProbability
+from seatrial.verification.influence import Influence
 from tests.figures import assert_on_page, panel, texts
 
 Array = NDArray[np.float64]

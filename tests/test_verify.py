@@ -58,7 +58,7 @@ def same(one: Verification, other: Verification, count: int | None = None) -> bo
     a, b = one.flown, other.flown
     columns = [(a.figures[name], b.figures[name]) for name in a.figures]
     columns += [(a.causes[name], b.causes[name]) for name in a.causes]
-    columns += [(a.numbers, b.numbers), (a.cross_track_counts, b.cross_track_counts)]
+    columns += [(a.numbers, b.numbers), (a.true_counts, b.true_counts)]
     return all(x[:count].tolist() == y[:count].tolist() or _same(x[:count], y[:count]) for x, y in columns)
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import seatrial as st
 from seatrial.tuning.conduct import plan_of
 from seatrial.tuning.corridor import Corridor
-from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
+from seatrial.tuning.loop_trials import LoopTrials, Samples
+from seatrial.tuning.step_trial import Rig
 from seatrial.tuning.tuning_plan import TuningPlan
 
 START = Path(__file__).parent.parent / "examples" / "cwolf" / "start_autopilot.toml"

@@ -115,6 +115,11 @@ class Flights:
         Time of the rows of a case, shape (n,), s.
         """
     @property
+    def true_cross_track_counts(self, /) -> NDArray[float64]:
+        """
+        The same of the true cross-track error.
+        """
+    @property
     def vertical_counts(self, /) -> NDArray[float64]:
         """
         The same of the vertical error.

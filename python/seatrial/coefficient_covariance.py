@@ -14,6 +14,10 @@ point comes on top, common to the actuators that were pulled together. It is add
 although a wrong thrust would move the damping along with it: the vehicles drawn are a little more unlike each
 other than they need to be.
 
+It is the covariance of the best model in the class. Where the truth lies outside (`seatrial.criticism`), it
+may be many of these standard deviations away; nor does it hold the common factor of all forces, which trials
+do not tell (`seatrial.scale.homogeneity`). The notes say both wherever the covariance is drawn from.
+
 Tests: ``tests/test_fitted.py``.
 """
 
@@ -28,6 +32,7 @@ from numpy.typing import NDArray
 
 from seatrial.errors import CampaignError
 from seatrial.parameters import names, spread
+from seatrial.scale.homogeneity import STATIC
 
 if TYPE_CHECKING:
     from seatrial.bench_test import BenchTest
@@ -114,6 +119,7 @@ def coefficient_covariance(identification: Identification) -> CoefficientCovaria
     matrix, notes = _bounded(certainty)
     factors = spread(parameters)
     found, among = names(parameters), factors.T @ matrix @ factors
+    notes += _beyond(identification)
     alone = [row.name for row in identification.coefficients if row.name not in found]
     if alone:
         notes.append(
@@ -124,6 +130,22 @@ def coefficient_covariance(identification: Identification) -> CoefficientCovaria
         found, among = _with_thrust(found, among, bench, own, notes)
     at = np.array([own.get(name, 0.0) for name in found])
     return CoefficientCovariance(tuple(found), at, 0.5 * (among + among.T), tuple(notes))
+
+
+def _beyond(identification: Identification) -> list[str]:
+    """Sentences on what no draw contains: what the model class lacks, and another scale of all forces."""
+    certainty, scale, said = identification.certainty, identification.scale, []
+    if certainty is not None and certainty.criticism.warning:
+        said.append(
+            f"{certainty.criticism.warning}. Draws stay within that class; deviations on top, such as"
+            ' coefficients = { "*_uu" = 10.0 } under [verification], stand for what it lacks.'
+        )
+    if not scale.tested and any(one.kind != STATIC for one in scale.homogeneity.held):
+        rests = scale.homogeneity.sentences()[1]
+        said.append(
+            f"{rests}; draws do not vary it, all forces and masses together may be larger or smaller."
+        )
+    return said
 
 
 def _bounded(certainty: Certainty) -> tuple[Array, list[str]]:

@@ -38,7 +38,7 @@ impl Flights {
             .ok_or_else(|| refused(format!("case: expected below {}, found {case}", self.outcomes.len())))
     }
 
-    /// Settled samples and those above each threshold, of the cross-track (0) or the vertical error (1).
+    /// Settled samples and those above each threshold, of the cross-track (0), vertical (1) or true cross-track error (2).
     fn counts(&self, error: usize) -> Array {
         let row = |o: &Outcome| {
             let above = o.summary.exceedance[error].counts;
@@ -98,6 +98,8 @@ impl Flights {
             ("energy", column(|s| s.energy)),
             ("cross_track_largest", column(|s| s.cross_track[0])),
             ("cross_track_rms", column(|s| s.cross_track[1])),
+            ("true_cross_track_largest", column(|s| s.true_cross_track[0])),
+            ("true_cross_track_rms", column(|s| s.true_cross_track[1])),
             ("vertical_largest", column(|s| s.vertical[0])),
             ("vertical_rms", column(|s| s.vertical[1])),
             ("excursion", column(|s| s.excursion)),
@@ -127,6 +129,12 @@ impl Flights {
     #[getter]
     fn vertical_counts(&self) -> Array {
         self.counts(1)
+    }
+
+    /// The same of the true cross-track error.
+    #[getter]
+    fn true_cross_track_counts(&self) -> Array {
+        self.counts(2)
     }
 
     /// What each corridor of a trial was violated by, shape (k, corridors, 3): time integrals of the shortfall below

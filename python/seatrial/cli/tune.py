@@ -37,8 +37,8 @@ def tune(
 ) -> None:
     """Tune an autopilot's gains until its responses stay within the corridors of a campaign.
 
-    Exit code 1 where a response leaves its corridor after all. Ctrl-C keeps the best so far; the same command
-    goes on with what is not finished.
+    The exit code is 1 where a response leaves its corridor, or a margin falls short, after all. Ctrl-C keeps
+    the best so far; the same command goes on with what is not finished.
     """
     from seatrial.campaign import Campaign
     from seatrial.cli.console import list_figures, output, print_json
@@ -64,7 +64,7 @@ def tune(
         list_figures(console, written)
     if found.interrupted:
         raise typer.Exit(130)
-    if not found.feasible:
+    if not found.held:
         raise typer.Exit(1)
 
 
@@ -124,7 +124,7 @@ def print_tuning(console: Console, found: Tuning) -> None:
     )
 
     if (judged := found.of("tuned")) is not None:
-        title = f"{found.plan.vehicle.name}: responses with the tuned gains"
+        title = f"{found.plan.vehicle.name}: responses with the tuned gains (times in s)"
         console.print(table(title, TRIAL_HEAD, trial_rows(judged)))
         console.print(table(COMPARISON_TITLE, comparison_head(found), comparison_rows(found)))
     console.print(

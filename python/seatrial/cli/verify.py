@@ -1,4 +1,4 @@
-"""`seatrial verify`: a campaign and an autopilot in, a verdict from many missions out."""
+"""`seatrial verify`: a campaign and an autopilot, or a log, in; a verdict out."""
 
 from __future__ import annotations
 
@@ -38,6 +38,22 @@ def verify(
         list[Path] | None,
         typer.Option("--mission", help="Mission file instead of the campaign's; repeatable."),
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="LOG",
+            help="Judge a recorded mission instead of flying any: a run directory of `seatrial fly`, a"
+            " recording, or a trial of the campaign.",
+        ),
+    ] = None,
+    reference: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG",
+            help="With --log: a log on which the model is known to hold, instead of the campaign's trials;"
+            " repeatable.",
+        ),
+    ] = None,
     compare: Annotated[
         bool, typer.Option("--compare", help="Fly the same draws with the campaign's start autopilot too.")
     ] = False,
@@ -61,16 +77,38 @@ def verify(
 ) -> None:
     """Verify an autopilot by many missions of drawn vehicles in drawn water, with noise and failures.
 
-    The exit code is 0 when every requirement is held, 1 when one failed or is undecided, 2 for bad input.
+    With --log: does the model still hold on a recorded mission, what is suspected, what did the mission hold.
+
+    The exit code is 0 when every requirement is held (and the model still valid), 1 when one failed or is
+    undecided, 2 for bad input.
     Ctrl-C keeps the missions flown; the same command goes on from there.
     """
     from seatrial.campaign import Campaign
     from seatrial.cli.console import output, print_json
     from seatrial.cli.tune import fitted_source
+    from seatrial.errors import CampaignError
     from seatrial.run_directory import check_writable
     from seatrial.verification.verified_campaign import verified_campaign
 
     loaded = Campaign.load(campaign)
+    if log is not None:
+        from seatrial.cli.verify_log import refuse_beside, verify_log
+
+        refuse_beside({"--runs": runs, "--compare": compare, "--replay": replay, "--junit": junit})
+        verify_log(
+            loaded,
+            fitted_source(loaded, run),
+            log,
+            autopilot=autopilot,
+            missions=mission or [],
+            references=reference or [],
+            out=out,
+            figures=figures,
+            json=json,
+        )
+        return
+    if reference:
+        raise CampaignError("--reference: it belongs to a recorded mission; give that with --log")
     source, gains = fitted_source(loaded, run), gains_source(loaded, autopilot)
     prepared = verified_campaign(loaded, source, gains, runs=runs, missions=mission or None, compare=compare)
     if not json:

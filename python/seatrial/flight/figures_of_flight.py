@@ -35,6 +35,8 @@ _NAMES = {
     "energy": ("energy_wh", 1.0 / 3600.0),
     "cross_track_largest": ("cross_track_largest_m", 1.0),
     "cross_track_rms": ("cross_track_rms_m", 1.0),
+    "true_cross_track_largest": ("true_cross_track_largest_m", 1.0),
+    "true_cross_track_rms": ("true_cross_track_rms_m", 1.0),
     "vertical_largest": ("vertical_largest_m", 1.0),
     "vertical_rms": ("vertical_rms_m", 1.0),
     "excursion": ("depth_excursion_m", 1.0),
@@ -62,7 +64,8 @@ def figures_of(flights: Flights) -> dict[str, Array]:
     for name, values in flights.figures.items():
         renamed, scale = _NAMES.get(name, (name, 1.0))
         found[renamed] = scale * np.asarray(values)
-    for error, counts in (("cross_track", flights.cross_track_counts), ("vertical", flights.vertical_counts)):
+    for error in ("cross_track", "true_cross_track", "vertical"):
+        counts = getattr(flights, f"{error}_counts")
         for name, share in _QUANTILES.items():
             found[f"{error}_{name}_m"] = quantile(counts, share, largest=found[f"{error}_largest_m"])
     return found
@@ -87,6 +90,8 @@ def quantile(counts: Array, share: float, *, largest: Array) -> Array:
     for case, row in enumerate(exceeding):
         # From the rarest threshold down, as np.interp wants rising shares.
         found[case] = np.exp(np.interp(1.0 - share, row[::-1], edges[::-1]))
+        if row[-1] > 1.0 - share:  # beyond the last threshold only the largest is known
+            found[case] = np.inf
     return np.where(samples[:, 0] > 0.0, np.minimum(found, largest), np.nan)
 
 

@@ -44,6 +44,7 @@ Array = NDArray[np.float64]
 _HEIGHT_IN = 2.65
 _MARGIN, _MOST = 0.12, 0.6  # beyond the bounds, as shares of their range: at least, and at most
 _JUST_BEFORE_S = 1e-6
+_SMALLEST_S = 0.001  # an area below is told as less than that
 _FAINTEST = 60  # responses of a bundle that are drawn, evenly taken from those there are
 
 
@@ -64,6 +65,8 @@ class InCorridor:
         At the right of the title.
     label : str
         Of the vertical axis.
+    each : str
+        What one of a bundle is called.
     """
 
     name: str
@@ -72,6 +75,7 @@ class InCorridor:
     responses: Array
     remark: str = ""
     label: str = "share of the step"
+    each: str = "responses"
 
 
 def worst_response(shown: InCorridor) -> int:
@@ -112,8 +116,11 @@ def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
     with house_style():
         figure = new_figure(_HEIGHT_IN * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
         grid = figure.subplots(rows, columns, squeeze=False)
-        for axes, one in zip(grid.flat, shown, strict=False):
-            _panel(axes, one)
+        for row, panels in enumerate(grid):
+            beside = shown[2 * row : 2 * row + 2]
+            window = _common(beside)
+            for axes, one in zip(panels, beside, strict=False):
+                _panel(axes, one, window)
         for axes in list(grid.flat)[len(shown) :]:
             axes.set_axis_off()
         # The width of tick labels is known after a first layout: without it a panel's label leaves the page.
@@ -121,20 +128,27 @@ def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, one: InCorridor) -> None:
+def _common(beside: Sequence[InCorridor]) -> tuple[float, float]:
+    """Vertical limits of panels that stand side by side: the eye compares their heights."""
+    ends = [_window(one.corridor, np.atleast_2d(one.responses)[worst_response(one)]) for one in beside]
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def _panel(axes: Axes, one: InCorridor, window: tuple[float, float]) -> None:
     bundle = np.atleast_2d(np.asarray(one.responses, dtype=float))
     worst = worst_response(one)
     areas = violations(one.t, bundle[worst], one.corridor)
     period = float(one.t[1] - one.t[0])  # the last sample stands for the period after it
     end = min(one.corridor.until_s, float(one.t[-1]) + period)
-    low, high = _window(one.corridor, bundle[worst])
+    low, high = window
     _excluded(axes, one.corridor, end, low, high)
     axes.axhline(one.corridor.target, color=FAINT, linewidth=0.7, linestyle=(0, (4, 2)))
     for k in np.unique(np.linspace(0, len(bundle) - 1, min(len(bundle), _FAINTEST)).astype(int)):
         if k != worst:
             axes.plot(one.t, _drawn(bundle[k]), color=SIMULATED, linewidth=0.5, alpha=0.35, zorder=2.2)
     _areas(axes, one, bundle[worst], areas)
-    label = "response" if len(bundle) == 1 else f"worst of {len(bundle)} responses"
+    label = "response" if len(bundle) == 1 else f"worst of {len(bundle)} {one.each}"
+    label += _beyond(bundle[worst], low, high)
     axes.plot(one.t, _drawn(bundle[worst]), color=SIMULATED, linewidth=1.4, zorder=3, label=label)
     axes.set_xlim(min(0.0, float(one.t[0])), end)
     axes.set_ylim(low, high)
@@ -199,7 +213,17 @@ def _size(area: float, weight: float) -> str:
     if not math.isfinite(area):
         return "no end (diverged)"
     times = "" if weight == 1.0 else f"{weight:g} × "
-    return f"{times}{area:.3g} s" if area > 0.0 else "none"
+    size = f"below {_SMALLEST_S:g}" if area < _SMALLEST_S else f"{area:.3g}" if area < 1e3 else f"{area:.0f}"
+    return f"{times}{size} s" if area > 0.0 else "none"
+
+
+def _beyond(response: Array, low: float, high: float) -> str:
+    """Where a response goes that leaves the panel, for the legend; empty for one that does not."""
+    seen = response[np.isfinite(response)]
+    if not len(seen):
+        return " (diverges at once)"
+    ends = [float(end) for end in (seen.min(), seen.max()) if not low <= end <= high]
+    return f" (to {max(ends, key=abs):.2g})".replace("-", "\N{MINUS SIGN}") if ends else ""
 
 
 def _window(corridor: Corridor, response: Array) -> tuple[float, float]:

@@ -1,5 +1,7 @@
 """Cross-track error of all missions of a verification: how often it is exceeded, and the p95 of each mission.
 
+Where the vehicle really was stands beside what guidance saw: the difference is the sensors' own.
+
 Held by `tests/test_verification_figures.py`.
 """
 
@@ -10,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.plot.style import FAINT, RESIDUAL, SIMULATED, house_style, new_figure, panel_title
+from seatrial.plot.style import FAINT, RESIDUAL, SECOND, SIMULATED, house_style, new_figure, panel_title
 from seatrial.verification.failure_probability import share
 
 if TYPE_CHECKING:
@@ -71,6 +73,8 @@ def cross_track(
     edges: ArrayLike,
     *,
     p95_m: ArrayLike,
+    seen: ArrayLike | None = None,
+    of: str = "true",
     threshold_m: float | None = None,
     heading: str = "",
 ) -> Figure:
@@ -79,11 +83,16 @@ def cross_track(
     Parameters
     ----------
     counts : array_like, shape (k, E + 1) or (E + 1,)
-        Samples of |cross-track error| between the edges, of each mission or of all of them.
+        Samples of |cross-track error| between the edges, of each mission or of all of them: where the vehicle
+        really was.
     edges : array_like, shape (E,)
         Edges of the bins, m.
     p95_m : array_like, shape (k,)
         The p95 of each mission, m; not a number of one that diverged.
+    seen : array_like, optional
+        Samples as ``counts``, of the error that guidance saw.
+    of : str
+        Which of the two errors ``p95_m`` is of.
     threshold_m : float, optional
         What the requirement allows the p95 of a mission, m.
     heading : str
@@ -94,18 +103,19 @@ def cross_track(
         The counts do not fit the edges.
     """
     pooled = np.atleast_2d(np.asarray(counts, float)).sum(axis=0)
+    told = None if seen is None else np.atleast_2d(np.asarray(seen, float)).sum(axis=0)
     edge, p95 = np.asarray(edges, float), np.asarray(p95_m, float)
     with house_style():
         figure = new_figure(2.7)
         curve, beside = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
-        _curve(curve, pooled, edge, threshold_m)
-        _histogram(beside, p95, threshold_m)
+        _curve(curve, pooled, edge, threshold_m, told)
+        _histogram(beside, p95, threshold_m, of)
         if heading:
             figure.suptitle(heading, x=0.01, ha="left", fontweight="bold")
     return figure
 
 
-def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None) -> None:
+def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None, told: Array | None) -> None:
     above = exceedance(counts, edges)
     seen = above > 0.0
     panel_title(axes, "all samples", "settled legs of all missions")
@@ -117,7 +127,9 @@ def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None) -
     last = min(int(np.flatnonzero(seen)[-1]) + 1, len(edges) - 1)
     floor = 10.0 ** np.floor(np.log10(100.0 * above[seen].min()))
     x, y = np.append(0.0, edges[seen]), np.append(100.0, 100.0 * above[seen])
-    axes.plot(x, y, color=SIMULATED)
+    if told is not None:
+        _told(axes, told, edges)
+    axes.plot(x, y, color=SIMULATED, label="true")
     for part in _MARKED:
         value = quantile_of_counts(counts, edges, share_below=part)
         if not np.isfinite(value):
@@ -134,14 +146,26 @@ def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None) -
     axes.set_ylim(floor, 140.0)
     axes.set_xlim(0.0, 1.15 * max(edges[last], threshold_m or 0.0))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    _threshold(axes, threshold_m)
+    _threshold(axes, threshold_m, at=0.0)
+    if told is not None:
+        axes.legend(loc="upper right")
 
 
-def _histogram(axes: Axes, p95: Array, threshold_m: float | None) -> None:
+def _told(axes: Axes, counts: Array, edges: Array) -> None:
+    """The error that guidance saw, beside the true one."""
+    above = exceedance(counts, edges)
+    some = above > 0.0
+    axes.plot(
+        np.append(0.0, edges[some]), np.append(100.0, 100.0 * above[some]), color=SECOND, linewidth=1.0,
+        linestyle=(0, (4, 1.5)), label="as guidance saw it",
+    )  # fmt: skip
+
+
+def _histogram(axes: Axes, p95: Array, threshold_m: float | None, of: str) -> None:
     known = p95[np.isfinite(p95)]
     lost = len(p95) - len(known)
     panel_title(axes, "p95 of each mission", f"{lost} without one" if lost else "")
-    axes.set_xlabel("p95 of $|y_e|$, m")
+    axes.set_xlabel(f"p95 of $|y_e|$, {of}, m")
     axes.set_ylabel("missions")
     if not len(known):
         axes.text(0.5, 0.5, "no leg settled", ha="center", transform=axes.transAxes, fontsize=7)
@@ -166,16 +190,15 @@ def _histogram(axes: Axes, p95: Array, threshold_m: float | None) -> None:
     _threshold(axes, threshold_m)
     if threshold_m is not None:
         more = int((known > threshold_m).sum()) + lost
-        axes.set_xlabel(
-            f"p95 of $|y_e|$, m; above {threshold_m:g} m: {more} of {len(p95)} ({share(more / len(p95))})"
-        )
+        above = f"above {threshold_m:g} m: {more} of {len(p95)} ({share(more / len(p95))})"
+        axes.set_xlabel(f"p95 of $|y_e|$, {of}, m\n{above}")
 
 
-def _threshold(axes: Axes, threshold_m: float | None) -> None:
+def _threshold(axes: Axes, threshold_m: float | None, *, at: float = 1.0) -> None:
     if threshold_m is None:
         return
     axes.axvline(threshold_m, color=RESIDUAL, linewidth=1.1)
     axes.annotate(
-        "allowed", (threshold_m, 1.0), (3, -2), xycoords=("data", "axes fraction"),
-        textcoords="offset points", fontsize=6.5, va="top", color=RESIDUAL,
+        "allowed", (threshold_m, at), (3, -2 if at else 2), xycoords=("data", "axes fraction"),
+        textcoords="offset points", fontsize=6.5, va="top" if at else "bottom", color=RESIDUAL,
     )  # fmt: skip

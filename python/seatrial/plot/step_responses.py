@@ -32,6 +32,8 @@ _HEIGHT_IN = 2.2
 _CORRIDOR = "#DDEBDD"
 _MARGIN, _MOST = 0.08, 0.5  # around what is shown, and how far a wild response may widen it
 _PER_STEP = 240  # points of a bound
+_ALONE_IN = 0.8  # more height for the only panel
+_MOSTLY = 0.4
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ def step_responses(courses: Sequence[Course]) -> Figure:
     if not courses:
         raise SimulationError("no step responses to draw; give at least one time course")
     with house_style():
-        figure = new_figure(_HEIGHT_IN * len(courses) + 0.5)
+        alone = _ALONE_IN if len(courses) == 1 else 0.0
+        figure = new_figure(_HEIGHT_IN * len(courses) + 0.5 + alone)
         panels = figure.subplots(len(courses), 1, squeeze=False)[:, 0]
         for axes, course in zip(panels, courses, strict=True):
             _panel(axes, course)
@@ -108,16 +111,19 @@ def step_responses(courses: Sequence[Course]) -> Figure:
 def _panel(axes: Axes, course: Course) -> None:
     edges = _corridors(axes, course)
     line(axes, course.t, course.set_point, color=SECOND, linewidth=1.8, drawstyle="steps-post", zorder=2.1)
+    low, high = _window(course, edges)
     styles = ((course.before, MEASURED, (0, (3, 1.2)), 1.0), (course.after, SIMULATED, "-", 1.3))
     for responses, colour, dashes, width in styles:
         bundle = np.atleast_2d(np.asarray(responses, dtype=float))
         bundle = np.where(np.isfinite(bundle), bundle, np.nan)
         if len(bundle) > 1:
-            low, high = np.fmin.reduce(bundle, axis=0), np.fmax.reduce(bundle, axis=0)
-            axes.fill_between(course.t, low, high, color=colour, alpha=0.22, linewidth=0.0, zorder=2.2)
+            ends = np.fmin.reduce(bundle, axis=0), np.fmax.reduce(bundle, axis=0)
+            # A span that is mostly wider than the panel would hide all else and say no more than that.
+            if (ends[1] - ends[0] > high - low).mean() < _MOSTLY:
+                axes.fill_between(course.t, *ends, color=colour, alpha=0.22, linewidth=0.0, zorder=2.2)
         line(axes, course.t, bundle[0], color=colour, linewidth=width, linestyle=dashes, zorder=2.4)
     axes.set_xlim(course.t[0], course.t[-1])
-    axes.set_ylim(*_window(course, edges))
+    axes.set_ylim(low, high)
     if course.down:
         axes.invert_yaxis()
     axes.set_ylabel(course.label)

@@ -1,6 +1,7 @@
-"""The figures of a tuning: corridors with error areas, responses before and after, margins, search, relay.
+"""The figures of a tuning: corridors with error areas, responses before and after, speeds, margins, relay.
 
-Held by tests/test_tune.py.
+Of the trials of a loop at a speed that one is drawn which the tuned gains hold least. Held by
+tests/test_cli_tune.py and tests/test_tuning_gallery.py.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatrial.plot.corridor import InCorridor, corridor_figure
 from seatrial.plot.step_responses import Course, SetPointStep, step_responses
@@ -34,6 +36,10 @@ _LABELS = {
     "cross_track": "cross-track position",
 }
 _PANELS = 6
+_BEFORE_S = 5.0  # of the settling that is drawn before the first step
+_MINUS = "\N{MINUS SIGN}"
+
+Array = NDArray[np.float64]
 
 
 def tuning_gallery(
@@ -59,6 +65,10 @@ def _figures(tuning: Tuning) -> Iterator[tuple[str, Figure]]:
     for loop in tuned.responses:
         yield f"corridor_{loop}", corridors(start, tuned, loop)
         yield f"responses_{loop}", responses(start, tuned, loop)
+    if "surge" in tuned.responses:
+        from seatrial.plot.speed_steps import speed_steps
+
+        yield "speeds", speed_steps(tuning.plan, tuning.start, tuning.autopilot)
     from seatrial.plot.tuning_margins import tuning_margins
 
     yield (
@@ -74,16 +84,19 @@ def _figures(tuning: Tuning) -> Iterator[tuple[str, Figure]]:
 
 
 def corridors(start: Judged, tuned: Judged, loop: str) -> Figure:
-    """Figure of a loop's steps in their corridor: start gains beside tuned ones, a row per speed."""
+    """Figure of a loop's steps in their corridor, there and back: start gains beside tuned ones."""
     shown = []
-    for trial in _one_per_speed(tuned.responses[loop]):
+    for trial in _one_per_speed(tuned, start, loop):
         for judged, name in ((start, "start gains"), (tuned, "tuned")):
             own = judged.responses[loop]
             since = own.t - own.trials.settle_s
-            rows = (since > -1e-9) & (since < own.trials.until_s - 1e-9)
-            speed, size = own.trials.speeds[trial], own.trials.sizes[trial] / LOOPS[loop].to_si
-            title = f"{loop} at {speed:.3g} m/s, {size:+.3g} {LOOPS[loop].unit}: {name}"
-            shown.append(InCorridor(title, own.trials.corridor, since[rows], own.normalised(trial)[:, rows]))
+            until = own.trials.until_s
+            rows = (since > -1e-9) & (since < until - 1e-9)
+            back = (since > until - 1e-9) & (since < 2.0 * until - 1e-9)
+            answers = own.normalised(trial)
+            both = np.concatenate([answers[:, rows], 1.0 - answers[:, back]])
+            title = f"{_step(own, trial, loop)}: {name}"
+            shown.append(InCorridor(title, own.trials.corridor, since[rows], both, each="steps"))
     return corridor_figure(shown)
 
 
@@ -91,35 +104,63 @@ def responses(start: Judged, tuned: Judged, loop: str) -> Figure:
     """Figure of a loop's responses over time at several speeds, before and after, with the set points."""
     entry = LOOPS[loop]
     courses = []
-    for trial in _one_per_speed(tuned.responses[loop]):
+    for trial in _one_per_speed(tuned, start, loop):
         own, before = tuned.responses[loop], start.responses[loop]
         trials = own.trials
         low = own.base(trial)
         high = low + trials.sizes[trial]
-        first, second = trials.settle_s, trials.settle_s + trials.until_s
-        set_point = np.where((own.t >= first) & (own.t < second), high, low)
+        first = trials.settle_s
+        set_point = np.where((own.t >= first) & (own.t < first + trials.until_s), high, low)
         scale = 1.0 / entry.to_si
+        shown = own.t > first - _BEFORE_S
         courses.append(
             Course(
-                name=f"{loop} at {trials.speeds[trial]:.3g} m/s",
+                name=_step(own, trial, loop),
                 label=f"{_LABELS[loop]}, {entry.unit}",
-                t=own.t,
-                set_point=set_point * scale,
-                before=before.values[trial] * scale,
-                after=own.values[trial] * scale,
+                t=own.t[shown] - first,
+                set_point=set_point[shown] * scale,
+                before=_unbroken(before.values[trial][:, shown] * scale, entry.unit),
+                after=_unbroken(own.values[trial][:, shown] * scale, entry.unit),
                 steps=(
-                    SetPointStep(first, low * scale, high * scale, trials.corridor),
-                    SetPointStep(second, high * scale, low * scale, trials.corridor),
+                    SetPointStep(0.0, low * scale, high * scale, trials.corridor),
+                    SetPointStep(trials.until_s, high * scale, low * scale, trials.corridor),
                 ),
                 down=loop in ("heave", "depth"),
+                remark=_tells(start, loop, trial),
             )
         )
     return step_responses(courses)
 
 
-def _one_per_speed(of: Responses) -> list[int]:
-    """The first trial at each speed, by speed."""
-    first: dict[float, int] = {}
-    for trial, speed in enumerate(of.trials.speeds):
-        first.setdefault(speed, trial)
-    return [first[speed] for speed in sorted(first)][:_PANELS]
+def _step(of: Responses, trial: int, loop: str) -> str:
+    """Loop, speed and step of a trial, for a title."""
+    entry = LOOPS[loop]
+    size = of.trials.sizes[trial] / entry.to_si
+    return f"{loop} at {of.trials.speeds[trial]:.3g} m/s, {size:+.3g} {entry.unit}".replace("-", _MINUS)
+
+
+def _tells(start: Judged, loop: str, trial: int) -> str:
+    """How far the start gains leave the corridor, for the right of a title."""
+    own = [one for one in start.trials if one.loop == loop][trial]
+    if not np.isfinite(own.nominal_s):
+        return "start gains: diverge"
+    size = f"{own.nominal_s:.2g}" if own.nominal_s < 100.0 else f"{own.nominal_s:.0f}"
+    return f"start gains: outside by {size} s" if own.nominal_s > 0.0 else ""
+
+
+def _unbroken(values: Array, unit: str) -> Array:
+    """Values (k, p) with a gap where an angle jumps from one end of the circle to the other."""
+    if unit != "deg":
+        return values
+    jumps = np.abs(np.diff(values, axis=1, prepend=values[:, :1])) > 180.0
+    return np.where(jumps, np.nan, values)
+
+
+def _one_per_speed(tuned: Judged, start: Judged, loop: str) -> list[int]:
+    """The trial at each speed that the tuned gains, and then the start gains, violate most, by speed."""
+    own = [[trial for trial in judged.trials if trial.loop == loop] for judged in (tuned, start)]
+    violated = [tuple(-judged[k].worst_s for judged in own) for k in range(len(own[0]))]
+    worst: dict[float, int] = {}
+    for trial in sorted(range(len(violated)), key=violated.__getitem__):
+        worst.setdefault(own[0][trial].speed_m_s, trial)
+    return [worst[speed] for speed in sorted(worst)][:_PANELS]

@@ -23,13 +23,14 @@ from seatrial.plot.style import (
     new_figure,
     panel_title,
 )
+from seatrial.verification.cause_text import odds
 from seatrial.verification.failure_probability import FailureProbability, share, wilson
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from seatrial.verification.causes import Influence
+    from seatrial.verification.influence import Influence
 
 __all__ = ["Verified", "cause_bars", "verified_requirements"]
 
@@ -155,8 +156,8 @@ def _strengths(axes: Axes, causes: Sequence[Influence], heading: str) -> None:
 def _size(cause: Influence) -> str:
     if not cause.by_failures:
         return f"{cause.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
-    odds = f", odds \N{MULTIPLICATION SIGN} {cause.odds:.2g}" if 0.0 < cause.odds < np.inf else ""
-    return f"AUC {cause.auc:.2f}{odds}"
+    ratio = f", odds \N{MULTIPLICATION SIGN} {odds(cause.odds)}" if 0.0 < cause.odds < np.inf else ""
+    return f"AUC {cause.auc:.2f}{ratio}"
 
 
 def _rates(axes: Axes, cause: Influence) -> None:
@@ -174,6 +175,7 @@ def _rates(axes: Axes, cause: Influence) -> None:
     if groups.edges:
         first = [label.split(" to ")[0] for label in groups.labels]
         words = [*first, groups.labels[-1].split(" to ")[1]]
+        words = [word.replace("-", "\N{MINUS SIGN}") for word in words]
         axes.set_xticks(
             np.arange(len(words)) - 0.5, words, rotation=30, ha="right", rotation_mode="anchor", fontsize=6.0
         )

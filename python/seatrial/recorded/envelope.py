@@ -2,11 +2,11 @@
 
 The mission is flown k times in closed loop, each time with coefficients drawn from their covariance, other
 noise of the sensors and, where given, another current; the band of a quantity is that between the 2.5 % and
-97.5 % quantiles over the flights at the same time since the start: the ranks 0.025 (k + 1) and 0.975 (k + 1),
-between which a further flight of the same kind falls with 95 % (Weibull 1939; Hyndman & Fan 1996, The American
-Statistician 50:361, definition 6). They exist from 39 flights on; where fewer are still under way there is no
-band. A closed loop hides errors of the model, and a delay of some seconds shifts all that follows: the envelope shows how the mission went, and the
-verdict rests on `seatrial.recorded.validity`.
+97.5 % quantiles over the flights at the same time since the start: the ranks 0.025 (k + 1) and 0.975 (k +
+1), between which a further flight of the same kind falls with 95 % (Weibull 1939; Hyndman & Fan 1996, The
+American Statistician 50:361, definition 6). They exist from 39 flights on; where fewer are still under way
+there is no band. A closed loop hides errors of the model, and a delay of some seconds shifts all that
+follows: the envelope shows how the mission went, and the verdict rests on `seatrial.recorded.validity`.
 
 Tests: ``tests/test_recorded_mission.py``.
 """
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from seatrial.mission import Mission
     from seatrial.recorded.mission_log import MissionLog
 
-__all__ = ["FEWEST_FLIGHTS", "QUANTITIES", "Band", "Envelope", "mission_envelope"]
+__all__ = ["FEWEST_FLIGHTS", "QUANTITIES", "Band", "Envelope", "mission_envelope", "prediction_band"]
 
 Array = NDArray[np.float64]
 
@@ -97,11 +97,22 @@ class Envelope:
             "flights": self.flights,
             "outside": {name: band.outside for name, band in self.bands.items()},
             "figures": {
-                name: [float(x) for x in np.nanquantile(values, _RANKS, method="weibull")]
+                name: [float(x) for x in prediction_band(values)]
                 for name, values in self.figures.items()
                 if np.isfinite(values).any()
             },
         }
+
+
+def prediction_band(values: Array) -> Array:
+    """Values (3, ...) between the outer two of which a further one of k falls with 95 %, and their median.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k, ...)
+        Of at least 39 flights; nan where a flight has none.
+    """
+    return np.asarray(np.nanquantile(values, _RANKS, axis=0, method="weibull"))
 
 
 def mission_envelope(
@@ -182,9 +193,7 @@ def mission_envelope(
         enough = np.isfinite(stack).sum(axis=0) >= FEWEST_FLIGHTS
         lower, middle, upper = np.full((3, len(t)), np.nan)
         if enough.any():
-            lower[enough], middle[enough], upper[enough] = np.nanquantile(
-                stack[:, enough], _RANKS, axis=0, method="weibull"
-            )
+            lower[enough], middle[enough], upper[enough] = prediction_band(stack[:, enough])
         band = Band(lower, middle, upper, recorded[name], 0.0)
         seen = np.isfinite(lower) & np.isfinite(band.log)
         share = float(band.is_outside[seen].mean()) if seen.any() else float("nan")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from seatrial.errors import SimulationError
 from seatrial.fitted import Fitted
 from seatrial.recorded.candidates import PAYLOAD_DENSITY, candidates
 from seatrial.recorded.log_figures import log_figures
@@ -24,6 +25,7 @@ from seatrial.recorded.set_point_steps import logged_steps
 from seatrial.recorded.spread import Spread, spread_of_errors, spread_of_noise, spread_of_reference
 from seatrial.recorded.suspects import Suspect, suspects
 from seatrial.recorded.validity import FEWEST_WINDOWS, LEVEL, Validity, validity
+from seatrial.recording.columns import CHANNELS
 from seatrial.trial import Trial
 
 if TYPE_CHECKING:
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from seatrial.trial import Input
     from seatrial.tuning.corridor import Corridor
     from seatrial.verification.requirement import Requirement
+    from seatrial.verification.verification_file import Obstacle
 
 __all__ = ["verify_log"]
 
@@ -50,13 +53,14 @@ def verify_log(
     mission: Mission | str | Path | None = None,
     requirements: Sequence[Requirement] = (),
     corridors: Mapping[str, Corridor] | None = None,
+    obstacles: Sequence[Obstacle] | None = None,
     sensors: Any = None,
     current: ArrayLike | None = None,
     ahead_s: float = 10.0,
     start_s: float | None = None,
     stop_s: float | None = None,
     input: Input | None = None,
-    draws: int = 64,
+    draws: int = 4096,
     flights: int = 64,
     seed: int = 0,
     level: float = LEVEL,
@@ -79,6 +83,8 @@ def verify_log(
         On the figures of the log's own mission.
     corridors : mapping of str to Corridor, optional
         By loop, for the steps of logged set points.
+    obstacles : sequence of Obstacle, optional
+        What stands in the water, for ``clearance_m``; the mission's farms when omitted.
     sensors, current : optional
         As for `seatrial.fly`. The sensors' offsets belong to the band, those of "typical" ones when omitted;
         both are those of the envelope.
@@ -89,7 +95,7 @@ def verify_log(
     input : str, optional
         What drives the model: "commands", "measured" or "tau".
     draws, flights, seed : int, optional
-        Draws of the coefficients, flights of the envelope.
+        Draws of the coefficients, at least 12 over the level; flights of the envelope.
     level : float, optional
         Chance of a false alarm, over all channels.
     payload_density : float, optional
@@ -102,6 +108,11 @@ def verify_log(
     SimulationError, CampaignError, VehicleError
         A part of the mission is not usable.
     """
+    if draws < len(CHANNELS) / level:
+        raise SimulationError(
+            f"draws: expected at least {len(CHANNELS) / level:.0f}, for a p-value of {level:g} over"
+            f" {len(CHANNELS)} channels, found {draws}; draw more"
+        )
     known = Fitted.of(fitted)
     record = _log(log)
     notes: list[str] = []
@@ -109,7 +120,7 @@ def verify_log(
         known.vehicle, record.trial, ahead_s=ahead_s, start_s=start_s, stop_s=stop_s, input=input
     )
     flown = _loaded(mission)
-    figures = log_figures(record, flown, known.vehicle)
+    figures = log_figures(record, flown, known.vehicle, obstacles=obstacles)
     outcome, reason, judged, guilty, shown = _model(
         known,
         windows,
@@ -118,21 +129,14 @@ def verify_log(
         offsets_of("typical" if sensors is None else sensors, known.vehicle),
         notes,
     )
-    envelope = None
-    if autopilot is not None and flown is not None:
-        from seatrial._core import Autopilot
-        from seatrial.file_kind import loaded
+    steps = logged_steps(record, corridors or {})
+    notes += _without_steps(corridors or {}, [step.loop for step in steps])
+    envelope, pilot = None, _pilot(autopilot)
+    if pilot is not None and flown is not None:
         from seatrial.recorded.envelope import mission_envelope
 
         envelope = mission_envelope(
-            known,
-            record,
-            loaded(Autopilot, autopilot),
-            flown,
-            flights=flights,
-            seed=seed,
-            sensors=sensors,
-            current=current,
+            known, record, pilot, flown, flights=flights, seed=seed, sensors=sensors, current=current
         )
     return LogVerdict(
         log=record,
@@ -143,9 +147,12 @@ def verify_log(
         detectable=shown,
         figures=figures,
         requirements=tuple(_required(one, figures) for one in requirements),
-        steps=logged_steps(record, corridors or {}),
+        steps=steps,
         envelope=envelope,
         notes=tuple(notes),
+        vehicle=known.vehicle,
+        autopilot=pilot,
+        mission=flown,
     )
 
 
@@ -243,6 +250,23 @@ def _loaded(mission: Any) -> Mission | None:
 
     found: Mission = loaded(Mission, mission)
     return found
+
+
+def _pilot(autopilot: Any) -> Autopilot | None:
+    if autopilot is None:
+        return None
+    from seatrial.verification.verified_campaign import autopilot_of
+
+    return autopilot_of(autopilot)
+
+
+def _without_steps(corridors: Mapping[str, Corridor], seen: Sequence[str]) -> list[str]:
+    """A sentence on corridors for which the log holds no step."""
+    least = {name: one.until_s for name, one in corridors.items() if name not in seen}
+    if not least:
+        return []
+    listed = ", ".join(f"{name} ({until:g} s)" for name, until in least.items())
+    return [f"The log holds no set-point step that stands until its corridor ends: {listed}."]
 
 
 def _some(count: int) -> str:

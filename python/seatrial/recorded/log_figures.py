@@ -12,6 +12,7 @@ Tests: ``tests/test_recorded_mission.py``.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.mission import Mission
     from seatrial.recorded.mission_log import MissionLog
+    from seatrial.verification.verification_file import Obstacle
 
 __all__ = ["errors_of_guidance", "log_figures", "quantiles"]
 
@@ -112,7 +114,11 @@ def errors_of_guidance(log: MissionLog, mission: Mission | None = None) -> dict[
 
 
 def log_figures(
-    log: MissionLog, mission: Mission | None = None, vehicle: Vehicle | None = None
+    log: MissionLog,
+    mission: Mission | None = None,
+    vehicle: Vehicle | None = None,
+    *,
+    obstacles: Sequence[Obstacle] | None = None,
 ) -> dict[str, Any]:
     """Figures of a recorded mission by the names of `Flight.figures`, units in the names.
 
@@ -123,6 +129,8 @@ def log_figures(
         Without it there are no figures of guidance, but those that the log itself tells.
     vehicle : Vehicle, optional
         Gives the neutral command of the actuators.
+    obstacles : sequence of Obstacle, optional
+        What stands in the water; the mission's farms when omitted.
     """
     trial = log.trial
     here = set(trial.channels)
@@ -149,7 +157,7 @@ def log_figures(
         ]
         found["switches_per_minute"] = 60.0 * float(np.mean(turns)) / max(found["duration_s"], 1e-9)
     if mission is not None and {"x", "y"} <= here:
-        found |= _of_guidance(log, mission)
+        found |= _of_guidance(log, mission) | _clearance(log, mission, obstacles)
     return found
 
 
@@ -189,6 +197,18 @@ def _of_guidance(log: MissionLog, mission: Mission) -> dict[str, Any]:
         found["ending"] = "complete" if reached == len(path.stops) else "out of time"
     found["abort"] = found["ending"] == "aborted"
     return found
+
+
+def _clearance(log: MissionLog, mission: Mission, given: Sequence[Obstacle] | None) -> dict[str, float]:
+    """Smallest horizontal distance of the measured positions from what stands in the water, m."""
+    from seatrial.verification.obstacles import obstacles
+    from seatrial.verification.verification_file import Obstacle
+
+    circles = np.array(obstacles((Obstacle(from_mission=True),) if given is None else given, mission))
+    if not len(circles):
+        return {"clearance_m": float("inf")}
+    away = log.trial.position[:, None, :2] - circles[None, :, :2]
+    return {"clearance_m": float(np.nanmin(np.hypot(away[..., 0], away[..., 1]) - circles[:, 2]))}
 
 
 def _excursion(log: MissionLog, path: Route, progress: Progress, under_way: Mask) -> float:

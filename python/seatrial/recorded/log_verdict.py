@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.mission import Mission
     from seatrial.recorded.envelope import Envelope
     from seatrial.recorded.mission_log import MissionLog
     from seatrial.recorded.set_point_steps import LoggedStep
     from seatrial.recorded.suspects import Suspect
     from seatrial.recorded.validity import Validity
+    from seatrial.verification.failure_probability import Verdict
 
 __all__ = ["Detectable", "JudgedRequirement", "LogVerdict", "Outcome"]
 
@@ -71,6 +74,8 @@ class LogVerdict:
         Of the mission in closed loop; None where it was not asked for.
     notes
         Sentences on what was not known.
+    vehicle, autopilot, mission
+        The model, and what was flown where that was given.
     """
 
     log: MissionLog
@@ -84,6 +89,9 @@ class LogVerdict:
     steps: tuple[LoggedStep, ...]
     envelope: Envelope | None
     notes: tuple[str, ...]
+    vehicle: Vehicle
+    autopilot: Autopilot | None = None
+    mission: Mission | None = None
 
     @property
     def valid(self) -> bool:
@@ -91,10 +99,22 @@ class LogVerdict:
         return self.outcome == "model still valid"
 
     @property
+    def verdict(self) -> Verdict:
+        """Of model and mission together, in the words of a verification.
+
+        "failed" where the model is refuted or a requirement or corridor broken, "undecided" where the log
+        cannot tell one of them, otherwise "held".
+        """
+        broken = any(one.held is False for one in self.requirements)
+        if self.outcome == "re-identify" or broken or any(step.criterion > 0.0 for step in self.steps):
+            return "failed"
+        told = self.valid and all(one.held is not None for one in self.requirements)
+        return "held" if told else "undecided"
+
+    @property
     def passed(self) -> bool:
-        """Whether nothing failed: the model is not refuted, and no requirement or corridor was broken."""
-        held = all(one.held is not False for one in self.requirements)
-        return self.outcome != "re-identify" and held and all(step.criterion <= 0.0 for step in self.steps)
+        """Whether the verdict is "held": what was not shown does not pass."""
+        return self.verdict == "held"
 
     def summary(self) -> str:
         """Text that a control engineer reads."""
@@ -108,6 +128,7 @@ class LogVerdict:
             "log": self.log.trial.name,
             "outcome": self.outcome,
             "reason": self.reason,
+            "verdict": self.verdict,
             "passed": self.passed,
             "validity": None if self.validity is None else self.validity.to_dict(),
             "suspects": [one.to_dict() for one in self.suspects],
@@ -129,13 +150,24 @@ class LogVerdict:
             "notes": list(self.notes),
         }
 
-    def save_figures(self, folder: str | Path) -> list[Path]:
-        """Paths of the figures, PNG and PDF: residuals, suspects, envelope, those that there are.
+    def inputs(self) -> dict[str, str]:
+        """Text of the files that were judged with, by name: vehicle, autopilot, mission."""
+        found = {"vehicle.toml": self.vehicle.to_toml()}
+        if self.autopilot is not None:
+            found["autopilot.toml"] = self.autopilot.to_toml()
+        if self.mission is not None:
+            found["mission.toml"] = self.mission.to_toml()
+        return found
+
+    def save_figures(self, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")) -> list[Path]:
+        """Paths of the figures: residuals, suspects, envelope, those that there are.
 
         Parameters
         ----------
         folder : str or Path
             Made when it does not exist.
+        formats : tuple of str, optional
+            Endings.
 
         Raises
         ------
@@ -147,11 +179,11 @@ class LogVerdict:
 
         written: list[Path] = []
         if self.validity is not None:
-            written += save(residual_page(self), Path(folder) / "residuals")
+            written += save(residual_page(self), Path(folder) / "residuals", formats=formats)
         if self.suspects:
-            written += save(suspect_bars(self), Path(folder) / "suspects")
+            written += save(suspect_bars(self), Path(folder) / "suspects", formats=formats)
         if self.envelope is not None:
-            written += save(envelope_page(self), Path(folder) / "envelope")
+            written += save(envelope_page(self), Path(folder) / "envelope", formats=formats)
         return written
 
     def __str__(self) -> str:

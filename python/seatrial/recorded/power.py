@@ -1,9 +1,9 @@
 """What a log would have shown: the chance that a usual change of the vehicle is noticed on it.
 
-A log on which nothing could have been seen does not speak for the model. Three changes that happen to vehicles
-are tried to first order; their predictions move by ``J theta``, and the share outside the band follows from
-the spread of a valid model's errors, and is held against the share that the verdict itself would call no chance
-(`seatrial.recorded.validity`).
+A log on which nothing could have been seen does not speak for the model. Three changes that happen to
+vehicles are tried to first order; their predictions move by ``J theta``, and the share outside the band
+follows from the spread of a valid model's errors, and is held against the share that the verdict itself
+would call no chance (`seatrial.recorded.validity`).
 
 Tests: ``tests/test_recorded_validity.py``.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 from seatrial.parameters import actuator_groups
 from seatrial.recorded.log_verdict import Detectable
-from seatrial.recorded.validity import LEVEL, Validity, power
+from seatrial.recorded.validity import LEVEL, Validity, powers
 
 __all__ = ["detectable_changes"]
 
@@ -47,7 +47,6 @@ def detectable_changes(of: Validity, *, level: float = LEVEL) -> tuple[Detectabl
         tried.pop(1)
     tried = [(words, change) for words, change in tried if change]
     slopes = of.log.slopes([change for _, change in tried])
-    return tuple(
-        Detectable(words, power(of, [np.asarray(one.by_direction[:, :, k]) for one in slopes], level=level))
-        for k, (words, _) in enumerate(tried)
-    )
+    moved = [[np.asarray(one.by_direction[:, :, k]) for one in slopes] for k in range(len(tried))]
+    chances = powers(of, moved, level=level)
+    return tuple(Detectable(words, chance) for (words, _), chance in zip(tried, chances, strict=True))

@@ -13,7 +13,7 @@ Tests: ``tests/test_recorded_validity.py``, ``tests/test_recorded_suspects.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -99,15 +99,6 @@ class Restarts:
         names = list(changes)
         shown = self._open_loop(names).predict(np.array([changes[name] for name in names], dtype=float))
         return self._residuals(shown)
-
-    def drawn(self, coefficients: Mapping[str, Array]) -> Iterator[list[Array]]:
-        """What every window shows (n, 12), draw by draw of the coefficients {name: (k,)}."""
-        names = list(coefficients)
-        if not names:
-            return
-        loop = self._open_loop(names)
-        for row in np.stack([np.asarray(coefficients[name], dtype=float) for name in names], axis=1):
-            yield [np.asarray(one) for one in loop.predict(row)]
 
     def slopes(
         self, directions: Sequence[Mapping[str, float]], *, current: bool = False

@@ -1,8 +1,10 @@
 """Steps of the set points in a log, held against the corridors of tuning.
 
-A step is a change of a logged set point that stood before and stands after it until the corridor ends. The
-response is the channel as a share of the step (`seatrial.tuning.corridor_criterion`), so that one corridor
-judges a step at sea as it judged the simulated one.
+A step is a change of a logged set point that stood before and stands after it until the corridor ends. An
+autopilot ramps its set points: a change in one direction that is over within a quarter of the corridor is a
+step from where it begins, so that the corridor counts the ramp as well. The response is the smoothed channel
+as a share of the step (`seatrial.tuning.corridor_criterion`): one corridor judges a step at sea as it judged
+the simulated one, whose truth has no noise.
 
 Tests: ``tests/test_recorded_mission.py``.
 """
@@ -37,6 +39,9 @@ _LOOPS = {
     "heading": ("heading", "yaw", math.radians(5.0)),
 }
 _STOOD_S = 5.0
+_RAMP = 0.25
+_SMOOTH_S = 1.0
+_STILL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -81,22 +86,49 @@ def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[Lo
         if key not in log.beside or channel not in log.trial.channels:
             continue
         t, dt = log.trial.t, log.trial.dt
-        wanted, done = log.beside[key], log.trial.channel(channel)
+        wanted, done = log.beside[key], _smooth(log, channel)
         stand, length = round(_STOOD_S / dt), round(corridor.until_s / dt)
-        for row in np.flatnonzero(np.abs(_change(wanted, key)) > least) + 1:
-            after = slice(row, row + length + 1)
-            if row < stand or row + length >= len(t):
+        for stood, last in _ramps(wanted, key, round(_RAMP * corridor.until_s / dt)):
+            first = stood + 1
+            after = slice(first, first + length + 1)
+            if first < stand or first + length >= len(t):
                 continue
-            before, value = wanted[row - 1], wanted[row]
-            quiet = np.abs(_apart(wanted[row - stand : row], before, key)).max()
-            stays = np.abs(_apart(wanted[after], value, key)).max()
-            if max(quiet, stays) > 0.1 * least or not np.isfinite(done[after]).all():
-                continue
+            before, value = wanted[stood], wanted[last]
             size = float(_apart(np.array([value]), before, key)[0])
+            quiet = np.abs(_apart(wanted[first - stand : first], before, key)).max()
+            stays = np.abs(_apart(wanted[last : first + length + 1], value, key)).max()
+            if abs(size) <= least or max(quiet, stays) > 0.1 * least or not np.isfinite(done[after]).all():
+                continue
             y = normalised(_apart(done[after], before, key), 0.0, size)
             q = float(criterion(dt * np.arange(length + 1), y, corridor))
-            found.append(LoggedStep(loop, float(t[row]), float(before), float(before) + size, q))
+            found.append(LoggedStep(loop, float(t[first]), float(before), float(before) + size, q))
     return tuple(sorted(found, key=lambda step: step.at_s))
+
+
+def _ramps(wanted: Array, key: str, longest: int) -> list[tuple[int, int]]:
+    """First and last sample of every change in one direction that is no longer than so many samples."""
+    change = _change(wanted, key)
+    direction = np.where(np.isfinite(change) & (np.abs(change) > _STILL), np.sign(change), 0.0)
+    edges = np.flatnonzero(np.diff(direction)) + 1
+    first = np.concatenate([[0], edges])
+    last = np.concatenate([edges, [len(direction)]])
+    return [(int(a), int(b)) for a, b in zip(first, last, strict=True) if direction[a] and b - a <= longest]
+
+
+def _smooth(log: MissionLog, channel: str) -> Array:
+    """A channel without the noise of its sensor: a moving mean over a second, ends as they are."""
+    values = log.trial.channel(channel)
+    if channel == "yaw":
+        values = np.unwrap(values)
+    width = 2 * round(0.5 * _SMOOTH_S / log.trial.dt) + 1
+    known = np.isfinite(values)
+    if width < 3 or len(values) < width:
+        return np.asarray(values)
+    box = np.ones(width)
+    weight = np.convolve(known.astype(float), box, mode="same")
+    with np.errstate(invalid="ignore"):
+        mean = np.convolve(np.where(known, values, 0.0), box, mode="same") / weight
+    return np.where(known, mean, np.nan)
 
 
 def _change(values: Array, key: str) -> Array:

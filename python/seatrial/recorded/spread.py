@@ -108,7 +108,7 @@ def spread_of_reference(references: Sequence[Restarts]) -> Spread:
     noise = _noise(references)
     names = ", ".join(dict.fromkeys(one.trial.name for one in references))
     centres = 0.5 * (edges[1:] + edges[:-1])
-    found = Spread(centres, sigma, noise, count, f"errors of the model on {names} ({count} windows)")
+    found = Spread(centres, sigma, noise, count, f"the model's errors on {names} ({count} windows)")
     return replace(found, effective=_worth(references, found))
 
 

@@ -13,11 +13,10 @@ the windows are clusters, and the share has the variance of their means, which m
     n* = x (1 - x) / var(x) (t_{n-1} / t_{B-1})^2
 
 independent ones (Korn & Graubard 1998, Survey Methodology 24:193), at least one per window and at most n.
-All windows share one vehicle: had it the coefficients of draw j, its share outside would be x_j. The
-p-value is the mean over the draws of the binomial tails ``P(X >= n* x | n*, max(x_j, 5 %))``: what is
-within the covariance is no reason to doubt the model (predictive p-value; Box 1980, JRSS A 143:383). Where
-the band rests on a reference worth n_r samples, its 5 % are Beta(n_r x_j, n_r (1 - x_j)). Over the channels
-Holm's step-down holds the chance of any false alarm at the level.
+All windows share one vehicle: had it the coefficients of draw j, its share outside would be x_j, and what is
+within the covariance is no reason to doubt the model (`seatrial.recorded.expected_share`). A p-value of a
+thousandth takes thousands of draws: they move the predictions by exact derivatives, to first order. Over the
+channels Holm's step-down holds the chance of any false alarm at the level.
 
 "re-identify" needs both a p-value below the level and a share beyond `LEAST_SHARE`: on an hour of log, 6 %
 outside may be certain and yet no reason for a day at sea.
@@ -27,9 +26,8 @@ Tests: ``tests/test_recorded_validity.py``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -37,26 +35,25 @@ from numpy.typing import NDArray
 
 from seatrial.channel import readable
 from seatrial.recorded.clustered_share import clustered_share
+from seatrial.recorded.expected_share import LEAST_SHARE, ExpectedShare
 from seatrial.recorded.restarts import Restarts
 from seatrial.recorded.spread import INITIAL_PLACES, Spread
 from seatrial.recording.columns import CHANNELS
+from seatrial.verification.cause_tests import holm
 
-__all__ = ["FEWEST_WINDOWS", "LEAST_SHARE", "LEVEL", "ChannelValidity", "Validity", "validity"]
+__all__ = ["FEWEST_WINDOWS", "LEVEL", "ChannelValidity", "Validity", "powers", "validity"]
 
 Array = NDArray[np.float64]
 
 LEVEL = 0.01
 """Chance of any false alarm, over all channels."""
 
-LEAST_SHARE = 0.10
-"""Share of a channel outside the band below which nothing is called wrong."""
-
 FEWEST_WINDOWS = 6
 """Fewer restarts than this tell nothing."""
 
-_NOMINAL = 0.05
-_BETA = 64
-_OFFSET_DRAWS = 32
+_OFFSET_DRAWS = 2048
+_SAMPLES = 300
+"""Samples of a channel that tell the share of a draw: neighbours say the same."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +109,7 @@ class Validity:
     spread
         The spread of a valid model's errors.
     expected
-        Share outside had the vehicle and the sensors the values of a draw, (k, 12).
+        Share outside that is to be expected, by channel.
     draws
         Number of draws of the coefficients; zero without a covariance.
     """
@@ -121,7 +118,7 @@ class Validity:
     log: Restarts
     half_width: tuple[Array, ...]
     spread: Spread
-    expected: Array
+    expected: Mapping[str, ExpectedShare]
     draws: int
 
     @property
@@ -170,12 +167,11 @@ def validity(
     """
     given = {} if draws is None else {name: np.asarray(values, float) for name, values in draws.items()}
     known = np.zeros(12) if offsets is None else np.array([offsets.get(name, 0.0) for name in CHANNELS])
-    pulls = _pulls(log) if known.any() else [np.zeros((len(one), 12, 12)) for one in log.predicted]
-    variance, sound = _variance(log, _deviations(log, given, known, pulls))
+    moved = _Moved(log, given, known)
     sigma = [spread.at(log.since_restart(w)) for w in range(len(log.spans))]
     factor = spread.factor
-    half = tuple(factor * np.sqrt(v + s**2) for v, s in zip(variance, sigma, strict=True))
-    expected = _expected(_deviations(log, given, known, pulls), sound, (half, sigma))
+    half = tuple(factor * np.sqrt(v + s**2) for v, s in zip(moved.variance(), sigma, strict=True))
+    expected: dict[str, ExpectedShare] = {}
     found: dict[str, tuple[float, int, float, float]] = {}
     for name in log.channels:
         c = CHANNELS.index(name)
@@ -185,14 +181,10 @@ def validity(
             (np.abs(error[:, c]) > band[:, c])[mask[:, c]]
             for error, band, mask in zip(log.residual, half, log.counted, strict=True)
         ]
+        expected[name] = ExpectedShare.of(moved.shares(c, half, sigma), float(spread.effective[c]))
         share, samples, effective = clustered_share(out)
-        found[name] = (
-            share,
-            samples,
-            effective,
-            _tail(share, effective, (expected[:, c], float(spread.effective[c]))),
-        )
-    adjusted = _holm(np.array([p for *_, p in found.values()]))
+        found[name] = share, samples, effective, expected[name].p(share, effective)
+    adjusted = holm([p for *_, p in found.values()])
     channels = {}
     for (name, (share, samples, effective, _)), p in zip(found.items(), adjusted, strict=True):
         c = CHANNELS.index(name)
@@ -203,130 +195,89 @@ def validity(
         channels[name] = ChannelValidity(
             name, share, samples, effective, float(p), rms=size[0], spread=size[1], fails=fails
         )
-    return Validity(channels, log, half, spread, expected, int(sound.sum()) if given else 0)
+    return Validity(channels, log, half, spread, expected, moved.count if given else 0)
 
 
-def power(of: Validity, change: list[Array], *, level: float = LEVEL) -> float:
-    """Chance that a change of the vehicle is noticed, which moves the predictions by (n, 12) per window.
+def powers(of: Validity, changes: Sequence[list[Array]], *, level: float = LEVEL) -> list[float]:
+    """Chances that changes of the vehicle are noticed, each of which moves predictions by (n, 12) per window.
 
     The largest over the channels: of a binomial count of as many samples as the channel is worth, held
     against the count that `validity` would call no chance.
     """
     from scipy.stats import binom
 
-    best = 0.0
-    sigma = [of.spread.at(of.log.since_restart(w)) for w in range(len(change))]
+    best = [0.0 for _ in changes]
+    sigma = [of.spread.at(of.log.since_restart(w)) for w in range(len(of.log.spans))]
     for name, one in of.channels.items():
         c = CHANNELS.index(name)
-        share = _share([d[:, c] for d in change], [s[:, c] for s in sigma], [b[:, c] for b in of.half_width])
-        count = max(1, round(min(one.effective, 4.0 * len(change))))
-        known = of.expected[:, c], float(of.spread.effective[c])
-        needed = _needed(count, known, level / len(of.channels))
-        best = max(best, float(binom.sf(needed - 1, count, share)))
+        count = max(1, round(min(one.effective, 4.0 * len(of.log.spans))))
+        needed = of.expected[name].needed(count, level / len(of.channels))
+        for k, change in enumerate(changes):
+            columns = [[part[:, c] for part in some] for some in (change, sigma, of.half_width)]
+            best[k] = max(best[k], float(binom.sf(needed - 1, count, _share(*columns))))
     return best
 
 
-def _needed(count: int, known: tuple[Array, float], level: float) -> int:
-    """Least number of samples outside, of so many, that is no chance; one more than there are if none is."""
-    least, most = int(LEAST_SHARE * count), count + 1
-    while most - least > 1:
-        middle = (least + most) // 2
-        if _tail(middle / count, float(count), known) < level:
-            most = middle
-        else:
-            least = middle
-    return most
+class _Moved:
+    """What vehicles and sensors that may be true would show about the prediction, to first order."""
 
+    def __init__(self, log: Restarts, draws: Mapping[str, Array], offsets: Array) -> None:
+        present = log.vehicle.coefficients()
+        names = list(draws)
+        self.log = log
+        self.count = len(draws[names[0]]) if names else (_OFFSET_DRAWS if offsets.any() else 0)
+        self.slopes = log.slopes([{name: 1.0} for name in names]) if self.count else ()
+        rng = np.random.default_rng(0)
+        self.amounts = np.stack(
+            [draws[name] - present.get(name, 0.0) for name in names]
+            + list(offsets[:, None] * rng.standard_normal((12, self.count)))
+        )  # (d + 12, k)
 
-def _deviations(
-    log: Restarts, draws: Mapping[str, Array], offsets: Array, pulls: Sequence[Array]
-) -> Iterator[list[Array]]:
-    """What vehicles and sensors that may be true would show about the prediction, (n, 12) per window."""
-    shown: Iterable[Sequence[Array]] = log.drawn(draws) if draws else repeat(log.predicted)
-    count = len(next(iter(draws.values()))) if draws else (_OFFSET_DRAWS if offsets.any() else 0)
-    rng = np.random.default_rng(0)
-    for _, one in zip(range(count), shown, strict=False):
-        offset = offsets * rng.standard_normal(12)
-        yield [
-            _apart(part, nominal) + pull @ offset
-            for part, nominal, pull in zip(one, log.predicted, pulls, strict=True)
-        ]
+    def variance(self) -> list[Array]:
+        """Variance (n, 12) per window of what is shown about the prediction."""
+        if not self.count:
+            return [np.zeros_like(one) for one in self.log.predicted]
+        moment = self.amounts @ self.amounts.T / self.count
+        found = []
+        for w in range(len(self.log.spans)):
+            basis = self._basis(w)
+            found.append(np.einsum("ncd,ncd->nc", basis @ moment, basis))
+        return found
 
+    def shares(self, c: int, half: Sequence[Array], sigma: Sequence[Array]) -> Array | None:
+        """Share (k,) of a channel outside the band had vehicle and sensors the values of each draw."""
+        if not self.count:
+            return None
+        masks = [mask[:, c] for mask in self.log.counted]
+        every = max(1, int(sum(mask.sum() for mask in masks)) // _SAMPLES)
+        basis, b, s = (
+            np.concatenate([part[mask] for part, mask in zip(parts, masks, strict=True)])[::every]
+            for parts in (
+                [self._basis(w)[:, c] for w in range(len(masks))],
+                [one[:, c] for one in half],
+                [one[:, c] for one in sigma],
+            )
+        )
+        return _outside(basis @ self.amounts, s[:, None], b[:, None])
 
-def _variance(log: Restarts, deviations: Iterable[list[Array]]) -> tuple[list[Array], NDArray[np.bool_]]:
-    """Variance (n, 12) per window of deviations, and which of them did not diverge."""
-    total = [np.zeros_like(one) for one in log.predicted]
-    sound = []
-    for away in deviations:
-        sound.append(all(np.isfinite(one).all() for one in away))
-        if sound[-1]:
-            for sums, one in zip(total, away, strict=True):
-                sums += one**2
-    return [one / max(sum(sound), 1) for one in total], np.array(sound, dtype=bool)
-
-
-def _expected(
-    deviations: Iterable[list[Array]], sound: NDArray[np.bool_], bands: tuple[tuple[Array, ...], list[Array]]
-) -> Array:
-    """Share (k, 12) outside the band had the vehicle and the sensors the values of each draw."""
-    half, sigma = bands
-    rows = [
-        [_share(*([part[:, c] for part in some] for some in (away, sigma, half))) for c in range(12)]
-        for away, good in zip(deviations, sound, strict=True)
-        if good
-    ]
-    return np.maximum(np.array(rows), _NOMINAL) if rows else np.full((1, 12), _NOMINAL)
+    def _basis(self, w: int) -> Array:
+        """Derivatives (n, 12, d + 12) of a window by coefficients and by the sensors' offsets."""
+        # A start is told by the same sensors, and what is measured moves as well.
+        places = np.argsort(INITIAL_PLACES)
+        one = self.slopes[w]
+        return np.concatenate([one.by_direction, one.by_start[:, :, places] - np.eye(12)], axis=2)
 
 
 def _share(away: list[Array], sigma: list[Array], half: list[Array]) -> float:
     """Expected share outside a band of half-width `half` for normal errors of spread `sigma` about `away`."""
+    return float(_outside(*(np.concatenate(part) for part in (away, sigma, half))))
+
+
+def _outside(away: Array, sigma: Array, half: Array) -> Array:
+    """Mean over the first axis of the chance that a normal error about `away` is outside."""
     from scipy.special import ndtr
 
-    d, s, b = (np.concatenate(part) for part in (away, sigma, half))
-    if not np.isfinite(s).all():
-        return _NOMINAL
-    return float(np.mean(ndtr((-b - d) / s) + ndtr((d - b) / s)))
-
-
-def _tail(share: float, effective: float, known: tuple[Array, float]) -> float:
-    """Mean binomial tail of a share of effectively so many samples over expected shares (k,).
-
-    The expected shares are themselves known from as many samples as the spread is worth: a Beta distribution.
-    """
-    from scipy.special import betainc, betaincinv
-
-    expected, rests_on = known
-    hits = share * effective
-    if hits <= 0.0:
-        return 1.0
-    x = np.clip(expected, 0.0, 1.0 - 1e-9)
-    if np.isfinite(rests_on):
-        rank = (np.arange(_BETA) + 0.5) / _BETA
-        x = betaincinv(rests_on * x[:, None], rests_on * (1.0 - x[:, None]), rank)
-    return float(np.mean(betainc(hits, effective - hits + 1.0, x)))
-
-
-def _holm(p: Array) -> Array:
-    """P-values (m,) adjusted by Holm's step-down."""
-    order = np.argsort(p, kind="stable")
-    raw = np.minimum((len(p) - np.arange(len(p))) * p[order], 1.0)
-    adjusted = np.empty(len(p))
-    adjusted[order] = np.maximum.accumulate(raw)
-    return adjusted
-
-
-def _pulls(log: Restarts) -> list[Array]:
-    """What an offset of each channel does to predicted less measured, (n, 12, 12) per window."""
-    places = np.argsort(INITIAL_PLACES)  # a start is told by the same sensors
-    return [one.by_start[:, :, places] - np.eye(12) for one in log.slopes([])]
-
-
-def _apart(shown: Array, nominal: Array) -> Array:
-    from seatrial.rotation import shorter
-
-    away = shown - nominal
-    away[:, 9:] = shorter(away[:, 9:])
-    return np.asarray(away)
+    return np.asarray(np.mean(ndtr((-half - away) / sigma) + ndtr((away - half) / sigma), axis=0))
 
 
 def _p(value: float) -> str:

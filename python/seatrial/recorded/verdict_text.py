@@ -5,6 +5,7 @@ Tests: ``tests/test_recorded_verdict.py``.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from seatrial.channel import readable
@@ -21,6 +22,8 @@ def summary(verdict: LogVerdict) -> str:
     """Text of a verdict, the most important first."""
     lines = [f"{verdict.log.trial.name}: {verdict.outcome}", verdict.reason]
     lines += _channels(verdict)
+    if verdict.validity is not None:
+        lines.append(f"The band is that of {verdict.validity.spread.source}.")
     if verdict.suspects:
         lines += ["", "What may have changed, the best explanation first:"]
         lines += [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:_SHOWN], 1)]
@@ -77,16 +80,15 @@ def _mission(verdict: LogVerdict) -> list[str]:
         )
         if name in figures
     ]
-    if said:
+    if len(said) > 1:  # how long a log lasts is no news by itself
         lines += ["", f"The mission: {', '.join(text.format(figures[name]) for name, text in said)}."]
     for one in verdict.requirements:
         if one.held is None:
             lines.append(f"  ?     {one.name}: {one.holds}; the log does not tell {', '.join(one.missing)}")
         else:
-            lines.append(
-                f"  {'held ' if one.held else 'FAILS'} {one.name}: {one.holds},"
-                f" reserve {one.reserve:.3g} {one.unit}"
-            )
+            # Words and truth values are infinitely far from their threshold.
+            reserve = f", reserve {one.reserve:.3g} {one.unit}" if math.isfinite(one.reserve) else ""
+            lines.append(f"  {'held ' if one.held else 'FAILS'} {one.name}: {one.holds}{reserve}")
     for step in verdict.steps:
         inside = "inside its corridor" if step.criterion <= 0.0 else f"outside by {step.criterion:.3g} s"
         lines.append(f"  step of the {step.loop} set point at {step.at_s:.1f} s: {inside}")

@@ -10,15 +10,19 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.errors import CampaignError
+from seatrial.flight.sensor_channels import sensors_of
 from seatrial.progress import Progress
 from seatrial.search import Step
-from seatrial.tuning.group_search import GroupResult, search_group, search_margins
+from seatrial.tuning.group_search import GENERATIONS, ROUNDS, GroupResult, search_group, search_margins
 from seatrial.tuning.judged import Judged, judge
-from seatrial.tuning.step_trial import Rig, Samples
+from seatrial.tuning.loop_trials import Samples
+from seatrial.tuning.objective import RESERVE
+from seatrial.tuning.step_trial import Rig
 from seatrial.tuning.tuning_plan import TuningPlan
 from seatrial.tuning.tuning_result import Tuning, tuned_autopilot
 
@@ -32,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["conduct", "plan_of"]
 
 _PASSES = 2
-_FRESH = 24  # samples of the last judgement
+_FRESH, _NOISES = 24, 8  # vehicles drawn for the last judgement, and noises of the vehicle itself
 _FINE_STEP_S = 0.02
 _OTHER_SEED = 7919
 
@@ -128,16 +132,21 @@ class _Run:
 
                 if self._keep(name, search):
                     return self._result((), relay=None)
-            open_ = [k for k in range(len(plan.groups)) if self._violates(k, samples)]
+            if turn + 1 == _PASSES:
+                break
+            again = plan.samples(plan.table.samples, seed, nominal=_NOISES)
+            open_ = [k for k in range(len(plan.groups)) if self._violates(k, again)]
             if not open_:
                 break
-        fresh = plan.samples(_FRESH, seed + _OTHER_SEED)
+        fresh = plan.samples(_FRESH, seed + _OTHER_SEED, nominal=_NOISES)
         autopilots: dict[str, Autopilot] = {"start": plan.autopilot}
         relayed = None
         if relay:
             from seatrial.tuning.relay import relay_autopilot
 
-            relayed = relay_autopilot(plan.vehicle, plan.autopilot)
+            relayed = relay_autopilot(
+                plan.vehicle, plan.autopilot, sensors=plan.sensors, voltage=plan.table.voltage_v
+            )
             autopilots["relay"] = relayed.autopilot
         autopilots["tuned"] = self._tuned()
         judged = tuple(
@@ -167,8 +176,12 @@ class _Run:
     def _inputs(self, name: str) -> str:
         """Hash of all that a part of the search depends on."""
         fitted = self.plan.fitted
+        sensors = sensors_of(self.plan.sensors, self.plan.vehicle)
         text = json.dumps([
             name,
+            version("seatrial"),
+            repr(sensors),
+            [_PASSES, RESERVE, GENERATIONS, ROUNDS],
             self.plan.table.model_dump_json(),
             self.plan.autopilot.to_toml(),
             fitted.vehicle.to_toml(),
@@ -185,7 +198,7 @@ class _Run:
     def _violates(self, place: int, samples: Samples) -> bool:
         """Whether a group leaves a corridor with the gains that the others found since."""
         rig = self._rig(self.plan.autopilot.with_gains(self.gains), 2 * _FINE_STEP_S)
-        judged = judge(self.plan, "", rig, samples, only=(self.plan.groups[place],))
+        judged = judge(self.plan, "", rig, samples, only=(self.plan.groups[place],), responses=False)
         return judged.worst_s > 0.0
 
     def _tuned(self) -> Autopilot:

@@ -20,19 +20,21 @@ from numpy.typing import NDArray
 from seatrial.optimize import batch_size, evolve, refine
 from seatrial.search import Optimum, Step, Watch, join
 from seatrial.tuning.gain_parameters import GainParameters, excited_points
+from seatrial.tuning.loop_trials import Samples
 from seatrial.tuning.objective import Objective, Terms
-from seatrial.tuning.step_trial import Rig, Samples
+from seatrial.tuning.step_trial import Rig
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
     from seatrial.tuning.margin_constraint import MarginConstraint
     from seatrial.tuning.tuning_plan import Group, TuningPlan
 
-__all__ = ["GroupResult", "constraint", "search_group", "search_margins"]
+__all__ = ["GENERATIONS", "ROUNDS", "GroupResult", "constraint", "search_group", "search_margins"]
 
 Array = NDArray[np.float64]
 
-_GENERATIONS, _ROUNDS = 30, 25
+GENERATIONS, ROUNDS = 30, 25
+"""Batches of the evolution strategy and of the simplexes where the campaign gives no budget."""
 _MARGIN_GENERATIONS, _MARGIN_POPULATION = 150, 32
 _TOLERANCE = 1e-2
 _SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
@@ -183,7 +185,7 @@ def search_group(
         upper=upper,
         seed=seed,
         population=budget.population or batch_size(len(parameters)),
-        generations=budget.generations or _GENERATIONS,
+        generations=budget.generations or GENERATIONS,
         spread=_SPREAD,
         tolerance=tolerance,
         watch=watch,
@@ -194,7 +196,7 @@ def search_group(
             found.elite,
             lower=lower,
             upper=upper,
-            rounds=budget.simplex_rounds or _ROUNDS,
+            rounds=budget.simplex_rounds or ROUNDS,
             tolerance=tolerance,
             watch=watch,
         )

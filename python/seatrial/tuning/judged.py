@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.tuning.corridor_criterion import step_figures
+from seatrial.tuning.loop_trials import LoopTrials, Samples
 from seatrial.tuning.objective import violated
-from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
+from seatrial.tuning.step_trial import Rig
 from seatrial.tuning.tuning_file import LOOPS
 
 if TYPE_CHECKING:
@@ -37,9 +38,10 @@ class JudgedTrial:
     loop, unit, speed_m_s, step
         Which; the step in the unit.
     nominal_s, worst_s
-        Violation of the corridors, s: of the vehicle itself in still water, and the largest of the samples.
+        Violation of the corridors, s: the largest of the vehicle itself in still water over several noises,
+        and of all samples.
     held
-        Share of the samples that violate nothing.
+        Share of the drawn vehicles that violate nothing.
     rise_s, overshoot, settling_s, steady_error
         Of the nominal response there; shares of the step, times in s, inf: never.
     """
@@ -90,7 +92,7 @@ class Judged:
     trials
         A `JudgedTrial` each.
     samples
-        How many drawn vehicles with currents, the nominal one among them.
+        How many drawn vehicles with currents.
     responses
         Per loop, for figures.
     """
@@ -147,7 +149,7 @@ def judge(
         What to call it.
     rig : Rig
     samples : Samples
-        The first is the nominal one.
+        The first are the nominal ones.
     only : sequence of Group, optional
         The groups to try; all by default.
     responses : bool, optional
@@ -163,8 +165,8 @@ def judge(
             t, values = rig.responses(trials, _worst(samples, total), {})
             shown = kept[trials.loop] = Responses(trials, t, values[trials.names[0]])
         for k in range(len(trials)):
-            found.append(_judged(trials, k, total[k], shown))
-    return Judged(name, rig.autopilot, tuple(found), len(samples), kept)
+            found.append(_judged(trials, k, (total[k], samples.nominal), shown))
+    return Judged(name, rig.autopilot, tuple(found), len(samples) - samples.nominal, kept)
 
 
 def _worst(samples: Samples, total: Array) -> Samples:
@@ -179,7 +181,11 @@ def _worst(samples: Samples, total: Array) -> Samples:
     )
 
 
-def _judged(trials: LoopTrials, k: int, total: Array, shown: Responses | None) -> JudgedTrial:
+def _judged(
+    trials: LoopTrials, k: int, violations: tuple[Array, int], shown: Responses | None
+) -> JudgedTrial:
+    total, nominal = violations
+    drawn = total[nominal:] if len(total) > nominal else total
     entry = LOOPS[trials.loop]
     nan = float("nan")
     figures = dict.fromkeys(("rise_s", "overshoot", "settling_s", "steady_error"), nan)
@@ -193,8 +199,8 @@ def _judged(trials: LoopTrials, k: int, total: Array, shown: Responses | None) -
         unit=entry.unit,
         speed_m_s=trials.speeds[k],
         step=float(f"{trials.sizes[k] / entry.to_si:.9g}"),  # as it stood in the file
-        nominal_s=float(total[0]),
+        nominal_s=float(total[:nominal].max()),
         worst_s=float(total.max()),
-        held=float((total == 0.0).mean()),
+        held=float((drawn == 0.0).mean()),
         **figures,
     )

@@ -5,9 +5,10 @@ per supporting point and mode (`seatrial.control_design.closed_loop`). A candida
 K_P, K_I, K_D and the restoring feed-forward; each row of the wrench is opened alone, the others closed,
 L_i = 1/[(I + L)^-1]_ii - 1. Stability comes from the eigenvalues of Phi - Gamma K.
 
-The shortfall of a point is the largest of 1 - margin/limit over rows and margins, 0 where all hold. It is 1
-where a margin is used up, which is the edge of stability, and beyond 1 + sigma * 10 s with the rate of growth
-sigma in 1/s; that of a candidate is the sum over the points. Held by tests/test_margin_constraint.py.
+The shortfall of a loop at a point is the largest of 1 - margin/limit over its margins, 0 where all hold and
+1 where one is used up, which is the edge of stability. That of a point is the sum over its loops, and of n
+loops n + sigma * 10 s where a motion grows with the rate sigma in 1/s; that of a candidate is the sum over
+the points. Held by tests/test_margin_constraint.py.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ Gains = Mapping[str, ArrayLike]
 _KEYS = ("K_P", "K_I", "K_D")
 _FREQUENCIES = 180  # 12 per octave: within 1 % of python-control on four times as many
 _TOGETHER = 64  # candidates whose responses lie in the cache at once
-_GROWTH_S = 10.0  # a motion that grows e-fold in this time counts as much as a margin that is used up
+_GROWTH_S = 10.0  # a motion that grows e-fold in this time counts as much as a margin of each loop
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +64,19 @@ class PointMargins:
 
     def shortfall(self, limits: Margins) -> Array:
         """By how much the margins fall short of the limits (k,): 0 where they hold, above 1 unstable."""
-        worst = np.zeros(len(self.growth_per_s))
+        asked = limits.at(self.speed_m_s)
+        worst = np.zeros(self.of.phase_deg.shape)
         for margin, limit in (
-            (self.of.phase_deg, limits.phase_deg),
-            (decibel(self.of.gain), limits.gain_db),
-            (decibel(self.of.reduction), limits.gain_db),
-            (self.of.delay_s, limits.delay_s),
+            (self.of.phase_deg, asked.phase_deg),
+            (decibel(self.of.gain), asked.gain_db),
+            (decibel(self.of.reduction), asked.gain_db),
+            (self.of.delay_s, asked.delay_s),
         ):
             if limit > 0.0:
-                worst = np.maximum(worst, 1.0 - margin.min(axis=1) / limit)
-        grown: Array = np.where(self.growth_per_s > 0.0, 1.0 + _GROWTH_S * self.growth_per_s, worst)
+                worst = np.maximum(worst, 1.0 - margin / limit)
+        # Each loop counts for itself: behind one that is short another one could give its own away.
+        unstable = len(self.loops) + _GROWTH_S * self.growth_per_s
+        grown: Array = np.where(self.growth_per_s > 0.0, unstable, worst.sum(axis=1))
         return grown
 
 

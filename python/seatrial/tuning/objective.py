@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.tuning.gain_parameters import GainParameters
+from seatrial.tuning.loop_trials import LoopTrials, Samples
 from seatrial.tuning.smoothness import roughness
-from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
+from seatrial.tuning.step_trial import Rig
 
 if TYPE_CHECKING:
     from seatrial.tuning.margin_constraint import MarginConstraint
@@ -32,7 +33,7 @@ __all__ = ["RESERVE", "Objective", "Terms", "robust", "violated"]
 
 Array = NDArray[np.float64]
 
-RESERVE = 0.01
+RESERVE = 0.02
 """By how much the search's corridors are narrower, as a share of the step."""
 
 _OUTSIDE, _LACKING = 10.0, 30.0  # how much a second outside, and a margin used up, count against the ties

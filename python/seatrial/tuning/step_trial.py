@@ -24,142 +24,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.flight.set_up import SetUp, set_up
 from seatrial.mission import Mission
-from seatrial.tuning.corridor import Corridor
+from seatrial.tuning.loop_trials import CHANNELS, DEPTH_M, PATHS, LoopTrials, Samples
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Flights, Vehicle
     from seatrial.sensors import Sensor
 
-__all__ = ["CHANNELS", "PATHS", "LoopTrials", "Rig", "Samples"]
+__all__ = ["Rig"]
 
 Array = NDArray[np.float64]
 
-CHANNELS = {
-    "surge": ("speed", "u"),
-    "sway": ("lateral", "v"),
-    "heave": ("depth", "z"),
-    "pitch": ("pitch", "pitch"),
-    "heading": ("heading", "yaw"),
-    "depth": ("down", "z"),
-    "cross_track": ("east", "y"),
-}
-"""Set point and channel of the answer, per loop or path. Roll is held level: its set point does not move."""
-
-PATHS = ("depth", "cross_track")
-
-_DEPTH_M = 100.0  # room for a pitch step to dive and climb
 _LEG_M = 1e6
 _OFFSETS = [1, 2]  # offset and drift among the errors of a channel
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """What each candidate meets: s vehicles, currents and noises.
-
-    Attributes
-    ----------
-    coefficients
-        Of the vehicle that flies, {name: (s,)}, SI.
-    current
-        North, east, down, (s, 3), m/s; trials head north.
-    seeds
-        Of the sensors' noise, (s,).
-    """
-
-    coefficients: Mapping[str, Array]
-    current: Array
-    seeds: tuple[int, ...]
-
-    def __len__(self) -> int:
-        return len(self.seeds)
-
-    def first(self, count: int) -> Samples:
-        """The first of them."""
-        kept = {name: np.asarray(values)[:count] for name, values in self.coefficients.items()}
-        return Samples(kept, self.current[:count], self.seeds[:count])
-
-
-@dataclass(frozen=True, eq=False)
-class LoopTrials:
-    """Steps of a loop, and what its answers are held against.
-
-    Attributes
-    ----------
-    loop
-        Key of `CHANNELS`.
-    corridor
-        Of the loop's own answer.
-    beside
-        Half-width of the band that another channel keeps to, by channel, SI.
-    speeds, sizes
-        Per trial the desired speed, m/s, and the step, SI.
-    settle_s
-        Time before the first step.
-    """
-
-    loop: str
-    corridor: Corridor
-    beside: Mapping[str, float]
-    speeds: tuple[float, ...]
-    sizes: tuple[float, ...]
-    settle_s: float
-
-    def __len__(self) -> int:
-        return len(self.speeds)
-
-    @property
-    def until_s(self) -> float:
-        """Time from step to step."""
-        return self.corridor.until_s
-
-    @property
-    def duration_s(self) -> float:
-        """Time of a trial: settle, step, step back."""
-        return self.settle_s + 2.0 * self.until_s
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Channels of the corridors: the loop's own first."""
-        return CHANNELS[self.loop][1], *self.beside
-
-    @property
-    def settled(self) -> float:
-        """Half-width of the band in which the answer ends, as a share of the step."""
-        lower, upper = self.corridor.sampled([self.until_s])
-        half = float(min(1.0 - lower[0], upper[0] - 1.0))
-        return half if 0.0 < half < 0.2 else 0.05
-
-    def base(self, trial: int) -> float:
-        """Set point of a trial before its step, SI."""
-        held = {"surge": self.speeds[trial], "heave": _DEPTH_M, "depth": _DEPTH_M}
-        return held.get(self.loop, 0.0)
-
-    def grid(self, period_s: float) -> Array:
-        """Times of the control periods, (p,), s."""
-        return np.asarray(period_s * np.arange(round(self.duration_s / period_s) + 1))
-
-    def bounds(self, period_s: float, *, reserve: float = 0.0) -> tuple[Array, Array, Array, Array]:
-        """Lower and upper bound, target and clock of the normalised answer per control period, (p,) each.
-
-        Parameters
-        ----------
-        period_s : float
-        reserve : float
-            By how much both bounds move inwards, as a share of the step, as far as they leave room.
-        """
-        t = self.grid(period_s)
-        lower, upper = np.full(len(t), -np.inf), np.full(len(t), np.inf)
-        target, clock = np.zeros(len(t)), np.zeros(len(t))
-        for place, back in ((self.settle_s, False), (self.settle_s + self.until_s, True)):
-            since = t - place
-            rows = (since > -1e-9) & (since < self.until_s - 1e-9)
-            low, high = self.corridor.sampled(since[rows])
-            room = np.minimum(reserve, 0.25 * (high - low))
-            low, high = low + room, high - room
-            lower[rows], upper[rows] = (1.0 - high, 1.0 - low) if back else (low, high)
-            target[rows] = 0.0 if back else 1.0
-            clock[rows] = since[rows]
-        return lower, upper, target, clock
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +98,7 @@ class Rig:
         travel = np.empty((k, len(trials), len(samples)))
         for chosen, flights in self._flights(trials, samples, columns, k, reserve=reserve, logs=False):
             shape = (len(chosen), len(samples), k)
-            sums = np.asarray(flights.violations).reshape(*shape, -1, 3)
+            sums = _there_and_back(np.asarray(flights.violations)).reshape(*shape, -1, 3)
             found[:, chosen] = np.moveaxis(sums, 2, 0)
             moved = np.asarray(flights.figures["travel"]).reshape(shape)
             travel[:, chosen] = np.moveaxis(moved, 2, 0)
@@ -296,11 +172,25 @@ class Rig:
         if trials.loop != "cross_track" and trials.loop != "depth":
             set_points.setdefault("heading", np.zeros(3))
         lower, upper, target, clock = trials.bounds(self.autopilot.period_s, reserve=reserve)
-        corridors: list[Any] = [(channel, per_trial(before), per_trial(size), lower, upper, target, clock)]
+        base, scale = per_trial(before), per_trial(size)
+        there = target == 1.0
+        # There and back apart: what is a shortfall there is an excess on the way back.
+        corridors: list[Any] = [
+            (
+                channel,
+                base,
+                scale,
+                np.where(phase, lower, -np.inf),
+                np.where(phase, upper, np.inf),
+                target,
+                np.where(phase, clock, 0.0),
+            )
+            for phase in (there, ~there)
+        ]
         still = np.zeros(len(lower))
         judged = np.isfinite(lower) | np.isfinite(upper)
         for name, half in trials.beside.items():
-            level = {"u": speed, "z": np.full(count, _DEPTH_M)}.get(name, np.zeros(count))
+            level = {"u": speed, "z": np.full(count, DEPTH_M)}.get(name, np.zeros(count))
             inside = 1.0 - min(reserve, 0.25)
             low, high = np.where(judged, -inside, -np.inf), np.where(judged, inside, np.inf)
             corridors.append((name, per_trial(level), np.full(count * s * k, half), low, high, still, clock))
@@ -332,8 +222,8 @@ class Rig:
                 name = "trial"
                 speed_m_s = {speed!r}
                 acceptance_radius_m = 10.0
-                start = {{ north_m = 0.0, east_m = 0.0, depth_m = {_DEPTH_M}, heading_deg = 0.0 }}
-                legs = [{{ north_m = {_LEG_M}, east_m = 0.0, depth_m = {_DEPTH_M} }}]
+                start = {{ north_m = 0.0, east_m = 0.0, depth_m = {DEPTH_M}, heading_deg = 0.0 }}
+                legs = [{{ north_m = {_LEG_M}, east_m = 0.0, depth_m = {DEPTH_M} }}]
                 """
             )
             ready = set_up(
@@ -359,3 +249,12 @@ class Rig:
             steady = replace(ready.channels, errors=errors)
             self._ready[speed, duration_s] = replace(ready, channels=steady)
         return self._ready[speed, duration_s]
+
+
+def _there_and_back(sums: Array) -> Array:
+    """Sums (cases, corridors, 3), those of the way back, the second corridor, added to those of the way there.
+
+    On the way back the answer is mirrored, so that a shortfall of the step is an excess in the channel.
+    """
+    there, back = sums[:, 0], sums[:, 1][:, [1, 0, 2]]
+    return np.concatenate([(there + back)[:, None], sums[:, 2:]], axis=1)

@@ -22,6 +22,7 @@ __all__ = [
     "LOOPS",
     "Beside",
     "CorridorTable",
+    "LeastMargins",
     "Loop",
     "LoopTable",
     "Loops",
@@ -249,12 +250,28 @@ class Loops(Section):
         return {name: table for name in LOOPS if (table := getattr(self, name)) is not None}
 
 
-class Margins(Section):
-    """Least margins of the linearised loop at every supporting point; 0 asks for none."""
+class LeastMargins(Section):
+    """Least margins of the linearised loop; 0 asks for none."""
 
     phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = 35.0
     gain_db: NotNegative = 6.0
     delay_s: NotNegative = 0.2
+
+
+class Margins(LeastMargins):
+    """Least margins at every supporting point, and others astern, where many a hull is unstable."""
+
+    astern: LeastMargins | None = None
+
+    def at(self, speed_m_s: float) -> LeastMargins:
+        """Those at a speed.
+
+        Parameters
+        ----------
+        speed_m_s : float
+            Desired, m/s; negative is astern.
+        """
+        return self.astern if speed_m_s < 0.0 and self.astern is not None else self
 
 
 def _quantile(entry: Any) -> Any:

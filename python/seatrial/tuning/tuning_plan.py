@@ -11,7 +11,6 @@ Held by tests/test_tuning_plan.py.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,8 @@ from numpy.typing import NDArray
 
 from seatrial.errors import CampaignError
 from seatrial.tuning.gain_parameters import GainParameters, excited_points
-from seatrial.tuning.step_trial import CHANNELS, LoopTrials, Rig, Samples
+from seatrial.tuning.loop_trials import CHANNELS, LoopTrials, Samples
+from seatrial.tuning.step_trial import Rig
 from seatrial.tuning.tuning_file import LOOPS, LoopTable, TuningTable, default_steps
 from seatrial.tuning.working_points import reachable_points
 
@@ -46,6 +46,7 @@ _FILTER_BOUNDS = (0.3, 3.0)
 _BESIDE_MODE_M_S = 0.1  # how far a trial keeps from a switching speed, beside the current
 _SETTLE_S = 15.0  # at least; a loop that settles in its corridor has settled at its start as well
 _APART = 0.2  # of the mean spacing of the points: speeds that are nearer tell the same
+_OWN_DRAWS = 1_000_003  # beside the seed: a verification's missions are other draws
 _WALK = 2.399963  # golden angle, rad: currents from all sides, whatever their number
 
 
@@ -80,6 +81,11 @@ class TuningPlan:
     def vehicle(self) -> Vehicle:
         """The best values."""
         return self.fitted.vehicle
+
+    @property
+    def sensors(self) -> str | None:
+        """Name of a set of sensors or a file; None for perfect ones."""
+        return None if self.table.sensors == "perfect" else self.table.sensors
 
     @cached_property
     def reached(self) -> NDArray[np.bool_]:
@@ -194,7 +200,9 @@ class TuningPlan:
         if loop != "surge":
             return True
         astern, ahead = top_speeds(self.vehicle)
-        return RANGE * astern <= speed + step <= RANGE * ahead
+        # Against the current less is left over ground.
+        away = self.table.current_m_s
+        return RANGE * astern + away <= speed + step <= RANGE * ahead - away
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -250,18 +258,17 @@ class TuningPlan:
         threads : int, optional
             All by default.
         """
-        sensors = self.table.sensors
         return Rig(
             self.vehicle if vehicle is None else vehicle,
             self.vehicle,
             autopilot,
-            sensors=None if sensors == "perfect" else sensors,
+            sensors=self.sensors,
             max_step=max_step,
             voltage=self.table.voltage_v,
             threads=threads,
         )
 
-    def samples(self, count: int, seed: int) -> Samples:
+    def samples(self, count: int, seed: int, *, nominal: int = 1) -> Samples:
         """The vehicle itself in still water, then drawn vehicles with a current from all sides.
 
         Parameters
@@ -269,14 +276,22 @@ class TuningPlan:
         count : int
             Of the drawn ones.
         seed : int
+        nominal : int, optional
+            How often the vehicle itself flies, each time with other noise.
         """
-        drawn = self.fitted.draws(count + 1, seed, nominal_first=True)
-        bearing = _WALK * (seed % 997 + np.arange(count + 1))
+        size = nominal + count
+        drawn = self.fitted.draws(count, seed + _OWN_DRAWS)
+        own = self.fitted.vehicle.coefficients()
+        values = {
+            name: np.concatenate([np.full(nominal, own.get(name, 0.0)), column])
+            for name, column in drawn.items()
+        }
+        bearing = _WALK * (seed % 997 + np.arange(size))
         current = self.table.current_m_s * np.stack(
-            [np.cos(bearing), np.sin(bearing), np.zeros(count + 1)], axis=1
+            [np.cos(bearing), np.sin(bearing), np.zeros(size)], axis=1
         )
-        current[0] = 0.0
-        return Samples(drawn, current, tuple(range(seed * 1000 + 1, seed * 1000 + count + 2)))
+        current[:nominal] = 0.0
+        return Samples(values, current, tuple(range(seed * 1000 + 1, seed * 1000 + size + 1)), nominal)
 
     def to_dict(self) -> dict[str, Any]:
         """Trials and parameters as plain data."""
@@ -286,23 +301,8 @@ class TuningPlan:
                 {
                     "name": group.name,
                     "parameters": list(group.parameters.names),
-                    "trials": [described(trials) for trials in group.trials],
+                    "trials": [trials.to_dict() for trials in group.trials],
                 }
                 for group in self.groups
             ],
         }
-
-
-def described(trials: LoopTrials) -> Mapping[str, Any]:
-    """Trials of a loop as plain data."""
-    return {
-        "loop": trials.loop,
-        "speeds_m_s": list(trials.speeds),
-        "steps": [size / LOOPS[trials.loop].to_si for size in trials.sizes],
-        "unit": LOOPS[trials.loop].unit,
-        "settle_s": trials.settle_s,
-        "until_s": trials.until_s,
-        "lower": [list(point) for point in trials.corridor.lower],
-        "upper": [list(point) for point in trials.corridor.upper],
-        "beside": dict(trials.beside),
-    }

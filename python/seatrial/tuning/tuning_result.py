@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["Tuning", "tuned_autopilot"]
 
 _DIGITS = 4
+_ROUNDING = 0.01  # what the frequency grid and four digits of a gain leave
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,11 @@ class Tuning:
         tuned = self.of("tuned")
         return tuned is not None and tuned.feasible
 
+    @property
+    def held(self) -> bool:
+        """Whether corridors and margins are held: by the vehicle itself, and by its linear loops."""
+        return self.feasible and not self.short_margins
+
     @cached_property
     def margins(self) -> Mapping[str, list[ReportedMargins]]:
         """Margins by python-control per mode, reachable supporting point and loop, "start" and "tuned"."""
@@ -85,6 +91,30 @@ class Tuning:
 
         pairs = {"start": self.start, "tuned": self.autopilot}
         return {name: report_margins(self.plan.vehicle, autopilot) for name, autopilot in pairs.items()}
+
+    @property
+    def short_margins(self) -> tuple[str, ...]:
+        """Loops whose margins fall short of the campaign's, with what there is and what was asked."""
+        if self.interrupted:
+            return ()
+        rows = self.margins["tuned"]
+        unstable = dict.fromkeys((row.mode, row.speed_m_s) for row in rows if not row.stable)
+        found = [f"{mode} at {speed:.2f} m/s (unstable)" for mode, speed in unstable]
+        for row in rows:
+            limits = self.plan.table.margins.at(row.speed_m_s)
+            short = [
+                f"{value:.2g} {unit} of {limit:g}"
+                for value, limit, unit in (
+                    (row.phase_deg, limits.phase_deg, "deg"),
+                    (row.gain_up_db, limits.gain_db, "dB"),
+                    (row.gain_down_db, limits.gain_db, "dB down"),
+                    (row.delay_s, limits.delay_s, "s"),
+                )
+                if value is not None and value < (1.0 - _ROUNDING) * limit
+            ]
+            if short and row.stable:  # margins of an unstable loop mean something else
+                found.append(f"{row.loop} in {row.mode} at {row.speed_m_s:.2f} m/s ({', '.join(short)})")
+        return tuple(found)
 
     def on(self, vehicle: Vehicle | str | Path, *, name: str = "another vehicle") -> Judged:
         """How the tuned responses keep to their corridors on a vehicle that the autopilot does not know.
@@ -106,7 +136,7 @@ class Tuning:
         from seatrial._core import Vehicle
         from seatrial.file_kind import loaded
         from seatrial.tuning.judged import judge
-        from seatrial.tuning.step_trial import Samples
+        from seatrial.tuning.loop_trials import Samples
 
         flown = loaded(Vehicle, vehicle)
         still = Samples({}, np.zeros((1, 3)), (1,))
@@ -125,6 +155,8 @@ class Tuning:
             "vehicle": self.plan.vehicle.name,
             "autopilot": self.autopilot.name,
             "feasible": self.feasible,
+            "held": self.held,
+            "short_margins": list(self.short_margins),
             "interrupted": self.interrupted,
             "elapsed_s": self.elapsed_s,
             "plan": self.plan.to_dict(),
@@ -174,8 +206,6 @@ class Tuning:
             "history.parquet": _parquet(pl.DataFrame(history, infer_schema_length=None)),
             "trials.parquet": _parquet(pl.DataFrame(trials, infer_schema_length=None)),
         }
-        for group in self.groups:
-            files[directory.stage_name(group.name)] = to_json(group.to_dict())
         return directory.publish(files)
 
 

@@ -29,9 +29,7 @@ __all__ = [
     "trial_rows",
 ]
 
-_ROUNDING = 0.01  # what the frequency grid and four digits of a gain leave
-
-TRIAL_HEAD = ("loop", "m/s", "step", "outside, s", "worst, s", "held", "rise, s", "over", "settled, s")
+TRIAL_HEAD = ("loop", "m/s", "step", "outside", "worst", "held", "rise", "over", "settled")
 GAIN_HEAD = ("gain", "unit", "m/s", "start", "tuned")
 _UNITS = {
     "surge": "N s/m",
@@ -54,7 +52,10 @@ def summary(tuning: Tuning) -> str:
 
     parts = ["\n".join(sentences(tuning))]
     for judged in tuning.judged:
-        parts.append(f"Responses with the {judged.name} gains\n" + text_table(TRIAL_HEAD, trial_rows(judged)))
+        parts.append(
+            f"Responses with the {judged.name} gains (times in s)\n"
+            + text_table(TRIAL_HEAD, trial_rows(judged))
+        )
     if len(tuning.judged) > 1:
         parts.append(COMPARISON_TITLE + "\n" + text_table(comparison_head(tuning), comparison_rows(tuning)))
     parts.append(
@@ -92,7 +93,7 @@ def sentences(tuning: Tuning) -> list[str]:
     ended = {name for group in last.values() for name in group.at_bound}
     if ended:
         lines.append(f"Factors at a bound of the search: {', '.join(sorted(ended))}; widen [tuning] bounds.")
-    if not tuning.interrupted and (short := _short_margins(tuning)):
+    if short := tuning.short_margins:
         lines.append(f"Margins short of their limits: {'; '.join(short)}.")
     lines += list(tuning.plan.fitted.notes)
     return lines
@@ -105,28 +106,6 @@ def on_another_vehicle(judged: Judged) -> str:
         return f"all {len(judged.trials)} responses stay within their corridors."
     listed = "; ".join(f"{_of(trial)} by {_seconds(trial.nominal_s)} s" for trial in out)
     return f"{len(out)} of {len(judged.trials)} responses leave their corridors: {listed}."
-
-
-def _short_margins(tuning: Tuning) -> list[str]:
-    """Loops whose margins fall short of what the campaign asks for, with what there is and what was asked."""
-    limits = tuning.plan.table.margins
-    rows = tuning.margins["tuned"]
-    unstable = dict.fromkeys((row.mode, row.speed_m_s) for row in rows if not row.stable)
-    found = [f"{mode} at {speed:.2f} m/s (unstable)" for mode, speed in unstable]
-    for row in rows:
-        short = [
-            f"{value:.2g} {unit} of {limit:g}"
-            for value, limit, unit in (
-                (row.phase_deg, limits.phase_deg, "deg"),
-                (row.gain_up_db, limits.gain_db, "dB"),
-                (row.gain_down_db, limits.gain_db, "dB down"),
-                (row.delay_s, limits.delay_s, "s"),
-            )
-            if value is not None and value < (1.0 - _ROUNDING) * limit
-        ]
-        if short and row.stable:  # margins of an unstable loop mean something else
-            found.append(f"{row.loop} in {row.mode} at {row.speed_m_s:.2f} m/s ({', '.join(short)})")
-    return found
 
 
 def trial_rows(judged: Judged) -> list[tuple[str, ...]]:
@@ -197,8 +176,7 @@ def _of(trial: JudgedTrial) -> str:
 
 def _all_inside(count: int, whole: int, samples: int) -> str:
     """The sentence on a feasible tuning."""
-    others = samples - 1
-    every = f"every one of {others} others that were drawn, in their currents"
+    every = f"every one of {samples} others that were drawn, in their currents"
     if count == 1:
         also = f", and so with {every}" if whole else ""
         return f"The response of the vehicle itself stays within its corridor, there and back{also}."

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,6 +29,7 @@ from seatrial.flight.flight import Flight
 from seatrial.flight.set_up import SetUp, set_up
 from seatrial.verification.cases import Cases
 from seatrial.verification.draws import draw_cases
+from seatrial.verification.expression import KNOWN
 from seatrial.verification.flown_missions import FlownMissions, figures_for_requirements
 from seatrial.verification.obstacles import obstacles
 from seatrial.verification.verification_file import VerificationTable
@@ -106,6 +108,13 @@ class CampaignFlights:
         """Sentences on where the sensors of the flights differ from those of the set."""
         return self._ready[0].circumstances.sensor_notes
 
+    @property
+    def position_sd_m(self) -> float:
+        """Standard deviation of the sensors' position along an axis at the end of the longest mission, m."""
+        _, offset, walk, _ = self._ready[0].channels.errors[:2].max(axis=0).tolist()
+        longest = max(one.planned_time for one in self.missions)
+        return math.sqrt(offset**2 + walk**2 * longest)
+
     def fly(self, numbers: ArrayLike, *, threads: int | None = None) -> FlownMissions:
         """Missions of these numbers, flown side by side.
 
@@ -118,11 +127,11 @@ class CampaignFlights:
         began = time.monotonic()
         cases = self.cases(numbers)
         figures: dict[str, Any] = {}
-        counts = np.zeros((len(cases), len(_core.error_edges()) + 1))
+        seen, true = np.zeros((2, len(cases), len(_core.error_edges()) + 1))
         for index in np.unique(cases.mission).tolist():
             rows = np.flatnonzero(cases.mission == index)
             found, samples = figures_for_requirements(self._flights(cases.take(rows), index, threads=threads))
-            counts[rows] = samples[: len(rows)]
+            seen[rows], true[rows] = (counts[: len(rows)] for counts in samples)
             for name, values in found.items():
                 if name not in figures:
                     words = values.dtype.kind == "U"
@@ -134,7 +143,8 @@ class CampaignFlights:
             seeds=cases.seeds,
             figures=figures,
             causes=dict(cases.causes),
-            cross_track_counts=counts,
+            seen_counts=seen,
+            true_counts=true,
             wall_s=time.monotonic() - began,
         )
 
@@ -171,6 +181,7 @@ class CampaignFlights:
         fitted = self.fitted
         what = [
             metadata.version("seatrial"),
+            [*KNOWN, *self.cases([0]).causes],
             _core.simd_level(),
             self.seed,
             asked,

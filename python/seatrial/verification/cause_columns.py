@@ -66,6 +66,8 @@ def _of_water(table: VerificationTable, cases: Cases, bow: Array) -> dict[str, A
     if not steady or not asked.direction_deg.is_fixed:
         found["current from ahead at the start, m/s"] = -north * np.cos(bow) - east * np.sin(bow)
         found["current from port at the start, m/s"] = east * np.cos(bow) - north * np.sin(bow)
+    if not asked.direction_deg.is_fixed:
+        found["current towards, deg from north"] = np.degrees(np.arctan2(east, north)) % 360.0
     if asked.vertical_m_s > 0.0:
         found["current down, m/s"] = down
     if asked.turbulence_m_s is not None and not asked.turbulence_m_s.is_fixed:
@@ -110,12 +112,10 @@ def _of_failures(table: VerificationTable, fitted: Fitted, cases: Cases) -> dict
 
 
 def _of_mission(table: VerificationTable, cases: Cases) -> dict[str, Array]:
-    if len(table.missions) == 1:
-        return {}
-    return {
-        f"mission {one.title}": np.asarray(cases.mission == k, dtype=float)
-        for k, one in enumerate(table.missions)
-    }
+    titles = list(enumerate(one.title for one in table.missions))
+    # Of two missions either one tells the other.
+    told = titles[1:] if len(titles) <= 2 else titles
+    return {f"mission {title}": np.asarray(cases.mission == k, dtype=float) for k, title in told}
 
 
 def _of_vehicle(fitted: Fitted, cases: Cases) -> dict[str, Array]:

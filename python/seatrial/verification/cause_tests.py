@@ -77,7 +77,7 @@ def spearman(values: Array, other: Array) -> tuple[float, float]:
     if k < 4:
         return 0.0, 1.0
     rho = _pearson(rankdata(values), rankdata(other))
-    left = max(1.0 - rho * rho, np.finfo(np.float64).tiny)
+    left = max(1.0 - rho * rho, np.finfo(np.float64).eps)
     return rho, float(2.0 * student.sf(abs(rho) * np.sqrt((k - 2.0) / left), k - 2))
 
 

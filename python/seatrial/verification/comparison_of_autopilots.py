@@ -26,7 +26,10 @@ from seatrial.verification.requirement import Requirement
 __all__ = ["AutopilotComparison", "FlownAutopilot", "PairedRequirement", "compared", "mcnemar"]
 
 LEVEL = 0.05
-_FIGURES = ("cross_track_p95_m", "vertical_p95_m", "energy_wh", "duration_s", "travel_per_s")
+_FIGURES = (
+    "true_cross_track_p95_m", "cross_track_p95_m", "vertical_p95_m", "energy_wh", "duration_s",
+    "travel_per_s",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from seatrial.run_directory import RunDirectory
 from seatrial.verification.comparison_of_autopilots import AutopilotComparison, compared
 from seatrial.verification.judged_requirement import judged
 from seatrial.verification.mission_series import MissionsFlown, fly_series
+from seatrial.verification.seen_and_true import seen_and_true
 from seatrial.verification.verification_result import Verification
 
 if TYPE_CHECKING:
@@ -72,20 +73,23 @@ def conduct(
         campaign=prepared.campaign,
         flights=prepared.flights,
         flown=flown,
-        requirements=tuple(
-            judged(
-                one,
-                flown,
-                missions=prepared.flights.titles,
-                confidence=prepared.flights.table.confidence,
-                keep_worst=prepared.flights.table.keep_worst,
-            )
-            for one in prepared.requirements
+        requirements=judged(
+            prepared.requirements,
+            flown,
+            missions=prepared.flights.titles,
+            confidence=prepared.flights.table.confidence,
+            keep_worst=prepared.flights.table.keep_worst,
         ),
         comparison=comparison,
         asked=prepared.runs,
         interrupted=interrupted,
-        notes=tuple(dict.fromkeys([*prepared.notes, *prepared.flights.cases(len(flown)).notes])),
+        notes=tuple(
+            dict.fromkeys([
+                *prepared.notes,
+                *prepared.flights.cases(len(flown)).notes,
+                *seen_and_true(prepared.requirements, flown),
+            ])
+        ),
     )
     if directory is not None:
         found.publish(directory)

@@ -18,7 +18,7 @@ from typing import Literal
 
 from seatrial.errors import CampaignError, nearest
 
-__all__ = ["CALLS", "KNOWN", "Figure", "Kind", "check", "names_in", "parse", "unit_of"]
+__all__ = ["CALLS", "KNOWN", "SEEN", "Figure", "Kind", "check", "names_in", "parse", "unit_of"]
 
 Kind = Literal["number", "word", "truth"]
 
@@ -35,10 +35,14 @@ _ENDINGS = ("complete", "surfaced", "aborted", "out of time", "diverged")
 _ERRORS = ("rms", "largest", "p50", "p95", "p99")
 _NUMBERS = (
     "duration_s", "distance_m", "energy_wh", *(f"cross_track_{x}_m" for x in _ERRORS),
-    *(f"vertical_{x}_m" for x in _ERRORS), "depth_excursion_m", "depth_largest_m", "altitude_smallest_m",
-    "clearance_m", "waypoints_behind", "missed_by_m", "switches_per_minute", "travel_per_s", "alert_time_s",
-    "roll_largest_deg", "pitch_largest_deg",
+    *(f"true_cross_track_{x}_m" for x in _ERRORS), *(f"vertical_{x}_m" for x in _ERRORS),
+    "depth_excursion_m", "depth_largest_m", "altitude_smallest_m", "clearance_m", "waypoints_behind",
+    "missed_by_m", "switches_per_minute", "travel_per_s", "alert_time_s", "roll_largest_deg",
+    "pitch_largest_deg",
 )  # fmt: skip
+SEEN = (*(f"{error}_{x}_m" for error in ("cross_track", "vertical") for x in _ERRORS), "missed_by_m")
+"""Errors as guidance saw them, from what its sensors told it; other figures are of the vehicle itself."""
+
 KNOWN: Mapping[str, Figure] = {
     **dict.fromkeys(_NUMBERS, Figure()),
     "ending": Figure("word", _ENDINGS),

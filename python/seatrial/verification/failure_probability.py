@@ -7,11 +7,11 @@ more, would be as rare as alpha,
     sum_{i>=k} C(n,i) p_L^i (1-p_L)^(n-i) = alpha,    p_L = quantile alpha of Beta(k, n-k+1)
 
 alpha = 1 - confidence for a bound on one side, half of it for each side of an interval. Whatever p is, they
-cover it at least as often as they say, for a number of missions that was fixed beforehand: who adds missions
-until the verdict suits looks several times and errs more often. Look j at the risk alpha/2^j errs with at most
-alpha over all looks (Bonferroni's inequality), so that the advice of an undecided verdict is given at half the
-risk. With no failure p_U = 1 - alpha^(1/n), about 3/n at 95 %: the rule of
-three (Hanley & Lippman-Hand 1983, JAMA 249:1743).
+cover it at least as often as they say, for a number of missions that was fixed beforehand: who adds
+missions until the verdict suits looks several times and errs more often. Look j at the risk alpha/2^j errs
+with at most alpha over all looks (Bonferroni's inequality), so that the advice of an undecided verdict is
+given at half the risk. With no failure p_U = 1 - alpha^(1/n), about 3/n at 95 %: the rule of three (Hanley
+& Lippman-Hand 1983, JAMA 249:1743).
 
 A verdict takes the bounds on one side: "held" where the upper one does not exceed what is allowed, "failed"
 where the lower one does. The missions that a verdict needs at least are those of Wilks (1941, Ann. Math.

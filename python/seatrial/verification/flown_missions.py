@@ -30,7 +30,7 @@ __all__ = ["FlownMissions", "figures_for_requirements"]
 Array = NDArray[np.float64]
 Values = NDArray[Any]
 
-_PLAIN = ("numbers", "mission", "seeds", "cross_track_counts")
+_PLAIN = ("numbers", "mission", "seeds", "seen_counts", "true_counts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +45,9 @@ class FlownMissions:
         Numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,).
     causes
         What was drawn, by readable names with units, (k,).
-    cross_track_counts
+    seen_counts, true_counts
         Samples of the cross-track error on settled legs between the edges of ``_core.error_edges``,
-        (k, edges + 1).
+        (k, edges + 1): as guidance saw it, and of where the vehicle really was.
     wall_s
         Time that they took, s.
     """
@@ -57,7 +57,8 @@ class FlownMissions:
     seeds: NDArray[np.int_]
     figures: Mapping[str, Values]
     causes: Mapping[str, Array]
-    cross_track_counts: Array
+    seen_counts: Array
+    true_counts: Array
     wall_s: float
 
     def __len__(self) -> int:
@@ -100,7 +101,8 @@ class FlownMissions:
             self.seeds[:count],
             {name: column[:count] for name, column in self.figures.items()},
             {name: column[:count] for name, column in self.causes.items()},
-            self.cross_track_counts[:count],
+            self.seen_counts[:count],
+            self.true_counts[:count],
             self.wall_s * min(count, len(self)) / max(len(self), 1),
         )
 
@@ -170,8 +172,10 @@ class FlownMissions:
         )
 
 
-def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], Array]:
-    """Figures of all cases as requirements name them, (k,), and counts of the cross-track error (k, bins).
+def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple[Array, Array]]:
+    """Figures of all cases as requirements name them, (k,), and counts of two errors, (k, bins) each.
+
+    These are of the cross-track error as guidance saw it, and of where the vehicle really was.
 
     ``ending`` and ``alert`` become words; without an alert its time is not a number.
 
@@ -194,5 +198,13 @@ def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], Array
         if values.dtype.kind == "f":
             found[name] = np.where(diverged, np.nan, values)
     found["abort"] = np.isin(found["ending"], ("aborted", DIVERGED))
-    samples = np.asarray(flights.cross_track_counts, dtype=float)
-    return found, samples - np.append(samples[:, 1:], np.zeros((len(samples), 1)), axis=1)
+    return found, (
+        _between_edges(flights.cross_track_counts),
+        _between_edges(flights.true_cross_track_counts),
+    )
+
+
+def _between_edges(above: Array) -> Array:
+    """Samples between the edges (k, edges + 1) from all samples and those above each edge."""
+    samples = np.asarray(above, dtype=float)
+    return np.asarray(samples - np.append(samples[:, 1:], np.zeros((len(samples), 1)), axis=1))

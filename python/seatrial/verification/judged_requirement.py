@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from seatrial.verification import failure_probability
-from seatrial.verification.causes import Cause, Influence, find_causes
+from seatrial.verification.causes import Cause, find_causes_of_all
 from seatrial.verification.failure_probability import FailureProbability
 from seatrial.verification.flown_missions import FlownMissions
+from seatrial.verification.influence import Influence
 from seatrial.verification.requirement import Judgement, Requirement
 
 __all__ = ["JudgedRequirement", "WorstMission", "judged"]
@@ -70,7 +71,8 @@ class JudgedRequirement:
     by_mission
         The same of each mission, by name.
     causes
-        Influences of what was drawn, those that are shown to matter first.
+        Influences of what was drawn, those that are shown to matter first; with regard to all requirements of
+        the verification.
     worst
         Missions with the least reserve, the worst first.
     """
@@ -128,6 +130,7 @@ class JudgedRequirement:
             "causes": [
                 {
                     "cause": one.label,
+                    "where": one.where,
                     "named": one.named,
                     "p_value": one.p_value,
                     "corrected": one.corrected,
@@ -143,18 +146,18 @@ class JudgedRequirement:
 
 
 def judged(
-    requirement: Requirement,
+    requirements: Sequence[Requirement],
     flown: FlownMissions,
     *,
     missions: Sequence[str],
     confidence: float,
     keep_worst: int,
-) -> JudgedRequirement:
-    """What flown missions say of a requirement.
+) -> tuple[JudgedRequirement, ...]:
+    """What flown missions say of requirements, whose causes are found as one family.
 
     Parameters
     ----------
-    requirement : Requirement
+    requirements : sequence of Requirement
     flown : FlownMissions
         At least one.
     missions : sequence of str
@@ -163,20 +166,40 @@ def judged(
     keep_worst : int
         How many of the worst missions to tell of.
     """
-    judgement = requirement.judge(flown.figures)
-    found = FailureProbability(judgement.failures, len(flown), confidence)
+    judgements = [one.judge(flown.figures) for one in requirements]
+    causes = find_causes_of_all(
+        [(one.held, one.reserve) for one in judgements],
+        causes=[Cause.of_column(name, values) for name, values in flown.causes.items()],
+    )
+    return tuple(
+        JudgedRequirement(
+            requirement=requirement,
+            judgement=judgement,
+            found=FailureProbability(judgement.failures, len(flown), confidence),
+            by_mission=_by_mission(judgement, flown, missions, confidence),
+            causes=found,
+            worst=_worst(judgement, flown, missions, keep_worst),
+        )
+        for requirement, judgement, found in zip(requirements, judgements, causes, strict=True)
+    )
+
+
+def _by_mission(
+    judgement: Judgement, flown: FlownMissions, missions: Sequence[str], confidence: float
+) -> dict[str, FailureProbability]:
     apart: dict[str, FailureProbability] = {}
     for index, name in enumerate(missions):
         rows = flown.mission == index
         if rows.any():
             failures = int(np.count_nonzero(~judgement.held[rows]))
             apart[name] = FailureProbability(failures, int(rows.sum()), confidence)
-    causes = find_causes(
-        judgement.held,
-        judgement.reserve,
-        causes=[Cause.of_column(name, values) for name, values in flown.causes.items()],
-    )
-    worst = tuple(
+    return apart
+
+
+def _worst(
+    judgement: Judgement, flown: FlownMissions, missions: Sequence[str], count: int
+) -> tuple[WorstMission, ...]:
+    return tuple(
         WorstMission(
             number=int(flown.numbers[row]),
             mission=missions[int(flown.mission[row])],
@@ -186,7 +209,6 @@ def judged(
             figures={name: values[row].item() for name, values in flown.figures.items()},
             drawn={name: float(values[row]) for name, values in flown.causes.items()},
         )
-        for row in judgement.worst(keep_worst)
+        for row in judgement.worst(count)
         if not judgement.held[row] or np.isfinite(judgement.reserve[row])  # held by words: none is worst
     )
-    return JudgedRequirement(requirement, judgement, found, apart, causes, worst)

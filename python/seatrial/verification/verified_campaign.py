@@ -77,7 +77,6 @@ def verified_campaign(
     """
     table, flown = _table(campaign, missions)
     number = table.runs if runs is None else _positive(runs)
-    requirements, notes = _requirements(table, flown)
     autopilot = campaign.autopilot if gains is None else autopilot_of(gains)
     others = _others(campaign, gains, compare)
     environment = campaign.file.environment
@@ -92,6 +91,7 @@ def verified_campaign(
         rho=environment.rho_kg_m3,
         g=environment.g_m_s2,
     )
+    requirements, notes = _requirements(flights)
     if table.coefficients == "covariance" and not flights.fitted.names:
         notes.append("Every vehicle flies with the same coefficients, for no covariance of them is known.")
     flights.check()
@@ -157,19 +157,23 @@ def _mission(campaign: Campaign, file: str) -> Mission:
     return Mission.load(path)
 
 
-def _requirements(
-    table: VerificationTable, missions: tuple[Mission, ...]
-) -> tuple[tuple[Requirement, ...], list[str]]:
+def _requirements(flights: CampaignFlights) -> tuple[tuple[Requirement, ...], list[str]]:
     """What must hold, every expression checked, and a sentence where nobody said what."""
+    table = flights.table
     if table.requirements:
         asked = tuple(Requirement(one.name, one.holds, one.probability) for one in table.requirements)
         for one in asked:
             one.check()
         return asked, []
-    asked = default_requirements(table, missions)
+    off = flights.position_sd_m
+    asked = default_requirements(table, flights.missions, position_sd_m=off)
     listed = "; ".join(f"{one.name}: {one.holds}" for one in asked)
+    allowed = (
+        f" The path allows for a position that is off by {off:.2g} m (1 sd) on each axis." if off else ""
+    )
     return asked, [
         f"The campaign states no requirements; these are judged, each in 95 % of the missions: {listed}."
+        f"{allowed}"
     ]
 
 

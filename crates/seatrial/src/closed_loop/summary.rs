@@ -32,8 +32,10 @@ pub struct Summary<T> {
     pub distance: T,
     /// Electrical energy, J.
     pub energy: T,
-    /// Largest and root mean square cross-track error on settled legs, m.
+    /// Largest and root mean square cross-track error on settled legs, m, as guidance saw it.
     pub cross_track: [T; 2],
+    /// The same of where the vehicle really was.
+    pub true_cross_track: [T; 2],
     /// Largest and root mean square vertical error on settled legs, m.
     pub vertical: [T; 2],
     /// Largest excursion from the depth band of a leg, m.
@@ -58,8 +60,8 @@ pub struct Summary<T> {
     pub travel: T,
     /// Samples on settled legs, and those of them whose cross-track and vertical error exceeds each threshold.
     pub settled: T,
-    /// Of the cross-track and of the vertical error.
-    pub exceedance: [Exceedance<T>; 2],
+    /// Of the cross-track, the vertical and the true cross-track error.
+    pub exceedance: [Exceedance<T>; 3],
     /// What the responses of a trial violate.
     pub violations: Violations<T>,
     flying: T,
@@ -81,6 +83,7 @@ impl<T: Real> Summary<T> {
             distance: zero,
             energy: zero,
             cross_track: [zero; 2],
+            true_cross_track: [zero; 2],
             vertical: [zero; 2],
             excursion: zero,
             depth: zero.splat(f64::NEG_INFINITY),
@@ -93,7 +96,7 @@ impl<T: Real> Summary<T> {
             clearance: zero.splat(f64::INFINITY),
             travel: zero,
             settled: zero,
-            exceedance: [Exceedance::new(zero); 2],
+            exceedance: [Exceedance::new(zero); 3],
             violations: Violations::new(flight.trial, zero),
             flying: zero.splat(1.0),
             last: [zero; 3],
@@ -149,8 +152,9 @@ impl<T: Real> Summary<T> {
         let counts = T::both(T::both(on_mission, desired.holding.lt(half)), half.lt(near));
         let share = T::select(counts, one, zero);
         self.settled += share;
-        let errors = [desired.cross_track, desired.vertical_error];
-        let sums = [&mut self.cross_track, &mut self.vertical];
+        let across = self.across(flight, desired.leg, [x, y]);
+        let errors = [desired.cross_track, desired.vertical_error, across];
+        let sums = [&mut self.cross_track, &mut self.vertical, &mut self.true_cross_track];
         for ((sum, error), above) in sums.into_iter().zip(errors).zip(&mut self.exceedance) {
             sum[0] = T::select(counts, sum[0].max(error.abs()), sum[0]);
             sum[1] += T::select(counts, error * error, zero);
@@ -223,6 +227,24 @@ impl<T: Real> Summary<T> {
         (near, upper, lower)
     }
 
+    /// Cross-track error of a place (north, east, m) against the straight leg to a waypoint.
+    #[inline(always)]
+    fn across(&self, flight: &Flight<'_>, leg: T, [x, y]: [T; 2]) -> T {
+        let waypoints = &flight.mission.waypoints;
+        let ends = |leg: f64| {
+            let i = (leg.max(0.0) as usize).min(waypoints.len() - 1);
+            let from = if i == 0 { flight.mission.start.position } else { waypoints[i - 1].position };
+            let to = waypoints[i].position;
+            let length = (to[0] - from[0]).hypot(to[1] - from[1]).max(f64::MIN_POSITIVE);
+            (from, [(to[0] - from[0]) / length, (to[1] - from[1]) / length])
+        };
+        let north = x - leg.tabulated(|leg| (ends(leg).0[0], 0.0));
+        let east = y - leg.tabulated(|leg| (ends(leg).0[1], 0.0));
+        let (cosine, sine) =
+            (leg.tabulated(|leg| (ends(leg).1[0], 0.0)), leg.tabulated(|leg| (ends(leg).1[1], 0.0)));
+        east.mul_sub(cosine, north * sine)
+    }
+
     /// The same figures in another number type: one lane of eight.
     pub fn read(&self, lane: impl Fn(&T) -> f64) -> Summary<f64> {
         let two = |x: &[T; 2]| [lane(&x[0]), lane(&x[1])];
@@ -233,6 +255,7 @@ impl<T: Real> Summary<T> {
             distance: lane(&self.distance),
             energy: lane(&self.energy),
             cross_track: two(&self.cross_track),
+            true_cross_track: two(&self.true_cross_track),
             vertical: two(&self.vertical),
             excursion: lane(&self.excursion),
             depth: lane(&self.depth),
@@ -245,7 +268,7 @@ impl<T: Real> Summary<T> {
             clearance: lane(&self.clearance),
             travel: lane(&self.travel),
             settled: lane(&self.settled),
-            exceedance: [self.exceedance[0].read(&lane), self.exceedance[1].read(&lane)],
+            exceedance: std::array::from_fn(|i| self.exceedance[i].read(&lane)),
             violations: Violations { sums: self.violations.sums.iter().map(&three).collect() },
             flying: lane(&self.flying),
             last: three(&self.last),
@@ -260,7 +283,7 @@ impl<T: Real> Summary<T> {
     pub fn finish(&mut self) {
         let (one, none) = (self.settled.splat(1.0), self.settled.splat(f64::NAN));
         let any = one.zero().lt(self.settled);
-        for sum in [&mut self.cross_track, &mut self.vertical] {
+        for sum in [&mut self.cross_track, &mut self.vertical, &mut self.true_cross_track] {
             sum[1] = (sum[1] / self.settled.max(one)).sqrt();
             // Who never settled on a leg has no error of guidance, rather than none at all.
             for figure in sum {
@@ -269,7 +292,8 @@ impl<T: Real> Summary<T> {
         }
         // Of what diverged nothing is a figure: its last sound value would be a good one.
         let sound = self.duration.abs().lt(one.splat(f64::INFINITY));
-        let pairs = self.cross_track.iter_mut().chain(&mut self.vertical).chain(&mut self.tilt);
+        let errors = self.cross_track.iter_mut().chain(&mut self.true_cross_track);
+        let pairs = errors.chain(&mut self.vertical).chain(&mut self.tilt);
         for figure in pairs.chain([
             &mut self.energy,
             &mut self.excursion,
