@@ -102,11 +102,11 @@ def test_law_a_quantile_of_counts_is_that_of_the_samples(seed: int, scale: float
         found = quantile(counts, share, largest=np.array([size.max()]))[0]
         exact = float(np.quantile(size, share))
         if edges[0] < exact < edges[-1]:
-            # Never beyond the thresholds about it, which are 26 % apart; three per cent where the samples
+            # Never beyond the thresholds about it, which are 26 % apart; five per cent where the samples
             # spread over several of them, but for p99, above which there are only forty.
             assert exact / 1.26 <= found <= 1.26 * exact
             if spread > 0.5:
-                assert found == pytest.approx(exact, rel=0.03 if share < 0.99 else 0.10)
+                assert found == pytest.approx(exact, rel=0.05 if share < 0.99 else 0.12)
 
 
 def test_quantiles_of_errors_beyond_the_thresholds_are_bounded_by_the_largest() -> None:

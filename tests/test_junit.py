@@ -42,7 +42,7 @@ def test_a_suite_counts_its_cases_as_build_servers_do() -> None:
     assert float(found.get("time", "")) == pytest.approx(sum(float(case.get("time", "")) for case in cases))
 
 
-def test_a_case_is_a_requirement_on_a_mission() -> None:
+def test_a_case_is_a_requirement_on_the_missions() -> None:
     cases = suite().findall("testcase")
     assert [(case.get("classname"), case.get("name")) for case in cases] == [
         ("harbour.farm", "keeps its path"),

@@ -15,7 +15,7 @@ from seatrial.cli import app
 from seatrial.errors import TrialError
 from seatrial.fitted import Fitted
 from seatrial.recorded.campaign_log import campaign_log, campaign_reference
-from seatrial.recorded.log_verdict import LogVerdict
+from seatrial.recorded.log_verdict import JudgedRequirement, LogVerdict
 from tests.recorded_logs import MISSION, flight
 
 CAMPAIGN = """
@@ -143,13 +143,20 @@ def test_bad_input_is_one_sentence_and_exit_code_2(arguments: list[object], word
     assert not Path("runs").exists()
 
 
-def test_what_the_log_cannot_tell_is_undecided() -> None:
+@pytest.mark.parametrize(
+    ("outcome", "missing", "verdict"),
+    [
+        ("model still valid", (), "held"),
+        ("model still valid", ("missed_by_m",), "undecided"),
+        ("model still valid", ("true_cross_track_p95_m",), "held"),
+        ("log too short or too quiet to tell", (), "undecided"),
+        ("re-identify", (), "failed"),
+    ],
+)
+def test_what_the_log_cannot_tell_is_undecided(outcome: str, missing: tuple[str, ...], verdict: str) -> None:
     judged = LogVerdict.__new__(LogVerdict)
-    for name, value in {
-        "outcome": "log too short or too quiet to tell",
-        "requirements": (),
-        "steps": (),
-    }.items():
+    asked = JudgedRequirement("a", "...", None if missing else True, 1.0, "m", missing)
+    for name, value in {"outcome": outcome, "requirements": (asked,), "steps": ()}.items():
         object.__setattr__(judged, name, value)
-    assert judged.verdict == "undecided"
-    assert not judged.passed
+    assert judged.verdict == verdict
+    assert judged.passed == (verdict == "held")

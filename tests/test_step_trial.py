@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.tuning.corridor_criterion import time_weighted_error, violations
+from seatrial.tuning.corridor_criterion import criterion, time_weighted_error, violations
 from seatrial.tuning.loop_trials import CHANNELS, PATHS, LoopTrials, Samples
+from seatrial.tuning.objective import violated
 from seatrial.tuning.tuning_file import LOOPS
 from tests.tuning_campaigns import rig, start, still, trials
 
@@ -166,3 +167,15 @@ def test_samples_are_taken_from_the_front() -> None:
 
 def test_the_band_of_settling_is_that_of_the_corridor_s_end() -> None:
     assert trials().settled == pytest.approx(0.02)
+
+
+def test_weights_of_the_sides_make_the_criterion() -> None:
+    one = trials("heading", rise_s=2.0, weight_upper=3.0)
+    sums, _ = rig().violations(one, still(), {})
+    t, answers = rig().responses(one, still(), {})
+    y = answers["yaw"][0, 0] / one.sizes[0]
+    total = 0.0
+    for begin, back in ((one.settle_s, False), (one.settle_s + one.until_s, True)):
+        rows = (t > begin - 1e-6) & (t < begin + one.until_s - 1e-6)
+        total += float(criterion(t[rows] - begin, 1.0 - y[rows] if back else y[rows], one.corridor))
+    assert violated(one, sums)[0, 0, 0] == pytest.approx(total, rel=SUMMED)

@@ -132,6 +132,10 @@ def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) 
     assert second.autopilot.gains() == whole.autopilot.gains()
     assert (tmp_path / "run" / "tuning.json").is_file()
 
+    third = Watch()
+    tune(quick(TWO), run_dir=tmp_path / "run", progress=third, threads=1)
+    assert third.seen == []  # all of it is there
+
     fresh = Watch(stop="heading")
     tune(quick(TWO), run_dir=tmp_path / "run", progress=fresh, resume=False, threads=1)
     assert fresh.stages == {"heading"}

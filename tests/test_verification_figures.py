@@ -86,6 +86,9 @@ def test_the_cross_track_error_can_be_printed(threshold_m: float | None) -> None
     counts, p95 = errors()
     figure = cross_track(counts, EDGES, p95_m=p95, threshold_m=threshold_m, heading="farm")
     assert_on_page(figure)
+    both = cross_track(counts, EDGES, p95_m=p95, seen=0.5 * counts, threshold_m=threshold_m)
+    assert_on_page(both)
+    assert {"true", "as guidance saw it"} <= set(texts(both))
     histogram = panel(figure, "p95 of each mission")
     bars = [one for one in histogram.patches if isinstance(one, Rectangle)]
     # Every mission that has a p95 once.

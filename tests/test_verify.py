@@ -202,8 +202,13 @@ def test_a_campaign_without_verification_needs_missions(folder: Path) -> None:
     asked = {one.requirement.name: one.requirement.holds for one in found.requirements}
     assert asked == {
         "is complete": 'ending == "complete" and not abort',
-        "keeps its path": "cross_track_p95_m <= 5",
+        # The tightest sphere of 5 m, and 1.96 times the 1.5 m by which a dive's GPS fix is off.
+        "keeps its path": "true_cross_track_p95_m <= 8",
     }
+    assert any("off by 1.5 m (1 sd)" in note for note in found.notes)
+    exact = campaign(folder, SHORT[: SHORT.index("[[")].replace("runs = 24", 'runs = 2\nsensors = "perfect"'))
+    (path,) = (one for one in verify(exact).requirements if one.requirement.name == "keeps its path")
+    assert path.requirement.holds == "true_cross_track_p95_m <= 5"
     assert any("states no requirements" in note for note in found.notes)
     assert any("same coefficients" in note for note in found.notes)
     with pytest.raises(st.CampaignError, match="expected another autopilot"):
@@ -234,11 +239,13 @@ def test_requirements_are_judged_by_the_figures_of_the_missions(found: Verificat
 )
 def test_the_verdict_is_that_of_the_worst_requirement(folder: Path, holds: str, verdict: str) -> None:
     further = f'[[verification.requirements]]\nname = "lasts"\nholds = "{holds}"\nprobability = 0.99\n'
-    found = verify(campaign(folder, SHORT + further))
+    # 13 of 24 missions leave the path or never settle on it, at most 72 % at 95 % confidence.
+    lenient = SHORT.replace("probability = 0.5", "probability = 0.2")
+    found = verify(campaign(folder, lenient + further))
     assert [one.verdict for one in found.requirements] == ["held", "held", verdict]
     assert found.verdict == verdict
     assert not found.held
-    assert verify(campaign(folder)).held
+    assert verify(campaign(folder, lenient)).held
 
 
 def test_missions_are_mixed_by_weight_and_told_apart(folder: Path) -> None:
@@ -298,7 +305,8 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     assert [row["number"] for row in worst["keeps its path"]] == found.worst()["keeps its path"]
     missions = pl.read_parquet(run / "missions.parquet")
     assert missions.height == 24
-    assert missions["cross_track_p95_m"].to_list() == found.flown.figures["cross_track_p95_m"].tolist()
+    for name in ("cross_track_p95_m", "true_cross_track_p95_m"):
+        np.testing.assert_array_equal(missions[name].to_numpy(), found.flown.figures[name])
     facts = json.loads((run / "run.json").read_text())
     assert facts["seed"] == 7
     summary = (run / "summary.txt").read_text()

@@ -18,7 +18,7 @@ It is the covariance of the best model in the class. Where the truth lies outsid
 may be many of these standard deviations away; nor does it hold the common factor of all forces, which trials
 do not tell (`seatrial.scale.homogeneity`). The notes say both wherever the covariance is drawn from.
 
-Tests: ``tests/test_fitted.py``.
+Tests: ``tests/test_coefficient_covariance.py``.
 """
 
 from __future__ import annotations

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.rotation import from_euler, matrix
+
 if TYPE_CHECKING:
     import polars as pl
 
@@ -45,8 +47,8 @@ def table(flight: Flight) -> pl.DataFrame:
     columns |= {f"cmd.{name}": values for name, values in flight.commands.items()}
     columns |= {f"meas.{name}": values for name, values in flight.actuators.items()}
     around = flight.circumstances
-    for axis, value in zip(("north", "east", "down"), around.current, strict=True):
-        columns[f"current_{axis}_m_s"] = np.full(rows, value)
+    for axis, values in zip(("north", "east", "down"), _current(flight).T, strict=True):
+        columns[f"current_{axis}_m_s"] = values
     if around.voltage is not None:
         columns["voltage_v"] = np.full(rows, around.voltage)
     if np.isfinite(flight.altitude).all():
@@ -74,3 +76,12 @@ _TRUE = (
 def _given(values: Array, unit: str) -> Array:
     """Values in the unit of their column."""
     return values * _DEG if unit.startswith("deg") else values
+
+
+def _current(flight: Flight) -> Array:
+    """Velocity of the water (n, 3), north, east, down, m/s: of a turbulent one, as met."""
+    around = flight.circumstances
+    if not any(around.turbulence):
+        return np.tile(np.asarray(around.current, dtype=float), (len(flight.t), 1))
+    turned = matrix(from_euler(flight.euler))
+    return np.asarray(np.einsum("nij,nj->ni", turned, flight.nu[:, :3] - flight.water))

@@ -47,6 +47,11 @@ class JudgedRequirement:
     unit: str
     missing: tuple[str, ...] = ()
 
+    @property
+    def beyond_logs(self) -> bool:
+        """Whether it needs the truth, which no log tells: it is none of the log's business."""
+        return any(name.startswith("true_") for name in self.missing)
+
 
 @dataclass(frozen=True, eq=False)
 class LogVerdict:
@@ -103,12 +108,12 @@ class LogVerdict:
         """Of model and mission together, in the words of a verification.
 
         "failed" where the model is refuted or a requirement or corridor broken, "undecided" where the log
-        cannot tell one of them, otherwise "held".
+        cannot tell one of them, otherwise "held". Requirements on the truth (``true_...``) do not count.
         """
         broken = any(one.held is False for one in self.requirements)
         if self.outcome == "re-identify" or broken or any(step.criterion > 0.0 for step in self.steps):
             return "failed"
-        told = self.valid and all(one.held is not None for one in self.requirements)
+        told = self.valid and all(one.held is not None or one.beyond_logs for one in self.requirements)
         return "held" if told else "undecided"
 
     @property

@@ -84,7 +84,8 @@ def _mission(verdict: LogVerdict) -> list[str]:
         lines += ["", f"The mission: {', '.join(text.format(figures[name]) for name, text in said)}."]
     for one in verdict.requirements:
         if one.held is None:
-            lines.append(f"  ?     {one.name}: {one.holds}; the log does not tell {', '.join(one.missing)}")
+            who = "no log tells" if one.beyond_logs else "the log does not tell"
+            lines.append(f"  ?     {one.name}: {one.holds}; {who} {', '.join(one.missing)}")
         else:
             # Words and truth values are infinitely far from their threshold.
             reserve = f", reserve {one.reserve:.3g} {one.unit}" if math.isfinite(one.reserve) else ""

@@ -164,6 +164,8 @@ class _Run:
             found = None if kept is None else GroupResult.from_dict(kept)
         if found is None:
             found = search(lambda step: self._report(name, step))
+        elif self.directory is not None:
+            self.directory.keep(name, found.to_dict() | {"inputs": inputs})  # for the run after this one
         self.done += 1
         if found is None:
             return False

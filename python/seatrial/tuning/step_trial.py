@@ -252,7 +252,7 @@ class Rig:
 
 
 def _there_and_back(sums: Array) -> Array:
-    """Sums (cases, corridors, 3), those of the way back, the second corridor, added to those of the way there.
+    """Sums (cases, corridors, 3): those of the way back, the second corridor, added to the first.
 
     On the way back the answer is mirrored, so that a shortfall of the step is an excess in the channel.
     """

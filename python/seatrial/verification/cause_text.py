@@ -48,8 +48,8 @@ def _number(cause: Influence) -> str:
             else ""
         )
         return (
-            f"failures go with {cause.name} {side} its median: {cause.failed:.3g}{unit} away on average against"
-            f" {cause.held:.3g}{unit}; AUC of that distance {cause.auc:.2f}{fifths}"
+            f"failures go with {cause.name} {side} its median: {cause.failed:.3g}{unit} away on average"
+            f" against {cause.held:.3g}{unit}; AUC of that distance {cause.auc:.2f}{fifths}"
         )
     fifths = (
         f"; {share(rates[0])} of the missions fail in its lowest fifth, {share(rates[-1])} in its highest"

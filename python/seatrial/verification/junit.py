@@ -1,11 +1,14 @@
 """Verdicts as JUnit XML, which build servers show beside the other tests.
 
-One ``testsuite`` per campaign, one ``testcase`` per mission and requirement. There is no binding schema;
-these are the elements and attributes that Jenkins and GitLab read:
+One ``testsuite`` per campaign, one ``testcase`` per requirement: it is judged on the mix of the table's
+missions, and the failures of each of them stand in its text. There is no binding schema; these are the
+elements and attributes that Jenkins and GitLab read:
 
 ==============  ==================================================================================
-``testsuite``   ``name tests failures errors skipped time timestamp``; seed and versions as ``property``
-``testcase``    ``classname`` campaign.mission (GitLab: the suite), ``name`` requirement, ``time`` s
+``testsuite``   ``name tests failures errors skipped time timestamp``; seed, versions and what is assumed
+                as ``property``
+``testcase``    ``classname`` campaign.mission, or campaign.all missions (GitLab: the suite), ``name``
+                requirement, ``time`` s
 ``failure``     a requirement that failed; ``type="failed"``, ``message`` the verdict, text the details
 ``failure``     one that is undecided; ``type="undecided"``: it was not shown to hold, so that a build
                 must not pass; ``undecided="skipped"`` where a short campaign shall only warn
@@ -32,12 +35,12 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came out for a requirement on a mission.
+    """What came out for a requirement.
 
     Parameters
     ----------
     mission, requirement : str
-        Their names.
+        Their names; of several missions together "all missions".
     verdict : {"held", "failed", "undecided", "error"}
         ``error``: the mission could not be flown.
     message : str

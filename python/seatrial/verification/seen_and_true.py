@@ -3,7 +3,7 @@
 Guidance knows where the sensors say it is: where dead reckoning walks away, ``cross_track_…`` stays small and
 the vehicle leaves its path. Both are kept; a requirement says which of them it means.
 
-Tests: ``tests/test_verify.py``.
+Tests: ``tests/test_seen_and_true.py``.
 """
 
 from __future__ import annotations

@@ -58,7 +58,9 @@ def junit(found: Verification) -> str:
         "seatrial": metadata.version("seatrial"),
         "autopilot": found.flights.autopilot.name,
         "vehicle": found.flights.fitted.vehicle.name,
+        "confidence": found.flights.table.confidence,
     }
+    rests_on |= {f"note {k}": note for k, note in enumerate((*found.notes, *found.flights.left_out), 1)}
     return junit_xml(found.campaign.name, outcomes, properties=rests_on)
 
 
