@@ -1,4 +1,4 @@
-"""Covariance of identified coefficients: bounds for what the data do not tell, bench thrust, what it lacks."""
+"""Covariance of identified coefficients: bounds where data do not tell, bench thrust, what it leaves out."""
 
 from __future__ import annotations
 
@@ -127,3 +127,10 @@ def test_thrust_varies_as_the_bench_test_found_it() -> None:
     # Half the band over the quantile: 0.4 / 2 / 10 = 2 %, of gains of one, common to both.
     np.testing.assert_allclose(known.matrix[2:, 2:], 4e-4 * np.ones((2, 2)), rtol=1e-12)
     assert known.notes == ("Thrust varies by the bench test's own standard deviation: stern 2 %.",)
+
+
+def test_covariance_survives_its_dict() -> None:
+    known = CoefficientCovariance(("X_uu",), np.array([-9.7]), np.array([[0.04]]), ("a note",))
+    again = CoefficientCovariance.from_dict(known.to_dict(), "here")
+    assert (again.names, again.notes) == (known.names, known.notes)
+    assert (again.at[0], again.matrix[0, 0]) == (-9.7, 0.04)

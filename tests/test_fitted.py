@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import polars as pl
@@ -244,10 +244,3 @@ def test_numbers_of_draws_are_checked() -> None:
     for wrong in (-1, [1.5], [-3], True, "many", [[1], [2, 3]]):
         with pytest.raises(SimulationError, match="whole and from 0 on"):
             checked_numbers(cast(Any, wrong))
-
-
-def test_covariance_survives_its_dict() -> None:
-    known = CoefficientCovariance(("X_uu",), np.array([-9.7]), np.array([[0.04]]), ("a note",))
-    again = CoefficientCovariance.from_dict(known.to_dict(), "here")
-    assert (again.names, again.notes) == (known.names, known.notes)
-    assert (again.at[0], again.matrix[0, 0]) == (-9.7, 0.04)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,6 +15,7 @@ import pytest
 from scipy.stats import binom, norm
 
 import seatrial as st
+from seatrial.fitted import Fitted
 from seatrial.plot.verification_gallery import verification_figures
 from seatrial.plot.worst_missions import WorstFlight, worst_missions
 from seatrial.verification import mission_series
@@ -312,6 +314,17 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     summary = (run / "summary.txt").read_text()
     assert summary.startswith(found.verdict.upper())
     assert "seatrial verify campaign.toml --replay" in summary
+
+
+def test_what_the_draws_do_not_contain_is_said_wherever_the_verdict_is_read(folder: Path) -> None:
+    fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})
+    doubted = replace(fitted, notes=("The truth lies outside the model class.",))
+    found = verify(campaign(folder), doubted, runs=2)
+    (note,) = doubted.notes
+    assert note in found.notes
+    assert note in found.summary()
+    assert note in found.to_dict()["notes"]
+    assert f'value="{note}"' in found.junit()
 
 
 def test_figures_can_be_printed_and_show_the_worst_missions(found: Verification) -> None:

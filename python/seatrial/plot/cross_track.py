@@ -200,5 +200,6 @@ def _threshold(axes: Axes, threshold_m: float | None, *, at: float = 1.0) -> Non
     axes.axvline(threshold_m, color=RESIDUAL, linewidth=1.1)
     axes.annotate(
         "allowed", (threshold_m, at), (3, -2 if at else 2), xycoords=("data", "axes fraction"),
-        textcoords="offset points", fontsize=6.5, va="top" if at else "bottom", color=RESIDUAL,
+        textcoords="offset points", fontsize=6.5, va="top" if at else "bottom", color=RESIDUAL, zorder=5,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.4},
     )  # fmt: skip

@@ -38,6 +38,8 @@ _MARKERS = "os^D"  # per mode
 _LARGEST_DB, _LEAST_S, _LARGEST_S = 45.0, 0.03, 60.0  # margins beyond are drawn there
 _WINDOW = (-2.2, 0.9, -1.25, 1.25)
 
+_FAR_M_S = 100.0
+
 
 @dataclass(frozen=True, eq=False)
 class _Side:
@@ -80,10 +82,10 @@ def tuning_margins(
     speeds = [point.speed_m_s for side in sides for point in side.points]
     slowest, span = min(speeds), max(max(speeds) - min(speeds), 1.0)
     modes = list(dict.fromkeys(point.mode for side in sides for point in side.points))
-    columns: tuple[tuple[str, str, float, Callable[[PointMargins, int], tuple[float, ...]]], ...] = (
-        ("phase margin", "deg", constraint.limits.phase_deg, _phase),
-        ("gain margin", "dB", constraint.limits.gain_db, _gain),
-        ("delay margin", "s", constraint.limits.delay_s, _delay),
+    columns: tuple[tuple[str, str, str, Callable[[PointMargins, int], tuple[float, ...]]], ...] = (
+        ("phase margin", "deg", "phase_deg", _phase),
+        ("gain margin", "dB", "gain_db", _gain),
+        ("delay margin", "s", "delay_s", _delay),
     )
     with house_style():
         height = _ROW_IN * len(used) + _HEAD_IN
@@ -91,10 +93,11 @@ def tuning_margins(
         figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - _HEAD_IN / height))  # type: ignore[union-attr, call-arg]
         grid = figure.subplots(len(used), 4, squeeze=False, width_ratios=(1.0, 1.0, 1.0, 1.25))
         for index, (row, loop) in enumerate(zip(grid, used, strict=True)):
-            for axes, (title, unit, limit, value) in zip(row, columns, strict=False):
+            for axes, (title, unit, key, value) in zip(row, columns, strict=False):
                 for side in sides:
                     _margin(axes, side, loop, value, modes)
-                _limit(axes, limit, unit)
+                asked = [getattr(constraint.limits.at(speed), key) for speed in (-1.0, 1.0)]
+                _limit(axes, (asked[0], asked[1]), unit)
                 axes.set_xlim(slowest - 0.05 * span, slowest + 1.05 * span)
                 if index == 0:
                     panel_title(axes, f"{title}, {unit}")
@@ -167,7 +170,8 @@ def _margin(
         )
 
 
-def _limit(axes: Axes, limit: float, unit: str) -> None:
+def _limit(axes: Axes, limits: tuple[float, float], unit: str) -> None:
+    """Axis of a margin in a unit, and what is short of its limit: astern and ahead."""
     if unit == "s":
         axes.set_yscale("log")
         axes.set_ylim(_LEAST_S, _LARGEST_S)
@@ -179,9 +183,11 @@ def _limit(axes: Axes, limit: float, unit: str) -> None:
     else:
         axes.set_ylim(0.0, 180.0)
         axes.set_yticks([0.0, 45.0, 90.0, 135.0, 180.0])
-    if limit > 0.0:
-        axes.axhspan(axes.get_ylim()[0], limit, color=_FORBIDDEN, linewidth=0.0, zorder=0.5)
-        axes.axhline(limit, color=RESIDUAL, linewidth=0.9)
+    bottom = axes.get_ylim()[0]
+    for limit, (begin, end) in zip(limits, ((-_FAR_M_S, 0.0), (0.0, _FAR_M_S)), strict=True):
+        if limit > 0.0:
+            axes.fill_between([begin, end], bottom, limit, color=_FORBIDDEN, linewidth=0.0, zorder=0.5)
+            axes.plot([begin, end], [limit, limit], color=RESIDUAL, linewidth=0.9)
 
 
 def _nyquist(axes: Axes, sides: Sequence[_Side], loop: str) -> None:
