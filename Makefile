@@ -41,7 +41,7 @@ $(BUILT): $(SET_UP) $(CORE)
 	PIP_CONSTRAINT=constraints.txt $(BIN)/maturin develop --release --locked
 	@touch $@
 
-demo: build ## identify a vehicle from its trials: a table and figures in under two minutes
+demo: build ## from trials to a verdict in under two minutes: identify, tune, verify
 	$(BIN)/seatrial demo
 
 test: check test-rust test-python test-wheel ## everything that continuous integration runs
@@ -50,13 +50,14 @@ test-rust: ## laws, scalars, literature and golden numbers of the core
 	cargo test --locked --package seatrial --quiet
 
 test-python: build ## the Python front against the core and the recordings
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
-test-wheel: wheel ## the wheel in an empty environment outside the clone
+test-wheel: wheel ## the wheel in an empty environment outside the clone: the whole chain from logs to verdict
 	@folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	$(BIN)/python -m venv "$$folder/venv"; \
 	"$$folder/venv/bin/pip" install --constraint constraints.txt dist/*.whl; \
-	cd "$$folder"; venv/bin/seatrial --version; venv/bin/seatrial demo
+	cd "$$folder"; venv/bin/seatrial --version; venv/bin/seatrial demo --json > demo.json; \
+	venv/bin/python "$(CURDIR)/tests/chain_of_demo.py" demo.json
 
 check: build ## format, lint, types, and the committed stub against the binding
 	cargo fmt --all --check

@@ -38,7 +38,8 @@ def demo(
     fit, truth = _cwolf(console, out / "cwolf", threads=threads, quiet=json)
     results = {"cwolf": fit.to_dict()}
     interrupted, held = fit.interrupted, True
-    if not interrupted:
+    asked = fit.campaign.file
+    if not interrupted and asked.tuning is not None and asked.verification is not None:
         chain = demonstrate(console, fit, truth, out, threads=threads, quiet=json)
         results |= chain.results
         interrupted, held = chain.interrupted, chain.held
