@@ -84,7 +84,7 @@ def test_budget_of_the_stage_over_that_of_the_campaign() -> None:
     ("text", "words"),
     [
         ("format = 1\nname = ", ["tank.toml", "not a TOML file", "Invalid value"]),
-        (HEAD + TRIAL, ["key stages", "required and missing"]),
+        (HEAD + TRIAL, ["stages is missing", "[[stages]]"]),
         (HEAD + TRIAL + "sede = 3\n" + STAGE + COEFFICIENTS, ["'sede'", "trials", "surge"]),
         (HEAD + "sede = 3\n" + TRIAL + STAGE + COEFFICIENTS, ["'sede'", 'did you mean "seed"']),
         (HEAD.replace("1", "2") + TRIAL + STAGE + COEFFICIENTS, ["key format", "expected 1", "found 2"]),

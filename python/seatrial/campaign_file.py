@@ -283,13 +283,25 @@ class CampaignFile(Section):
     input: Input = "commands"
     columns: dict[str, Any] = Field(default_factory=dict)
     budget: Budget = Budget()
-    trials: Annotated[dict[str, TrialSource], Field(min_length=1)]
-    stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
+    trials: dict[str, TrialSource] = Field(default_factory=dict)
+    stages: tuple[Stage, ...] = ()
     polish: Polish | None = None
     anchor: Anchor = Anchor()
     autopilot: Name | None = None
     tuning: TuningTable | None = None
     verification: VerificationTable | None = None
+
+    @model_validator(mode="after")
+    def _something_to_do(self) -> CampaignFile:
+        alone = self.tuning is not None or self.verification is not None
+        for key, given in (("trials", self.trials), ("stages", self.stages)):
+            if not given and not alone:
+                table = "[trials]" if key == "trials" else "[[stages]]"
+                raise ValueError(
+                    f"{key} is missing; add {table} to identify a vehicle, or [tuning] or [verification] to"
+                    " tune or verify an autopilot"
+                )
+        return self
 
 
 def parse(text: str, source: str) -> CampaignFile:

@@ -36,6 +36,11 @@ def conduct(
     """Identification of the campaign's vehicle: every stage run, the result polished and judged."""
     began = time.monotonic()
     started = datetime.now(UTC).isoformat(timespec="seconds")
+    if not campaign.stages:
+        raise CampaignError(
+            f"{campaign.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
+            " only tunes or verifies an autopilot"
+        )
     plans = plan(campaign)  # refuses a bad campaign before a folder appears
     judge_scale(campaign)  # and a bad anchor
     before, notes = _before(campaign, threads)

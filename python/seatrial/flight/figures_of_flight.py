@@ -1,10 +1,11 @@
 """The figures of a flight under names that carry their units.
 
 The core sums them while it flies (`closed_loop/summary.rs`). Errors of guidance count on the second half of
-straight legs, where the vehicle has had time to settle, and are those that guidance saw; the depth
-excursion is how far the vehicle leaves the band between the depths of a leg's two ends. The quantiles p50,
-p95 and p99 are those of one flight's error over time; the clearance is the smallest distance to an
-obstacle's edge, and travel the mean rate at which commands move, in shares of an actuator's range.
+straight legs, where the vehicle has had time to settle, and are those that guidance saw; ``true_...`` is
+where the vehicle really was. Without a settled sample there is none. The depth excursion is how far the
+vehicle leaves the band between the depths of a leg's two ends. The quantiles p50, p95 and p99 are those of
+one flight's error over time; the clearance is the smallest distance to an obstacle's edge, and travel the
+mean rate at which commands move, in shares of an actuator's range.
 
 Held by ``test_figures_of_the_core_are_those_of_the_log`` in ``tests/test_flight.py``.
 """
