@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["missions_progress", "print_verification"]
 
 _LINE_EVERY_S = 5.0
+_WIDE = 110  # columns that the requirements need beside what must hold
 _FIGURES = {
     "cross_track_p95_m": "median cross-track p95, m",
     "vertical_p95_m": "median vertical p95, m",
@@ -59,7 +60,12 @@ def print_verification(console: Console, found: Verification) -> None:
     """Print verdict, requirements, causes, worst missions and comparison."""
     from seatrial.verification.verification_text import again, headline, time_sentence
 
-    console.print(_requirements(found))
+    narrow = console.width < _WIDE
+    console.print(_requirements(found, narrow=narrow))
+    for one in found.requirements if narrow else ():
+        console.print(f"{one.requirement.name}: {one.requirement.holds}", soft_wrap=True, markup=False)
+    if narrow:
+        console.print()
     if any(len(one.by_mission) > 1 for one in found.requirements):
         console.print(_missions(found))
     if any(one.worst for one in found.requirements):
@@ -77,7 +83,8 @@ def print_verification(console: Console, found: Verification) -> None:
     console.print(headline(found), soft_wrap=True, markup=False, style="bold")
 
 
-def _requirements(found: Verification) -> Table:
+def _requirements(found: Verification, *, narrow: bool) -> Table:
+    """Verdicts; what must hold stands below the table where a terminal is too narrow for it."""
     from seatrial.cli.console import table
     from seatrial.verification.failure_probability import share
 
@@ -97,8 +104,18 @@ def _requirements(found: Verification) -> Table:
     flights = found.flights
     title = f"{flights.autopilot.name} on {flights.fitted.vehicle.name}: {len(found.flown)} missions"
     head = ["requirement", "holds", "allowed", "failures", f"{sure} interval", "at most", "verdict"]
+    if narrow:
+        return _folding(table(title, head[:1] + head[2:], [row[:1] + row[2:] for row in rows]))
     made = table(title, head, rows)
     made.columns[1].justify = "left"
+    return made
+
+
+def _folding(made: Table) -> Table:
+    """The same table, with long names on several lines instead of cut off."""
+    made.columns[0].no_wrap = False
+    for column in made.columns:
+        column.overflow = "fold"
     return made
 
 
@@ -138,8 +155,21 @@ def _worst(found: Verification) -> Table:
                 _number(figures["clearance_m"], 1),
                 _number(figures["duration_s"], 0),
             ])
-    head = ["requirement", "number", "mission", "reserve", "ending", "across p95, m", "vert. p95, m"]
-    return table("Worst missions", [*head, "clear, m", "time, s"], rows)
+    head = ["requirement", "number", "mission", "reserve", "ending", "across", "vertical", "clear", "time"]
+    one_mission = len(found.flights.titles) == 1
+    dropped = [
+        k
+        for k, name in enumerate(head)
+        if (name == "mission" and one_mission) or (name == "clear" and all(row[k] == "-" for row in rows))
+    ]
+    kept = [k for k in range(len(head)) if k not in dropped]
+    return _folding(
+        table(
+            "Worst missions (95 % of the errors across and vertical, clearance in m; time in s)",
+            [head[k] for k in kept],
+            [[row[k] for k in kept] for row in rows],
+        )
+    )
 
 
 def _comparison(found: AutopilotComparison) -> Table:
@@ -162,7 +192,7 @@ def _comparison(found: AutopilotComparison) -> Table:
                 pair.words,
             ])
     head = ["requirement", "against", "fails", "other fails", "only it", "only other", "p", "verdict"]
-    return table(f"On the same {found.runs} draws (McNemar's exact test, Holm)", head, rows, left=2)
+    return _folding(table(f"On the same {found.runs} draws (McNemar's exact test, Holm)", head, rows, left=2))
 
 
 def _medians(found: AutopilotComparison) -> Table:

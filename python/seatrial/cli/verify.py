@@ -119,6 +119,8 @@ def verify(
         return
     folder = out or Path("runs") / f"{loaded.name}-verified"
     check_writable(folder)
+    if junit is not None:
+        _refuse_place(junit)
     found = verified(prepared, folder, threads=threads, resume=resume, quiet=json)
     written = draw(found, folder) if figures and not found.interrupted else []
     if junit is not None:
@@ -209,6 +211,17 @@ def _print(found: Verification, folder: Path, written: list[Path]) -> None:
         markup=False,
     )
     list_figures(console, written)
+
+
+def _refuse_place(path: Path) -> None:
+    """Refuse a file that cannot be written, before anything flies."""
+    from seatrial.errors import SeatrialError
+
+    if path.is_dir():
+        raise SeatrialError(f"--junit {path}: expected a file, found a folder; name a file in it")
+    above = next(folder for folder in path.absolute().parents if folder.exists())
+    if not above.is_dir():
+        raise SeatrialError(f"--junit {path}: {above} is a file, not a folder; choose another place")
 
 
 def _write(path: Path, text: str) -> None:

@@ -122,7 +122,11 @@ class MissionLog:
         mapped: dict[str, Any] = dict(told) | dict(columns or {})
         if told and any(column in table.columns for column in told):
             table = table.drop([column for column in told if column in table.columns])
-        trial = Trial.read(table, columns=mapped or None, name=name or Path(file).stem, **options)
+        try:
+            trial = Trial.read(table, columns=mapped or None, name=name or Path(file).stem, **options)
+        except TrialError as error:  # the table was read before, so that the trial knows it as a frame
+            what = str(error)
+            raise TrialError(f"{file}:{what[6:]}" if what.startswith("frame:") else what) from None
         times = _numbers(table, _time_column(mapped))
         beside = {}
         for column, (key, scale) in _BESIDE.items():

@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.errors import CampaignError
+from seatrial.errors import CampaignError, TrialError
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.progress import Progress
 from seatrial.search import Step
@@ -39,6 +39,15 @@ _PASSES = 2
 _FRESH, _NOISES = 24, 8  # vehicles drawn for the last judgement, and noises of the vehicle itself
 _FINE_STEP_S = 0.02
 _OTHER_SEED = 7919
+_ANY_MISSION = """
+format = 1
+name = "fit"
+speed_m_s = 1.0
+acceptance_radius_m = 1.0
+[[legs]]
+north_m = 100.0
+east_m = 0.0
+"""
 
 
 def conduct(
@@ -87,7 +96,31 @@ def plan_of(
             f"{campaign.source}: expected a fit of {campaign.vehicle.name}, found one of"
             f" {fitted.vehicle.name} with other actuators; give the run directory of this campaign"
         )
-    return TuningPlan(table, fitted, autopilot)
+    plan = TuningPlan(table, fitted, autopilot)
+    _refuse_what_cannot_fly(plan, f"{campaign.source}: tuning")
+    return plan
+
+
+def _refuse_what_cannot_fly(plan: TuningPlan, where: str) -> None:
+    """Refuse before the search, and before a directory is made, what its first flight would refuse."""
+    from seatrial._core import Mission
+
+    plan.autopilot.engage(plan.vehicle, Mission.from_toml(_ANY_MISSION))
+    try:
+        sensors_of(plan.sensors, plan.vehicle)
+    except TrialError as error:
+        raise CampaignError(f"{where}, key sensors: {error}") from None
+    needed = [name for name, facts in plan.vehicle.actuator_info().items() if facts["needs_voltage"]]
+    if needed and plan.table.voltage_v is None:
+        raise CampaignError(
+            f"{where}: the thrust of {plan.vehicle.name} ({needed[0]}) depends on the supply voltage; add"
+            " voltage_v, in V"
+        )
+    if plan.table.current_m_s >= plan.top_m_s:
+        raise CampaignError(
+            f"{where}, key current_m_s: expected less than the top speed of {plan.vehicle.name},"
+            f" {plan.top_m_s:.2f} m/s, found {plan.table.current_m_s:g}; no set point is reached against it"
+        )
 
 
 class _Run:

@@ -167,6 +167,7 @@ class TuningPlan:
         """Steps of a loop at its speeds."""
         table = self.loops[loop]
         speeds = table.speeds_m_s or self.speeds_of(loop)
+        self._refuse_beyond_reach(loop, speeds)
         steps = table.steps or default_steps(loop, top_m_s=self.top_m_s)
         if table.corridor is None:
             from seatrial.tuning.default_corridor import default_corridor
@@ -192,6 +193,18 @@ class TuningPlan:
             sizes=tuple(step * LOOPS[loop].to_si for _, step in each),
             settle_s=self.table.settle_s or max(_SETTLE_S, corridor.until_s),
         )
+
+    def _refuse_beyond_reach(self, loop: str, speeds: tuple[float, ...]) -> None:
+        """Refuse a desired speed that no command brings about."""
+        from seatrial.control_design.mode_table import top_speeds
+
+        astern, ahead = top_speeds(self.vehicle)
+        for speed in speeds:
+            if not astern <= speed <= ahead:
+                raise CampaignError(
+                    f"[tuning.loops.{loop}]: speeds_m_s: expected speeds that {self.vehicle.name} reaches,"
+                    f" {astern:.2f} to {ahead:.2f} m/s, found {speed:g}; correct or remove it"
+                )
 
     def _within(self, loop: str, speed: float, step: float) -> bool:
         """Whether both ends of a step of the speed lie within reach."""

@@ -103,7 +103,7 @@ class Tuning:
         for row in rows:
             limits = self.plan.table.margins.at(row.speed_m_s)
             short = [
-                f"{value:.2g} {unit} of {limit:g}"
+                f"{_below(value, limit)} {unit} of {limit:g}"
                 for value, limit, unit in (
                     (row.phase_deg, limits.phase_deg, "deg"),
                     (row.gain_up_db, limits.gain_db, "dB"),
@@ -230,3 +230,11 @@ def _parquet(frame: Any) -> bytes:
     stream = io.BytesIO()
     frame.write_parquet(stream)
     return stream.getvalue()
+
+
+def _below(value: float, limit: float) -> str:
+    """A number below a limit, with as many digits as tell the two apart."""
+    for digits in range(2, 6):
+        if float(told := f"{value:.{digits}g}") < limit:
+            break
+    return told

@@ -71,7 +71,10 @@ def sentences(tuning: Tuning) -> list[str]:
     lines = []
     tuned = tuning.of("tuned")
     if tuned is None:
-        lines.append("The tuning was interrupted: the gains are the best so far, and nothing was judged.")
+        lines.append(
+            "The tuning was interrupted: the gains are the best so far, and nothing was judged; the same"
+            " command goes on with what is not finished."
+        )
     elif tuned.feasible:
         whole = [trial for trial in tuned.trials if trial.held == 1.0]
         lines.append(_all_inside(len(tuned.trials), len(whole), tuned.samples))
@@ -89,6 +92,7 @@ def sentences(tuning: Tuning) -> list[str]:
             " search more room under [tuning] (bounds, budget)."
         )
         lines += [f"{_of(trial)}: outside by {_seconds(trial.nominal_s)} s of a step." for trial in out]
+    lines += _worse_than_start(tuning)
     last = {group.name.partition(",")[0]: group for group in tuning.groups}
     ended = {name for group in last.values() for name in group.at_bound}
     if ended:
@@ -97,6 +101,24 @@ def sentences(tuning: Tuning) -> list[str]:
         lines.append(f"Margins short of their limits: {'; '.join(short)}.")
     lines += list(tuning.plan.fitted.notes)
     return lines
+
+
+def _worse_than_start(tuning: Tuning) -> list[str]:
+    """Loops that the vehicle itself kept better to their corridors before, in a sentence."""
+    start, tuned = tuning.of("start"), tuning.of("tuned")
+    if start is None or tuned is None:
+        return []
+    worse = []
+    for loop in dict.fromkeys(trial.loop for trial in tuned.trials):
+        was, now = (sum(t.nominal_s for t in judged.trials if t.loop == loop) for judged in (start, tuned))
+        if now > was:
+            worse.append(f"{loop} {_seconds(now)} s, before {_seconds(was)} s")
+    if not worse:
+        return []
+    return [
+        f"Further outside than with the start gains: {'; '.join(worse)}. What another loop needs was bought"
+        " with it: widen that loop's corridor, or leave its table out."
+    ]
 
 
 def on_another_vehicle(judged: Judged) -> str:
