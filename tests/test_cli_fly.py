@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from pathlib import Path
 
 import polars as pl
@@ -177,7 +178,7 @@ def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
     result = call("cwolf", "cwolf", "box.toml", "--current", 0, 0.3, 0, "--no-figures", "--json")
     found = json.loads(result.stdout)["figures"]
     for name, value in flown().figures.items():
-        if name != "altitude_smallest_m":
+        if math.isfinite(value):  # JSON has no infinity: no bottom, no obstacle
             assert found[name] == pytest.approx(value), name
 
 

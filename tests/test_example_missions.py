@@ -9,7 +9,13 @@ import pytest
 import seatrial as st
 
 MISSIONS = Path(__file__).parent.parent / "examples" / "missions"
-VEHICLES = {"farm": "cwolf", "farm_geographic": "cwolf", "hover": "bluerov2-heavy", "lawnmower": "remus100"}
+VEHICLES = {
+    "cage_survey": "cwolf",
+    "farm": "cwolf",
+    "farm_geographic": "cwolf",
+    "hover": "bluerov2-heavy",
+    "lawnmower": "remus100",
+}
 CURRENTS = {"still": (0.0, 0.0, 0.0), "across": (0.0, 0.2, 0.0)}
 
 

@@ -72,7 +72,7 @@ def test_every_key_is_read() -> None:
 
 def test_an_empty_table_has_defaults_that_do_not_depend_on_the_vehicle() -> None:
     table = read("[tuning]")
-    assert (table.samples, table.robust, table.current_m_s, table.sensors) == (6, "worst", 0.3, "typical")
+    assert (table.samples, table.robust, table.current_m_s, table.sensors) == (6, "worst", None, "typical")
     margins = table.margins
     assert (margins.phase_deg, margins.gain_db, margins.delay_s) == (35.0, 6.0, 0.2)
     assert (table.smoothness, table.bounds, table.settle_s) == (0.05, (0.1, 10.0), None)

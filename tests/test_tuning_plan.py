@@ -14,6 +14,7 @@ import tomlkit
 import seatrial as st
 from seatrial.errors import CampaignError
 from seatrial.fitted import Fitted
+from seatrial.tuning.conduct import plan_of
 from seatrial.tuning.tuning_file import LOOPS, TuningTable
 from seatrial.tuning.tuning_plan import TuningPlan
 from seatrial.tuning.working_points import reachable_points
@@ -50,7 +51,7 @@ def test_a_vehicle_is_tuned_at_the_points_that_it_reaches(name: str) -> None:
     np.testing.assert_allclose(one.trials("heading").speeds, points[one.reached], atol=1e-6)
     surge = one.trials("surge")
     ends = np.array(surge.speeds) + np.array(surge.sizes)
-    assert (ends <= one.top_m_s - one.table.current_m_s).all()
+    assert (ends <= one.top_m_s - one.current_m_s).all()
     assert set(surge.speeds) <= set(np.round(points[one.reached], 6).tolist())
     for group in one.groups:
         assert len(group.parameters) > 0
@@ -98,7 +99,7 @@ def test_the_built_in_autopilot_of_lauv_keeps_to_its_default_corridors_when_fast
 def test_a_loop_is_tried_where_a_mode_uses_it_and_beside_where_modes_change() -> None:
     one = built_in("cwolf")
     switch = 1.11
-    away = one.table.current_m_s + 0.1
+    away = one.current_m_s + 0.1
     assert max(one.trials("heave").speeds) == pytest.approx(switch - away)
     assert min(one.trials("pitch").speeds) == pytest.approx(switch + away)
     assert min(one.speeds_of("depth")) == pytest.approx(switch + away)
@@ -207,8 +208,26 @@ def test_what_cannot_be_tuned_is_refused_before_anything_is_flown(text: str) -> 
 
 
 def test_a_vehicle_with_other_actuators_is_refused() -> None:
-    from seatrial.tuning.conduct import plan_of
-
     campaign = st.Campaign.from_toml(HEAD, source="small.toml")
     with pytest.raises(CampaignError, match=r"small\.toml: expected a fit of cwolf, found one of lauv"):
         plan_of(campaign, "lauv")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[tuning]\nsensors = "tipical"\n', "key sensors: .*tipical"),
+        ("[tuning]\ncurrent_m_s = 50.0\n", "key current_m_s: expected less than the top speed"),
+        ("[tuning.loops.heading]\nspeeds_m_s = [9.0]\n", "heading.*expected speeds that cwolf reaches"),
+    ],
+)
+def test_what_no_flight_could_do_is_refused_with_its_key(text: str, message: str) -> None:
+    with pytest.raises(CampaignError, match=message):
+        assert plan_of(st.Campaign.from_toml(HEAD + text)).groups
+
+
+def test_a_supply_that_is_missing_is_asked_for_by_its_key() -> None:
+    text = HEAD.replace('vehicle = "cwolf"', 'vehicle = "bluerov2-heavy"')
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("autopilot"))
+    with pytest.raises(CampaignError, match="add voltage_v"):
+        plan_of(st.Campaign.from_toml(text + "\n[tuning]\n"))

@@ -98,6 +98,7 @@ def _flown(plan: TuningPlan, autopilot: Autopilot, times: Array, levels: Array) 
         mission,
         sensors=None if sensors == "perfect" else sensors,
         set_points={"times": times[:-1], "speed": levels, "heading": np.zeros(len(levels))},
+        voltage=plan.table.voltage_v,
         max_step=_MAX_STEP_S,
         max_time=float(times[-1]),
         logs=True,

@@ -21,6 +21,7 @@ from seatrial.search import Step
 from seatrial.tuning.group_search import GENERATIONS, ROUNDS, GroupResult, search_group, search_margins
 from seatrial.tuning.judged import Judged, judge
 from seatrial.tuning.loop_trials import Samples
+from seatrial.tuning.margin_constraint import refuse_other_laws
 from seatrial.tuning.objective import RESERVE
 from seatrial.tuning.step_trial import Rig
 from seatrial.tuning.tuning_plan import TuningPlan
@@ -105,6 +106,7 @@ def _refuse_what_cannot_fly(plan: TuningPlan, where: str) -> None:
     """Refuse before the search, and before a directory is made, what its first flight would refuse."""
     from seatrial._core import Mission
 
+    refuse_other_laws(plan.autopilot)
     plan.autopilot.engage(plan.vehicle, Mission.from_toml(_ANY_MISSION))
     try:
         sensors_of(plan.sensors, plan.vehicle)
@@ -116,10 +118,10 @@ def _refuse_what_cannot_fly(plan: TuningPlan, where: str) -> None:
             f"{where}: the thrust of {plan.vehicle.name} ({needed[0]}) depends on the supply voltage; add"
             " voltage_v, in V"
         )
-    if plan.table.current_m_s >= plan.top_m_s:
+    if plan.current_m_s >= plan.top_m_s:
         raise CampaignError(
             f"{where}, key current_m_s: expected less than the top speed of {plan.vehicle.name},"
-            f" {plan.top_m_s:.2f} m/s, found {plan.table.current_m_s:g}; no set point is reached against it"
+            f" {plan.top_m_s:.2f} m/s, found {plan.current_m_s:g}; no set point is reached against it"
         )
 
 

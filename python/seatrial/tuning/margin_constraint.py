@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from seatrial.control_design.loop_margins import LoopMargins
     from seatrial.tuning.tuning_file import Margins
 
-__all__ = ["MarginConstraint", "PointMargins", "decibel"]
+__all__ = ["MarginConstraint", "PointMargins", "decibel", "refuse_other_laws"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -82,6 +82,22 @@ class PointMargins:
         return np.asarray(grown + others)
 
 
+def refuse_other_laws(autopilot: Autopilot) -> None:
+    """Refuse an autopilot whose gains are not those of PID loops.
+
+    Raises
+    ------
+    CampaignError
+        Its control is another one.
+    """
+    control = tomllib.loads(autopilot.to_toml())["control"]
+    if control != "pid":
+        raise CampaignError(
+            f'{autopilot.name}: expected control = "pid", whose gains can be tuned, found "{control}";'
+            " begin with an autopilot of PID loops"
+        )
+
+
 class MarginConstraint:
     """Limits on the margins of an autopilot's loops, for many candidates of its gains at once.
 
@@ -124,11 +140,7 @@ class MarginConstraint:
         from seatrial.tuning.tuning_file import Margins
 
         tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
-        if tables["control"] != "pid":
-            raise CampaignError(
-                f'{autopilot.name}: expected control = "pid", whose gains can be tuned,'
-                f' found "{tables["control"]}"; begin with an autopilot of PID loops'
-            )
+        refuse_other_laws(autopilot)
         if speeds_m_s is None:
             reached = reachable_points(vehicle, autopilot)
             speeds_m_s = [u for u, hit in zip(autopilot.speeds_m_s, reached, strict=True) if hit]

@@ -302,7 +302,7 @@ class TuningTable(Section):
     loops: Loops = Loops()
     samples: Annotated[int, Field(strict=True, ge=0)] = 6
     robust: Annotated[Literal["worst"] | float, BeforeValidator(_quantile)] = "worst"
-    current_m_s: NotNegative = 0.3
+    current_m_s: NotNegative | None = None
     sensors: Name = "typical"
     margins: Margins = Margins()
     smoothness: NotNegative = 0.05

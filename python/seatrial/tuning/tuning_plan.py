@@ -44,6 +44,7 @@ _GUIDANCE = {
 _GUIDANCE_BOUNDS = (0.3, 3.0)
 _FILTER_BOUNDS = (0.3, 3.0)
 _BESIDE_MODE_M_S = 0.1  # how far a trial keeps from a switching speed, beside the current
+_CURRENT = 0.1  # of the top speed
 _SETTLE_S = 15.0  # at least; a loop that settles in its corridor has settled at its start as well
 _APART = 0.2  # of the mean spacing of the points: speeds that are nearer tell the same
 _OWN_DRAWS = 1_000_003  # beside the seed: a verification's missions are other draws
@@ -104,6 +105,12 @@ class TuningPlan:
 
         return top_speeds(self.vehicle)[1]
 
+    @property
+    def current_m_s(self) -> float:
+        """Speed of the samples' currents, m/s: a tenth of the top speed where the file gives none."""
+        given = self.table.current_m_s
+        return _CURRENT * self.top_m_s if given is None else given
+
     @cached_property
     def loops(self) -> dict[str, LoopTable]:
         """Loops and paths that are tuned, with their tables: those of the file, or every loop at work."""
@@ -147,7 +154,7 @@ class TuningPlan:
 
     def speeds_of(self, loop: str) -> tuple[float, ...]:
         """Speeds at which a loop is tried where the file gives none, m/s."""
-        away = self.table.current_m_s + _BESIDE_MODE_M_S
+        away = self.current_m_s + _BESIDE_MODE_M_S
         found: list[float] = []
         for point in self.places:
             wanted = self.autopilot.speeds_m_s[point]
@@ -214,7 +221,7 @@ class TuningPlan:
             return True
         astern, ahead = top_speeds(self.vehicle)
         # Against the current less is left over ground.
-        away = self.table.current_m_s
+        away = self.current_m_s
         return RANGE * astern + away <= speed + step <= RANGE * ahead - away
 
     @cached_property
@@ -300,9 +307,7 @@ class TuningPlan:
             for name, column in drawn.items()
         }
         bearing = _WALK * (seed % 997 + np.arange(size))
-        current = self.table.current_m_s * np.stack(
-            [np.cos(bearing), np.sin(bearing), np.zeros(size)], axis=1
-        )
+        current = self.current_m_s * np.stack([np.cos(bearing), np.sin(bearing), np.zeros(size)], axis=1)
         current[:nominal] = 0.0
         return Samples(values, current, tuple(range(seed * 1000 + 1, seed * 1000 + size + 1)), nominal)
 

@@ -79,10 +79,16 @@ def verified_campaign(
     number = table.runs if runs is None else _positive(runs)
     autopilot = campaign.autopilot if gains is None else autopilot_of(gains)
     others = _others(campaign, gains, compare)
+    fitted = Fitted.of(campaign.vehicle if fit is None else fit)
+    if list(fitted.vehicle.actuators) != list(campaign.vehicle.actuators):
+        raise CampaignError(
+            f"{campaign.source}: expected a fit of {campaign.vehicle.name}, found one of"
+            f" {fitted.vehicle.name} with other actuators; give the run directory of this campaign"
+        )
     environment = campaign.file.environment
     flights = CampaignFlights(
         table=table.model_copy(update={"runs": number}),
-        fitted=Fitted.of(campaign.vehicle if fit is None else fit),
+        fitted=fitted,
         autopilot=autopilot,
         missions=flown,
         seed=campaign.seed,
