@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Chain", "demonstrate"]
 
 _RUNS, _ON_TRUTH = 1000, 400
+_DRAWN = ("pitch", "depth")  # the others are drawn by `seatrial tune`
 
 
 @dataclass
@@ -69,7 +70,7 @@ def demonstrate(
     if found.interrupted:
         chain.interrupted = True
         return chain
-    written = draw(found, out / "cwolf-tuned", formats=("png",))
+    written = draw(found, out / "cwolf-tuned", formats=("png",), loops=_DRAWN)
     if not quiet:
         from seatrial.cli.console import list_figures
 

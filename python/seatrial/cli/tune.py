@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from rich.console import Console
 
     from seatrial.campaign import Campaign
@@ -102,11 +104,17 @@ def tuned(
         )
 
 
-def draw(found: Tuning, folder: Path, *, formats: tuple[str, ...] = ("png", "pdf")) -> list[Path]:
-    """Paths of the figures of a tuning in its run directory."""
+def draw(
+    found: Tuning,
+    folder: Path,
+    *,
+    formats: tuple[str, ...] = ("png", "pdf"),
+    loops: Collection[str] | None = None,
+) -> list[Path]:
+    """Paths of the figures of a tuning in its run directory, of some loops or of all."""
     from seatrial.plot.tuning_gallery import tuning_gallery
 
-    return tuning_gallery(found, folder / "figures", formats=formats)
+    return tuning_gallery(found, folder / "figures", formats=formats, loops=loops)
 
 
 def print_tuning(console: Console, found: Tuning) -> None:

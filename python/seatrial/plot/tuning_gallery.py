@@ -6,7 +6,7 @@ tests/test_cli_tune.py and tests/test_tuning_gallery.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,9 +43,22 @@ Array = NDArray[np.float64]
 
 
 def tuning_gallery(
-    tuning: Tuning, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
+    tuning: Tuning,
+    folder: str | Path,
+    *,
+    formats: tuple[str, ...] = ("png", "pdf"),
+    loops: Collection[str] | None = None,
 ) -> list[Path]:
     """Paths of the figures of a tuning after they were written into a folder.
+
+    Parameters
+    ----------
+    tuning : Tuning
+    folder : str or Path
+    formats : tuple of str, optional
+        Endings of the files.
+    loops : collection of str, optional
+        Loops and paths whose corridors and responses are drawn; all by default.
 
     Raises
     ------
@@ -53,16 +66,16 @@ def tuning_gallery(
         The folder cannot be written.
     """
     written: list[Path] = []
-    for name, figure in _figures(tuning):
+    for name, figure in _figures(tuning, loops):
         written += save(figure, Path(folder) / name, formats=formats)
     return written
 
 
-def _figures(tuning: Tuning) -> Iterator[tuple[str, Figure]]:
+def _figures(tuning: Tuning, loops: Collection[str] | None) -> Iterator[tuple[str, Figure]]:
     start, tuned = tuning.of("start"), tuning.of("tuned")
     if start is None or tuned is None:
         return
-    for loop in tuned.responses:
+    for loop in tuned.responses if loops is None else [name for name in tuned.responses if name in loops]:
         yield f"corridor_{loop}", corridors(start, tuned, loop)
         yield f"responses_{loop}", responses(start, tuned, loop)
     if "surge" in tuned.responses:

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 GENERATIONS, ROUNDS = 30, 25
 """Batches of the evolution strategy and of the simplexes where the campaign gives no budget."""
-_MARGIN_GENERATIONS, _MARGIN_POPULATION = 150, 32
+_MARGIN_GENERATIONS, _MARGIN_POPULATION = 100, 32
 _TOLERANCE = 1e-2
 _SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
 _NEAR_START = 0.01  # weight of the mean square of ln(factor) beside the shortfall of the margins
