@@ -24,6 +24,7 @@ from seatrial.tuning.loop_trials import Samples
 from seatrial.tuning.margin_constraint import refuse_other_laws
 from seatrial.tuning.objective import RESERVE
 from seatrial.tuning.step_trial import Rig
+from seatrial.tuning.take_back import take_back
 from seatrial.tuning.tuning_plan import TuningPlan
 from seatrial.tuning.tuning_result import Tuning, tuned_autopilot
 
@@ -143,6 +144,7 @@ class _Run:
         self.done, self.stages = 0, len(plan.groups) + 1
         self.results: list[GroupResult] = []
         self.gains: dict[str, float] = {}
+        self.taken_back: tuple[str, ...] = ()
 
     def run(self, *, relay: bool) -> Tuning:
         plan, seed = self.plan, self.campaign.seed
@@ -173,6 +175,7 @@ class _Run:
             open_ = [k for k in range(len(plan.groups)) if self._violates(k, again)]
             if not open_:
                 break
+        self.gains, self.taken_back = take_back(plan, self.gains, samples, threads=self.threads)
         fresh = plan.samples(_FRESH, seed + _OTHER_SEED, nominal=_NOISES)
         autopilots: dict[str, Autopilot] = {"start": plan.autopilot}
         relayed = None
@@ -250,6 +253,7 @@ class _Run:
             groups=tuple(self.results),
             judged=judged,
             relay=relay,
+            taken_back=self.taken_back,
             elapsed_s=time.monotonic() - self.began,
             interrupted=interrupted,
         )

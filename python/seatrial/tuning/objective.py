@@ -29,14 +29,16 @@ from seatrial.tuning.step_trial import Rig
 if TYPE_CHECKING:
     from seatrial.tuning.margin_constraint import MarginConstraint
 
-__all__ = ["RESERVE", "Objective", "Terms", "robust", "violated"]
+__all__ = ["LACKING", "OUTSIDE", "RESERVE", "Objective", "Terms", "robust", "violated"]
 
 Array = NDArray[np.float64]
 
 RESERVE = 0.02
 """By how much the search's corridors are narrower, as a share of the step."""
 
-_OUTSIDE, _LACKING = 10.0, 30.0  # how much a second outside, and a margin used up, count against the ties
+OUTSIDE, LACKING = 10.0, 30.0
+"""How much a second outside the corridors, and a margin that is used up, count against what breaks ties."""
+
 _TIME, _EFFORT = 0.05, 0.1
 _SPREAD = 0.1  # of the mean over samples, beside the worst: every one that gets better counts
 
@@ -54,7 +56,7 @@ class Terms:
     def cost(self, smoothness: float) -> Array:
         """J, (k,)."""
         ties = _TIME * self.time + smoothness * self.roughness + _EFFORT * self.effort
-        return np.asarray(_OUTSIDE * self.violation + _LACKING * self.margin + ties)
+        return np.asarray(OUTSIDE * self.violation + LACKING * self.margin + ties)
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,6 +49,8 @@ class Tuning:
         tuned ones ("tuned") on samples that the search never saw.
     relay
         The relay autotuning; None where not asked for.
+    taken_back
+        Groups that have their start gains again, because everything together is better with them.
     elapsed_s
         Wall time.
     interrupted
@@ -61,6 +63,7 @@ class Tuning:
     groups: tuple[GroupResult, ...]
     judged: tuple[Judged, ...]
     relay: RelayTuning | None
+    taken_back: tuple[str, ...]
     elapsed_s: float
     interrupted: bool
 
@@ -161,6 +164,7 @@ class Tuning:
             "elapsed_s": self.elapsed_s,
             "plan": self.plan.to_dict(),
             "gains": {"start": self.start.gains(), "tuned": self.autopilot.gains()},
+            "taken_back": list(self.taken_back),
             "groups": [group.to_dict() for group in self.groups],
             "judged": [judged.to_dict() for judged in self.judged],
             "margins": {} if self.interrupted else _plain_margins(self.margins),

@@ -93,6 +93,11 @@ def sentences(tuning: Tuning) -> list[str]:
         )
         lines += [f"{_of(trial)}: outside by {_seconds(trial.nominal_s)} s of a step." for trial in out]
     lines += _worse_than_start(tuning)
+    if tuning.taken_back:
+        lines.append(
+            f"The start gains stay in {', '.join(tuning.taken_back)}: nothing better was found beside the"
+            " others."
+        )
     last = {group.name.partition(",")[0]: group for group in tuning.groups}
     ended = {name for group in last.values() for name in group.at_bound}
     if ended:
