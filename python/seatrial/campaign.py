@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.campaign_file import CampaignFile, Environment, Input, Places, Stage, TrialSource, parse
+from seatrial.campaign_order import in_order
+from seatrial.campaign_trials import TrialsOfCampaign
 from seatrial.errors import CampaignError, VehicleError, nearest, reason
 from seatrial.parameters import Parameter, names, parameters
 from seatrial.recording.places import refuse_far
@@ -80,8 +81,8 @@ class Campaign:
         self.bench = self._bench_test()
         self.vehicle = self._load_vehicle() if self.bench is None else self.bench.vehicle
         self._sources, self._data = self._trial_sources(dict(trials or {}))
-        self.trials: Mapping[str, Trial] = _Trials(self)
-        self.stages = _in_order(file.stages, source)
+        self.trials: Mapping[str, Trial] = TrialsOfCampaign(self, self._sources)
+        self.stages = in_order(file.stages, source)
         self.parameters: dict[str, tuple[Parameter, ...]] = {
             stage.name: parameters(stage, self.vehicle, self.place(stage)) for stage in self.stages
         }
@@ -372,55 +373,3 @@ class Campaign:
                         f"{self.place(stage)}: coefficient {min(shared)!r} is also freed by stage"
                         f" {other.name!r} and neither runs after the other; set after = [{other.name!r}]"
                     )
-
-
-class _Trials(Mapping[str, "Trial"]):
-    """Trials by name, read when first asked for."""
-
-    def __init__(self, campaign: Campaign) -> None:
-        self._campaign = campaign
-        self._read: dict[str, Trial] = {}
-        self._lock = threading.Lock()
-
-    def __getitem__(self, name: str) -> Trial:
-        if name not in self._campaign._sources:
-            raise KeyError(name)
-        with self._lock:
-            if name not in self._read:
-                self._read[name] = self._campaign.read(name)
-            return self._read[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._campaign._sources  # without reading the trial
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._campaign._sources)
-
-    def __len__(self) -> int:
-        return len(self._campaign._sources)
-
-
-def _in_order(stages: tuple[Stage, ...], source: str) -> tuple[Stage, ...]:
-    """Stages so that each comes after those it names, otherwise as in the file."""
-    known = [stage.name for stage in stages]
-    for stage in stages:
-        if known.count(stage.name) > 1:
-            raise CampaignError(f"{source}: two stages are called {stage.name!r}; rename one")
-        for name in stage.after:
-            if name not in known:
-                raise CampaignError(
-                    f"{source}: stage {stage.name!r}, key after: unknown stage {name!r}{nearest(name, known)}"
-                )
-    ordered: list[Stage] = []
-    waiting = list(stages)
-    while waiting:
-        done = {stage.name for stage in ordered}
-        ready = next((stage for stage in waiting if done.issuperset(stage.after)), None)
-        if ready is None:
-            circle = ", ".join(repr(stage.name) for stage in waiting)
-            raise CampaignError(
-                f"{source}: the stages {circle} wait for one another; remove one of their after"
-            )
-        ordered.append(ready)
-        waiting.remove(ready)
-    return tuple(ordered)
