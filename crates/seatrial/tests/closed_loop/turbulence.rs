@@ -2,6 +2,7 @@
 
 use crate::flights::{Trip, case, column};
 use seatrial::closed_loop::turbulence::Turbulence;
+use seatrial::kinematics::{from_euler, rotation};
 
 const TAU_S: f64 = 20.0;
 const TAU_2_S: f64 = 2.0;
@@ -63,18 +64,27 @@ fn turbulence_is_continuous_with_the_rate_that_it_says() {
 }
 
 #[test]
-fn law_a_drifting_vehicle_follows_slow_water() {
-    // Neutral, without commands, on a mission that is done at once: slow eddies carry the hull along.
+fn law_the_water_of_a_flight_is_that_of_its_seed() {
     let mut trip = Trip::cwolf(crate::flights::DIVE);
-    trip.seconds = 200.0;
-    let mut calm = case([0.2, 0.0, 0.0]);
-    calm.state.nu[0] = 0.2;
-    let mut rough = calm.clone();
-    rough.turbulence = [0.05, 0.05, 0.0];
-    let both = trip.fly(&[calm, rough]);
-    let [a, b] = [0, 1].map(|i: usize| column(&trip, &both[i], "u_water"));
-    let difference: f64 = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    assert!(difference > 0.02, "the water moves: {difference}");
-    let sound = |x: &[f64]| x.iter().all(|x| x.is_finite());
-    assert!(sound(&b));
+    trip.seconds = 60.0;
+    let (mean, sigma) = ([0.2, -0.1, 0.0], [0.05, 0.08, 0.01]);
+    let mut rough = case(mean);
+    rough.turbulence = sigma;
+    // A neighbour with other water, so that eight lanes fly.
+    let flown = trip.fly(&[rough, case([0.0; 3])]).remove(0);
+    let of = |names: [&str; 3]| names.map(|name| column(&trip, &flown, name));
+    let (ground, water, angles) =
+        (of(["u", "v", "w"]), of(["u_water", "v_water", "w_water"]), of(["roll", "pitch", "yaw"]));
+    // The seed and the time constants of the flights to test with.
+    let mut current = Turbulence::new((mean, sigma), [60.0, 2.0], 1.0, DT_S);
+    for k in 0..ground[0].len() {
+        let wanted = current.begin(k).expect("it moves").velocity;
+        let r = rotation(&from_euler(&angles.each_ref().map(|a| a[k])));
+        let drift: [f64; 3] = std::array::from_fn(|i| ground[i][k] - water[i][k]);
+        for (row, wanted) in r.iter().zip(wanted) {
+            let found: f64 = row.iter().zip(drift).map(|(a, b)| a * b).sum();
+            // Lanes round otherwise than plain numbers do.
+            assert!((found - wanted).abs() < 1e-9, "{k}: {found} {wanted}");
+        }
+    }
 }
