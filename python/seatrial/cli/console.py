@@ -79,12 +79,21 @@ def identification_progress(*, quiet: bool = False) -> AbstractContextManager[Ca
 
 @contextmanager
 def search_progress(first: str, *, quiet: bool = False) -> Iterator[Callable[[State], None]]:
-    """Callback for a long search that shows stage, generation, best cost, time left; `first` stands before.
+    """Callback for a long search that shows stage, generation, cost and time left; `first` stands before."""
+    with long_work(first, quiet=quiet) as show:
+        yield lambda state: show(
+            state.fraction, _words(state), [f"before the search: {note}" for note in state.notes]
+        )
+
+
+@contextmanager
+def long_work(first: str, *, quiet: bool = False) -> Iterator[Callable[[float, str, Sequence[str]], None]]:
+    """Callback that shows the share done, words on it and notes to keep; `first` stands before.
 
     A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
     """
     if quiet:
-        yield lambda _: None
+        yield lambda *_: None
         return
     if not sys.stderr.isatty():
         yield _lines()
@@ -96,24 +105,24 @@ def search_progress(first: str, *, quiet: bool = False) -> Iterator[Callable[[St
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(first, total=1.0)
 
-        def show(state: State) -> None:
-            for note in state.notes:
-                bar.console.print(f"before the search: {note}", soft_wrap=True, markup=False, highlight=False)
-            bar.update(task, completed=state.fraction, description=_words(state))
+        def show(share: float, words: str, notes: Sequence[str]) -> None:
+            for note in notes:
+                bar.console.print(note, soft_wrap=True, markup=False, highlight=False)
+            bar.update(task, completed=share, description=words)
 
         yield show
 
 
-def _lines() -> Callable[[State], None]:
+def _lines() -> Callable[[float, str, Sequence[str]], None]:
     last = time.monotonic()
 
-    def show(state: State) -> None:
+    def show(share: float, words: str, notes: Sequence[str]) -> None:
         nonlocal last
-        for note in state.notes:
-            print(f"before the search: {note}", file=sys.stderr, flush=True)
+        for note in notes:
+            print(note, file=sys.stderr, flush=True)
         if time.monotonic() - last >= _LINE_EVERY_S:
             last = time.monotonic()
-            print(f"{100 * state.fraction:3.0f} %  {_words(state)}", file=sys.stderr, flush=True)
+            print(f"{100 * share:3.0f} %  {words}", file=sys.stderr, flush=True)
 
     return show
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["missions_progress", "print_verification"]
 
-_LINE_EVERY_S = 5.0
 _WIDE = 110  # columns that the requirements need beside what must hold
 _FIGURES = {
     "cross_track_p95_m": "median cross-track p95, m",
@@ -33,27 +30,11 @@ _FIGURES = {
 
 @contextmanager
 def missions_progress(*, quiet: bool = False) -> Iterator[Callable[[MissionsFlown], None]]:
-    """Callback for `seatrial.verify` that shows the missions flown, the real-time factor and the time left.
+    """Callback for `seatrial.verify` that shows the missions flown, real-time factor and time left."""
+    from seatrial.cli.console import long_work
 
-    A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
-    """
-    if quiet:
-        yield lambda _: None
-        return
-    if not sys.stderr.isatty():
-        yield _lines()
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), TaskProgressColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("first missions", total=1.0)
-
-        def show(state: MissionsFlown) -> None:
-            bar.update(task, completed=state.flown / state.runs, description=_words(state))
-
-        yield show
+    with long_work("first missions", quiet=quiet) as show:
+        yield lambda state: show(state.flown / state.runs, _words(state), ())
 
 
 def print_verification(console: Console, found: Verification) -> None:
@@ -212,18 +193,6 @@ def _sentences(one: JudgedRequirement) -> list[str]:
     if one.found.failures:
         said += [f"{one.requirement.name}: {cause}." for cause in one.named_causes[:3]]
     return said
-
-
-def _lines() -> Callable[[MissionsFlown], None]:
-    last = time.monotonic()
-
-    def show(state: MissionsFlown) -> None:
-        nonlocal last
-        if time.monotonic() - last >= _LINE_EVERY_S:
-            last = time.monotonic()
-            print(f"{100 * state.flown / state.runs:3.0f} %  {_words(state)}", file=sys.stderr, flush=True)
-
-    return show
 
 
 def _words(state: MissionsFlown) -> str:
