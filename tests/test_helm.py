@@ -158,3 +158,34 @@ def test_a_set_point_that_is_none_is_refused(set_points: dict[str, float], says:
     one = helm()
     with pytest.raises(SimulationError, match=says):
         one.step(STILL, set_points=set_points)
+
+
+def test_a_reaction_takes_the_place_of_set_points() -> None:
+    here = st.Mission.from_toml(
+        MISSION + "[limits]\nfence_m = [[-50.0, -50.0], [150.0, -50.0], [150.0, 50.0], [-50.0, 50.0]]\n"
+    )
+    one = st.Autopilot.load("cwolf").engage(st.Vehicle.load("cwolf"), here)
+    outside = STILL | {"y": 60.0}
+    for _ in range(20):
+        one.step(outside, set_points={"speed": 1.5, "heading": 1.5, "depth": 9.0})
+    held = one.thought
+    assert (held["reaction"], held["cause"]) == ("hold", "fence")
+    # Where it stands it has nowhere to go: neither ahead, nor down to 9 m.
+    assert held["speed"] == pytest.approx(0.0, abs=1e-6)
+    assert held["depth"] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_heading_by_hand_may_be_any_turn_further() -> None:
+    one, other = helm(), helm()
+    for _ in range(20):
+        far = one.step(STILL, set_points={"heading": 0.5 + 4.0 * np.pi})
+        near = other.step(STILL, set_points={"heading": 0.5})
+    assert one.thought["heading"] == pytest.approx(0.5)
+    assert far == pytest.approx(near, abs=1e-6)
+
+
+def test_a_signal_that_is_not_finite_was_not_measured() -> None:
+    one = helm()
+    for _ in range(50):
+        one.step(STILL, {"PL": np.inf})
+    assert one.thought["given_up"] == ""

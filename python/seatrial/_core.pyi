@@ -150,7 +150,8 @@ class Helm:
         not finite was not measured. signals: measured commands of the actuators, in the unit of the command, by which
         a failed one is found. The autopilot begins when position, depth, attitude and rates have been measured once
         (`waiting_for`); before, commands are neutral. set_points: speed and lateral (m/s), heading and pitch (rad), depth
-        (m) in place of guidance's, or north, east and down (m) by which the plan is moved: steering by hand.
+        (m) in place of guidance's, or north, east and down (m) by which the plan is moved: steering by hand, while safety
+        does not react.
         """
     @property
     def thought(self, /) -> dict[str, Any]:

@@ -210,7 +210,8 @@ impl Helm {
     /// not finite was not measured. signals: measured commands of the actuators, in the unit of the command, by which
     /// a failed one is found. The autopilot begins when position, depth, attitude and rates have been measured once
     /// (`waiting_for`); before, commands are neutral. set_points: speed and lateral (m/s), heading and pitch (rad), depth
-    /// (m) in place of guidance's, or north, east and down (m) by which the plan is moved: steering by hand.
+    /// (m) in place of guidance's, or north, east and down (m) by which the plan is moved: steering by hand, while safety
+    /// does not react.
     #[pyo3(signature = (measurement, signals = None, *, set_points = None))]
     fn step(
         &self,
@@ -222,7 +223,9 @@ impl Helm {
         let mut feedback = vec![f64::NAN; self.description.actuators.len()];
         for (name, command) in Named::scalars(signals)? {
             let index = self.actuator("signals", &name)?;
-            feedback[index] = self.description.actuators[index].signal(command);
+            if command.is_finite() {
+                feedback[index] = self.description.actuators[index].signal(command);
+            }
         }
         let measurement = Named::scalars(Some(measurement))?;
         let channel = |name: &str| CHANNEL_NAMES.iter().position(|known| *known == name);

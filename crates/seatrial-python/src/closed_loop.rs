@@ -20,7 +20,7 @@ use seatrial::integrate;
 use seatrial::navigation::{CHANNELS, ChannelErrors, GROUPS, GroupTiming, Outage, Sensors};
 use seatrial::open_loop::inputs::actuator_index;
 use seatrial::vehicle_file::Environment;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 /// The flights of k cases: a log of each, where one was kept, and their figures.
@@ -68,10 +68,10 @@ impl Flights {
         let outcome = self.outcome(case)?;
         let actuators = &self.description.actuators;
         let log = &outcome.log;
-        let width = log.values.len() / log.rows.max(1);
+        let width = self.columns().len();
         let mut values = log.values.clone();
-        let first = width.saturating_sub(2 * actuators.len());
-        for row in values.chunks_exact_mut(width.max(1)) {
+        let first = width - 2 * actuators.len();
+        for row in values.chunks_exact_mut(width) {
             for (i, value) in row[first..].iter_mut().enumerate() {
                 *value = actuators[i % actuators.len()].command(*value);
             }
@@ -225,7 +225,12 @@ pub fn fly(
     let (sought, columns) = varied(coefficients, k, |name| description.layout.find(name).map_err(refused))?;
     let (tuned, tunings) = varied(gains, k, |name| tunable_index(name).map_err(refused))?;
     let all = tunable_names();
+    // The same gains in a thousand seas are one autopilot to check.
+    let mut checked = HashSet::new();
     for i in (0..k).filter(|_| !tuned.is_empty()) {
+        if !checked.insert(tunings.iter().map(|column| column[i].to_bits()).collect::<Vec<_>>()) {
+            continue;
+        }
         let values: Vec<(String, f64)> =
             tuned.iter().zip(&tunings).map(|(&index, column)| (all[index].clone(), column[i])).collect();
         settings.with_tunables(&values).map_err(raised)?;
@@ -293,12 +298,17 @@ pub fn fly(
         turbulence_times: [tau, tau_2],
         environment: Environment { rho_kg_m3: rho.unwrap_or(own.rho_kg_m3), g_m_s2: g.unwrap_or(own.g_m_s2) },
         voltage,
-        substeps: (dt / max_step - 1e-9).ceil().max(1.0) as usize,
-        periods: (max_time / dt).ceil() as usize,
+        substeps: whole(dt / max_step),
+        periods: whole(max_time / dt),
     };
     let cases = Cases { coefficients: &sought, tunables: &tuned, cases: &cases };
     let outcomes = interruptible(py, threads, |stop| flight.fly(&cases, logs, stop))?;
     Ok(Flights { description: description.clone(), outcomes, dt })
+}
+
+/// The smallest whole number, at least 1, that is not below a ratio of times but for rounding: 2.1 s are 7 periods of 0.3 s.
+fn whole(ratio: f64) -> usize {
+    (ratio - ratio.max(1.0) * 1e-9).ceil().max(1.0) as usize
 }
 
 /// Where the cases begin.
@@ -359,6 +369,9 @@ fn sensors(errors: &Numbers, timing: &Numbers, outages: Vec<(usize, f64, f64)>) 
         return Err(refused(format!(
             "timing: expected a latency of at most {MOST_LATENCY} control periods, found {latency}"
         )));
+    }
+    if let Some((group, ..)) = outages.iter().find(|row| row.0 >= GROUPS) {
+        return Err(refused(format!("outages: expected a group below {GROUPS}, found {group}")));
     }
     let of = |[noise, bias, drift, quantum]: [f64; 4]| ChannelErrors { noise, bias, drift, quantum };
     let when = |[present, every, latency, dropout_every, dropout]: [f64; 5]| GroupTiming {

@@ -51,8 +51,9 @@ impl Trials {
                 refused("set_points: expected \"times\" (S,), from which on each value holds, found none")
             })?;
             trials.trial.times = times.vector("set_points: times")?;
-            let rises = trials.trial.times.windows(2).all(|pair| pair[0] < pair[1]);
-            if trials.trial.times.is_empty() || !rises {
+            let times = &trials.trial.times;
+            let rises = times.iter().all(|t| t.is_finite()) && times.is_sorted_by(|a, b| a < b);
+            if times.is_empty() || !rises {
                 return Err(refused("set_points: times: expected rising times in s, at least one"));
             }
         }
@@ -79,6 +80,9 @@ impl Trials {
         })?;
         let of_cases = |x: Numbers, part: &str| x.for_cases(&format!("{what}: {part}"), k, 1);
         let (base, scale) = (of_cases(base, "base")?, of_cases(scale, "scale")?);
+        if base.iter().any(|x| !x[0].is_finite()) {
+            return Err(refused(format!("{what}: base: expected finite numbers")));
+        }
         if scale.iter().any(|x| !(x[0].is_finite() && x[0] != 0.0)) {
             return Err(refused(format!("{what}: scale: expected numbers other than zero")));
         }
@@ -97,6 +101,11 @@ impl Trials {
         {
             return Err(refused(format!(
                 "{what}: expected lower, upper, target and clock of one length, a number per control period each"
+            )));
+        }
+        if corridor.target.iter().chain(&corridor.clock).any(|x| !x.is_finite()) {
+            return Err(refused(format!(
+                "{what}: expected a finite target and clock; only bounds may be infinite"
             )));
         }
         self.trial.corridors.push(corridor);

@@ -10,9 +10,11 @@ pub mod batch;
 pub mod energy;
 pub mod exceedance;
 pub mod faults;
+mod legs;
 pub mod log;
 pub mod obstacle;
 pub mod summary;
+mod tally;
 pub mod trial;
 pub mod turbulence;
 
@@ -37,6 +39,7 @@ use obstacle::Obstacle;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use summary::Summary;
+use tally::Tally;
 use trial::Trial;
 use turbulence::Turbulence;
 
@@ -70,6 +73,13 @@ pub struct Flight<'a> {
     pub substeps: usize,
     /// The flight ends after so many control periods at the latest.
     pub periods: usize,
+}
+
+impl Flight<'_> {
+    /// Whether responses are held against corridors: these are of the whole time, whatever the mission says of an end.
+    pub fn is_trial(&self) -> bool {
+        !self.trial.corridors.is_empty()
+    }
 }
 
 /// One case of a flight, in the number type of the run.
@@ -114,15 +124,13 @@ pub fn fly<T: Real>(
     let mut motors = Motors::new(vehicle, &limits, h, unit);
     let mut energy = Energy::new(flight.description, unit);
     let mut state = setting.state;
-    let mut summary = Summary::new(flight, unit, &limits);
+    let mut tally = Tally::new(flight, unit, &limits);
     let mut instants: [Instant<T>; 3] = Default::default();
     let water = (setting.current, setting.turbulence);
     let mut current = Turbulence::new(water, flight.turbulence_times, setting.seed, dt);
     for instant in &mut instants {
         instant.current = current.at(0.0);
     }
-    // A trial's criteria are of its whole time.
-    let is_trial = !flight.trial.corridors.is_empty();
     for k in 0..=flight.periods {
         if stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
@@ -140,9 +148,8 @@ pub fn fly<T: Real>(
             let row = Row { truth: &shown, measured, thought: &thought, power };
             log.add(&row, &pilot.signals, &motors.signals);
         }
-        summary.add(flight, &shown, &thought, (k, &pilot.signals, energy.used));
-        summary.violations.add(flight.trial, (&shown, &thought), &setting.scales, (k, dt));
-        if (!is_trial && !summary.any_flying()) || k == flight.periods {
+        tally.add(flight, &shown, &thought, (k, &pilot.signals, energy.used, &setting.scales));
+        if (!flight.is_trial() && !tally.any_flying()) || k == flight.periods {
             break;
         }
         motors.command(vehicle, &pilot.signals, &limits);
@@ -170,8 +177,7 @@ pub fn fly<T: Real>(
         }
         energy.use_up(power, dt);
     }
-    summary.finish();
-    Ok(summary)
+    Ok(tally.finish())
 }
 
 /// The motors of the vehicle that flies, with their faults.

@@ -117,8 +117,8 @@ impl<T: Real> Measurement<T> {
     }
 }
 
-/// The channel of the altitude.
-const ALTITUDE: usize = 12;
+/// The channel of the altitude; those before it are always finite.
+pub const ALTITUDE: usize = 12;
 
 /// Beyond this age an altitude is none, s: at a metre per second the bottom is elsewhere.
 const ALTITUDE_IS_OLD_S: f64 = 2.0;
@@ -233,9 +233,8 @@ impl<'a, T: Real> Navigation<'a, T> {
         let mut heard = [zero.lt(zero); GROUPS];
         for (g, timing) in sensors.timing.iter().enumerate() {
             let time = k as f64 * dt;
-            let out = sensors.outages.iter().any(|o| o.group == g && o.from <= time && time < o.until);
             let due = k >= timing.latency && (k - timing.latency) % timing.every == 0;
-            fresh[g] = timing.present && !out && (due || k == 0);
+            fresh[g] = timing.present && (due || k == 0);
             let older = self.measurement.age[g] + dt;
             self.measurement.age[g] = older;
             if timing.dropout_every.is_finite() {
@@ -246,11 +245,18 @@ impl<'a, T: Real> Navigation<'a, T> {
                 self.silent[g] = T::select(begins, left.max(length * timing.dropout), left);
             }
             let mut silent = self.silent[g];
-            for (_, [from, until]) in self.outages.iter().filter(|(group, _)| *group == g) {
+            let of_all = sensors.outages.iter().filter(|o| o.group == g);
+            let of_all = of_all.map(|o| [zero.splat(o.from), zero.splat(o.until)]);
+            let own = self.outages.iter().filter(|(group, _)| *group == g).map(|(_, times)| *times);
+            for [from, until] in of_all.chain(own) {
                 let begun = from.lt(zero.splat(time + 1e-9));
                 let over = until.lt(zero.splat(time + 1e-9));
                 let rest = T::select(over, zero, zero.splat(dt));
                 silent = silent.max(T::select(begun, rest, zero));
+            }
+            if k == 0 {
+                // The place of the launch is known, whatever goes silent there.
+                silent = zero;
             }
             heard[g] = silent.lt(zero.splat(0.5 * dt));
             if fresh[g] {

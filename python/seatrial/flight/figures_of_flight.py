@@ -1,6 +1,6 @@
 """The figures of a flight under names that carry their units.
 
-The core sums them while it flies (`closed_loop/summary.rs`). Errors of guidance count on the second half of
+The core sums them while it flies (`closed_loop/tally.rs`). Errors of guidance count on the second half of
 straight legs, where the vehicle has had time to settle, and are those that guidance saw; ``true_...`` is
 where the vehicle really was. Without a settled sample there is none. The depth excursion is how far the
 vehicle leaves the band between the depths of a leg's two ends. The quantiles p50, p95 and p99 are those of

@@ -6,7 +6,6 @@ Held by ``tests/test_cli_fly.py``.
 from __future__ import annotations
 
 import hashlib
-import io
 import platform
 from collections.abc import Mapping
 from importlib import metadata
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial import _core
 from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
+from seatrial.whole_file import parquet
 
 if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
@@ -59,14 +59,12 @@ def write(
     SeatrialError
         The directory cannot be written; nothing is left half-written.
     """
-    log = io.BytesIO()
-    flight.table().write_parquet(log)
     files: dict[str, str | bytes] = {
         RUN_FILE: to_json(facts(flight)),
         **{f"{name}.toml": text for name, text in _inputs(flight).items()},
         "flight.json": to_json(flight.to_dict()),
         "summary.txt": "\n".join(flight.sentences()) + "\n",
-        "flight.parquet": log.getvalue(),
+        "flight.parquet": parquet(flight.table()),
         **(beside or {}),
     }
     directory = RunDirectory(folder)  # last of all: what takes its time leaves nothing when it is interrupted

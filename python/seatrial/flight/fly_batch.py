@@ -18,6 +18,7 @@ from seatrial.flight.checked_numbers import checked_list, checked_rows, checked_
 from seatrial.flight.circumstances import TURBULENCE_TIMES_S
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.set_up import set_up
+from seatrial.flight.steered import Corridor, checked_corridors, checked_set_points
 from seatrial.flight.surroundings import checked_turbulence
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["fly_batch"]
 
 Array = NDArray[np.float64]
-Corridor = tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
-"""Channel, base (k,), scale (k,), and per control period lower, upper, target and clock (p,)."""
 
 
 def fly_batch(
@@ -142,6 +141,9 @@ def fly_batch(
         "gains": checked_columns("gains", gains),
     }
     lengths = {name: len(values) for some in varied.values() for name, values in (some or {}).items()}
+    varied["set_points"], steered = checked_set_points(set_points)
+    varied["corridors"], judged = checked_corridors(corridors)
+    lengths |= steered | judged
     if rows.ndim == 2:
         lengths["current"] = len(rows)
     if eddies.ndim == 2:
@@ -201,9 +203,6 @@ def fly_batch(
             name: np.array([getattr(state, name) for state in states])
             for name in ("position", "attitude", "nu")
         }
-    if set_points is not None:
-        varied["set_points"] = dict(set_points)
-    varied["corridors"] = list(corridors)
     seen = [checked_seed(seed) for seed in every]
     return ready.fly(seen, failing, current=rows, logs=logs, threads=threads, **varied)
 

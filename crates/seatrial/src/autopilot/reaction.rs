@@ -31,7 +31,8 @@ impl<T: Real> Autopilot<T> {
         state.progress.leg().tabulated(follows)
     }
 
-    /// Guidance, stopped at the present place where a reaction begins, with the set points that stand in for it.
+    /// Guidance, stopped at the present place where a reaction begins, with the set points that stand in for it while
+    /// all is well.
     #[inline(always)]
     pub(super) fn guide(
         &self,
@@ -41,13 +42,15 @@ impl<T: Real> Autopilot<T> {
         set_point: Option<&SetPoint<T>>,
     ) -> Desired<T> {
         let half = before.splat(0.5);
+        let calm = state.alert.level.lt(half);
         let begins = T::both(before.lt(half), half.lt(state.alert.level));
         let mut fresh = measured.velocity();
         for x in &mut fresh {
             *x = T::select(Rates::blind(measured), x.zero(), *x);
         }
         let mut position = measured.position();
-        if let Some(set_point) = set_point {
+        let set_point = set_point.map(|set_point| set_point.moved_only(calm));
+        if let Some(set_point) = &set_point {
             for i in 0..3 {
                 position[i] -= set_point.shift[i];
             }
@@ -61,7 +64,7 @@ impl<T: Real> Autopilot<T> {
         let dt = self.settings.file.period_s;
         let mut desired = self.guidance.step(&self.mission.waypoints, &mut state.progress, &fix, dt);
         if let Some(set_point) = set_point {
-            set_point.over(&mut desired);
+            set_point.over(&mut desired, calm);
         }
         desired
     }

@@ -114,7 +114,14 @@ impl Flight<'_> {
             scales: case.scales.clone(),
         };
         let (summary, log) = self.run(work, (&values, &tunables), &setting, Allocator::single)?;
-        Ok(Outcome { summary, log })
+        Ok(self.outcome(summary, log))
+    }
+
+    /// What is kept of a case: the log of a trial to its end, that of a mission to the mission's.
+    fn outcome(&self, summary: Summary<f64>, log: Log<f64>) -> Outcome {
+        let ends = summary.duration.is_finite() && !self.is_trial();
+        let last = (summary.duration / self.settings.file.period_s).round();
+        Outcome { log: log.first(if ends { last as usize + 1 } else { usize::MAX }), summary }
     }
 
     /// Eight cases from `first` on.
@@ -163,7 +170,7 @@ impl Flight<'_> {
         let outcome = |lane: usize| {
             let summary = summary.read(|x| x[lane]);
             let log = Log { values: log.values.iter().map(|x| x[lane]).collect(), rows: log.rows };
-            Outcome { log: log.until(summary.duration, self.settings.file.period_s), summary }
+            self.outcome(summary, log)
         };
         Ok((0..LANES.min(cases.cases.len() - first)).map(outcome).collect())
     }

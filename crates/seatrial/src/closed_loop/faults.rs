@@ -47,10 +47,13 @@ impl<T: Real> Faults<T> {
     }
 }
 
-/// Per actuator the time of its failure and the signal from then on.
+/// Per actuator the time of its failure and the signal from then on; of two failures the first one lasts.
 pub fn table(faults: &[ActuatorFault], actuators: usize) -> (Vec<f64>, Vec<f64>) {
     let (mut from, mut signal) = (vec![f64::INFINITY; actuators], vec![f64::NAN; actuators]);
-    for fault in faults {
+    for fault in faults.iter().filter(|fault| fault.from.is_finite()) {
+        if from[fault.actuator] <= fault.from {
+            continue;
+        }
         from[fault.actuator] = fault.from;
         signal[fault.actuator] = fault.signal.unwrap_or(f64::NAN);
     }

@@ -3,7 +3,7 @@
 //! Tests: `tests/closed_loop.rs`, `tests/test_fly.py`.
 
 use crate::autopilot::Thought;
-use crate::navigation::{CHANNEL_NAMES, CHANNELS, Measurement};
+use crate::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS, Measurement};
 use crate::real::Real;
 
 /// The columns of a flight besides its channels, true and measured, and its actuators.
@@ -102,18 +102,14 @@ impl<T: Real> Log<T> {
 }
 
 impl Log<f64> {
-    /// The rows up to a time, s, at the control period `dt`.
-    pub fn until(mut self, time: f64, dt: f64) -> Self {
+    /// At most so many first rows, all of them sound: what diverged ends with its last sound row.
+    pub fn first(mut self, most: usize) -> Self {
         if self.rows == 0 {
             return self;
         }
         let width = self.values.len() / self.rows;
-        let sound = |row: &[f64]| row[..3].iter().all(|x| x.is_finite());
-        // What diverged ends with its last sound row.
-        self.rows = match time.is_finite() {
-            true => self.rows.min((time / dt).round() as usize + 1),
-            false => self.values.chunks_exact(width).take_while(|row| sound(row)).count(),
-        };
+        let sound = |row: &&[f64]| row[..ALTITUDE].iter().all(|x| x.is_finite());
+        self.rows = self.values.chunks_exact(width).take(most).take_while(sound).count();
         self.values.truncate(self.rows * width);
         self
     }

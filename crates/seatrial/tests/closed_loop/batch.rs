@@ -115,3 +115,18 @@ fn law_closed_loop_divergence_is_not_a_number() {
     assert!(column(&trip, &mixed[1], "x").iter().all(|x| x.is_finite()));
     assert_eq!(course(&trip, &mixed[0]), course(&trip, &usual[0]));
 }
+
+/// The log of what diverged has sound rows alone, abreast and by itself.
+#[test]
+fn law_closed_loop_logs_of_what_diverged_end_alike() {
+    let trip = trip();
+    let drag = trip.description.layout.find("N_rr").expect("known");
+    let one = Case { coefficients: vec![1e9], ..case([0.0; 3]) };
+    let abreast = trip.fly_with(&[one.clone(), one.clone()], &[drag], &[]).remove(0);
+    let alone = trip.fly_with(&[one], &[drag], &[]).remove(0);
+    assert_eq!(alone.log.rows, abreast.log.rows);
+    for outcome in [abreast, alone] {
+        assert!(outcome.summary.duration.is_nan());
+        assert!(column(&trip, &outcome, "yaw").iter().all(|x| x.is_finite()));
+    }
+}

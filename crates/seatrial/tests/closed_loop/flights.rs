@@ -173,6 +173,18 @@ fn law_closed_loop_faults_act_from_their_time() {
     assert!(put[501..].iter().all(|n| *n == -300.0));
 }
 
+/// Of two failures of an actuator the first one lasts, whichever was told first.
+#[test]
+fn law_closed_loop_the_first_failure_of_an_actuator_lasts() {
+    let mut trip = Trip::cwolf(DIVE);
+    trip.seconds = 40.0;
+    let [first, second] = [(10.0, 300.0), (20.0, -300.0)].map(|(at, n)| fault(&trip, "PU", at, Some(n)));
+    for faults in [vec![first, second], vec![second, first]] {
+        let outcome = trip.one(Case { faults, ..case([0.0; 3]) });
+        assert!(column(&trip, &outcome, "act.PU")[101..].iter().all(|n| *n == 300.0));
+    }
+}
+
 /// A vehicle that hovers looks two ways from one place, and then the mission is complete.
 #[test]
 fn law_closed_loop_turns_on_the_spot() {

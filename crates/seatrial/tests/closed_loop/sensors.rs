@@ -111,3 +111,46 @@ fn law_sensors_see_ground_and_water_apart() {
     assert!((shown[12] - (20.0 + 0.5 - 3.0)).abs() < 1e-12, "depth 20 m, falling 0.5 m per metre north");
     assert!((shown[5] - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
 }
+
+/// An outage of all cases is the same as one of a case: from its first period to its last, while the walk goes on.
+#[test]
+fn law_sensors_outages_of_all_cases_are_those_of_each() {
+    // Multiples of 0.03 s come out a rounding below what the outage says.
+    let dt = 0.03;
+    let (from, until) = (1.11, 5.28);
+    let mut sensors = Sensors::default();
+    sensors.errors[0] = ChannelErrors { drift: 0.1, ..ChannelErrors::default() };
+    let silent = Sensors { outages: vec![Outage { group: 0, from, until }], ..sensors.clone() };
+    let own = [(0, [from, until])];
+    let mut of_all = Navigation::new(&silent, 4.0, &[]);
+    let mut of_each = Navigation::new(&sensors, 4.0, &own);
+    let mut without = Navigation::new(&sensors, 4.0, &[]);
+    for k in 0..250 {
+        let [a, b, c] = [&mut of_all, &mut of_each, &mut without].map(|n| *n.sample(ramp(k), (k, dt)));
+        assert_eq!(a.channels[0], b.channels[0], "step {k}");
+        assert_eq!(a.age[0], b.age[0], "step {k}");
+        let out = (37..176).contains(&k);
+        assert_eq!(a.age[0] > 0.0, out, "step {k}");
+        assert!(out || a.channels[0] == c.channels[0], "the walk goes on while nobody looks: step {k}");
+    }
+}
+
+#[test]
+fn law_sensors_know_the_place_of_the_launch_whatever_goes_silent_there() {
+    let mut sensors = Sensors::default();
+    // A drop-out begins in every period.
+    sensors.timing[2] = GroupTiming { dropout_every: DT, dropout: 1e3, ..GroupTiming::default() };
+    sensors.outages = vec![Outage { group: 0, from: 0.0, until: 1.0 }];
+    let own = [(1, [0.0, 2.0])];
+    let mut navigation = Navigation::new(&sensors, 1.0, &own);
+    let launch = ramp(0);
+    for k in 0..8 {
+        let shown = *navigation.sample(ramp(k), (k, DT));
+        assert_eq!(shown.waiting_for().count(), 0, "step {k}");
+        for (channel, group) in [(0, 0), (2, 1), (5, 2)] {
+            assert_eq!(shown.channels[channel], launch[channel], "step {k}");
+            assert!((shown.age[group] - k as f64 * DT).abs() < 1e-12, "step {k}"); // sums of 0.1
+        }
+        assert_eq!(shown.channels[6], ramp(k)[6], "what is not silent goes on");
+    }
+}

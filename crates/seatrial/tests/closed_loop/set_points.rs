@@ -5,12 +5,14 @@ use proptest::prelude::*;
 use seatrial::autopilot::set_point::SET_POINTS;
 use seatrial::closed_loop::batch::Case;
 use seatrial::closed_loop::trial::{Corridor, Trial, channel_index};
+use seatrial::kinematics::from_euler;
 
 /// A leg that nobody reaches.
 const FAR: &str = "format = 1\nname = \"far\"\nspeed_m_s = 1.5\nacceptance_radius_m = 5.0\n\
     [[legs]]\nnorth_m = 9000.0\neast_m = 0.0\ndepth_m = 5.0\n";
 
 const STEP_AT_S: f64 = 20.0;
+const DT_S: f64 = 0.1;
 
 fn named(names: &[&str]) -> Vec<usize> {
     let index = |name: &&str| SET_POINTS.iter().position(|known| known == name).expect("a set point");
@@ -125,6 +127,79 @@ fn a_trial_is_judged_to_its_end() {
     let outcome = trip.one(one);
     let below = outcome.summary.violations.sums[0][0];
     assert!(below > 20.0, "it never turned, for all of the forty seconds: {below}");
+}
+
+/// The log of a trial goes to its end, too, abreast and alone.
+#[test]
+fn a_trial_is_logged_to_its_end() {
+    let mut trip = heading_step(Some(corridor("yaw", 0.9, 1.1)));
+    std::sync::Arc::get_mut(&mut trip.mission).expect("the only owner").limits.depth = 2.0;
+    trip.seconds = 100.0;
+    let mut one = turning(0.4);
+    one.state.position[2] = 3.0;
+    let abreast = trip.fly(&[one.clone(), one.clone()]).remove(0);
+    let alone = trip.one(one);
+    for outcome in [abreast, alone] {
+        assert_eq!(outcome.summary.ending, 2.0, "{:?}", outcome.summary);
+        assert!(outcome.summary.duration < 90.0, "it surfaces before: {}", outcome.summary.duration);
+        assert_eq!(outcome.log.rows, 1001);
+    }
+}
+
+/// A step across north by south: the corridor sees 0.4 rad, and a heading a turn further is the same heading.
+#[test]
+fn a_heading_step_across_180_degrees_is_one_of_its_size() {
+    let from = 3.0;
+    let trip = heading_step(Some(corridor("yaw", 0.9, 1.02)));
+    let south = |turns: f64| {
+        let mut one = turning(0.4);
+        one.state.attitude = from_euler(&[0.0, 0.0, from]);
+        one.set_points[2] = from;
+        one.set_points[3] = from + 0.4 + turns * std::f64::consts::TAU;
+        one.scales = vec![[from, 0.4]];
+        one
+    };
+    let [here, turned] = [0.0, 1.0].map(|turns| trip.one(south(turns)));
+    let north = trip.one(turning(0.4)).summary.violations.sums[0];
+    for outcome in [&here, &turned] {
+        let yaw = column(&trip, outcome, "yaw");
+        assert!((yaw[600] - (from + 0.4 - std::f64::consts::TAU)).abs() < 0.02, "{}", yaw[600]);
+        let desired = column(&trip, outcome, "desired_heading");
+        assert!(desired.iter().all(|x| x.abs() <= std::f64::consts::PI), "{}", desired[600]);
+        // Still water has no direction; guidance holds the first 20 s to the same speed and depth.
+        for (a, b) in outcome.summary.violations.sums[0].iter().zip(north) {
+            assert!((a - b).abs() < 1e-3 * (1.0 + b), "{:?} {north:?}", outcome.summary.violations);
+        }
+    }
+}
+
+/// Reactions are those of a mission: who passes the fence by hand is held there, and a plan that is moved later does not
+/// move what holds.
+#[test]
+fn a_reaction_takes_the_place_of_set_points() {
+    let mut trip = heading_step(None);
+    let fence = vec![[-50.0, -50.0], [40.0, -50.0], [40.0, 50.0], [-50.0, 50.0]];
+    std::sync::Arc::get_mut(&mut trip.mission).expect("the only owner").limits.fence = fence;
+    trip.seconds = 120.0;
+    let held = |trip: &Trip, one: Case| {
+        for outcome in trip.fly(&[one.clone(), one.clone()]).into_iter().take(1).chain([trip.one(one)]) {
+            let [level, _, since] = outcome.summary.alert;
+            assert_eq!(level, 1.0, "{:?}", outcome.summary);
+            let (x, y, z) =
+                (column(trip, &outcome, "x"), column(trip, &outcome, "y"), column(trip, &outcome, "z"));
+            let (at, end) = ((since / DT_S) as usize, x.len() - 1);
+            let away = (x[end] - x[at]).hypot(y[end] - y[at]);
+            assert!(away < 3.0, "holds within 3 m of where it passed the fence, found {away:.1} m");
+            assert!((z[end] - z[at]).abs() < 0.5, "and at its depth: {} {}", z[at], z[end]);
+        }
+    };
+    let mut steered = turning(0.0);
+    steered.set_points = vec![1.5, 1.5, 0.0, 0.0, 0.0, 0.0, 5.0, 12.0];
+    held(&trip, steered);
+    trip.trial = Trial { times: vec![0.0, 60.0], named: named(&["east", "down"]), corridors: Vec::new() };
+    let mut moved = turning(0.0);
+    moved.set_points = vec![0.0, 20.0, 0.0, 6.0];
+    held(&trip, moved);
 }
 
 proptest! {

@@ -44,6 +44,34 @@ fn law_turbulence_has_its_mean_deviation_and_memory() {
 }
 
 #[test]
+fn law_turbulence_is_stationary_and_its_axes_and_seeds_know_nothing_of_each_other() {
+    let (sigma, seeds) = ([0.1, 0.05, 0.02], 3000);
+    // Values of all axes over standard deviation, soon after the start and later.
+    let at = [0, 5, 20, 100, 400];
+    let values: Vec<Vec<[f64; 3]>> = (0..seeds)
+        .map(|seed| {
+            let mut current = Turbulence::new(([0.0; 3], sigma), [TAU_S, TAU_2_S], f64::from(seed), DT_S);
+            let all = (0..=400).map(|k| current.begin(k).expect("it moves").velocity);
+            let all: Vec<[f64; 3]> = all.collect();
+            at.iter().map(|&k| std::array::from_fn(|i| all[k][i] / sigma[i])).collect()
+        })
+        .collect();
+    // Five standard errors: of a mean of products of independent values, and of a mean square.
+    let (cross, square) = (5.0 / f64::from(seeds).sqrt(), 5.0 * (2.0 / f64::from(seeds)).sqrt());
+    let mean = |of: &dyn Fn(usize) -> f64| (0..seeds as usize).map(of).sum::<f64>() / f64::from(seeds);
+    for place in 0..at.len() {
+        for i in 0..3 {
+            let variance = mean(&|s| values[s][place][i].powi(2));
+            assert!((variance - 1.0).abs() < square, "axis {i} after {} periods: {variance}", at[place]);
+            let others = mean(&|s| values[s][place][i] * values[s][place][(i + 1) % 3]);
+            assert!(others.abs() < cross, "axes {i} and the next: {others}");
+            let next = mean(&|s| values[s][place][i] * values[(s + 1) % seeds as usize][place][i]);
+            assert!(next.abs() < cross, "a seed and the next: {next}");
+        }
+    }
+}
+
+#[test]
 fn turbulence_is_continuous_with_the_rate_that_it_says() {
     let mut current = Turbulence::new(([0.0; 3], [0.1, 0.05, 0.02]), [TAU_S, TAU_2_S], 7.0, DT_S);
     let mut end: Option<[f64; 3]> = None;
