@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -127,3 +128,31 @@ def test_a_recording_without_time_or_known_columns_is_refused() -> None:
         read({"Time": T, "u_m_s": T})
     with pytest.raises(TrialError, match=r"no column but the time has a canonical name"):
         read({"t_s": T, "speed": T})
+
+
+@pytest.mark.parametrize("columns", [None, {"u_m_s": "speed"}])
+def test_a_header_that_is_no_text_is_shown_without_its_control_characters(
+    columns: dict[str, Any] | None,
+) -> None:
+    junk = {"\x1b[31mred\x07": T, "a\x00\n" * 30: T} | {f"c{k}": T for k in range(60)}
+    with pytest.raises(TrialError) as refused:
+        read(junk, columns)
+    said = str(refused.value)
+    assert said.isprintable()
+    assert "\\x1b[31mred" in said
+    assert len(said) < 600
+    assert said.endswith(" more")
+
+
+def test_brackets_in_the_name_of_a_file_are_no_pattern(tmp_path: Path) -> None:
+    text = "t_s,u_m_s\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(50))
+    (tmp_path / "log[1].csv").write_text(text)
+    assert len(Trial.read(tmp_path / "log[1].csv", align=False)) == 50
+    Trial.read(tmp_path / "log[1].csv", align=False).write(tmp_path / "log[2].parquet")
+    assert len(Trial.read(tmp_path / "log[2].parquet", align=False)) == 50
+
+
+def test_a_file_of_null_bytes_is_no_text(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_bytes("t_s,u_m_s\n0,1\n".encode("utf-16"))
+    with pytest.raises(TrialError, match="not a text file in UTF-8"):
+        Trial.read(tmp_path / "log.csv")

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from typer.testing import CliRunner, Result
 
 import seatrial as st
 from seatrial.cli import app
-from seatrial.errors import TrialError
+from seatrial.errors import CampaignError, SeatrialError, TrialError
 from seatrial.fitted import Fitted
-from seatrial.recorded.campaign_log import campaign_log, campaign_reference
+from seatrial.recorded import verify_log
+from seatrial.recorded.campaign_log import campaign_log
+from seatrial.recorded.campaign_reference import campaign_reference
+from seatrial.recorded.campaign_verdict import verify_campaign_log
 from seatrial.recorded.log_verdict import JudgedRequirement, LogVerdict
 from tests.recorded_logs import MISSION, flight
 
@@ -141,6 +146,81 @@ def test_bad_input_is_one_sentence_and_exit_code_2(arguments: list[object], word
     assert result.exit_code == 2, result.output
     assert words in result.stderr
     assert not Path("runs").exists()
+
+
+def change(table: pl.DataFrame, kind: str) -> pl.DataFrame:
+    """A log with one thing wrong."""
+    commands = [name for name in table.columns if name.startswith("cmd.")]
+    if kind == "milliseconds":
+        return table.with_columns(pl.col("t_s") * 1000.0)
+    if kind == "no number":
+        return table.with_columns(u_m_s=pl.lit(float("nan")))
+    if kind == "commands alone":
+        return table.select("t_s", *commands)
+    if kind == "no commands":
+        return table.drop(commands)
+    return table.rename({name: name.replace("cmd.", "cmd.other_") for name in commands})
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("milliseconds", "the unit of t_s"),
+        ("no number", "wrong: u: expected samples that are numbers"),
+        ("commands alone", "no motion was recorded"),
+        ("no commands", "no trial of campaign.toml is driven by such"),
+        ("another vehicle", "commands of other_SbU"),
+    ],
+)
+def test_a_log_that_cannot_be_judged_says_what_is_wrong(kind: str, words: str) -> None:
+    change(pl.read_parquet("box.parquet"), kind).write_parquet("wrong.parquet")
+    with pytest.raises(SeatrialError, match=re.escape(words)):
+        verify_campaign_log(st.Campaign.load("campaign.toml"), "cwolf", "wrong.parquet")
+
+
+@pytest.mark.usefixtures("here")
+def test_without_trials_a_reference_is_asked_for() -> None:
+    Path("box.parquet").unlink()
+    campaign, fit = st.Campaign.load("campaign.toml"), Fitted.of("cwolf")
+    judged = campaign_log(campaign, "today")
+    with pytest.raises(CampaignError, match=r"no file box\.parquet, and .* or give --reference LOG"):
+        campaign_reference(campaign, fit, judged, ahead_s=10.0)
+    # The log itself tells nothing of what a valid model leaves.
+    with pytest.raises(TrialError, match="found the one that is judged"):
+        campaign_reference(campaign, fit, judged, ahead_s=10.0, names=["today"])
+    other = flight(3).write("yesterday", figures=False)
+    assert "on yesterday (" in campaign_reference(campaign, fit, judged, ahead_s=10.0, names=[other]).source
+
+
+@pytest.mark.usefixtures("here")
+def test_a_fit_of_another_vehicle_is_refused() -> None:
+    with pytest.raises(CampaignError, match="expected a fit of cwolf, found one of remus100"):
+        verify_campaign_log(st.Campaign.load("campaign.toml"), "remus100", "today")
+
+
+@pytest.mark.usefixtures("here")
+def test_the_file_of_a_trial_is_judged_as_that_trial() -> None:
+    judged = campaign_log(st.Campaign.load("campaign.toml"), "box.parquet")
+    assert judged.trial == "box"
+    assert judged.span is not None
+
+
+@pytest.mark.usefixtures("here")
+def test_a_slow_log_is_held_against_references_as_slow() -> None:
+    """At 1 Hz held commands and smoothed states err more; the model is no worse for it."""
+    table = pl.read_parquet("box.parquet").gather_every(10)
+    campaign, fit = st.Campaign.load("campaign.toml"), Fitted.of("cwolf")
+    table.write_parquet("slow.parquet")
+    judged = campaign_log(campaign, "slow.parquet")
+    slow = campaign_reference(campaign, fit, judged, ahead_s=10.0, names=["short"])
+    fast = campaign_reference(campaign, fit, campaign_log(campaign, "today"), ahead_s=10.0, names=["short"])
+    assert np.isfinite(slow.sigma).all()  # no bin of the time since a restart is left empty
+    assert (
+        slow.sigma[:, 5].mean() > 1.5 * fast.sigma[:, 5].mean()
+    )  # yaw rate: the commands change it in a second
+    found = verify_log(fit, judged.log, reference=slow)
+    assert found.outcome != "re-identify", found.summary()
 
 
 @pytest.mark.parametrize(

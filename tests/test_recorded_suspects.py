@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from scipy.spatial.transform import Rotation
 
 import seatrial as st
 from seatrial.recorded.candidates import candidates, payload
 from seatrial.recorded.restarts import restarts
 from seatrial.recorded.spread import Spread, spread_of_reference
-from seatrial.recorded.suspects import Suspect, suspects
+from seatrial.recorded.suspect import Suspect
+from seatrial.recorded.suspects import suspects
+from seatrial.rotation import continuous
 from tests.recorded_logs import fitted, log
 
 
@@ -49,6 +54,53 @@ def test_lost_buoyancy_cannot_be_told_from_weight() -> None:
     ballast = next(one for one in listed if one.name == "B")
     assert ballast.values[0] == pytest.approx(-15.0, abs=2.0)
     assert "m" in ballast.alike
+
+
+def test_a_thrust_that_no_command_tells_names_its_actuator() -> None:
+    """A vertical thruster pushes in pulses while the log has it at rest: no gain explains that."""
+    model, trial = fitted().vehicle, log(4).trial
+    pulses = np.where(np.sin(0.31 * trial.t) > 0.6, 300.0, 0.0)
+    flown = model.simulate(
+        trial.t, trial.commands | {"VTB": pulses}, initial=st.State(*trial.state(10)), max_step=0.05
+    )
+    columns = {"t_s": trial.t} | {name: flown.nu[:, k] for k, name in enumerate(("u_m_s", "v_m_s", "w_m_s"))}
+    columns |= {
+        name: np.degrees(flown.nu[:, 3 + k]) for k, name in enumerate(("p_deg_s", "q_deg_s", "r_deg_s"))
+    }
+    columns |= {
+        name: np.degrees(flown.euler[:, k]) for k, name in enumerate(("roll_deg", "pitch_deg", "yaw_deg"))
+    }
+    columns |= {"z_m": flown.position[:, 2]} | {f"cmd.{name}": x for name, x in trial.commands.items()}
+    silent = st.Trial.read(columns, align=False)
+    listed = suspects(restarts(model, silent), spread(), candidates(model, identified=fitted().names))
+    assert (listed[0].kind, listed[0].name) == ("actuator", "VTB"), [one.change for one in listed]
+    assert "pushes otherwise than its commands say" in listed[0].sentence()
+    assert listed[0].p < 0.01
+    assert listed[0].coefficients == {}
+
+
+def test_a_sensor_that_reads_too_much_is_named_and_no_payload() -> None:
+    told = log(4).trial
+    wrong = told.observed.copy()
+    wrong[:, 10] += np.radians(1.0)
+    turned = Rotation.from_quat(told.attitude, scalar_first=True).as_euler("ZYX")
+    turned[:, 1] += np.radians(1.0)
+    attitude = continuous(Rotation.from_euler("ZYX", turned).as_quat(scalar_first=True))[0]
+    trial = replace(told, observed=wrong, attitude=attitude)
+    model = fitted().vehicle
+    first = suspects(restarts(model, trial), spread(), candidates(model, identified=fitted().names))[0]
+    assert (first.kind, first.name) == ("sensor", "offset of pitch"), first.sentence()
+    # What else the log leaves goes into it: a quarter of a degree in the logs that were tried.
+    assert first.values[0] == pytest.approx(np.radians(1.0), abs=np.radians(0.35))
+    assert "deg too much" in first.change
+
+
+def test_no_actuator_is_said_to_give_twice_its_thrust() -> None:
+    model = fitted().vehicle
+    weak = model.with_coefficients({"SbU.gain": 0.35})
+    listed = suspects(restarts(weak, log(4).trial), spread(), candidates(weak))
+    gains = [one for one in listed if one.name.endswith(".gain")]
+    assert all(one.coefficients[one.name] <= 2.0 * weak.coefficients()[one.name] for one in gains)
 
 
 @given(some.floats(-5.0, 5.0), some.floats(-3.0, 3.0))

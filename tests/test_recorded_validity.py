@@ -10,7 +10,7 @@ from hypothesis import strategies as some
 import seatrial as st
 from seatrial.errors import SimulationError, TrialError
 from seatrial.recorded import verify_log
-from seatrial.recorded.clustered_share import clustered_share
+from seatrial.recorded.clustered_share import clustered_share, share_interval
 from seatrial.recorded.expected_share import ExpectedShare
 from seatrial.recorded.restarts import restarts
 from seatrial.recorded.spread import spread_of_errors, spread_of_noise, spread_of_reference
@@ -35,6 +35,29 @@ def test_whole_windows_count_once_and_independent_samples_each() -> None:
     # The worth is a ratio of variances from 400 windows: 2 sigma of it is about a fifth.
     assert clustered_share(whole)[2] == pytest.approx(400, rel=0.2)
     assert clustered_share(single)[2] == pytest.approx(20_000, rel=0.2)
+
+
+@given(some.integers(0, 60), some.integers(1, 60))
+@settings(max_examples=60, deadline=None)
+def test_law_the_interval_of_a_share_of_whole_samples_is_clopper_and_pearsons(hits: int, more: int) -> None:
+    from scipy.stats import binomtest
+
+    exact = binomtest(hits, hits + more).proportion_ci(0.95, method="exact")
+    assert share_interval(hits / (hits + more), float(hits + more)) == pytest.approx(
+        (exact.low, exact.high), abs=1e-9
+    )
+
+
+def test_a_large_share_that_does_not_refute_does_not_pass_either() -> None:
+    """A weak propeller on a log of 16 windows, held against 14: 42 % of q outside, p = 0.015."""
+    verdict = verify_log(fitted(), log(7, WEAK), reference=log(100).trial)
+    assert verdict.outcome == "log too short or too quiet to tell", verdict.summary()
+    assert "less than would refute it" in verdict.reason
+    assert "doubt" in verdict.summary()
+    assert verdict.validity is not None
+    rate = verdict.validity.channels["q"]
+    assert rate.doubtful
+    assert rate.interval[0] < rate.outside < rate.interval[1]
 
 
 @pytest.mark.parametrize("known", ["reference", "noise"])

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from seatrial.plot.envelope import _sensible, suspect_bars
 from seatrial.recorded import LogVerdict, verify_log
 from seatrial.verification.requirement import Requirement
 from tests.recorded_logs import MISSION, fitted, log
@@ -68,6 +71,26 @@ def test_figures_are_written(tmp_path: Path) -> None:
     written = verdict().save_figures(tmp_path, formats=("png",))
     assert {path.name for path in written} >= {"residuals.png", "suspects.png", "envelope.png"}
     assert all(path.stat().st_size > 10_000 for path in written if path.suffix == ".png")
+
+
+def test_what_lasts_a_moment_does_not_flatten_a_panel() -> None:
+    from matplotlib.figure import Figure
+
+    axes = Figure().subplots()
+    steady = np.sin(np.linspace(0.0, 60.0, 1000))
+    _sensible(axes, np.concatenate([np.full(20, -11.0), steady]))  # a turn on the spot before the mission
+    low, high = axes.get_ylim()
+    assert low > -3.0
+    assert high > 1.0
+    _sensible(axes, np.concatenate([np.full(100, -11.0), steady]))
+    assert axes.get_ylim()[0] < -11.0
+
+
+def test_suspects_have_true_minus_signs() -> None:
+    shown = suspect_bars(verdict()).axes[0]
+    named = [label.get_text() for label in shown.get_yticklabels()]
+    assert not any(re.search(r"(^| )-\d", name) for name in named)
+    assert any("\N{MINUS SIGN}" in name for name in named)
 
 
 def test_the_second_best_explanation_leaves_more_than_the_best() -> None:

@@ -42,7 +42,7 @@ def verify_log(
 ) -> None:
     """Judge a log into a run directory, print the verdict, exit with 1 where it is not held."""
     from seatrial.cli.console import list_figures, output, print_json
-    from seatrial.recorded.campaign_log import verify_campaign_log
+    from seatrial.recorded.campaign_verdict import verify_campaign_log
     from seatrial.recorded.verdict_files import write_verdict
     from seatrial.run_directory import check_writable
 

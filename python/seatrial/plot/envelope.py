@@ -5,6 +5,7 @@ Held by `tests/test_recorded_verdict.py`.
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +40,11 @@ _BAND = "#CFE3F1"
 _MOST_SUSPECTS = 8
 _WRAP = 62
 _MARKS = 1500
+_RARE, _BEYOND = (
+    0.025,
+    0.5,
+)  # share at either end that may leave the panel, and the span shown beyond the others
+_SIGN = re.compile(r"(?<!\w)-(?=\d)")
 
 
 def envelope_page(verdict: LogVerdict) -> Figure:
@@ -154,22 +160,25 @@ def suspect_bars(verdict: LogVerdict) -> Figure:
         axes.axvline(1.0, color=MEASURED, linewidth=0.8, linestyle=(0, (3, 2)))
         axes.axvline(before, color=RESIDUAL, linewidth=1.0)
         ends = axes.get_xaxis_transform()
-        axes.text(1.0, 1.01, "as a valid model", transform=ends, fontsize=6.5, color=MEASURED, ha="left")
-        axes.text(before, 1.01, "model as it is", transform=ends, fontsize=6.5, color=RESIDUAL, ha="right")
+        axes.text(1.0, 1.01, "as a valid model", transform=ends, fontsize=6.5, color=MEASURED, ha="right")
+        axes.text(before, 1.01, "model as it is", transform=ends, fontsize=6.5, color=RESIDUAL, ha="left")
         for row, one in zip(rows, shown, strict=True):
+            inside = one.left > 0.2 * before  # beside a long bar it would cross the line of the model
             axes.text(
-                max(one.left, 1.0) + 0.012 * before,
+                one.left - 0.012 * before if inside else max(one.left, 1.0) + 0.012 * before,
                 float(row),
                 f"{100.0 * one.gain:.{1 if one.gain > 0.99 else 0}f} %",
                 va="center",
+                ha="right" if inside else "left",
                 fontsize=6.5,
-                color="#404040",
+                color="white" if inside else "#404040",
             )
-        axes.set_yticks(rows, [textwrap.fill(one.change, _WRAP) for one in shown], fontsize=7)
+        named = [textwrap.fill(_SIGN.sub("\N{MINUS SIGN}", one.change), _WRAP) for one in shown]
+        axes.set_yticks(rows, named, fontsize=7)
         axes.invert_yaxis()
         axes.grid(False, axis="y")
-        axes.set_xlim(0.0, 1.08 * before)
-        axes.set_xlabel("error left, over a valid model's; beside it the share explained")
+        axes.set_xlim(0.0, 1.25 * max(before, 1.0))
+        axes.set_xlabel("error left, over a valid model's; at its end the share explained")
         figure.suptitle(
             f"{verdict.log.trial.name}: what may have changed", x=0.01, ha="left", fontweight="bold"
         )
@@ -199,14 +208,15 @@ def _dots(axes: Axes, t: Array, y: Array, mask: NDArray[np.bool_]) -> None:
 
 
 def _sensible(axes: Axes, values: Array) -> None:
-    """Limits that hold nearly all of the values: a turn on the spot must not flatten a mission."""
+    """Limits that hold what matters of the values: a turn on the spot must not flatten a mission."""
     good = values[np.isfinite(values)]
     if not len(good):
         axes.text(0.5, 0.5, "nothing to show", ha="center", transform=axes.transAxes, fontsize=7, color=FAINT)
         return
-    low, high = np.quantile(good, (0.002, 0.998))
-    room = 0.08 * max(float(high - low), 1e-6)
-    axes.set_ylim(low - room, high + room)
+    low, high = np.quantile(good, (_RARE, 1.0 - _RARE))
+    span = max(float(high - low), 1e-6)
+    low, high = max(good.min(), low - _BEYOND * span), min(good.max(), high + _BEYOND * span)
+    axes.set_ylim(low - 0.08 * span, high + 0.08 * span)
 
 
 def _broken(parts: list[Array]) -> Array:

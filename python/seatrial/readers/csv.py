@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["read"]
 
+_HEAD = 4096
+
 
 def read(path: Path) -> pl.DataFrame:
     """Table of text cells with the header's names; an empty cell is null.
@@ -26,11 +28,18 @@ def read(path: Path) -> pl.DataFrame:
     """
     import polars as pl
 
+    with path.open("rb") as stream:
+        if b"\0" in stream.read(_HEAD):
+            raise TrialError(
+                f"{path}: not a text file in UTF-8 (it holds null bytes); expected one header line and rows"
+                " of values; save it as UTF-8 text, or name its reader"
+            )
     with path.open(encoding="utf-8", errors="replace") as file:
         header = next((line for line in file if line.strip() and not line.startswith("#")), "")
     separator = max(",;\t", key=header.count)
     try:
-        return pl.read_csv(path, separator=separator, infer_schema=False, comment_prefix="#")
+        # A bracket in a file's name is no pattern.
+        return pl.read_csv(path, separator=separator, infer_schema=False, comment_prefix="#", glob=False)
     except pl.exceptions.PolarsError as error:
         reason = str(error).splitlines()[0]
         raise TrialError(

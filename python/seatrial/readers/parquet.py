@@ -24,7 +24,7 @@ def read(path: Path) -> pl.DataFrame:
     import polars as pl
 
     try:
-        return pl.read_parquet(path)
+        return pl.read_parquet(path, glob=False)
     except (pl.exceptions.PolarsError, OSError) as error:
         reason = str(error).splitlines()[0]
         raise TrialError(f"{path}: not readable as Parquet ({reason}); is it another format?") from None

@@ -5,7 +5,8 @@ windows' sums (ratio estimator), widened where neighbouring windows correlate by
 
     n* = x (1 - x) / var(x) (t_{n-1} / t_{B-1})^2
 
-independent samples: at least one per window (fewer where they correlate), at most n. Source: Korn & Graubard
+independent samples: at least one per window (fewer where they correlate), at most n. The interval of 95 % is
+Clopper and Pearson's with these. Source: Korn & Graubard
 (1998), Survey Methodology 24:193; the ratio estimator as in Cochran, *Sampling Techniques* (1977), chapter 9.
 
 Tests: ``tests/test_recorded_validity.py``.
@@ -18,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["clustered_share"]
+__all__ = ["clustered_share", "share_interval"]
 
 
 def clustered_share(outside: Sequence[NDArray[np.bool_]]) -> tuple[float, int, float]:
@@ -56,3 +57,20 @@ def clustered_share(outside: Sequence[NDArray[np.bool_]]) -> tuple[float, int, f
         return share, int(n), least
     ratio = student.ppf(0.975, n - 1.0) / student.ppf(0.975, count - 1.0)
     return share, int(n), float(np.clip(share * (1.0 - share) / variance * ratio**2, least, n))
+
+
+def share_interval(share: float, effective: float) -> tuple[float, float]:
+    """Interval of 95 % about a share of so many independent samples, which need be no whole number.
+
+    Examples
+    --------
+    >>> low, high = share_interval(0.05, 100.0)
+    >>> round(low, 3), round(high, 3)
+    (0.016, 0.113)
+    """
+    from scipy.special import betaincinv
+
+    hits, rest = share * effective, (1.0 - share) * effective
+    low = float(betaincinv(hits, rest + 1.0, 0.025)) if hits > 0.0 else 0.0
+    high = float(betaincinv(hits + 1.0, rest, 0.975)) if rest > 0.0 else 1.0
+    return low, high

@@ -9,22 +9,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.errors import SimulationError
 from seatrial.fitted import Fitted
-from seatrial.recorded.candidates import PAYLOAD_DENSITY, candidates
+from seatrial.recorded.candidates import PAYLOAD_DENSITY
+from seatrial.recorded.judge_model import judge_model
 from seatrial.recorded.log_figures import log_figures
-from seatrial.recorded.log_verdict import JudgedRequirement, LogVerdict, Outcome
+from seatrial.recorded.log_verdict import JudgedRequirement, LogVerdict
 from seatrial.recorded.mission_log import MissionLog
 from seatrial.recorded.offsets import offsets_of
-from seatrial.recorded.power import detectable_changes
-from seatrial.recorded.restarts import Restarts, restarts
+from seatrial.recorded.restarts import restarts
 from seatrial.recorded.set_point_steps import logged_steps
-from seatrial.recorded.spread import Spread, spread_of_errors, spread_of_noise, spread_of_reference
-from seatrial.recorded.suspects import Suspect, suspects
-from seatrial.recorded.validity import FEWEST_WINDOWS, LEVEL, Validity, validity
+from seatrial.recorded.validity import LEVEL
 from seatrial.recording.columns import CHANNELS
 from seatrial.trial import Trial
 
@@ -32,16 +29,13 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.identification import Identification
     from seatrial.mission import Mission
-    from seatrial.recorded.log_verdict import Detectable
+    from seatrial.recorded.spread import Spread
     from seatrial.trial import Input
     from seatrial.tuning.corridor import Corridor
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.verification_file import Obstacle
 
 __all__ = ["verify_log"]
-
-_TOLD = 0.5
-"""A log that would show none of the usual changes with this chance is too quiet."""
 
 
 def verify_log(
@@ -115,114 +109,50 @@ def verify_log(
         )
     known = Fitted.of(fitted)
     record = _log(log)
-    notes: list[str] = []
     windows = restarts(
         known.vehicle, record.trial, ahead_s=ahead_s, start_s=start_s, stop_s=stop_s, input=input
     )
     flown = _loaded(mission)
     figures = log_figures(record, flown, known.vehicle, obstacles=obstacles)
-    outcome, reason, judged, guilty, shown = _model(
+    judged = judge_model(
         known,
         windows,
         reference,
-        (draws, seed, level, payload_density, ahead_s),
-        offsets_of("typical" if sensors is None else sensors, known.vehicle),
-        notes,
+        draws=draws,
+        seed=seed,
+        level=level,
+        payload_density=payload_density,
+        ahead_s=ahead_s,
+        offsets=offsets_of("typical" if sensors is None else sensors, known.vehicle),
     )
     steps = logged_steps(record, corridors or {})
-    notes += _without_steps(corridors or {}, [step.loop for step in steps])
+    notes = [*judged.notes, *_without_steps(corridors or {}, [step.loop for step in steps])]
     envelope, pilot = None, _pilot(autopilot)
     if pilot is not None and flown is not None:
         from seatrial.recorded.envelope import mission_envelope
 
+        if current is None and judged.current is not None:
+            current = [*judged.current, 0.0]
         envelope = mission_envelope(
             known, record, pilot, flown, flights=flights, seed=seed, sensors=sensors, current=current
         )
     return LogVerdict(
         log=record,
-        outcome=outcome,
-        reason=reason,
-        validity=judged,
-        suspects=guilty,
-        detectable=shown,
+        outcome=judged.outcome,
+        reason=judged.reason,
+        validity=judged.validity,
+        suspects=judged.suspects,
+        detectable=judged.detectable,
         figures=figures,
         requirements=tuple(_required(one, figures) for one in requirements),
         steps=steps,
         envelope=envelope,
         notes=tuple(notes),
+        current=judged.current,
         vehicle=known.vehicle,
         autopilot=pilot,
         mission=flown,
     )
-
-
-def _model(
-    known: Fitted,
-    windows: Restarts,
-    reference: Any,
-    settings: tuple[int, int, float, float, float],
-    offsets: Mapping[str, float],
-    notes: list[str],
-) -> tuple[Outcome, str, Validity | None, tuple[Suspect, ...], tuple[Detectable, ...]]:
-    """Outcome, reason, validity, suspects and what the log would have shown."""
-    draws, seed, level, density, ahead_s = settings
-    count = len(windows.spans)
-    if not all(np.isfinite(one).all() for one in windows.predicted):
-        reason = "The prediction diverges: the model cannot be this vehicle's, or its step is too long."
-        return "re-identify", reason, None, (), ()
-    if count < FEWEST_WINDOWS:
-        reason = f"{count} windows of {ahead_s:g} s are too few; fly at least {2 * FEWEST_WINDOWS} of them."
-        return "log too short or too quiet to tell", reason, None, (), ()
-    spread = _spread(reference, windows, ahead_s)
-    if reference is None:
-        notes.append(
-            "No reference was given: the band holds the log's own noise and the coefficients' spread, but not"
-            " what every model leaves out; give a log on which the model is known to hold."
-        )
-    if not known.names:
-        notes.append("The coefficients' covariance is not known: they count as exact.")
-    notes.extend(known.notes)
-    drawn = known.draws(draws, seed) if known.names else None
-    judged = validity(windows, spread, draws=drawn, offsets=offsets, level=level)
-    shown = detectable_changes(judged, level=level)
-    failing = judged.failing
-    if failing:
-        sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
-        tried = candidates(known.vehicle, identified=known.names, payload_density=density)
-        guilty = suspects(windows, spread, tried, sigma=sigma)
-        listed = "; ".join(one.sentence() for one in failing[:3])
-        text = f"The log leaves the model's band in {_some(len(failing))}: {listed}."
-        if guilty:
-            text += f" Suspected first: {guilty[0].change}."
-        return "re-identify", text, judged, guilty, shown
-    if max((one.power for one in shown), default=0.0) < _TOLD:
-        best = max(shown, key=lambda one: one.power)
-        reason = (
-            f"The log stays inside the band, but it would hardly have shown any change ({best.change} with a"
-            f" chance of {100.0 * best.power:.0f} %): fly longer and faster, and change speed and depth."
-        )
-        return "log too short or too quiet to tell", reason, judged, (), shown
-    blind = [one.change for one in shown if one.power < _TOLD]
-    reason = (
-        f"{100.0 * judged.outside:.1f} % of the log is outside the model's 95 % band,"
-        " no channel by more than chance."
-    )
-    if blind:
-        reason += f" It says nothing of {', '.join(blind)}."
-    return "model still valid", reason, judged, (), shown
-
-
-def _spread(reference: Any, windows: Restarts, ahead_s: float) -> Spread:
-    if reference is None:
-        return spread_of_noise(windows)
-    if isinstance(reference, Spread):
-        return reference
-    if isinstance(reference, Mapping):
-        return spread_of_errors(reference, windows)
-    given = [reference] if isinstance(reference, Trial) else list(reference)
-    return spread_of_reference([
-        restarts(windows.vehicle, one, ahead_s=ahead_s, input=windows.input) for one in given
-    ])
 
 
 def _required(requirement: Requirement, figures: Mapping[str, Any]) -> JudgedRequirement:
@@ -267,7 +197,3 @@ def _without_steps(corridors: Mapping[str, Corridor], seen: Sequence[str]) -> li
         return []
     listed = ", ".join(f"{name} ({until:g} s)" for name, until in least.items())
     return [f"The log holds no set-point step that stands until its corridor ends: {listed}."]
-
-
-def _some(count: int) -> str:
-    return "one channel" if count == 1 else f"{count} channels"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from seatrial.recorded.envelope import Envelope
     from seatrial.recorded.mission_log import MissionLog
     from seatrial.recorded.set_point_steps import LoggedStep
-    from seatrial.recorded.suspects import Suspect
+    from seatrial.recorded.suspect import Suspect
     from seatrial.recorded.validity import Validity
     from seatrial.verification.failure_probability import Verdict
 
@@ -68,7 +68,8 @@ class LogVerdict:
     validity
         Share outside the 95 % band per channel; None where no window could be judged.
     suspects
-        What may have changed, the one that explains most first; empty unless the outcome is "re-identify".
+        What may have changed, the one that explains most first; empty where
+        nothing fails.
     detectable
         What this log would have shown, with the chance.
     figures
@@ -79,6 +80,8 @@ class LogVerdict:
         Of the mission in closed loop; None where it was not asked for.
     notes
         Sentences on what was not known.
+    current
+        Steady current north and east, m/s, that was fitted to a log which tells none; else None.
     vehicle, autopilot, mission
         The model, and what was flown where that was given.
     """
@@ -97,6 +100,7 @@ class LogVerdict:
     vehicle: Vehicle
     autopilot: Autopilot | None = None
     mission: Mission | None = None
+    current: tuple[float, float] | None = None
 
     @property
     def valid(self) -> bool:
@@ -152,6 +156,7 @@ class LogVerdict:
             ],
             "steps": [step.to_dict() for step in self.steps],
             "envelope": None if self.envelope is None else self.envelope.to_dict(),
+            "current_m_s": None if self.current is None else list(self.current),
             "notes": list(self.notes),
         }
 

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial import _core
+from seatrial.errors import TrialError
 from seatrial.prediction import default_input, predict, windows
 from seatrial.recording.columns import CHANNELS
 from seatrial.rotation import shorter
@@ -30,14 +31,16 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial import Trial
 
-__all__ = ["Restarts", "Slopes", "restarts"]
+__all__ = ["Restarts", "Slopes", "check_usable", "restarts"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_FEWEST = 8
+"""Fewer samples per window tell nothing of how an error grows."""
+
 _SUBSTEP_S = 0.05
 """Longest step of the integration; the rates of vehicles of a metre and more stay well below its inverse."""
-
 
 _STEEP = math.radians(70.0)
 """Pitch beyond which roll and yaw do not count."""
@@ -99,6 +102,13 @@ class Restarts:
         names = list(changes)
         shown = self._open_loop(names).predict(np.array([changes[name] for name in names], dtype=float))
         return self._residuals(shown)
+
+    def in_water(self, current: Array) -> Restarts:
+        """The same windows in another steady current (2,) or (3,), north, east, down, m/s."""
+        water = np.tile(np.append(current, 0.0)[:3], (len(self.trial), 1))
+        found = replace(self, trial=replace(self.trial, current=water))
+        shown = tuple(np.asarray(one) for one in found._open_loop([]).predict(np.zeros(0)))
+        return replace(found, predicted=shown, residual=tuple(found._residuals(shown)))
 
     def slopes(
         self, directions: Sequence[Mapping[str, float]], *, current: bool = False
@@ -186,6 +196,7 @@ def restarts(
     3
     """
     chosen = input or default_input(vehicle, trial)
+    check_usable(trial, ahead_s)
     spans, _, _ = windows(trial, ahead_s, start_s=start_s, stop_s=stop_s)
     # The last window may be a stump of a few samples, which tells nothing.
     full = max(last - first for first, last in spans)
@@ -206,6 +217,39 @@ def restarts(
     )
     substeps = max(1, int(np.ceil(trial.dt / _SUBSTEP_S - 1e-9)))
     return Restarts(vehicle, trial, tuple(spans), chosen, shown, residual, tuple(counted), substeps)
+
+
+def check_usable(trial: Trial, ahead_s: float) -> None:
+    """Refuse a log that measured nothing, a channel without a sample, and an interval beyond the windows.
+
+    Parameters
+    ----------
+    trial : Trial
+    ahead_s : float
+        Length of a window, s.
+
+    Raises
+    ------
+    TrialError
+        Says what is missing.
+    """
+    if not trial.channels:
+        raise TrialError(
+            f"{trial.name}: no motion was recorded: expected one at least of u_m_s, p_deg_s, z_m, yaw_deg and"
+            " their like; log what the model predicts, or map the columns"
+        )
+    for name in trial.channels:
+        # A position that is never known (fixes at the surface) keeps no window from starting.
+        if name not in ("x", "y") and not trial.valid[:, CHANNELS.index(name)].any():
+            raise TrialError(
+                f"{trial.name}: {name}: expected samples that are numbers, found none that can be used;"
+                " correct the column, or leave it out"
+            )
+    if trial.dt * _FEWEST > ahead_s:
+        raise TrialError(
+            f"{trial.name}: one sample every {trial.dt:.3g} s: expected at least {_FEWEST} in a window of"
+            f" {ahead_s:g} s; give a log of a higher rate, or the unit of t_s if its times are not in seconds"
+        )
 
 
 def _residual(trial: Trial, span: tuple[int, int], shown: Array, mask: Mask) -> Array:

@@ -105,9 +105,13 @@ def spread_of_reference(references: Sequence[Restarts]) -> Spread:
             if len(sizes):
                 tail = float(np.quantile(sizes, 0.95)) / _NORMAL_95
                 sigma[b, c] = max(float(np.sqrt(np.mean(sizes**2))), tail)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    for c in range(12):  # a slow log, or fixes now and then, leave bins empty
+        here = np.isfinite(sigma[:, c])
+        if here.any():
+            sigma[:, c] = np.interp(centres, centres[here], sigma[here, c])
     noise = _noise(references)
     names = ", ".join(dict.fromkeys(one.trial.name for one in references))
-    centres = 0.5 * (edges[1:] + edges[:-1])
     found = Spread(centres, sigma, noise, count, f"the model's errors on {names} ({count} windows)")
     return replace(found, effective=_worth(references, found))
 

@@ -7,8 +7,10 @@ explains (`seatrial.recorded.whitening`). For every candidate (`seatrial.recorde
 
 its scatter by the jackknife over windows (`seatrial.criticism.score_test`). The best ones are then followed
 by Gauss-Newton steps with J held and the non-linear model simulated, and sorted by what they truly explain,
-less Akaike's share for each unknown. Candidates whose columns run alike (90 % of one's square lies in the
-span of the other's) cannot be told apart by the log and are named beside it.
+less Akaike's share for each unknown. Beside them stand offsets of sensors (`seatrial.recorded.sensor_offset`)
+and actuators that pushed otherwise than their commands say (`seatrial.recorded.unlogged_thrust`), with an
+unknown for each window. Candidates whose columns run alike (90 % of one's square lies in the span of the
+other's) cannot be told apart by the log and are named beside it.
 
 Tests: ``tests/test_recorded_suspects.py``.
 """
@@ -16,8 +18,6 @@ Tests: ``tests/test_recorded_suspects.py``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,89 +26,27 @@ from seatrial.criticism.score_test import ScoreTests, score_tests
 from seatrial.linearisation import Linearisation, Piece
 from seatrial.recorded.candidates import Candidate
 from seatrial.recorded.restarts import Restarts
+from seatrial.recorded.sensor_offset import offset_channels, offset_slopes
+from seatrial.recorded.sensor_offset import words as offset_words
 from seatrial.recorded.spread import Spread
+from seatrial.recorded.suspect import Suspect
+from seatrial.recorded.unlogged_thrust import unlogged_thrusts
+from seatrial.recorded.unrecorded_current import STRONGEST_M_S
 from seatrial.recorded.whitening import Whitening
 
-__all__ = ["Suspect", "suspects"]
+__all__ = ["suspects"]
 
 Array = NDArray[np.float64]
 
+_ANGLES, _RATES = ("roll", "pitch", "yaw"), ("p", "q", "r")
 _FOLLOWED = 8
 _ALIKE = 0.9
 _LEAST_GAIN = 0.02
 _AKAIKE = 2.0
 _THING = 0.01
 _MOST_FACTOR = 3.0
-
-
-@dataclass(frozen=True)
-class Suspect:
-    """A change of the vehicle, or of its surroundings, that explains a part of the misfit.
-
-    Attributes
-    ----------
-    name, kind
-        Of the candidate: a coefficient, a group, or the surroundings.
-    change
-        In words.
-    values, units, sigma
-        The best values of its unknowns, their units, and the standard deviation over windows.
-    gain
-        Share of the misfit (sum of squares) that it explains, simulated anew.
-    left
-        Root mean square of what it leaves, in units of a valid model's error.
-    p
-        Of no change, jackknife over windows, times the number of unknowns that were tried (Bonferroni).
-    sigmas
-        Change over the identified standard deviation; None where that is not known.
-    alike
-        Candidates that this log cannot tell from it.
-    coefficients
-        Values {name: value} that it would give the vehicle.
-    """
-
-    name: str
-    kind: str
-    change: str
-    values: tuple[float, ...]
-    units: tuple[str, ...]
-    sigma: tuple[float, ...]
-    gain: float
-    left: float
-    p: float
-    sigmas: float | None
-    alike: tuple[str, ...]
-    coefficients: Mapping[str, float]
-
-    def sentence(self) -> str:
-        """The suspect in words."""
-        share = f"{100.0 * self.gain:.{1 if self.gain > 0.99 else 0}f}"
-        text = (
-            f"{self.change}: explains {share} % of the misfit, leaves {self.left:.2g} times the usual error"
-        )
-        if self.sigmas is not None and abs(self.sigmas) >= 0.1:
-            text += f", {abs(self.sigmas):.1f} standard deviations of the identification"
-        if self.alike:
-            shown = ", ".join(self.alike[:4]) + (" and others" if len(self.alike) > 4 else "")
-            text += f"; this log cannot tell it from {shown}"
-        return text + "."
-
-    def to_dict(self) -> dict[str, Any]:
-        """The suspect as plain data."""
-        return {
-            "name": self.name,
-            "kind": self.kind,
-            "change": self.change,
-            "values": list(self.values),
-            "units": list(self.units),
-            "sigma": list(self.sigma),
-            "gain": self.gain,
-            "left": self.left,
-            "p": self.p,
-            "sigmas": self.sigmas,
-            "alike": list(self.alike),
-            "coefficients": dict(self.coefficients),
-        }
+_MOST_GAIN = 2.0
+"""No actuator comes to give twice its thrust."""
 
 
 def suspects(
@@ -138,7 +76,11 @@ def suspects(
     directions = [one for candidate in tried for one in candidate.directions()]
     slopes = log.slopes(directions, current=current)
     white = Whitening(log, spread, slopes)
-    columns = white.columns(slopes)
+    sensed = offset_channels(log)
+    columns = [
+        np.concatenate(pair, axis=2)
+        for pair in zip(white.columns(slopes), white.columns(offset_slopes(log, slopes, sensed)), strict=True)
+    ]
     tests = score_tests(
         _linearisation(white.residual, white.counted),
         columns,
@@ -151,6 +93,9 @@ def suspects(
         first += len(candidate.scale)
     if current:
         places.append([first, first + 1])
+        first += 2
+    places += [[first + k] for k in range(len(sensed))]
+    names = [one.name for one in tried] + ["current"] * current + [f"offset of {one}" for one in sensed]
     squares = white.weight**2
     samples = float(sum(w * mask.sum() for w, mask in zip(squares, white.counted, strict=True)))
     # The score test thins long logs.
@@ -164,11 +109,22 @@ def suspects(
     for i in order[: 2 * most]:
         theta, linear = fits[i]
         own = places[i]
+        units: tuple[str, ...]
+        coefficients: dict[str, float]
         spread_of = tuple(float(results.sigma[k]) for k in own)
-        if i == len(tried):
+        if i >= len(tried) + current:
+            gain, coefficients = linear, {}
+            channel = sensed[i - len(tried) - current]
+            name, kind, units = (
+                names[i],
+                "sensor",
+                ("rad" if channel in _ANGLES else "rad/s" if channel in _RATES else "m/s",),
+            )
+            words = offset_words(channel, float(theta[0]))
+        elif i == len(tried):
             gain, coefficients = linear, {}
             name, kind = "current", "surroundings"
-            units: tuple[str, ...] = ("m/s", "m/s")
+            units = ("m/s", "m/s")
             words = f"a current of {theta[0]:+.2f} m/s north and {theta[1]:+.2f} m/s east beyond the recorded"
         else:
             candidate = tried[i]
@@ -180,6 +136,8 @@ def suspects(
             words = candidate.words(theta)
         share = gain / white.cost
         if share < _LEAST_GAIN or not _plausible(log, coefficients):
+            continue
+        if kind == "surroundings" and float(np.hypot(*theta)) > STRONGEST_M_S:
             continue
         known = (sigma or {}).get(name)
         suspect = Suspect(
@@ -193,25 +151,52 @@ def suspects(
             left=float(np.sqrt(max(white.cost - gain, 0.0) / max(samples, 1.0))),
             p=min(1.0, sum(map(len, places)) * float(np.min(results.p[own]))),
             sigmas=None if not known else float(theta[0]) / known,
-            alike=_alike(tests, places, i, ([one.name for one in tried] + ["current"], [f[1] for f in fits])),
+            alike=_alike(tests, places, i, (names, [f[1] for f in fits])),
             coefficients=coefficients,
         )
         # Of two that explain the same, the one that is a thing rather than a number is read first.
         worth = gain - penalty * (len(own) - 1) + (_THING * white.cost if kind == "group" else 0.0)
         found.append((worth, suspect))
+    for one in unlogged_thrusts(log, white):
+        if one.gain < _LEAST_GAIN * white.cost:
+            continue
+        size = float(one.thrust.std(ddof=1)) / len(one.thrust) ** 0.5
+        suspect = Suspect(
+            name=one.actuator,
+            kind="actuator",
+            change=one.words,
+            values=(float(one.thrust.mean()),),
+            units=("N",),
+            sigma=(size,),
+            gain=one.gain / white.cost,
+            left=float(np.sqrt(max(white.cost - one.gain, 0.0) / max(samples, 1.0))),
+            p=one.p,
+            sigmas=None,
+            alike=one.alike,
+            coefficients={},
+        )
+        found.append((one.gain - penalty * (len(one.thrust) - 1), suspect))
     found.sort(key=lambda pair: -pair[0])
     return tuple(suspect for _, suspect in found[:most])
 
 
 def _plausible(log: Restarts, coefficients: Mapping[str, float]) -> bool:
-    """Whether no coefficient changes its sign, vanishes or becomes more than three times itself."""
+    """Whether no coefficient changes its sign or becomes three times itself, and no actuator's gain twice."""
     present = log.vehicle.coefficients()
     signed = [
         (present[name], value)
         for name, value in coefficients.items()
         if present.get(name) and name[:2] not in ("x_", "y_", "z_")
     ]
-    return all(0.0 <= value / own <= _MOST_FACTOR for own, value in signed)
+    gains = [
+        value / present[name]
+        for name, value in coefficients.items()
+        if name.endswith(".gain") and present[name]
+    ]
+    return (
+        all(0.0 <= value / own <= _MOST_FACTOR for own, value in signed)
+        and max(gains, default=0.0) <= _MOST_GAIN
+    )
 
 
 def _linearisation(residual: Sequence[Array], counted: Sequence[NDArray[np.bool_]]) -> Linearisation:

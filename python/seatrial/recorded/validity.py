@@ -18,6 +18,8 @@ within the covariance is no reason to doubt the model (`seatrial.recorded.expect
 thousandth takes thousands of draws: they move the predictions by exact derivatives, to first order. Over the
 channels Holm's step-down holds the chance of any false alarm at the level.
 
+Between the level and a p-value of 5 % a log neither refutes the model nor speaks for it.
+
 "re-identify" needs both a p-value below the level and a share beyond `LEAST_SHARE`: on an hour of log, 6 %
 outside may be certain and yet no reason for a day at sea.
 
@@ -34,19 +36,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.channel import readable
-from seatrial.recorded.clustered_share import clustered_share
+from seatrial.recorded.clustered_share import clustered_share, share_interval
 from seatrial.recorded.expected_share import LEAST_SHARE, ExpectedShare
 from seatrial.recorded.restarts import Restarts
 from seatrial.recorded.spread import INITIAL_PLACES, Spread
 from seatrial.recording.columns import CHANNELS
 from seatrial.verification.cause_tests import holm
 
-__all__ = ["FEWEST_WINDOWS", "LEVEL", "ChannelValidity", "Validity", "powers", "validity"]
+__all__ = ["DOUBT", "FEWEST_WINDOWS", "LEVEL", "ChannelValidity", "Validity", "powers", "validity"]
 
 Array = NDArray[np.float64]
 
 LEVEL = 0.01
 """Chance of any false alarm, over all channels."""
+
+DOUBT = 0.05
+"""P-value below which a model is not called valid either."""
 
 FEWEST_WINDOWS = 6
 """Fewer restarts than this tell nothing."""
@@ -84,6 +89,16 @@ class ChannelValidity:
     rms: float
     spread: float
     fails: bool
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Interval of 95 % of the share outside, by what the samples are worth."""
+        return share_interval(self.outside, self.effective)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the share is large and hardly chance, though it does not refute the model."""
+        return not self.fails and self.p < DOUBT and self.outside > LEAST_SHARE
 
     def sentence(self) -> str:
         """The channel in words."""
@@ -139,7 +154,9 @@ class Validity:
             "windows": len(self.log.spans),
             "draws": self.draws,
             "spread": self.spread.source,
-            "channels": {name: asdict(one) for name, one in self.channels.items()},
+            "channels": {
+                name: asdict(one) | {"interval": list(one.interval)} for name, one in self.channels.items()
+            },
         }
 
 

@@ -28,6 +28,16 @@ def summary(verdict: LogVerdict) -> str:
         lines += ["", "What may have changed, the best explanation first:"]
         lines += [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:_SHOWN], 1)]
         lines += _inseparable(verdict)
+        if verdict.suspects[0].kind == "sensor":
+            lines.append(
+                "No change of the vehicle explains it as well: check the sensor before you identify anew."
+            )
+        if verdict.suspects[0].kind == "actuator":
+            name = verdict.suspects[0].name
+            lines.append(
+                f"No coefficient explains it as well: look at {name} and at its logged commands before you"
+                " identify anew."
+            )
     if verdict.detectable:
         words = [f"{one.change} {100.0 * one.power:.0f} %" for one in verdict.detectable]
         lines += ["", f"Chance that this log would have shown: {', '.join(words)}."]
@@ -42,15 +52,18 @@ def _channels(verdict: LogVerdict) -> list[str]:
         return []
     lines = [
         "",
-        f"{'channel':<9}{'outside 95 % band':>18}{'error rms':>11}{'band +-':>9}  {'unit':<6}{'p':>9}",
+        f"{'channel':<9}{'outside 95 % band':>17}{'(95 %)':>10}{'error rms':>11}{'band +-':>9}"
+        f"  {'unit':<6}{'p':>9}",
     ]
     for name, one in verdict.validity.channels.items():
         scale, unit = readable(name)
         p = f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001"
-        mark = "  fails" if one.fails else ""
+        mark = "  fails" if one.fails else "  doubt" if one.doubtful else ""
+        low, high = one.interval
+        known = f"({100.0 * low:.0f}-{100.0 * high:.0f})"
         lines.append(
-            f"{name:<9}{100.0 * one.outside:>16.1f} %{scale * one.rms:>11.3g}{scale * one.spread:>9.3g}"
-            f"  {unit:<6}{p:>9}{mark}"
+            f"{name:<9}{100.0 * one.outside:>15.1f} %{known:>10}{scale * one.rms:>11.3g}"
+            f"{scale * one.spread:>9.3g}  {unit:<6}{p:>9}{mark}"
         )
     return lines
 

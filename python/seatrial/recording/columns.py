@@ -67,6 +67,7 @@ CANONICAL = ("t_s", *(column for group in GROUPS for column in group.columns))
 """Every canonical name but those of actuators, which are `cmd.<actuator>` and `meas.<actuator>`."""
 
 _KEYS = ("from", "unit", "sign", "frame")
+_MOST, _LONGEST = 20, 40
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def parse(columns: Mapping[str, Any] | None, present: Sequence[str], file: str) 
         if source.column not in present:
             raise TrialError(
                 f'{file}: column map, {canonical}: there is no column "{source.column}" in the recording'
-                f"{nearest(source.column, present)}"
+                f"{_near_or_listed(source.column, present)}"
             )
         sources[canonical] = source
     for name in present:
@@ -167,6 +168,17 @@ def source_of(given: Any, where: str) -> Source:
     return Source(column, unit, float(sign), frame)
 
 
-def _listed(names: Iterable[str], most: int = 40) -> str:
-    shown = [f'"{name}"' for name in names]
-    return ", ".join(shown[:most]) + (f" and {len(shown) - most} more" if len(shown) > most else "")
+def _near_or_listed(name: str, present: Sequence[str]) -> str:
+    clause = nearest(name, [other for other in present if other.isprintable()])
+    return clause if "did you mean" in clause else f"; the recording has {_listed(present)}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Names of columns as they may be shown: a file that is no table has control characters for names."""
+    shown = [_shown(name) for name in names]
+    return ", ".join(shown[:_MOST]) + (f" and {len(shown) - _MOST} more" if len(shown) > _MOST else "")
+
+
+def _shown(name: str) -> str:
+    plain = name if name.isprintable() else repr(name)[1:-1]
+    return f'"{plain if len(plain) <= _LONGEST else plain[: _LONGEST - 3] + "..."}"'
