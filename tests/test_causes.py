@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.stats import permutation_test, spearmanr
+from scipy.stats import mannwhitneyu, permutation_test, rankdata, spearmanr
 
 from seatrial.verification.cause_groups import grouped
 from seatrial.verification.cause_tests import (
@@ -240,6 +242,67 @@ def test_tests_of_directions_agree_with_permutation() -> None:
         p = float(shuffled.pvalue)
         assert 1e-3 < p < 0.5
         assert found == pytest.approx(p, abs=3.0 * np.sqrt(p / 1000.0) + 0.1 * p)
+
+
+@pytest.mark.parametrize("words", [True, False])
+@pytest.mark.parametrize(("failures", "k"), [(1, 30), (2, 12)])
+def test_law_two_rare_things_that_meet_by_chance_are_no_proof(words: bool, failures: int, k: int) -> None:
+    """Wherever failures fall among missions with three outages: small p-values are as rare as they say."""
+    outage = np.zeros(k)
+    outage[[3, 7, 10]] = 2.0, 7.0, 4.0
+    met = np.where(outage > 0.0, "yes", "no")
+    causes = [Cause("outage", outage, "s"), Cause("fault", met, kind="category", usual="no")]
+    found: dict[str, list[float]] = {"outage": [], "fault": []}
+    for places in combinations(range(k), failures):
+        held = ~np.isin(np.arange(k), places)
+        # Of words, or of an alert that mostly does not come.
+        reserve = np.where(held, np.inf, -np.inf) if words else np.where(held, np.inf, 1.0 + np.arange(k))
+        for one in find_causes(held if words else np.ones(k, dtype=bool), reserve, causes=causes):
+            found[one.name].append(one.p_value)
+    for name, p_values in found.items():
+        p = np.sort(p_values)
+        assert ((1.0 + np.arange(len(p))) / len(p) <= p + 1e-9)[np.append(np.diff(p) > 0.0, True)].all(), name
+
+
+def test_an_outage_that_brings_the_failures_is_found_however_rare() -> None:
+    rng = np.random.default_rng(14)
+    outage = np.where(np.arange(K) < 8, rng.uniform(1.0, 9.0, K), 0.0)
+    reserve = np.where(outage > 2.0, -np.inf, np.inf)
+    (found, *_) = find_causes(reserve > 0.0, reserve, causes=[Cause("outage", outage, "s"), *drawn(rng)])
+    assert (found.name, found.named, found.where) == ("outage", True, "")
+    # Half of all missions fail; among those with an outage the longer ones: the second question is heard too.
+    most = np.where(np.arange(K) < 60, rng.uniform(1.0, 9.0, K), 0.0)
+    chance = (most == 0.0) & (rng.random(K) < 0.5)
+    reserve = 5.0 - most - 9.0 * chance
+    (longer,) = find_causes(reserve > 0.0, reserve, causes=[Cause("outage", most, "s")])
+    assert longer.named
+
+
+def test_a_number_is_asked_twice_and_the_smaller_p_value_counts_twofold() -> None:
+    rng = np.random.default_rng(15)
+    numbers = rng.normal(size=K)
+    held = rng.random(K) < 0.8 - 0.05 * numbers
+    (found,) = find_causes(held, np.where(held, 1.0, -1.0), causes=[Cause("drag", numbers)])
+    away = np.abs(rankdata(numbers) - 0.5 * (K + 1))
+    asked = [mannwhitneyu(one[~held], one[held]).pvalue for one in (numbers, away)]
+    assert found.p_value == pytest.approx(2.0 * min(asked), rel=1e-9)
+
+
+@pytest.mark.parametrize(("failures", "compared"), [(4, False), (5, True), (K - 5, True), (K - 4, False)])
+def test_fewer_than_five_missions_of_a_kind_are_not_compared(failures: int, compared: bool) -> None:
+    rng = np.random.default_rng(16)
+    reserve = rng.normal(size=K)
+    reserve -= 0.5 * (np.sort(reserve)[failures - 1] + np.sort(reserve)[failures])
+    (found,) = find_causes(reserve > 0.0, reserve, causes=[Cause("drag", rng.normal(size=K))])
+    assert found.by_failures == compared
+
+
+def test_a_comma_in_the_name_of_a_mission_is_no_unit() -> None:
+    flags = [0.0, 1.0, 1.0]
+    found = Cause.of_column("mission harbour, north", flags)
+    assert (found.name, found.unit, found.kind) == ("mission harbour, north", "", "category")
+    outage = Cause.of_column("outage of a, b, s", [0.0, 2.0, 3.0])
+    assert (outage.name, outage.unit, outage.kind) == ("outage of a, b", "s", "number")
 
 
 def test_groups_hold_every_mission_once() -> None:

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner, Result
 
 import seatrial as st
 from seatrial.cli import app
+from seatrial.cli.verification_table import print_verification
 from seatrial.plot.style import save
 from seatrial.plot.verification_gallery import verification_figures
 from seatrial.verification.campaign_flights import CampaignFlights
 from seatrial.verification.verification_result import Verification
 from seatrial.verification.verified_campaign import verified_campaign
+from seatrial.verify import verify
 from tests.flying import OUT
-from tests.verifying import SHORT, text
+from tests.verifying import SHORT, campaign, text
 
 
 @pytest.fixture
@@ -79,6 +83,7 @@ def test_failed_and_undecided_are_exit_code_1(holds: str) -> None:
         (["--run", "."], "expected a run directory of `seatrial identify`"),
         (["--mission", "away.toml"], "away.toml"),
         (["--compare"], "expected another autopilot"),
+        (["--junit", "/proc/away/junit.xml"], "--junit /proc/away/junit.xml: cannot be written"),
     ],
 )
 def test_bad_input_is_exit_code_2_and_leaves_nothing(arguments: list[str], words: str) -> None:
@@ -110,8 +115,24 @@ def test_the_tuned_autopilot_is_taken_where_there_is_one_and_compared() -> None:
     result = call("--no-figures", "--compare", "--runs", 10)
     assert result.exit_code in (0, 1), result.output
     assert "Autopilot: runs/short-tuned/autopilot.toml." in result.stdout
-    assert "On the same 10 draws" in result.stdout
+    assert "Against start, on the same 10 draws (McNemar's exact test, Holm)" in result.stdout
     assert (Path("runs/short-verified") / "autopilot.toml").read_text() == lazy.to_toml()
+
+
+def test_tables_read_at_80_columns(here: Path) -> None:
+    lazy = st.Autopilot.load("cwolf").with_gains({"guidance.integral_gain_m_s": 0.0})
+    found = verify(campaign(here), gains="cwolf", runs=4, compare={"start": lazy, "tuned by hand": lazy})
+    console = Console(width=80, file=io.StringIO())
+    print_verification(console, found)
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    tables = lines[: lines.index(next(line for line in lines if line.startswith("- ")))]
+    assert max(len(line.rstrip()) for line in tables) <= 80
+    words = " ".join(tables).split()
+    assert words.count("not") == words.count("shown") == 4
+    for title in ("Against start", "Against tuned by hand"):
+        place = next(k for k, line in enumerate(tables) if line.startswith(title))
+        (row,) = (line for line in tables[place : place + 7] if line.strip().startswith("keeps its path"))
+        assert row.split()[-2:] == ["not", "shown"]
 
 
 @pytest.mark.usefixtures("here")

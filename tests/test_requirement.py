@@ -127,13 +127,34 @@ def test_law_a_flight_without_figures_holds_nothing(holds: str) -> None:
 @pytest.mark.parametrize(
     ("holds", "words"),
     [
-        ("cross_trak_p95_m < 1", 'did you mean "cross_track_p95_m"? (known: duration_s, '),
-        ("depth < 1", '"depth" is no figure of a mission'),
+        (
+            "cross_trak_p95_m < 1",
+            '"cross_trak_p95_m" is no figure of a mission; did you mean "cross_track_p95_m"?',
+        ),
+        (
+            "cross_track < 1",
+            '; did you mean "cross_track_rms_m", "cross_track_p99_m" or "cross_track_p95_m"?',
+        ),
+        ("depth < 1", '; did you mean "depth_excursion_m" or "depth_largest_m"?'),
+        (
+            "fog < 1",
+            "; known: duration_s, distance_m, energy_wh, cross_track_rms|largest|p50|p95|p99_m, true_",
+        ),
+        ("ending == complete", 'write the word in quotes, ending == "complete"'),
         ("ending < 3", "a word cannot be compared with a number"),
         ('ending < "complete"', "words have no order"),
         ('ending == "completed"', 'ending is never "completed"; did you mean "complete"?'),
         ('ending = "complete"', 'write "==" in place of "="'),
         ("abort || duration_s < 3", 'write "or" in place of "||"'),
+        ("duration_s < = 3", 'write "<=" in place of "< ="'),
+        ("duration_s = = 3", 'write "==" in place of "= ="'),
+        ("duration_s => 3", 'write ">=" in place of "=>"'),
+        ("duration_s =< 3", 'write "<=" in place of "=<"'),
+        ("duration_s <> 3", 'write "!=" in place of "<>"'),
+        ("duration_s \N{LESS-THAN OR EQUAL TO} 3", 'write "<=" in place of'),
+        ("!abort", 'write "not" in place of "!"'),
+        ('ending == "x = y" and duration_s < = 3', 'write "<=" in place of "< ="'),
+        ("duration_s < 2,5", "the decimal mark is a point"),
         ("abort < 1", 'write "abort" or "not abort"'),
         ("abort == True", 'say "abort" or "not abort"'),
         ("cross_track_p95_m", 'such as "cross_track_p95_m <= 1.0"'),
@@ -157,6 +178,12 @@ def test_what_cannot_be_judged_is_refused_with_a_sentence(holds: str, words: str
     with pytest.raises(CampaignError, match=re.escape(words)) as refused:
         Requirement("keeps its path", holds).check()
     assert str(refused.value).startswith('requirement "keeps its path": holds: ')
+
+
+def test_a_figure_that_is_near_is_named_alone() -> None:
+    with pytest.raises(CampaignError) as refused:
+        Requirement("r", "cross_track_p95 < 1").check()
+    assert str(refused.value).endswith('no figure of a mission; did you mean "cross_track_p95_m"?')
 
 
 @pytest.mark.parametrize(
@@ -194,6 +221,15 @@ def test_the_worst_come_first_the_unjudged_before_them() -> None:
     found = judged("a_m <= 1", a_m=[0.5, 3.0, NAN, 0.9, 1.2])
     assert found.worst(4).tolist() == [2, 1, 4, 3]
     assert judged("not abort", abort=[False, True, False, True]).worst(3).tolist() == [1, 3, 0]
+    # At the threshold itself both have no reserve: the one that failed is the worse.
+    edge = judged("a_m < 1 and b_m <= 2", a_m=[0.5, 1.0], b_m=[2.0, 1.0])
+    assert (edge.held.tolist(), edge.reserve.tolist()) == ([True, False], [0.0, 0.0])
+    assert edge.worst(2).tolist() == [1, 0]
+
+
+def test_equal_infinities_have_no_distance() -> None:
+    found = judged("a_m >= b_m", a_m=[INF, INF], b_m=[INF, 3.0])
+    assert (found.held.tolist(), found.reserve.tolist()) == ([True, True], [0.0, INF])
 
 
 def test_a_requirement_knows_its_figures_before_anything_flies() -> None:

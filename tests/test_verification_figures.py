@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from seatrial.plot.cross_track import cross_track, exceedance, quantile_of_counts
 from seatrial.plot.verification import Verified, cause_bars, verified_requirements
+from seatrial.plot.verification_gallery import _free, _safe
 from seatrial.verification.causes import Cause, find_causes
 from seatrial.verification.failure_probability import FailureProbability
 from seatrial.verification.influence import Influence
@@ -67,11 +68,21 @@ def test_requirements_can_be_printed_and_show_verdict_interval_and_limit() -> No
 def test_causes_can_be_printed(margin: float) -> None:
     figure = cause_bars(causes(margin), heading="keeps its path")
     assert_on_page(figure)
-    axes = panel(figure, "keeps its path")
+    goes = "failures go" if margin < 1.0 else "reserve goes"
+    assert f"keeps its path: what its {goes} with" in texts(figure)
+    axes = figure.axes[0]
     bars = [one.get_width() for one in axes.patches if isinstance(one, Rectangle)]
     assert bars == pytest.approx([one.strength for one in causes(margin)])
     # Without failures there is no rate to show.
     assert len(figure.axes) == (1 if margin > 1.0 else 4)
+    # Rates stand side by side: the eye compares their heights.
+    assert len({one.get_ylim() for one in figure.axes[1:]}) <= 1
+    long = cause_bars(causes(margin), heading="follows its guidance and does not waste energy " * 3)
+    assert_on_page(long)
+    (title,) = [
+        one for one in long.texts if one.get_text().startswith("follows its guidance and does not waste")
+    ]
+    assert title.get_window_extent().x1 < long.bbox.x1
 
 
 def test_rates_along_a_cause_are_those_of_its_groups() -> None:
@@ -79,6 +90,13 @@ def test_rates_along_a_cause_are_those_of_its_groups() -> None:
     speed = next(one for one in causes(0.45) if one.name == "current speed")
     bars = [one.get_height() for one in panel(figure, "current speed").patches if isinstance(one, Rectangle)]
     assert bars == pytest.approx([100.0 * rate for rate in speed.groups.rates])
+
+
+def test_requirements_of_similar_or_long_names_have_figures_of_their_own() -> None:
+    taken: list[str] = []
+    for name in ("keeps its path", "keeps its-path", "k" * 300):
+        taken.append(_free(_safe(name), taken))
+    assert taken == ["keeps_its_path", "keeps_its_path_2", "k" * 50]
 
 
 @pytest.mark.parametrize("threshold_m", [None, 0.5, 3.0])
@@ -89,6 +107,10 @@ def test_the_cross_track_error_can_be_printed(threshold_m: float | None) -> None
     both = cross_track(counts, EDGES, p95_m=p95, seen=0.5 * counts, threshold_m=threshold_m)
     assert_on_page(both)
     assert {"true", "as guidance saw it"} <= set(texts(both))
+    legend = both.axes[0].get_legend()
+    assert legend is not None
+    assert legend.get_frame().get_alpha() == 1.0  # the threshold's line passes behind its words
+    assert legend.get_zorder() > max(one.get_zorder() for one in both.axes[0].get_lines())
     histogram = panel(figure, "p95 of each mission")
     bars = [one for one in histogram.patches if isinstance(one, Rectangle)]
     # Every mission that has a p95 once.

@@ -6,7 +6,8 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,11 +21,16 @@ from seatrial.plot.verification_gallery import verification_figures
 from seatrial.plot.worst_missions import WorstFlight, worst_missions
 from seatrial.verification import mission_series
 from seatrial.verification.campaign_flights import CampaignFlights
-from seatrial.verification.comparison_of_autopilots import mcnemar
+from seatrial.verification.comparison_of_autopilots import compared, mcnemar
+from seatrial.verification.flown_missions import FlownMissions, figures_for_requirements
+from seatrial.verification.judged_requirement import judged
 from seatrial.verification.mission_series import MissionsFlown
+from seatrial.verification.requirement import Requirement
 from seatrial.verification.verification_result import Verification
+from seatrial.verification.verified_campaign import verified_campaign
 from seatrial.verify import verify
 from tests.figures import assert_on_page
+from tests.flying import OUT
 from tests.verifying import SHORT, campaign
 
 # The obstacle lies 10 km ahead: the clearance after 0.1 s is 10 km less the scatter of the start, and the
@@ -113,6 +119,28 @@ def test_a_replay_has_the_figures_of_its_mission_to_the_bit(found: Verification)
         assert flight.circumstances.model.to_toml() == found.flights.fitted.vehicle.to_toml()
 
 
+def test_missions_fly_in_the_water_that_the_campaign_states(tmp_path: Path) -> None:
+    asked = """
+    [verification]
+    missions = ["out.toml"]
+    confidence = 0.8
+    voltage_v = 13.5
+    seabed = { depth_m = 30.0, slope_east = 0.1 }
+    current = { turbulence_times_s = [30.0, 3.0] }
+    obstacles = { north_m = 500.0, east_m = 0.0, radius_m = 1.0 }
+    max_time_s = 2.0
+    [environment]
+    rho_kg_m3 = 1000.0
+    g_m_s2 = 9.78
+    """
+    found = verify(campaign(tmp_path, asked, vehicle="bluerov2-heavy"), runs=2)
+    around = found.replay(1).circumstances
+    assert (around.voltage, around.rho, around.g, around.max_time) == (13.5, 1000.0, 9.78, 2.0)
+    assert (around.seabed, around.turbulence_times) == ((30.0, 0.0, 0.1), (30.0, 3.0))
+    assert around.obstacles == ((500.0, 0.0, 1.0),)
+    assert {one.found.confidence for one in found.requirements} == {0.8}
+
+
 def test_failures_that_were_drawn_are_those_of_the_replay(found: Verification) -> None:
     faulty = np.flatnonzero(found.flown.causes["fault"] > 0.0)
     assert len(faulty)
@@ -155,6 +183,7 @@ def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
     assert not whole.interrupted
     assert same(whole, found)
     assert [state.flown for state in states] == [8, 16, 24]
+    assert [state.left_s > 0.0 for state in states] == [True, True, False]
     # More missions begin with those that lie in the run directory; other inputs use none of them.
     flown.clear()
     verify(campaign(folder), run_dir=run_dir, runs=32)
@@ -162,6 +191,31 @@ def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
     flown.clear()
     verify(campaign(folder, seed=8), run_dir=run_dir, runs=8)
     assert flown == list(range(8))
+
+
+def test_law_kept_missions_are_taken_up_for_the_same_inputs_alone(folder: Path) -> None:
+    flights = verified_campaign(campaign(folder)).flights
+    vehicle, table = flights.fitted.vehicle, flights.table
+    names, matrix = ("X_uu",), np.array([[1.0]])
+    (farther,) = (st.Mission.from_toml(one.to_toml().replace("60.0", "61.0")) for one in flights.missions)
+    others = {
+        "seed": {"seed": 8},
+        "gains": {"autopilot": flights.autopilot.with_gains({"guidance.integral_gain_m_s": 0.0})},
+        "vehicle": {"fitted": Fitted.of(vehicle.with_coefficients({"X_uu": -9.0}))},
+        "coefficients that vary": {"fitted": Fitted(vehicle, names, matrix)},
+        "how far they vary": {"fitted": Fitted(vehicle, names, 2.0 * matrix)},
+        "model": {"model": vehicle.with_coefficients({"X_uu": -9.0})},
+        "mission": {"missions": (farther,)},
+        "sensors": {"sensors": None},
+        "water": {"rho": 1000.0},
+        "gravity": {"g": 9.78},
+        "table": {"table": table.model_copy(update={"max_time_s": 100.0})},
+    }
+    digests = {name: replace(flights, **changed).digest for name, changed in others.items()}  # type: ignore[arg-type]
+    assert len({flights.digest, *digests.values()}) == 1 + len(others), digests
+    # What is asked of missions that are flown does not change them.
+    asked = table.model_copy(update={"runs": 9, "requirements": (), "confidence": 0.9, "keep_worst": 1})
+    assert replace(flights, table=asked).digest == flights.digest
 
 
 def test_ctrl_c_before_the_first_missions_leaves_nothing(
@@ -219,6 +273,31 @@ def test_a_campaign_without_verification_needs_missions(folder: Path) -> None:
         verify(campaign(folder), missions=[folder / "out.toml", folder / "out.toml"])
 
 
+def test_a_diverged_mission_has_no_numbers_and_holds_nothing_that_rests_on_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    endings, watches = (st._core.autopilot_names()[name] for name in ("endings", "watches"))
+    raw = {
+        "duration_s": np.array([50.0, np.nan, 60.0]),
+        "clearance_m": np.array([9.0, 9.0, 1.0]),
+        "ending": np.array([float(endings.index(one)) for one in ("complete", "complete", "aborted")]),
+        "alert": np.array([0.0, 0.0, 1.0]),
+        "alert_cause": np.array([0.0, np.nan, 1.0]),
+        "alert_time_s": np.array([0.0, 0.0, 33.0]),
+    }
+    monkeypatch.setattr("seatrial.verification.flown_missions.figures_of", lambda _: raw)
+    counts = np.array([[4, 1], [0, 0], [9, 9]])
+    flights = SimpleNamespace(cross_track_counts=counts, true_cross_track_counts=counts)
+    found, (seen, _) = figures_for_requirements(cast(Any, flights))
+    assert found["ending"].tolist() == ["complete", "diverged", "aborted"]
+    assert found["abort"].tolist() == [False, True, True]
+    assert found["alert"].tolist() == ["", "", watches[0]]
+    assert np.isnan(found["alert_time_s"]).tolist() == [True, True, False]
+    assert seen.tolist() == [[3.0, 1.0], [0.0, 0.0], [0.0, 9.0]]
+    for holds in ("clearance_m > 5", "not (clearance_m < 5)", "not abort", 'ending == "complete"'):
+        assert not Requirement("r", holds).judge(found).held[1], holds
+
+
 def test_requirements_are_judged_by_the_figures_of_the_missions(found: Verification) -> None:
     figures, complete = found.flown.figures, found.requirement("is complete")
     assert complete.verdict == "held"
@@ -229,6 +308,10 @@ def test_requirements_are_judged_by_the_figures_of_the_missions(found: Verificat
     assert len(path.worst) == 5
     with pytest.raises(KeyError):
         found.requirement("floats")
+    # Held by words none is the worst.
+    asked = [Requirement("ends", 'ending != "diverged"')]
+    (ends,) = judged(asked, found.flown, missions=found.flights.titles, confidence=0.9, keep_worst=3)
+    assert (ends.found.failures, ends.worst, ends.found.confidence) == (0, (), 0.9)
 
 
 @pytest.mark.parametrize(
@@ -281,6 +364,16 @@ def test_autopilots_are_compared_on_the_same_draws(folder: Path) -> None:
     assert "On the same 24 draws" in found.summary()
 
 
+def test_a_part_of_many_missions_is_compared(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("seatrial.verification.conduct._LEAST", 3)
+    found = verify(campaign(folder), gains="cwolf", compare={"same": "cwolf"}, runs=6)
+    assert found.comparison is not None
+    verified, other = found.comparison.autopilots
+    assert found.comparison.runs == verified.failures["keeps its path"].runs == 3
+    assert verified.failures == other.failures
+    assert found.requirement("keeps its path").found.runs == 6
+
+
 def test_lit_mcnemar_1947_is_the_binomial_test_of_the_pairs_that_differ() -> None:
     # Fay 2011 (R package exact2x2, vignette): 2 and 9 of the pairs differ, p = 0.06543 on two sides.
     held = np.array([False] * 2 + [True] * 9 + [True] * 30)
@@ -288,6 +381,24 @@ def test_lit_mcnemar_1947_is_the_binomial_test_of_the_pairs_that_differ() -> Non
     b, c, p = mcnemar(held, other)
     assert (b, c) == (2, 9)
     assert p == pytest.approx(0.06543, abs=5e-6)
+
+
+def test_comparisons_are_corrected_for_their_number() -> None:
+    def flown(times: list[float]) -> FlownMissions:
+        k, none = np.arange(len(times)), np.zeros((len(times), 1))
+        figures = {"duration_s": np.array(times), "distance_m": np.array(times)}
+        return FlownMissions(k, 0 * k, k, figures, {}, none, none, 1.0)
+
+    asked = [Requirement("soon", "duration_s < 5"), Requirement("short", "distance_m < 5")]
+    every = {"verified": flown([1.0] * 10), "start": flown([1.0] * 4 + [9.0] * 6)}
+    # Six against none: 2 / 2^6 alone, twice that of two requirements (Holm).
+    (one,) = compared(asked[:1], every, confidence=0.95).pairs
+    assert (one.corrected, one.better, one.words) == (0.03125, "verified", "verified is better")
+    both = compared(asked, every, confidence=0.95).pairs
+    assert [(pair.p_value, pair.corrected, pair.better) for pair in both] == [(0.03125, 0.0625, None)] * 2
+    turned = dict(reversed(every.items()))
+    (one,) = compared(asked[:1], turned, confidence=0.95).pairs
+    assert (one.only_verified, one.only_other, one.better) == (6, 0, "verified")
 
 
 def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path: Path) -> None:
@@ -314,6 +425,22 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     summary = (run / "summary.txt").read_text()
     assert summary.startswith(found.verdict.upper())
     assert "seatrial verify campaign.toml --replay" in summary
+
+
+def test_missions_of_similar_names_have_files_of_their_own(folder: Path, tmp_path: Path) -> None:
+    texts = {}
+    for north in (60, 61, 62):
+        texts[north] = OUT.replace("60.0", f"{north}.0")
+        (folder / f"leg{north}.toml").write_text(texts[north])
+    names = ("leg, north", "leg--north", "leg " + "n" * 300)
+    rows = [
+        f'{{ file = "leg{north}.toml", name = "{name}" }}' for north, name in zip(texts, names, strict=True)
+    ]
+    found = verify(campaign(folder, SHORT.replace('"out.toml"', ", ".join(rows))), runs=6)
+    run = found.save(tmp_path / "run")
+    kept = {path.stem: st.Mission.load(path).to_toml() for path in (run / "missions").iterdir()}
+    assert set(kept) == {"leg--north", "leg--north-2", "leg-" + "n" * 46}
+    assert sorted(kept.values()) == sorted(one.to_toml() for one in found.flights.missions)
 
 
 def test_what_the_draws_do_not_contain_is_said_wherever_the_verdict_is_read(folder: Path) -> None:

@@ -10,7 +10,7 @@ from tests.flying import OUT
 HEAD = """
 format = 1
 name = "short"
-vehicle = "cwolf"
+vehicle = "{vehicle}"
 seed = {seed}
 [trials.dive]
 file = "dive.csv"
@@ -43,12 +43,15 @@ probability = 0.05
 """One leg of 60 m with everything drawn."""
 
 
-def text(verification: str = SHORT, *, seed: int = 7) -> str:
+def text(verification: str = SHORT, *, seed: int = 7, vehicle: str = "cwolf") -> str:
     """Text of a campaign with this table ``[verification]``."""
-    return HEAD.format(seed=seed) + verification
+    return HEAD.format(seed=seed, vehicle=vehicle) + verification
 
 
-def campaign(folder: Path, verification: str = SHORT, *, seed: int = 7) -> st.Campaign:
+def campaign(
+    folder: Path, verification: str = SHORT, *, seed: int = 7, vehicle: str = "cwolf"
+) -> st.Campaign:
     """Campaign in a folder, with the mission ``out.toml`` beside it."""
     (folder / "out.toml").write_text(OUT)
-    return st.Campaign.from_toml(text(verification, seed=seed), folder=folder, source="campaign.toml")
+    made = text(verification, seed=seed, vehicle=vehicle)
+    return st.Campaign.from_toml(made, folder=folder, source="campaign.toml")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.parameters import Parameter, actuator_groups
 from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
 from seatrial.stage import StageResult
+from seatrial.whole_file import parquet
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -195,9 +195,9 @@ class Identification:
             "vehicle_stages.toml": self.stages_vehicle.to_toml(),
             "identification.json": to_json(self.to_dict()),
             "summary.txt": self.summary() + "\n",
-            "coefficients.parquet": _parquet(coefficients),
-            "history.parquet": _parquet(history),
-            "scores.parquet": _parquet(scores),
+            "coefficients.parquet": parquet(coefficients),
+            "history.parquet": parquet(history),
+            "scores.parquet": parquet(scores),
         }
         for stage in self.stages:
             if not stage.interrupted:
@@ -293,9 +293,3 @@ def _rows(
             verdict=None if known is None else known["verdict"],
         )
     return rows
-
-
-def _parquet(frame: Any) -> bytes:
-    stream = io.BytesIO()
-    frame.write_parquet(stream)
-    return stream.getvalue()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from seatrial.parameters import Parameter
 from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
 from seatrial.search import Array, Step
+from seatrial.whole_file import parquet
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -257,11 +257,13 @@ class Restarts:
 
     def publish(self, directory: RunDirectory, *, text: str) -> Path:
         """Path of a run directory after JSON, tables and the campaign's text are in it."""
+        import polars as pl
+
         return directory.publish({
             RUN_FILE: to_json({"random_starts": self.campaign, "seed": self.seed, "starts": self.starts}),
             "random_starts.json": to_json(self.to_dict()),
-            "random_starts.parquet": _parquet(list(self._ends())),
-            "history.parquet": _parquet(list(self._steps())),
+            "random_starts.parquet": parquet(pl.DataFrame(list(self._ends()), infer_schema_length=None)),
+            "history.parquet": parquet(pl.DataFrame(list(self._steps()), infer_schema_length=None)),
             "summary.txt": f"{self}\n",
             "campaign.toml": text,
         })
@@ -289,11 +291,3 @@ class Restarts:
             for i, history in enumerate(stage.histories):
                 for step in history:
                     yield {"stage": stage.name, "start": i + 1} | asdict(step)
-
-
-def _parquet(rows: list[dict[str, Any]]) -> bytes:
-    import polars as pl
-
-    stream = io.BytesIO()
-    pl.DataFrame(rows, infer_schema_length=None).write_parquet(stream)
-    return stream.getvalue()

@@ -15,7 +15,7 @@ from seatrial.errors import TrialError, reason
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["write_table", "write_whole"]
+__all__ = ["parquet", "write_table", "write_whole"]
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -38,6 +38,13 @@ def write_whole(path: Path, content: bytes) -> None:
         raise
 
 
+def parquet(frame: pl.DataFrame) -> bytes:
+    """Content of a Parquet file with a table."""
+    content = io.BytesIO()
+    frame.write_parquet(content)
+    return content.getvalue()
+
+
 def write_table(
     frame: pl.DataFrame, path: str | Path, *, comments: str = "", advice: str = "choose another place"
 ) -> None:
@@ -57,13 +64,9 @@ def write_table(
     TrialError
         The file cannot be written.
     """
-    target, content = Path(path), io.BytesIO()
-    if target.suffix == ".parquet":
-        frame.write_parquet(content)
-    else:
-        content.write(comments.encode())
-        frame.write_csv(content)
+    target = Path(path)
+    content = parquet(frame) if target.suffix == ".parquet" else (comments + frame.write_csv()).encode()
     try:
-        write_whole(target, content.getvalue())
+        write_whole(target, content)
     except OSError as error:
         raise TrialError(f"{path}: cannot be written ({reason(error)}); {advice}") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,12 +62,11 @@ class Seeds:
         import polars as pl
 
         from seatrial.flight.figures_of_flight import CODED
+        from seatrial.whole_file import parquet
 
-        content = io.BytesIO()
         columns: dict[str, Any] = {"seed": self.seeds, "ending": self.endings}
         columns |= {name: values for name, values in self.figures.items() if name not in CODED}
-        pl.DataFrame(columns).write_parquet(content)
-        return content.getvalue()
+        return parquet(pl.DataFrame(columns))
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""

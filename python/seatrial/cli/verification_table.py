@@ -52,7 +52,8 @@ def print_verification(console: Console, found: Verification) -> None:
     if any(one.worst for one in found.requirements):
         console.print(_worst(found))
     if found.comparison is not None:
-        console.print(_comparison(found.comparison))
+        for made in _comparisons(found.comparison):
+            console.print(made)
         console.print(_medians(found.comparison))
     for one in found.requirements:
         for line in _sentences(one):
@@ -146,34 +147,38 @@ def _worst(found: Verification) -> Table:
     kept = [k for k in range(len(head)) if k not in dropped]
     return _folding(
         table(
-            "Worst missions (95 % of the errors across and vertical, clearance in m; time in s)",
+            "Worst missions (lengths in m, time in s; across and vertical: p95)",
             [head[k] for k in kept],
             [[row[k] for k in kept] for row in rows],
         )
     )
 
 
-def _comparison(found: AutopilotComparison) -> Table:
+def _comparisons(found: AutopilotComparison) -> Iterator[Table]:
+    """The verified autopilot against each other one."""
     from seatrial.cli.console import table
     from seatrial.verification.failure_probability import share
 
     verified, *others = found.autopilots
-    rows = []
-    for name, failures in verified.failures.items():
-        for other in others:
+    head = ["requirement", "verified\nfails", "other\nfails", "only\nverified", "only\nother", "p", "better"]
+    for other in others:
+        rows = []
+        for name, failures in verified.failures.items():
             pair = found.pair(name, other.name)
             rows.append([
                 name,
-                other.name,
                 share(failures.estimate),
                 share(other.failures[name].estimate),
                 str(pair.only_verified),
                 str(pair.only_other),
                 f"{pair.corrected:.2g}",
-                pair.words,
+                {"verified": "verified", None: "not shown"}.get(pair.better, "other"),
             ])
-    head = ["requirement", "against", "fails", "other fails", "only it", "only other", "p", "verdict"]
-    return _folding(table(f"On the same {found.runs} draws (McNemar's exact test, Holm)", head, rows, left=2))
+        title = f"Against {other.name}, on the same {found.runs} draws (McNemar's exact test, Holm)"
+        made = _folding(table(title, head, rows))
+        for column in made.columns[1:]:
+            column.no_wrap = True
+        yield made
 
 
 def _medians(found: AutopilotComparison) -> Table:

@@ -36,7 +36,7 @@ def verify(
     ] = None,
     mission: Annotated[
         list[Path] | None,
-        typer.Option("--mission", help="Mission file instead of the campaign's; repeatable."),
+        typer.Option("--mission", metavar="FILE", help="Mission file instead of the campaign's; repeatable."),
     ] = None,
     log: Annotated[
         Path | None,
@@ -215,13 +215,21 @@ def _print(found: Verification, folder: Path, written: list[Path]) -> None:
 
 def _refuse_place(path: Path) -> None:
     """Refuse a file that cannot be written, before anything flies."""
-    from seatrial.errors import SeatrialError
+    from tempfile import TemporaryFile
+
+    from seatrial.errors import SeatrialError, reason
 
     if path.is_dir():
         raise SeatrialError(f"--junit {path}: expected a file, found a folder; name a file in it")
     above = next(folder for folder in path.absolute().parents if folder.exists())
     if not above.is_dir():
         raise SeatrialError(f"--junit {path}: {above} is a file, not a folder; choose another place")
+    try:
+        TemporaryFile(dir=above).close()
+    except OSError as error:
+        raise SeatrialError(
+            f"--junit {path}: cannot be written ({reason(error)}); choose another place"
+        ) from None
 
 
 def _write(path: Path, text: str) -> None:

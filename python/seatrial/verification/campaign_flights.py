@@ -101,7 +101,8 @@ class CampaignFlights:
             A number, name, sensor or file is not usable.
         """
         self.cases([0])
-        _ = self._ready
+        for one in self._ready:
+            self.autopilot.engage(self.fitted.vehicle if self.model is None else self.model, one.mission.core)
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -12,6 +12,8 @@ direction   uniform scores: Wheeler & Watson (1964), Mardia (1967)       circula
 category    Fisher's exact test, each category against all others        Mann & Whitney of the reserve
 ==========  ===========================================================  =====================================
 
+Where most missions share a number or a reserve, `seatrial.verification.cause_tests` stays exact.
+
 The distance from the middle finds what harms to either side of a centre, as a current from port or starboard
 does; of the two p-values of a number the smaller one counts twofold.
 
@@ -38,6 +40,7 @@ from seatrial.verification.influence import MET, Influence, Kind
 __all__ = ["Cause", "find_causes", "find_causes_of_all"]
 
 _FROM_NORTH = "deg from north"
+_UNITS = (_FROM_NORTH, "m/s", "m", "s", "deg", "sigmas")
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,7 @@ class Cause:
         """Cause of a column "name, unit" of numbers.
 
         Ones and zeros without a unit are a category that was met or not, "deg from north" is a direction.
+        A comma before anything but a unit belongs to the name, as that of a mission may.
 
         Examples
         --------
@@ -79,7 +83,9 @@ class Cause:
         'direction'
         """
         numbers = np.asarray(values, dtype=np.float64)
-        name, _, unit = column.partition(", ")
+        name, _, unit = column.rpartition(", ")
+        if unit not in _UNITS:
+            name, unit = column, ""
         if unit == _FROM_NORTH:
             return cls(name, np.radians(numbers), kind="direction")
         if not unit and np.isin(numbers, (0.0, 1.0)).all():

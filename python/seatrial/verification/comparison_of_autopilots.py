@@ -54,12 +54,16 @@ class PairedRequirement:
     corrected: float
 
     @property
-    def words(self) -> str:
-        """Which of them is better: "verified", the other's name, or "no difference shown"."""
+    def better(self) -> str | None:
+        """The one that is shown to fail less: "verified" or the other's name; None where neither is."""
         if self.corrected > LEVEL:
-            return "no difference shown"
-        better = "verified" if self.only_verified < self.only_other else self.other
-        return f"{better} is better"
+            return None
+        return "verified" if self.only_verified < self.only_other else self.other
+
+    @property
+    def words(self) -> str:
+        """Which of them is better, or "no difference shown"."""
+        return "no difference shown" if self.better is None else f"{self.better} is better"
 
 
 @dataclass(frozen=True)

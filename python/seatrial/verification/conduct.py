@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 
 from seatrial.flight.checked_numbers import checked_threads
 from seatrial.run_directory import RunDirectory
+from seatrial.verification.beyond_the_vehicle import beyond_the_vehicle
 from seatrial.verification.comparison_of_autopilots import AutopilotComparison, compared
+from seatrial.verification.figures_without_value import figures_without_value
 from seatrial.verification.judged_requirement import judged
 from seatrial.verification.mission_series import MissionsFlown, fly_series
 from seatrial.verification.seen_and_true import seen_and_true
@@ -69,6 +71,7 @@ def conduct(
         if directory is not None:
             directory.abandon()
         raise
+    cases = prepared.flights.cases(len(flown))
     found = Verification(
         campaign=prepared.campaign,
         flights=prepared.flights,
@@ -86,7 +89,9 @@ def conduct(
         notes=tuple(
             dict.fromkeys([
                 *prepared.notes,
-                *prepared.flights.cases(len(flown)).notes,
+                *cases.notes,
+                *beyond_the_vehicle(prepared.flights, cases, flown),
+                *figures_without_value(prepared.requirements, flown),
                 *seen_and_true(prepared.requirements, flown),
             ])
         ),

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import ast
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from seatrial.errors import CampaignError, nearest
+from seatrial.verification.expression_advice import unknown_figure, unreadable
 
 __all__ = ["CALLS", "KNOWN", "SEEN", "Figure", "Kind", "check", "names_in", "parse", "unit_of"]
 
@@ -72,6 +72,7 @@ _HINTS = {
     ast.Attribute: "figures have no parts; the decimal mark is a point between digits",
     ast.In: 'write ending == "complete" or ending == "surfaced"',
     ast.NamedExpr: 'write "=="',
+    ast.Tuple: 'the decimal mark is a point, and between conditions stands "and"',
 }
 _ALLOWED = (
     "allowed are numbers, words in quotes, figures, + - * / **, abs min max sqrt, < <= > >= == !=, and or not"
@@ -97,7 +98,7 @@ def parse(text: str) -> ast.expr:
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        raise CampaignError(_unreadable(text, error)) from None
+        raise CampaignError(unreadable(text, error)) from None
     for node, depth in _parts(tree):
         if depth > _DEEPEST:
             raise CampaignError(
@@ -217,9 +218,8 @@ def _kind(node: ast.expr, figures: Mapping[str, Figure]) -> Kind:
     match node:
         case ast.Name(id=name):
             if name not in figures:
-                near = nearest(name, figures)
-                known = "" if near.startswith("; known") else f" (known: {', '.join(figures)})"
-                raise CampaignError(f'"{name}" is no figure of a mission{near}{known}')
+                words = {one: figure.values for one, figure in figures.items() if figure.values}
+                raise CampaignError(unknown_figure(name, figures, words))
             return figures[name].kind
         case ast.Constant(value=value):
             return "word" if isinstance(value, str) else "number"
@@ -278,15 +278,3 @@ def _finite(value: float) -> bool:
         return math.isfinite(float(value))
     except OverflowError:
         return False
-
-
-def _unreadable(text: str, error: Exception) -> str:
-    bare = text.strip()
-    if not bare:
-        return 'expected an expression such as "cross_track_p95_m <= 1.0", found nothing'
-    for pattern, instead in ((r"&&", "and"), (r"\|\|", "or"), (r"(?<![<>=!])=(?!=)", "==")):
-        if wrong := re.search(pattern, bare):
-            return f'\'{bare}\' cannot be read; write "{instead}" in place of "{wrong[0]}"'
-    at = error.offset if isinstance(error, SyntaxError) and error.lineno == 1 else None
-    place = f' at "{bare[at - 1 : at + 11]}" (character {at})' if at and at <= len(bare) else ""
-    return f"'{bare}' cannot be read{place}; expected an expression such as 'cross_track_p95_m <= 1.0'"

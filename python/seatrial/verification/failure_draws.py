@@ -63,7 +63,12 @@ def targets(entry: FaultTable, vehicle: Vehicle) -> dict[str, float]:
         raise SimulationError(f"faults: the vehicle {vehicle.name} has no actuator that could fail")
     stuck = entry.kind == "stuck" and entry.command is None
     faults = [Fault(name, 0.0, stuck, entry.command) for name in sorted(meant)]
-    return {name: command for _, name, _, command in fault_rows(faults, vehicle, math.inf)}
+    try:
+        rows = fault_rows(faults, vehicle, math.inf)
+    except SimulationError as error:
+        # An entry's key for what a flight calls stuck_at.
+        raise SimulationError(str(error).replace("stuck_at", "command")) from None
+    return {name: command for _, name, _, command in rows}
 
 
 def fault_draws(

@@ -51,10 +51,8 @@ class Judgement:
         return int(np.count_nonzero(~self.held))
 
     def worst(self, count: int) -> NDArray[np.intp]:
-        """Numbers of the missions with the least reserve, the worst first; equal ones in their order."""
-        return np.argsort(np.where(self.held, self.reserve, np.minimum(self.reserve, 0.0)), kind="stable")[
-            :count
-        ]
+        """Numbers of the missions with the least reserve, failed ones first; equal ones in their order."""
+        return np.lexsort((self.reserve, self.held))[:count]
 
 
 @dataclass(frozen=True)

@@ -6,18 +6,23 @@ Tests: ``tests/test_verify.py``, ``tests/test_cli_verify.py``.
 from __future__ import annotations
 
 import hashlib
-import io
+from collections.abc import Container
 from importlib import metadata
+from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from seatrial.run_directory import RUN_FILE, to_json
 from seatrial.run_facts import run_facts
 from seatrial.verification.junit import Outcome, junit_xml
+from seatrial.whole_file import parquet
 
 if TYPE_CHECKING:
     from seatrial.verification.verification_result import Verification
 
 __all__ = ["facts", "files", "junit"]
+
+_LONGEST = 50
+"""Letters: those of some scripts take four of the 255 bytes that file systems give a name."""
 
 
 def facts(found: Verification) -> dict[str, Any]:
@@ -66,8 +71,6 @@ def junit(found: Verification) -> str:
 
 def files(found: Verification) -> dict[str, str | bytes]:
     """Files of the run directory by name: text, or bytes."""
-    missions = io.BytesIO()
-    found.table().write_parquet(missions)
     worst = {one.requirement.name: [run.to_dict() for run in one.worst] for one in found.requirements}
     return {
         RUN_FILE: to_json(facts(found)),
@@ -76,23 +79,30 @@ def files(found: Verification) -> dict[str, str | bytes]:
         "summary.txt": found.summary() + "\n",
         "junit.xml": junit(found),
         "worst_runs.json": to_json(worst),
-        "missions.parquet": missions.getvalue(),
+        "missions.parquet": parquet(found.table()),
     }
 
 
 def _inputs(found: Verification) -> dict[str, str]:
     """Files of the inputs by name, as they were flown."""
     flights = found.flights
+    missions: dict[str, str] = {}
+    for title, mission in zip(flights.titles, flights.missions, strict=True):
+        missions[_free(_safe(title), missions)] = mission.to_toml()
     return {
         "campaign.toml": found.campaign.text,
         "vehicle.toml": flights.fitted.vehicle.to_toml(),
         "autopilot.toml": flights.autopilot.to_toml(),
-        **{
-            f"missions/{_safe(title)}.toml": mission.to_toml()
-            for title, mission in zip(flights.titles, flights.missions, strict=True)
-        },
+        **{f"missions/{name}.toml": text for name, text in missions.items()},
     }
 
 
 def _safe(name: str) -> str:
-    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)
+    """Name for a file, short enough for any file system."""
+    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)[:_LONGEST]
+
+
+def _free(name: str, taken: Container[str]) -> str:
+    """The name, with a number where another mission's became the same."""
+    numbered = (name if k == 1 else f"{name}-{k}" for k in count(1))
+    return next(one for one in numbered if one not in taken)

@@ -15,11 +15,12 @@ from seatrial.errors import CampaignError, SimulationError
 from seatrial.file_kind import loaded
 from seatrial.fitted import Fitted
 from seatrial.mission import Mission
-from seatrial.toml_file import is_path
 from seatrial.verification.campaign_flights import CampaignFlights
+from seatrial.verification.checked_table import check_table, requirement_of, sensors_of_table, under
 from seatrial.verification.default_requirements import default_requirements
+from seatrial.verification.figures_without_value import check_energy
 from seatrial.verification.requirement import Requirement
-from seatrial.verification.verification_file import MissionTable, VerificationTable
+from seatrial.verification.verification_file import MissionTable, RequirementTable, VerificationTable
 
 if TYPE_CHECKING:
     from seatrial.campaign import Campaign
@@ -93,11 +94,13 @@ def verified_campaign(
         missions=flown,
         seed=campaign.seed,
         model=None if model is None else loaded(Vehicle, model, "model"),
-        sensors=_sensors(campaign, table),
+        sensors=sensors_of_table(campaign, table.sensors),
         rho=environment.rho_kg_m3,
         g=environment.g_m_s2,
     )
-    requirements, notes = _requirements(flights)
+    ignored = check_table(campaign.source, flights)
+    requirements, notes = _requirements(campaign, flights)
+    notes.extend(ignored)
     if table.coefficients == "covariance" and not flights.fitted.names:
         notes.append("Every vehicle flies with the same coefficients, for no covariance of them is known.")
     flights.check()
@@ -163,14 +166,11 @@ def _mission(campaign: Campaign, file: str) -> Mission:
     return Mission.load(path)
 
 
-def _requirements(flights: CampaignFlights) -> tuple[tuple[Requirement, ...], list[str]]:
+def _requirements(campaign: Campaign, flights: CampaignFlights) -> tuple[tuple[Requirement, ...], list[str]]:
     """What must hold, every expression checked, and a sentence where nobody said what."""
     table = flights.table
     if table.requirements:
-        asked = tuple(Requirement(one.name, one.holds, one.probability) for one in table.requirements)
-        for one in asked:
-            one.check()
-        return asked, []
+        return tuple(_stated(campaign, one, flights.fitted.vehicle) for one in table.requirements), []
     off = flights.position_sd_m
     asked = default_requirements(table, flights.missions, position_sd_m=off)
     listed = "; ".join(f"{one.name}: {one.holds}" for one in asked)
@@ -181,6 +181,15 @@ def _requirements(flights: CampaignFlights) -> tuple[tuple[Requirement, ...], li
         f"The campaign states no requirements; these are judged, each in 95 % of the missions: {listed}."
         f"{allowed}"
     ]
+
+
+def _stated(campaign: Campaign, asked: RequirementTable, vehicle: Vehicle) -> Requirement:
+    requirement = requirement_of(campaign.source, asked)
+    said = f'requirement "{asked.name}": holds'
+    with under(campaign.source, f"requirements {asked.name!r}", "holds", said=said):
+        requirement.check()
+        check_energy(requirement, vehicle)
+    return requirement
 
 
 def _others(campaign: Campaign, gains: Any, compare: bool | Mapping[str, Any]) -> dict[str, Autopilot]:
@@ -197,14 +206,6 @@ def _others(campaign: Campaign, gains: Any, compare: bool | Mapping[str, Any]) -
             " none; give the tuned one as gains (--autopilot), or others by name"
         )
     return {_START: campaign.autopilot}
-
-
-def _sensors(campaign: Campaign, table: VerificationTable) -> str | Path | None:
-    if table.sensors == "perfect":
-        return None
-    if is_path(table.sensors):
-        return campaign.beside(table.sensors, "verification.sensors")
-    return table.sensors
 
 
 def _positive(runs: Any) -> int:
