@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -288,20 +289,28 @@ def test_simulate_needs_the_voltage_where_thrust_depends_on_it(here: Path) -> No
     refused(call("simulate", "beluga", "commands.csv"), "voltage_v")
 
 
-@pytest.fixture
-def small_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The shipped CWolf example, first stage only, with a search of a moment."""
-    shutil.copytree(EXAMPLES / "cwolf", tmp_path / "examples" / "cwolf")
-    path = tmp_path / "examples" / "cwolf" / "campaign.toml"
+@pytest.fixture(scope="module")
+def demonstrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Result]:
+    """Folder, and what the demo printed there as words and then, in the same place, as JSON.
+
+    The shipped CWolf example, first stage only, with a search of a moment.
+    """
+    here = tmp_path_factory.mktemp("demo")
+    shutil.copytree(EXAMPLES / "cwolf", here / "examples" / "cwolf")
+    path = here / "examples" / "cwolf" / "campaign.toml"
     text = path.read_text().replace("[trials]", f"{BUDGET}[trials]", 1)
     path.write_text(text[: text.index('[[stages]]\nname = "diving by vertical')])
-    monkeypatch.setattr(demo_verb, "EXAMPLES", tmp_path / "examples")
-    monkeypatch.delenv("SEATRIAL_DATA", raising=False)
-    return path
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(here)
+        patch.setattr(demo_verb, "EXAMPLES", here / "examples")
+        patch.delenv("SEATRIAL_DATA", raising=False)
+        return here, call("demo", "--out", "demo"), call("demo", "--out", "demo", "--json")
 
 
-def test_demo_shows_truth_beside_estimate_and_says_where_figures_are(small_example: Path, here: Path) -> None:
-    result = call("demo", "--out", "demo")
+def test_demo_shows_truth_beside_estimate_and_says_where_figures_are(
+    demonstrated: tuple[Path, Result, Result],
+) -> None:
+    here, result, again = demonstrated
     assert result.exit_code == 0, result.output
     for words in ("GENERATED", "truth", "X_uu", "-12.72", "R2 10 s ahead", "apparent mass", "Figures"):
         assert words in result.stdout
@@ -310,12 +319,11 @@ def test_demo_shows_truth_beside_estimate_and_says_where_figures_are(small_examp
     assert len(generated) == 7
     assert all(path.read_text().startswith("# GENERATED") for path in generated)
     # A second time in the same place.
-    assert call("demo", "--out", "demo").exit_code == 0
+    assert again.exit_code == 0, again.output
 
 
-def test_demo_as_json_prints_nothing_else(small_example: Path, here: Path) -> None:
-    result = call("demo", "--out", "demo", "--json")
-    assert list(json.loads(result.stdout)) == ["cwolf"]
+def test_demo_as_json_prints_nothing_else(demonstrated: tuple[Path, Result, Result]) -> None:
+    assert list(json.loads(demonstrated[2].stdout)) == ["cwolf"]
 
 
 def test_interrupted_identification_keeps_the_best_so_far(tmp_path: Path) -> None:
@@ -349,6 +357,8 @@ def test_progress_tells_stage_generation_best_and_time_left(capsys: pytest.Captu
         patch.setattr("seatrial.cli.console._LINE_EVERY_S", 0.0)
         with identification_progress() as spoken:
             spoken(state)
-    line = capsys.readouterr().err
+            line = capsys.readouterr().err
+            spoken(replace(state, generation=1))  # of which nothing can be told yet
+    assert "left" not in capsys.readouterr().err
     for words in ("31 %", "surge [2/4]", "generation 7 of at most 90", "best 0.1234", "at most 42 s left"):
         assert words in line

@@ -7,6 +7,8 @@ needs them.
 from __future__ import annotations
 
 import errno
+import inspect
+from collections.abc import Callable
 from typing import Any
 
 import typer
@@ -41,6 +43,8 @@ class _Verbs(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Result of the verb that was called."""
+        if ctx.obj is not None:
+            ctx.obj()
         try:
             return super().invoke(ctx)
         except SeatrialError as error:
@@ -62,10 +66,11 @@ class _Verbs(TyperGroup):
 app = typer.Typer(
     name="seatrial",
     cls=_Verbs,
-    help="From sea-trial logs to an identified model of a marine vehicle.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    # Rich's panels cut long words and defaults at 80 columns and take "[tuning]" for a style.
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -84,25 +89,38 @@ def _options(
         False, "--version", callback=_version, is_eager=True, help="Print the version and stop."
     ),
 ) -> None:
-    """From sea-trial logs to an identified model of a marine vehicle."""
+    """From sea-trial logs to an identified model of an underwater vehicle and a verified autopilot."""
 
 
-app.command("demo")(demo.demo)
-app.command("new")(new.new)
-app.command("check")(check.check)
-app.command("simulate")(simulate.simulate)
-app.command("bench")(bench.bench)
-app.command("plan")(plan.plan)
-app.command("identify")(identify.identify)
-app.command("score")(score.score)
-app.command("autopilot")(autopilot.autopilot)
-app.command("fly")(fly.fly)
-app.command("tune")(tune.tune)
-app.command("verify")(verify.verify)
-app.command("gallery")(gallery.gallery)
-app.command("coverage")(coverage.coverage)
+_VERBS: tuple[Callable[..., None], ...] = (
+    demo.demo,
+    new.new,
+    check.check,
+    simulate.simulate,
+    bench.bench,
+    plan.plan,
+    identify.identify,
+    score.score,
+    autopilot.autopilot,
+    fly.fly,
+    tune.tune,
+    verify.verify,
+    gallery.gallery,
+    coverage.coverage,
+)
+
+for _verb in _VERBS:
+    # Said whole: the list of verbs would cut it after a few words.
+    _first = inspect.cleandoc(_verb.__doc__ or "").partition("\n\n")[0]
+    app.command(_verb.__name__, short_help=" ".join(_first.split()))(_verb)
 
 
-def main() -> None:
-    """Run the command line."""
-    app()
+def main(begins: Callable[[], None] | None = None) -> None:
+    """Run the command line.
+
+    Parameters
+    ----------
+    begins : callable, optional
+        Called when a verb begins, after all that can be said without it.
+    """
+    app(obj=begins)

@@ -70,6 +70,7 @@ def check(
         list[float] | None,
         typer.Option(
             min=0.01,
+            metavar="KN",
             help="Speed at which revolutions, power, endurance and range are told, kn; repeatable; round ones"
             " up to the top speed when missing.",
         ),

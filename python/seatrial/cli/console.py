@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _PIPED_WIDTH = 118
 _LINE_EVERY_S = 5.0
+_TELLING_GENERATIONS = 5
 
 
 def output() -> Console:
@@ -129,8 +130,10 @@ def _lines() -> Callable[[float, str, Sequence[str]], None]:
 
 def _words(state: State) -> str:
     left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
+    # The first generations load and warm up what the later ones find ready.
+    known = state.generation >= _TELLING_GENERATIONS
     return (
         f"{state.stage} [{state.stages_done + 1}/{state.stages}]: {state.phase},"
         f" generation {state.generation} of at most {state.generations},"
-        f" best {state.best:.4g}, at most {left} left"
+        f" best {state.best:.4g}" + (f", at most {left} left" if known else "")
     )

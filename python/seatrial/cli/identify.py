@@ -24,7 +24,8 @@ def identify(
     ] = True,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
     trial: Annotated[
-        list[str] | None, typer.Option("--trial", help="NAME=FILE: another recording for a trial.")
+        list[str] | None,
+        typer.Option("--trial", metavar="NAME=FILE", help="Another recording for a trial; repeatable."),
     ] = None,
     figures: Annotated[bool, typer.Option(help="Write figures (PNG and PDF) into the run directory.")] = True,
     locked_axes: Annotated[

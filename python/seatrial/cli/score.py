@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def score(
     vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle.")],
     trials: Annotated[
-        list[str], typer.Argument(help="Recordings, or names of trials of the campaign.", metavar="TRIAL...")
+        list[str], typer.Argument(help="Recordings, or names of trials of the campaign.", metavar="TRIAL")
     ],
     columns_from: Annotated[
         Path | None, typer.Option(help="Campaign file whose reader and column map the recordings follow.")
@@ -25,7 +25,10 @@ def score(
     free_run: Annotated[bool, typer.Option("--free-run", help="Never restart it.")] = False,
     free: Annotated[str, typer.Option(help="Axes that are simulated; the others are replayed.")] = "XYZKMN",
     against: Annotated[
-        list[str] | None, typer.Option(help="Another vehicle to be compared on the same windows.")
+        list[str] | None,
+        typer.Option(
+            metavar="VEHICLE", help="Another vehicle to be compared on the same windows; repeatable."
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for figures (PNG and PDF), a trial each.")

@@ -49,7 +49,7 @@ def coefficients(fit: Identification, truth: Mapping[str, float] | None = None) 
         cells += [f"{row.start:.4g}", plus_minus(row.estimate, row.sigma), factor]
         if truth:
             true = truth.get(row.name, 0.0)
-            cells.append(f"{100.0 * (row.estimate / true - 1.0):+.1f} %" if true else "")
+            cells.append(f"{round(100.0 * (row.estimate / true - 1.0), 1) + 0.0:+.1f} %" if true else "")
         verdict = "" if row.verdict == "identifiable" else row.verdict or ""
         rows.append([*cells, verdict, f"at {row.at_bound}" if row.at_bound else "", row.stage])
     # What is said of no coefficient takes no room: the table is to fit 80 columns.

@@ -1,0 +1,44 @@
+"""Start of the command line, as `seatrial` and as `python -m seatrial`, ready for Ctrl-C from the start.
+
+Loading what a verb needs takes some tenths of a second. Nothing is at stake then, and an exception inside an
+import may end as another one or be swallowed: the process leaves at once. Once a verb begins, `seatrial.cli`
+answers.
+Held by tests/test_cli_start.py.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from types import FrameType
+
+__all__ = ["main"]
+
+_INTERRUPTED = 130
+
+
+def main() -> None:
+    """Run the command line."""
+    python_answers = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if python_answers:  # not where Ctrl-C is ignored, as behind nohup
+        signal.signal(signal.SIGINT, _leave)
+    from seatrial.cli import main as command_line
+
+    command_line(begins=_answer if python_answers else None)
+
+
+def _answer() -> None:
+    """Let Python answer Ctrl-C again: a verb ends by itself, with what it keeps."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _leave(_signal: int, _frame: FrameType | None) -> None:
+    os.write(2, b"seatrial: interrupted\n")
+    os._exit(_INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()
