@@ -49,6 +49,8 @@ test: check test-rust test-python test-wheel ## everything that continuous integ
 test-rust: ## laws, scalars, literature and golden numbers of the core
 	cargo test --locked --package seatrial --quiet
 
+# Two workers share the processors already: threads of the linear algebra would only wait for one another.
+test-python: export OPENBLAS_NUM_THREADS := 1
 test-python: build ## the Python front against the core and the recordings
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 

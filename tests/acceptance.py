@@ -123,8 +123,10 @@ def _figures(flown: Flights, case: int, name: str, vehicle: Vehicle) -> Figures:
     commands = signals(flown, case, vehicle)
     facts = vehicle.actuator_info()
     thrusters = [k for k, actuator in enumerate(vehicle.actuators) if facts[actuator]["kind"] != "fin"]
+    ending = names["endings"][int(figures["ending"])]
+    assert ending != "complete" or steady.any()  # else the largest of no errors is zero
     return Figures(
-        ending=names["endings"][int(figures["ending"])],
+        ending=ending,
         waypoints=int(figures["waypoints"]),
         missed_by=figures["missed_by"],
         cross_track=float(np.abs(column["cross_track"][steady]).max(initial=0.0)),

@@ -78,6 +78,7 @@ def test_law_margins_of_a_regulators_file_are_those_of_its_design() -> None:
         {"cruise": ["surge", "pitch", "heading"]},
         tau_max={name: loop["tau_max"] for name, loop in loops.items()},
     )["cruise"]
+    assert len(designed.margins) == len(autopilot.speeds_m_s)
     for row, margin in zip(autopilot_margins(lauv, autopilot), designed.margins, strict=True):
         # The design counts quadratic damping over a larger motion: with LAUV's, a degree.
         assert row.phase_deg == pytest.approx(margin.phase_deg, abs=2.0)

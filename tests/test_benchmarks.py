@@ -66,7 +66,10 @@ def test_scalar_core_vectorised_and_textbook_numpy_give_the_same_cost(tmp_path: 
 def test_extrapolation_counts_the_steps_that_seatrial_took(tmp_path: Path) -> None:
     campaign = four_stages.campaign(four_stages.write_logs(tmp_path, duration_s=42.0))
     job = four_stages.run(campaign, threads=1)
-    for rival in extrapolate(job, campaign.vehicle):
+    rivals = extrapolate(job, campaign.vehicle)
+    assert rivals
+    for rival in rivals:
+        assert rival.phases
         taken = sum(phase.steps * phase.candidates for phase in rival.phases)
         # seatrial counts the first sample of a segment of 201, which no step leads to.
         assert taken == pytest.approx(job.steps, rel=0.01)

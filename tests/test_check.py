@@ -112,8 +112,9 @@ def test_lit_taubert_2014_table_1_speed_and_endurance() -> None:
 
 
 def test_law_speed_balances_thrust_and_drag() -> None:
-    values = CWOLF.coefficients()
-    for row in speeds(CWOLF):
+    values, rows = CWOLF.coefficients(), speeds(CWOLF)
+    assert rows
+    for row in rows:
         u = row.speed_kn * KNOT_M_S
         drag = -(values["X_u"] * u + values["X_uu"] * u * u)
         # The last tenth of the run is averaged; the approach to the steady speed leaves less than this.
@@ -121,7 +122,9 @@ def test_law_speed_balances_thrust_and_drag() -> None:
 
 
 def test_turns_are_to_starboard_and_obey_v_is_r_times_radius() -> None:
-    for turn in turns(CWOLF):
+    found = turns(CWOLF)
+    assert found
+    for turn in found:
         assert turn.rate_deg_s > 0.0
         assert turn.speed_m_s == pytest.approx(np.deg2rad(turn.rate_deg_s) * turn.radius_m, rel=1e-9)
 

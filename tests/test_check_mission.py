@@ -129,7 +129,9 @@ def test_no_steady_turn_of_the_whole_chain_is_tighter(name: str) -> None:
     vehicle = Vehicle.load(name)
     found: list[Turn | FinTurn] = [turn for turn in turns(vehicle) if turn.kind != "on the spot"]
     by_fins = fin_turn(vehicle)
-    for turn in found if by_fins is None else [*found, by_fins]:
+    whole = found if by_fins is None else [*found, by_fins]
+    assert whole
+    for turn in whole:
         tightest = turning_radius(vehicle, turn.speed_m_s)
         # The speed along the circle is that ahead over the cosine of the drift, a few per cent more.
         assert tightest is not None

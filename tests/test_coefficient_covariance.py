@@ -91,12 +91,25 @@ def test_direction_without_information_gets_the_bounds_and_keeps_its_sum() -> No
     s = 0.5**0.5
     both, width = np.array([[s, s], [s, -s]]), np.array([40.0, 400.0])
     fixed = 1e-4 * np.outer(both[0], both[0]) * np.outer(width, width)
-    known = coefficient_covariance(joint(fixed, singular=[100.0, 1e-9], vectors=both, sigma=[np.inf, np.inf]))
+    # Whatever number stands in the direction that data do not tell, it means nothing.
+    rounding = 7.0 * np.outer(both[1], both[1]) * np.outer(width, width)
+    known = coefficient_covariance(
+        joint(fixed + rounding, singular=[100.0, 1e-9], vectors=both, sigma=[np.inf, np.inf])
+    )
     assert known is not None
     spread = both @ (known.matrix / np.outer(width, width)) @ both.T
     # rtol: rounding of the eigenvectors, of 1e-16 beside 1/12 against 1e-4
     np.testing.assert_allclose(spread, np.diag([1e-4, 1.0 / 12.0]), rtol=1e-9, atol=1e-15)
     assert known.notes[0].startswith("X_uu, Y_vv: the data tell less than the campaign's bounds")
+
+
+def test_a_coefficient_of_a_stage_alone_is_said_to_stay() -> None:
+    found = joint(np.eye(2))
+    cast(Any, found).coefficients = (SimpleNamespace(name="X_uu"), SimpleNamespace(name="N_rr"))
+    known = coefficient_covariance(found)
+    assert known is not None
+    (note,) = known.notes
+    assert note.startswith("N_rr: set by a stage and not in the joint estimate")
 
 
 def test_coefficient_wider_than_its_bounds_is_cut_there() -> None:

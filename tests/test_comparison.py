@@ -57,7 +57,9 @@ def test_difference_is_that_of_the_scores(found: Comparison, trial: Trial) -> No
         Vehicle.load("cwolf").with_coefficients({"X_udot": -60.0}), trial, channels=["u", "r", "yaw"]
     )
     own = score(Vehicle.load("cwolf"), trial, channels=["u", "r", "yaw"])
-    for channel, difference in found.of("heavier").items():
+    differences = found.of("heavier")
+    assert set(differences) == {"u", "r", "yaw"}
+    for channel, difference in differences.items():
         assert difference.r2 == (own[channel].r2, heavier[channel].r2)
         # Both are sums over the same samples: rounding alone differs.
         assert difference.r2_difference == pytest.approx(heavier[channel].r2 - own[channel].r2, abs=1e-9)

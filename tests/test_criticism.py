@@ -245,6 +245,10 @@ def test_figure_shows_every_channel_and_every_finding() -> None:
     shown = [axes for axes in figure.axes if axes.axison]
     assert [axes.get_title(loc="left") for axes in shown[:2]] == ["v", "r"]
     assert len(shown[-1].patches) == len(found.suggestions) + len(found.signals) >= 2
+    # Colours are named where there are two.
+    both = bool(found.suggestions) and bool(found.signals)
+    assert ("grey" in shown[-1].get_xlabel()) is both
+    assert "\N{MULTIPLICATION SIGN} noise" in shown[0].get_title(loc="right")
     nothing = model_criticism(criticise(linear(7), tried=TRIED))
     assert any("None of 8" in text.get_text() for axes in nothing.axes for text in axes.texts)
 

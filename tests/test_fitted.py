@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -237,6 +238,16 @@ def test_law_numbered_draws_are_repeatable_inside_zero_and_one_and_apart(
     assert wide[0].tolist() != wide[1].tolist()
     other = generator(seed, number, cause=cause, attempt=1).random(6)
     assert wide[0].tolist() != other.tolist()
+
+
+def test_a_uniform_number_of_zero_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """NumPy's may be: then the quantile of a normal distribution would be infinite."""
+
+    def zeros(*_: int, **__: int) -> Any:
+        return SimpleNamespace(random=np.zeros)
+
+    monkeypatch.setattr("seatrial.numbered_draws.generator", zeros)
+    assert uniforms(1, [0, 1], cause=0, width=3).tolist() == [[2.0**-54] * 3] * 2
 
 
 def test_numbers_of_draws_are_checked() -> None:

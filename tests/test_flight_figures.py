@@ -45,7 +45,7 @@ def test_the_plan_has_equal_scale_and_north_up() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("east, m", "north, m")
     across, up = np.diff(axes.get_xlim())[0], np.diff(axes.get_ylim())[0]
     assert across / axes.bbox.width == pytest.approx(up / axes.bbox.height, rel=1e-6)
-    squares = line(axes, "waypoint")
+    squares = line(axes, "waypoint with its number")
     assert squares.tolist() == [[0.0, 100.0], [100.0, 100.0], [100.0, 0.0]]
     cruise = line(axes, "flown: cruise")
     rows = cruise[np.isfinite(cruise).all(axis=1)]
@@ -100,6 +100,16 @@ def test_settled_errors_are_those_of_the_figures() -> None:
     low, high = np.percentile(error, (2.5, 97.5))
     words = " ".join(texts(flight_errors(flight))).replace("\N{MINUS SIGN}", "-")
     assert f"95 %: {low:+.2f} to {high:+.2f}" in words
+
+
+def test_the_word_leg_stands_before_the_first_number_clear_of_the_axis() -> None:
+    axes = panel(flight_errors(flown()), "cross-track error")
+    axes.figure.canvas.draw()
+    (first,) = [one for one in axes.texts if one.get_text().startswith("leg")]
+    assert first.get_text() == "leg 1"
+    ticks = [one.get_window_extent() for one in axes.get_yticklabels()]
+    assert not any(first.get_window_extent().overlaps(box) for box in ticks)
+    assert [one.get_text() for one in axes.texts if one.get_text().isdigit()] == ["2", "3"]
 
 
 def test_a_flight_without_settled_legs_says_so() -> None:

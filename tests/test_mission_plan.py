@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from seatrial.plot.mission_plan import mission_plan
+from seatrial.plot.plan_view import waypoint_label
 from seatrial.plot.planned_path import bottom_depth, patterns, planned_path
 from tests.figures import assert_legends_beside, assert_on_page, line, panel
 from tests.flying import BOX, OUT, STATION, mission
@@ -81,6 +82,7 @@ def test_patterns_are_named_once() -> None:
     assert names == ["farm", "lawnmower"]
     short = planned_path(mission(FARM)).names
     assert sum(bool(name) for name in short) == 5  # start, and both ends of both patterns
+    assert waypoint_label(planned_path(mission(FARM))) == "waypoint with its number"
     assert patterns(["waypoint 1", "waypoint 2", "buoy"]) == []
 
 

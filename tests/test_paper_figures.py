@@ -194,6 +194,7 @@ def test_a_stage_of_two_trials_shows_them_one_after_the_other(fit: Identificatio
 
 def test_convergence_falls_to_the_optimum_over_evaluations(fit: Identification) -> None:
     figure = convergence(fit.stages)
+    assert 1 <= len(fit.stages) <= len(figure.axes)
     for axes, stage in zip(figure.axes, fit.stages, strict=False):
         assert axes.get_title(loc="left") == stage.name
         assert axes.get_xlabel() == "evaluations"

@@ -109,7 +109,9 @@ def test_law_steady_speed_leaves_no_acceleration_and_follows_the_characteristic(
         tau = [4.0 * thrust * lever, 0.0, 0.0, 0.0, 0.0, 0.0]
         return float(CWOLF.acceleration([u, 0.0, 0.0, 0.0, 0.0, 0.0], LEVEL, tau)[0])
 
-    for row in speeds(CWOLF):
+    rows = speeds(CWOLF)
+    assert rows
+    for row in rows:
         root = brentq(acceleration, 0.01, 8.0, args=(row.command,), xtol=1e-12)
         # As above.
         assert row.speed_m_s == pytest.approx(root, abs=1e-6)

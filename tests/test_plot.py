@@ -6,6 +6,7 @@ import subprocess
 import sys
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import rcParams
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.image import imread
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Polygon, Rectangle
 from matplotlib.text import Annotation
 from numpy.typing import ArrayLike
@@ -62,6 +65,7 @@ def labels(axes: Axes) -> list[Annotation]:
 def test_labels_of_the_three_views_do_not_overlap_and_stay_inside(name: str) -> None:
     figure = three_views(Vehicle.load(name))
     figure.canvas.draw()
+    assert len(figure.axes) == 3
     for axes in figure.axes:
         # The text alone, without the line that ties it to its place.
         extents = [super(Annotation, text).get_window_extent() for text in labels(axes)]
@@ -75,7 +79,9 @@ def test_labels_of_the_three_views_do_not_overlap_and_stay_inside(name: str) -> 
 
 
 def test_every_actuator_is_labelled_in_every_view() -> None:
-    for axes in three_views(CWOLF).axes:
+    views = three_views(CWOLF).axes
+    assert len(views) == 3
+    for axes in views:
         named = {name for text in labels(axes) for name in text.get_text().split(", ")}
         assert named == set(CWOLF.actuators)
 
@@ -115,6 +121,25 @@ def test_files_are_sharp_enough_for_print_and_the_same_every_time(tmp_path: Path
     assert imread(png).shape[1] == round(DPI * WIDTH_IN) >= 150 * WIDTH_IN
     assert pdf.read_bytes().startswith(b"%PDF")
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+
+
+def test_all_formats_are_laid_out_alike_and_the_figure_stays_as_it_was(
+    tmp_path: Path, trial: Trial, scored: Score, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figure = measured_against_simulated(trial, scored.windows, channels=["u"])
+    engine, execute, runs = figure.get_layout_engine(), ConstrainedLayoutEngine.execute, 0
+
+    def counted(self: ConstrainedLayoutEngine, of: Figure) -> Any:
+        nonlocal runs
+        runs += 1
+        return execute(self, of)
+
+    monkeypatch.setattr(ConstrainedLayoutEngine, "execute", counted)
+    written = save(figure, tmp_path / "trial", formats=("png", "pdf", "svg"))
+    assert [path.suffix for path in written] == [".png", ".pdf", ".svg"]
+    assert runs == 1
+    assert isinstance(engine, ConstrainedLayoutEngine)
+    assert figure.get_layout_engine() is engine
 
 
 def test_drawing_leaves_global_settings_alone(trial: Trial, scored: Score) -> None:
@@ -192,7 +217,8 @@ def test_equal_characteristics_share_a_panel() -> None:
 
 
 @pytest.mark.parametrize(
-    ("number", "words"), [(0.987, "0.99"), (float("nan"), "none"), (-80.0, "below −9.9")]
+    ("number", "words"),
+    [(0.987, "0.99"), (-0.171, "−0.17"), (-0.003, "0.00"), (float("nan"), "none"), (-80.0, "below −9.9")],
 )
 def test_scores_in_titles_are_short(number: float, words: str) -> None:
     assert tidy(number) == words

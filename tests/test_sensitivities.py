@@ -190,9 +190,12 @@ def test_a_nuisance_belongs_to_its_record_and_an_initial_condition_to_its_segmen
 
 def test_nothing_unknown_has_no_columns() -> None:
     flights = Flights("cwolf", names=[])
-    for shown, jacobian in flights.loop.sensitivities([]):
+    without = flights.loop.sensitivities([])
+    alone = flights.loop.sensitivities([], initials=["initial_u"], channels=["u"])
+    assert len(without) == len(alone) == 3
+    for shown, jacobian in without:
         assert jacobian.shape == (len(shown), 12, 0)
-    for shown, jacobian in flights.loop.sensitivities([], initials=["initial_u"], channels=["u"]):
+    for shown, jacobian in alone:
         assert jacobian.shape == (len(shown), 1, 1)
         assert jacobian[0, 0, 0] == 1.0
 

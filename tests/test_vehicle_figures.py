@@ -139,7 +139,7 @@ def test_ramps_have_the_rates_of_the_motor_and_the_lag_follows(
     late = np.argmax(lines["actual"][:, 1] > 0.5 * limited.max()) - np.argmax(limited > 0.5 * limited.max())
     # A ramp's lag behind PT1 and dead time is T_1 + T_t once it has settled, less at its beginning.
     assert motor.T_t < late * (t[1] - t[0]) < motor.T_t + 1.2 * motor.T_1
-    assert f"_{{acc}}$ = {number(n_acc)}/s" in " ".join(texts(panel.figure))  # type: ignore[arg-type]
+    assert f"_{{acc}}$ = {number(n_acc)} {motor.printed_unit}/s" in " ".join(texts(panel.figure))  # type: ignore[arg-type]
 
 
 def test_motors_without_limits_or_lag_are_left_out_in_words() -> None:

@@ -122,5 +122,7 @@ def test_every_theory_page_says_source_validity_and_tests() -> None:
 
 def test_files_of_the_index_exist() -> None:
     sources = [*(ROOT / "crates").rglob("*.rs"), *(ROOT / "python").rglob("*.py")]
-    for file in re.findall(r"`([\w/]+\.(?:rs|py))`", text("docs/index.md")):
+    files = re.findall(r"`([\w/]+\.(?:rs|py))`", text("docs/index.md"))
+    assert files
+    for file in files:
         assert any(path.as_posix().endswith(f"/{file}") for path in sources), file

@@ -148,7 +148,8 @@ def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None, t
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     _threshold(axes, threshold_m, at=0.0)
     if told is not None:
-        axes.legend(loc="upper right")
+        # Above the threshold's line, which may pass behind its words.
+        axes.legend(loc="upper right", frameon=True, framealpha=1.0, edgecolor="none").set_zorder(6)
 
 
 def _told(axes: Axes, counts: Array, edges: Array) -> None:

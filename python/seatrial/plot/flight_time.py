@@ -122,7 +122,6 @@ def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float 
             axes.axvline(float(flight.t[row]), color=FAINT, linewidth=0.5, zorder=0.9)
     if not numbers:
         return
-    _above(axes, 0.0, "leg ", "right")
     begins = np.concatenate([[0], rows])
     ends = np.concatenate([rows, [len(flight.t) - 1]])
     least, last = room * float(flight.t[-1] - flight.t[0]), -math.inf
@@ -130,11 +129,13 @@ def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float 
         middle = 0.5 * float(flight.t[first] + flight.t[end])
         if middle - last < least:
             continue
-        _above(axes, middle, str(flight.leg[first] + 1), "center")
-        last = middle
+        # The word stands before the first number: left of the panel are the labels of its axis.
+        alone = last > -math.inf
+        _above(axes, middle, str(flight.leg[first] + 1) if alone else f"leg {flight.leg[first] + 1}")
+        last = middle if alone else middle + 0.5 * least
 
 
-def _above(axes: Axes, t: float, said: str, ha: Any) -> None:
+def _above(axes: Axes, t: float, said: str) -> None:
     """Small print above a panel."""
     axes.annotate(
         said,
@@ -142,7 +143,7 @@ def _above(axes: Axes, t: float, said: str, ha: Any) -> None:
         xycoords=axes.get_xaxis_transform(),
         xytext=(0, 1.5),
         textcoords="offset points",
-        ha=ha,
+        ha="center",
         fontsize=5.5,
         color="#595959",
     )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from seatrial.plot.flight_time import event_lines, events, leg_lines, line, mode_style, spans
 from seatrial.plot.plan_page import BOTTOM, current_arrow, layout, page_legend, page_title, profile_axes
-from seatrial.plot.plan_view import extent, mark_size, new_plan, waypoints
+from seatrial.plot.plan_view import extent, mark_size, new_plan, waypoint_label, waypoints
 from seatrial.plot.planned_path import planned_path
 from seatrial.plot.style import MEASURED, RESIDUAL, SECOND, SIMULATED, house_style, new_figure, panel_title
 
@@ -40,7 +40,7 @@ def flight_track(flight: Flight) -> Figure:
     reach = np.concatenate([path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]])
     flown = flight.position[np.isfinite(flight.position).all(axis=1)]
     corners = extent(path.points, flown, reach)
-    page = layout(corners, _labels(flight))
+    page = layout(corners, _labels(flight, path))
     with house_style():
         figure = new_figure(page.height, constrained=False)
         plan = new_plan(figure, page.plan, corners)
@@ -55,10 +55,10 @@ def flight_track(flight: Flight) -> Figure:
     return figure
 
 
-def _labels(flight: Flight) -> list[str]:
+def _labels(flight: Flight, path: PlannedPath) -> list[str]:
     """Words that the legend will have, as many and as long."""
     flown = [f"flown: {flight.modes[k]}" for k in np.unique(flight.mode)]
-    plain = ["planned path", "waypoint", "sphere of acceptance", "start", "end", "station kept"]
+    plain = ["planned path", waypoint_label(path), "sphere of acceptance", "start", "end", "station kept"]
     return [*plain, "desired depth", "flown depth", "depth limit", "bottom", *flown] + [
         event.words for event in events(flight)
     ]

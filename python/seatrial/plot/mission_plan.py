@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.plot.plan_page import BOTTOM, layout, page_legend, page_title, profile_axes
-from seatrial.plot.plan_view import extent, mark_size, new_plan, waypoints
+from seatrial.plot.plan_view import extent, mark_size, new_plan, waypoint_label, waypoints
 from seatrial.plot.planned_path import bottom_depth, patterns, planned_path
 from seatrial.plot.style import CYCLE, MEASURED, RESIDUAL, SIMULATED, house_style, new_figure, panel_title
 
@@ -57,7 +57,7 @@ def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:
         "start and heading",
         "sphere of acceptance",
         "planned path",
-        "waypoint",
+        waypoint_label(path),
         *_extra(mission, farms),
     ]
     page = layout(corners, [*labels, *(name for name, _, _ in runs)])

@@ -59,7 +59,9 @@ def _autocorrelation(axes: Axes, one: Autocorrelation) -> None:
     axes.plot(one.lag_s, one.rho, color=RESIDUAL if coloured else SIMULATED)
     axes.set_ylim(-0.4, 1.0)
     axes.set_xlim(0.0, float(one.lag_s[-1]))
-    panel_title(axes, one.channel, f"{one.excess:.1f} x noise, memory {one.correlation_s:.2g} s")
+    panel_title(
+        axes, one.channel, f"{one.excess:.1f} \N{MULTIPLICATION SIGN} noise, memory {one.correlation_s:.2g} s"
+    )
 
 
 def _ranked(axes: Axes, criticism: Criticism) -> None:
@@ -89,7 +91,14 @@ def _ranked(axes: Axes, criticism: Criticism) -> None:
     axes.set_ylim(len(entries) - 0.5, -0.5)
     axes.set_xlim(0.0, 1.12 * max(value for _, value in entries))
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("fall of the cost (blue) or share of the channel's residual (grey), %")
+    measures = ["fall of the cost"] * bool(first) + ["share of the channel's residual"] * (
+        len(entries) > first
+    )
+    both = len(measures) > 1
+    shown = [
+        f"{one} ({colour})" if both else one for one, colour in zip(measures, ("blue", "grey"), strict=False)
+    ]
+    axes.set_xlabel(f"{' or '.join(shown)}, %")
 
 
 def _names(names: list[str]) -> str:

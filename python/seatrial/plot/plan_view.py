@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from seatrial.plot.planned_path import PlannedPath
 
-__all__ = ["Plan", "extent", "mark_size", "new_plan", "waypoints"]
+__all__ = ["Plan", "extent", "mark_size", "new_plan", "waypoint_label", "waypoints"]
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -78,6 +78,11 @@ def mark_size(count: int) -> float:
     return 3.0 if count <= _MOST_CIRCLES else 1.6 if count <= 2 * _MOST_CIRCLES else 0.9
 
 
+def waypoint_label(path: PlannedPath) -> str:
+    """Word of the legend for the squares of waypoints; it says what a number beside one is."""
+    return "waypoint with its number" if any(name.isdigit() for name in path.names) else "waypoint"
+
+
 def waypoints(plan: Plan, path: PlannedPath, acceptance: ArrayLike, *avoid: ArrayLike) -> None:
     """Planned path with its waypoints, their spheres of acceptance and as many names as find room.
 
@@ -102,7 +107,8 @@ def waypoints(plan: Plan, path: PlannedPath, acceptance: ArrayLike, *avoid: Arra
     )
     places = path.places[1:]
     size = mark_size(len(places))
-    axes.plot(places[:, 1], places[:, 0], "s", color=MEASURED, markersize=size, zorder=2.4, label="waypoint")
+    label = waypoint_label(path)
+    axes.plot(places[:, 1], places[:, 0], "s", color=MEASURED, markersize=size, zorder=2.4, label=label)
     _spheres(plan, places, np.asarray(acceptance, dtype=float))
     _names(plan, path, [path.points, *avoid])
 

@@ -105,7 +105,7 @@ def _steps(motor: Motor, top: float, low: float) -> tuple[Array, Array, list[flo
 def _rates(axes: Axes, motor: Motor, top: float, low: float, changes: list[float]) -> None:
     """Name and number of the rate beside each ramp."""
     up, down = top / motor.n_acc, top / motor.n_dec
-    behind = motor.T_t + 1.2 * motor.T_1
+    behind, unit = motor.T_t + 1.2 * motor.T_1, motor.printed_unit
     for begin, height, name, rate in (
         (changes[0] + 0.5 * up, 0.5 * top, "acc", motor.n_acc),
         (changes[1] + 0.5 * down, 0.5 * top, "dec", motor.n_dec),
@@ -114,7 +114,7 @@ def _rates(axes: Axes, motor: Motor, top: float, low: float, changes: list[float
         if height == 0.0:  # a motor that does not run astern
             continue
         axes.annotate(
-            f"${motor.letter}_{{{name}}}$ = {number(rate)}/s",
+            f"${motor.letter}_{{{name}}}$ = {number(rate)}{'' if unit in ('', '1') else f' {unit}'}/s",
             (begin + behind, height),
             (3, 0),
             textcoords="offset points",

@@ -28,7 +28,9 @@ __all__ = ["Course", "SetPointStep", "step_responses"]
 
 Array = NDArray[np.float64]
 
-_HEIGHT_IN = 2.2
+_HEIGHT_IN, _LEGEND_IN = 2.2, 0.5
+_IN_A_COLUMN = 3  # more courses stand in two, and all of them on a page
+_PAGE_IN = 9.8
 _CORRIDOR = "#DDEBDD"
 _MARGIN, _MOST = 0.08, 0.5  # around what is shown, and how far a wild response may widen it
 _PER_STEP = 240  # points of a bound
@@ -96,19 +98,26 @@ def step_responses(courses: Sequence[Course]) -> Figure:
     """
     if not courses:
         raise SimulationError("no step responses to draw; give at least one time course")
+    columns = 1 if len(courses) <= _IN_A_COLUMN else 2
+    rows = -(-len(courses) // columns)
     with house_style():
         alone = _ALONE_IN if len(courses) == 1 else 0.0
-        figure = new_figure(_HEIGHT_IN * len(courses) + 0.5 + alone)
-        panels = figure.subplots(len(courses), 1, squeeze=False)[:, 0]
-        for axes, course in zip(panels, courses, strict=True):
-            _panel(axes, course)
-        panels[-1].set_xlabel("time, s")
-        figure.align_ylabels(list(panels))
+        figure = new_figure(min(_HEIGHT_IN * rows + _LEGEND_IN + alone, _PAGE_IN))
+        grid = figure.subplots(rows, columns, squeeze=False)
+        panels = list(grid.flat)
+        for axes, course in zip(panels, courses, strict=False):
+            _panel(axes, course, narrow=columns > 1)
+        for axes in panels[len(courses) :]:
+            axes.set_axis_off()
+        for axes in panels[len(courses) - columns : len(courses)]:
+            axes.set_xlabel("time, s")
+        for column in grid.T:
+            figure.align_ylabels(list(column))
         _legend(figure, courses)
     return figure
 
 
-def _panel(axes: Axes, course: Course) -> None:
+def _panel(axes: Axes, course: Course, *, narrow: bool) -> None:
     edges = _corridors(axes, course)
     line(axes, course.t, course.set_point, color=SECOND, linewidth=1.8, drawstyle="steps-post", zorder=2.1)
     low, high = _window(course, edges)
@@ -127,7 +136,17 @@ def _panel(axes: Axes, course: Course) -> None:
     if course.down:
         axes.invert_yaxis()
     axes.set_ylabel(course.label)
-    panel_title(axes, course.name, course.remark)
+    remark = course.remark
+    first = np.atleast_2d(course.before)[0]
+    if not ((first >= low) & (first <= high)).any():
+        remark = f"{remark or 'start gains'}, out of view"
+    if not narrow:
+        panel_title(axes, course.name, remark)
+        return
+    # Name and remark have no room beside each other.
+    axes.set_title(course.name, loc="left", fontweight="bold", pad=14 if remark else None)
+    if remark:
+        axes.text(0.0, 1.03, remark, fontsize=7, color="#404040", transform=axes.transAxes)
 
 
 def _corridors(axes: Axes, course: Course) -> list[float]:

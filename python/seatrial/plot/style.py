@@ -99,7 +99,8 @@ def tidy(number: float) -> str:
     """A score as it stands in a title: two decimals, or "below -9.9", or "none"."""
     if number != number:
         return "none"
-    return f"{number:.2f}" if number > -9.95 else "below \N{MINUS SIGN}9.9"
+    told = f"{round(number, 2) + 0.0:.2f}" if number > -9.95 else "below -9.9"  # no minus before a zero
+    return told.replace("-", "\N{MINUS SIGN}")
 
 
 def save(
@@ -116,13 +117,14 @@ def save(
     written = []
     try:
         base.parent.mkdir(parents=True, exist_ok=True)
-        with house_style():
+        with house_style(), _laid_out_once(figure):
             for ending in formats:
                 target = base.with_name(f"{base.name}.{ending}")
                 # No date inside: the same data give the same file.
                 dated = {"pdf": "CreationDate", "svg": "Date"}.get(ending)
                 figure.savefig(target, dpi=dpi, metadata={dated: None} if dated else None)
                 written.append(target)
+                figure.set_layout_engine(None)
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         reason = "the disk is full" if full else (error.strerror or str(error))
@@ -131,3 +133,13 @@ def save(
             f" {'free some space' if full else 'choose a folder that you may write to'}"
         ) from None
     return written
+
+
+@contextmanager
+def _laid_out_once(figure: Figure) -> Iterator[None]:
+    """The first file places the panels, so that all formats look alike and none is laid out in vain."""
+    engine = figure.get_layout_engine()
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)

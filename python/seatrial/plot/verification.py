@@ -102,13 +102,24 @@ def cause_bars(causes: Sequence[Influence], *, heading: str = "", most: int = 6)
     shown = list(causes[:most])
     led = [one for one in shown if one.named and one.by_failures][:3]
     with house_style():
-        figure = new_figure(max(1.9, 1.0 + 0.3 * len(shown)) if not led else 2.6)
+        figure = new_figure(max(2.1, 1.35 + 0.3 * len(shown)) if not led else 2.9)
         panels = figure.subplots(1, 1 + len(led), squeeze=False, width_ratios=[1.5] + [1.0] * len(led))[0]
-        _strengths(panels[0], shown, heading)
+        _strengths(panels[0], shown)
         for axes, cause in zip(panels[1:], led, strict=True):
             _rates(axes, cause)
         if led:
             panels[1].set_ylabel("missions that fail, %")
+            highest = max(axes.get_ylim()[1] for axes in panels[1:])
+            for axes in panels[1:]:  # the eye compares their heights
+                axes.set_ylim(0.0, highest)
+        goes = (
+            "what its failures go with"
+            if all(one.by_failures for one in shown)
+            else "what its reserve goes with"
+        )
+        figure.suptitle(
+            f"{_short(heading, 56)}: {goes}" if heading else goes, x=0.01, ha="left", fontweight="bold"
+        )
     return figure
 
 
@@ -134,7 +145,7 @@ def _words(row: Verified) -> str:
     return f"{row.found.verdict(row.allowed)}: {row.found.failures} of {row.found.runs}"
 
 
-def _strengths(axes: Axes, causes: Sequence[Influence], heading: str) -> None:
+def _strengths(axes: Axes, causes: Sequence[Influence]) -> None:
     by_failures = all(one.by_failures for one in causes)
     for place, cause in enumerate(causes):
         axes.barh(place, cause.strength, height=0.62, color=SIMULATED if cause.named else FAINT)
@@ -148,9 +159,8 @@ def _strengths(axes: Axes, causes: Sequence[Influence], heading: str) -> None:
     axes.set_xlim(0.0, 1.0)
     axes.tick_params(axis="y", length=0)
     axes.grid(visible=False, axis="y")
-    what = "|2 AUC \N{MINUS SIGN} 1|" if by_failures else "|rank correlation| with the reserve"
-    axes.set_xlabel(f"{what}; grey: not shown to matter")
-    panel_title(axes, _short(heading or "causes", 30))
+    what = "strength |2 AUC \N{MINUS SIGN} 1|" if by_failures else "|rank correlation| with the reserve"
+    axes.set_xlabel(f"{what}\ngrey: not shown to matter")
 
 
 def _size(cause: Influence) -> str:

@@ -6,7 +6,8 @@ Held by tests/test_verify.py.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,7 @@ __all__ = ["verification_figures", "verification_gallery"]
 _LIMIT = re.compile(r"\b((?:true_)?cross_track_p95_m) <=? ([0-9.]+)")
 _TRUE = "true_cross_track_p95_m"
 _MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4
+_LONGEST = 50  # letters of a requirement's name in that of a file
 
 
 def verification_gallery(
@@ -54,8 +56,10 @@ def verification_figures(found: Verification) -> Iterator[tuple[str, Figure]]:
     rows = [Verified(one.requirement.name, one.found, one.requirement.allowed) for one in found.requirements]
     yield "requirements", verified_requirements(rows, heading=f"{missions}: {len(found.flown)} missions")
     yield "cross_track", _cross_track(found)
+    taken: set[str] = set()
     for one in [row for row in found.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
-        name = _safe(one.requirement.name)
+        name = _free(_safe(one.requirement.name), taken)
+        taken.add(name)
         yield f"causes_{name}", cause_bars(one.causes, heading=one.requirement.name)
         if one.worst:
             yield f"worst_{name}", _worst(found, one)
@@ -89,4 +93,11 @@ def _worst(found: Verification, one: JudgedRequirement) -> Figure:
 
 
 def _safe(name: str) -> str:
-    return "".join(letter if letter.isalnum() else "_" for letter in name)
+    """Name for a file, short enough for any file system."""
+    return "".join(letter if letter.isalnum() else "_" for letter in name)[:_LONGEST]
+
+
+def _free(name: str, taken: Container[str]) -> str:
+    """The name, with a number where another requirement's became the same."""
+    numbered = (name if k == 1 else f"{name}_{k}" for k in count(1))
+    return next(one for one in numbered if one not in taken)

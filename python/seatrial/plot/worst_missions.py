@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.plot.plan_page import layout, page_legend, page_title, profile_axes
-from seatrial.plot.plan_view import extent, new_plan, waypoints
+from seatrial.plot.plan_view import extent, new_plan, waypoint_label, waypoints
 from seatrial.plot.planned_path import planned_path
 from seatrial.plot.style import CYCLE, HULL_EDGE, SHADE, house_style, new_figure, panel_title
 
@@ -54,7 +54,7 @@ def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figu
     reach = [path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]]
     corners = extent(path.points, *tracks, *reach)
     obstacles = [one for one in first.circumstances.obstacles if _within(one, corners)]
-    plain = ["planned path", "waypoint", "sphere of acceptance"] + [_OBSTACLE] * bool(obstacles)
+    plain = ["planned path", waypoint_label(path), "sphere of acceptance"] + [_OBSTACLE] * bool(obstacles)
     page = layout(corners, [*plain, *(one.label for one in flights)])
     with house_style():
         figure = new_figure(page.height, constrained=False)
