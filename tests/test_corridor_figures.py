@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -123,6 +124,27 @@ def test_step_responses_before_and_after_tuning_share_their_set_points() -> None
     low, high = panel(figure, "depth").get_ylim()
     assert low > high
     assert "span of the samples" not in texts(step_responses([course()]))
+
+
+@pytest.mark.parametrize("count", [3, 5, 6, 11])
+def test_many_courses_fit_on_a_page_and_keep_their_room(count: int) -> None:
+    wild = course()
+    away = replace(
+        wild, name="heave at −1 m/s, +1 m", before=wild.before + 50.0, remark="start gains: outside by 2700 s"
+    )
+    figure = step_responses([
+        *(replace(wild, name=f"surge at {k} m/s, +0.4 m/s") for k in range(count - 1)),
+        away,
+    ])
+    assert figure.get_figheight() <= 10.0
+    assert_on_page(figure)
+    assert_legends_beside(figure)
+    panels = [axes for axes in figure.axes if axes.axison]
+    assert len(panels) == count
+    # Tall enough to be read, and the lowest of each column says what its horizontal axis is.
+    assert min(axes.get_window_extent().height for axes in panels) > 0.9 * figure.dpi
+    assert all(axes.get_xlabel() == "time, s" for axes in panels[-2:]) or count == 3
+    assert "start gains: outside by 2700 s, out of view" in texts(figure)
 
 
 def test_corridors_follow_the_size_and_direction_of_their_step() -> None:

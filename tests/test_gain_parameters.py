@@ -116,6 +116,7 @@ def test_a_point_counts_from_a_fifth_of_the_weight_on() -> None:
 def test_the_autopilot_takes_what_the_parameters_give(vehicle: str) -> None:
     autopilot = st.Autopilot.load(vehicle)
     loops = {name.partition(".")[0] for name in autopilot.gains() if ".K_P." in name}
+    assert {"surge", "pitch", "heading"} <= loops
     for loop in loops:
         found = GainParameters.of_loop(
             loop, autopilot.gains(), free=[2, 3], reached=[2, 3, 4], bounds=(0.1, 10.0)
@@ -125,3 +126,26 @@ def test_the_autopilot_takes_what_the_parameters_give(vehicle: str) -> None:
         for name, value in gains.items():
             assert taken[name] == pytest.approx(value, rel=1e-12), name
             assert name.split(".")[1] in GAINS
+
+
+@given(
+    st_.lists(st_.floats(0.1, 10.0), min_size=6, max_size=6),
+    st_.lists(st_.integers(0, 5), min_size=1, max_size=3, unique=True),
+)
+def test_law_factors_go_through_the_gains_so_far_and_stay_within_their_bounds(
+    factors: list[float], free: list[int]
+) -> None:
+    start = {f"surge.K_P.{i + 1}": 10.0 * (i + 1) for i in range(6)}
+    now = {name: value * factor for (name, value), factor in zip(start.items(), factors, strict=True)}
+    every = GainParameters.of_loop("surge", start, free=free, reached=range(6), bounds=(0.1, 10.0))
+    through, x = every.through(now)
+    found = through.gains(x[None, :])
+    for name, value in now.items():
+        assert found[name][0] == pytest.approx(value)
+    lower, upper = through.bounds
+    assert (lower < upper).all()
+    assert ((lower <= x) & (x <= upper)).all()
+    for corner in (lower, upper):
+        for name, values in through.gains(corner[None, :]).items():
+            # Half a per cent beyond, where gains at both bounds leave no room at all.
+            assert 0.0994 <= values[0] / start[name] <= 10.06

@@ -93,7 +93,9 @@ def test_lit_margins_agree_with_python_control(
 
 
 def test_lit_disk_margin_bounds_the_classical_ones() -> None:
-    for row in report_margins(CWOLF, BUILT_IN, AHEAD[:1]):
+    rows = report_margins(CWOLF, BUILT_IN, AHEAD[:1])
+    assert rows
+    for row in rows:
         assert row.stable
         assert row.disk_phase_deg is not None
         assert row.phase_deg is not None
@@ -105,7 +107,9 @@ def test_lit_disk_margin_bounds_the_classical_ones() -> None:
 
 def test_margins_are_those_of_check() -> None:
     here = {(point.mode, point.speed_m_s): point for point in constraint().margins({})}
-    for row in autopilot_margins(CWOLF, BUILT_IN, speeds_m_s=AHEAD):
+    rows = autopilot_margins(CWOLF, BUILT_IN, speeds_m_s=AHEAD)
+    assert {row.speed_m_s for row in rows} == set(AHEAD)
+    for row in rows:
         point = here[row.mode, row.speed_m_s]
         assert row.phase_deg == pytest.approx(point.of.phase_deg.min(), abs=0.1)
         assert row.gain == pytest.approx(point.of.gain.min(), rel=PLACED)

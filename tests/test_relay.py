@@ -16,7 +16,7 @@ from seatrial.control_design.authority import LOOPS, ROWS, delays
 from seatrial.control_design.closed_loop import feedback, plant, restoring_law, sampled
 from seatrial.control_design.loop_gains import LoopGain, law
 from seatrial.control_design.trim import trim
-from seatrial.errors import SimulationError, VehicleError
+from seatrial.errors import CampaignError, SimulationError
 from seatrial.tuning.relay import RelayTuning, relay_autopilot
 from seatrial.tuning.relay_cycle import relay_cycle
 from seatrial.tuning.relay_rules import pid_gains
@@ -92,15 +92,9 @@ def test_too_few_cycles_are_none(cycles: float) -> None:
 
 
 def crossover(loop: str, *, ramp: bool) -> tuple[float, float]:
-    """Ultimate gain and period of the linear loop at 3 m/s, the others closed with the start's gains.
-
-    A sampled relay sees that its error has changed sign half a period late on average.
-    """
+    """Ultimate gain and period of the sampled linear loop at 3 m/s, the others closed with start gains."""
     rows = "".join(ROWS[LOOPS.index(one)] for one in CRUISE)
-    late = {
-        row: replace(of, dead_s=of.dead_s + 0.5 * AUTOPILOT.period_s, ramp_s=of.ramp_s if ramp else 0.0)
-        for row, of in delays(VEHICLE, rows).items()
-    }
+    late = {row: replace(of, ramp_s=of.ramp_s if ramp else 0.0) for row, of in delays(VEHICLE, rows).items()}
     about = trim(VEHICLE, 3.0, rows, STERN)
     assert about is not None
     system = sampled(plant(VEHICLE, about, CRUISE), late, AUTOPILOT.period_s, CRUISE)
@@ -130,10 +124,9 @@ def test_the_cycle_of_a_small_relay_is_the_phase_crossover_of_the_linear_loop(lo
     gain, period = crossover(loop, ramp=False)
     found = trial(loop, 0.05).cycle
     assert found is not None
-    # A describing function leaves out the third harmonic, some per cent here; the cycle locks in
-    # with the sampling, 0.1 s of 3.8 s, and the gain goes with the square of the period.
+    # What is left of the propellers' rate limit; a relay smaller yet is lost beside the load.
     assert found.ultimate_gain == pytest.approx(gain, rel=0.10)
-    assert found.period_s == pytest.approx(period, rel=0.05)
+    assert found.period_s == pytest.approx(period, rel=0.07)
 
 
 @pytest.mark.parametrize("loop", ["pitch", "heading"])
@@ -188,9 +181,11 @@ def test_gains_follow_the_rule_and_all_else_stays() -> None:
     for rule in ("tyreus-luyben", "ziegler-nichols"):
         result = tuned(rule)
         gains = result.autopilot.gains()
+        held = 0
         for point in result.points:
             if point.gains is None or point.taken is None or point.taken.cycle is None:
                 continue
+            held += 1
             cycle = point.taken.cycle
             kind = "PI" if point.loop == "surge" else "PID"
             exact = pid_gains(rule, kind, ultimate_gain=cycle.ultimate_gain, period_s=cycle.period_s)
@@ -200,6 +195,7 @@ def test_gains_follow_the_rule_and_all_else_stays() -> None:
             assert written == pytest.approx([exact.k_p, exact.k_i, exact.k_d], rel=6e-3)
             least = min(t.cycle.ultimate_gain for t in point.trials if t.usable and t.cycle is not None)
             assert cycle.ultimate_gain == least
+        assert held > 0
         start = AUTOPILOT.gains()
         tunable = [f"{loop}.{name}." for loop in result.sources for name in ("K_P", "K_I", "K_D")]
         kept = [name for name in start if not any(name.startswith(head) for head in tunable)]
@@ -253,5 +249,17 @@ def test_bad_input_is_answered_in_a_sentence() -> None:
     with pytest.raises(SimulationError, match="speeds: expected numbers above zero"):
         relay_autopilot(VEHICLE, AUTOPILOT, speeds=[-1.0])
     regulator = st.Autopilot.from_toml(st.start_autopilot(st.Vehicle.load("lauv"), law="lqr"))
-    with pytest.raises(VehicleError, match="expected an autopilot of PID loops"):
+    with pytest.raises(CampaignError, match='expected control = "pid"'):
         relay_autopilot("lauv", regulator)
+    with pytest.raises(SimulationError, match=r"at most the top speed of cwolf, 3\.18 m/s, found 9"):
+        relay_autopilot(VEHICLE, AUTOPILOT, speeds=[1.0, 9.0])
+    # A Python function has no command line.
+    with pytest.raises(SimulationError, match=r"depends on the supply voltage; give voltage, in V$"):
+        relay_autopilot("bluerov2-heavy", "bluerov2-heavy", speeds=[0.5])
+    with pytest.raises(SimulationError, match="voltage: expected a positive number in V, found -5"):
+        relay_autopilot(VEHICLE, AUTOPILOT, voltage=-5.0)
+
+
+def test_the_speeds_go_with_the_supply() -> None:
+    with pytest.raises(SimulationError, match=r"at most the top speed of bluerov2-heavy, 0\.67 m/s"):
+        relay_autopilot("bluerov2-heavy", "bluerov2-heavy", speeds=[0.8], voltage=10.0)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.plot.relay import relay_cycles
+from seatrial.plot.relay import relay_cycles, relay_pages
 from seatrial.tuning.relay import RelayTuning, relay_autopilot
 from tests.figures import assert_legends_beside, assert_on_page, panel, texts
 
@@ -35,11 +36,22 @@ def test_it_shows_the_cycle_in_degrees_and_its_gain() -> None:
     assert point.taken.cycle is not None
     axes = panel(figure, "heading, 3 m/s")
     drawn = np.asarray(axes.lines[0].get_ydata(), dtype=float)
-    # Peaks of single cycles scatter a little about the median.
-    assert 0.5 * np.ptp(drawn) == pytest.approx(np.rad2deg(point.taken.cycle.amplitude), rel=0.1)
+    # The relay's own cycle, 4 deg off the crossover, is larger than the one that is told there.
+    assert 0.5 * np.ptp(drawn) == pytest.approx(np.rad2deg(point.taken.cycle.amplitude), rel=0.2)
     words = " ".join(texts(figure))
     assert f"{point.taken.cycle.ultimate_gain:.3g} N m/rad" in words
     assert "surge: no cycle at 3 m/s" in words
+
+
+def test_many_cycles_take_several_pages() -> None:
+    result = tuned(None)
+    assert relay_pages(result) == 1
+    shown = len(relay_cycles(result).axes)
+    many = replace(result, points=result.points * 4)
+    figures = [relay_cycles(many, page=page) for page in range(1, relay_pages(many) + 1)]
+    assert len(figures) > 1
+    assert sum(len([axes for axes in figure.axes if axes.axison]) for figure in figures) == 4 * shown
+    assert max(figure.get_figheight() for figure in figures) <= 10.0
 
 
 def test_an_unusable_cycle_is_grey_and_says_why() -> None:

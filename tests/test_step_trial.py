@@ -58,6 +58,16 @@ def test_the_core_adds_up_what_the_criterion_says_of_the_log(loop: str, speed: f
         assert below + above > 0.1
 
 
+@pytest.mark.parametrize("until_s", [12.24, 12.26, 12.3])
+def test_a_corridor_need_not_end_with_a_control_period(until_s: float) -> None:
+    one, steps = rig(), trials(until_s=until_s)
+    t, answers = one.responses(steps, still(), {})
+    assert len(t) == answers["yaw"].shape[-1]
+    # The flight goes on to the end of the period in which its time is up, and no further.
+    assert steps.duration_s <= t[-1] + 1e-9 < steps.duration_s + one.autopilot.period_s
+    assert np.isfinite(answers["yaw"]).all()
+
+
 def test_law_a_candidate_does_not_know_its_neighbours() -> None:
     one = trials("heading", (1.0, 3.0), (0.3, -0.3))
     samples = Samples({}, np.array([[0.0] * 3, [0.1, 0.0, 0.0]]), (1, 2))

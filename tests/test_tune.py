@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,14 @@ import seatrial as st
 from seatrial.errors import SeatrialError
 from seatrial.progress import Progress
 from seatrial.tune import tune
+from seatrial.tuning import tuning_run
 from seatrial.tuning.conduct import plan_of
 from seatrial.tuning.group_search import GroupResult, search_group, search_margins
 from seatrial.tuning.judged import judge
 from seatrial.tuning.margin_constraint import MarginConstraint
-from seatrial.tuning.tuning_result import Tuning, tuned_autopilot
+from seatrial.tuning.tuning_result import tuned_autopilot
 from seatrial.tuning.tuning_text import comparison_head, comparison_rows, gain_rows, sentences, trial_rows
-from tests.tuning_campaigns import HEADING, campaign, plan, start
+from tests.tuning_campaigns import HEADING, campaign, plan, start, tuned
 
 ASTERN = """
 [tuning]
@@ -48,9 +48,7 @@ corridor = { rise_s = 6.0, overshoot = 0.3, settling_s = 9.0, until_s = 12.0 }
 )
 
 
-@cache
-def found() -> Tuning:
-    return tune(campaign(), threads=1)
+found = tuned
 
 
 def quick(text: str = HEADING) -> st.Campaign:
@@ -123,6 +121,11 @@ def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) 
     assert done == ["heading"]
     last = first.groups[-1]
     assert last.name == "surge"
+    # What it has so far is an autopilot that flies, and the summary says where.
+    assert first.kept == tmp_path / "run.partial" / "autopilot.toml"
+    kept = st.Autopilot.load(first.kept)
+    assert kept.gains() == first.autopilot.gains() != first.start.gains()
+    assert "run.partial/autopilot.toml, which `seatrial fly` takes" in first.summary()
     assert last.after["violation"] <= last.before["violation"]
 
     seen = Watch()
@@ -144,11 +147,25 @@ def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) 
 def test_progress_grows_from_search_to_search() -> None:
     seen = Watch()
     tune(quick(TWO), progress=seen, threads=1)
-    # A search that has to be done again comes on top of what was planned.
-    shares = [state.fraction for state in seen.seen if "again" not in state.stage]
+    # A search that has to be done again was planned from the beginning.
+    shares = [state.fraction for state in seen.seen]
     assert shares == sorted(shares)
     assert 0.0 < shares[0] < shares[-1] <= 1.0
     assert all(state.left_s >= 0.0 for state in seen.seen)
+
+
+def test_ctrl_c_while_start_gains_are_tried_again_keeps_what_was_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tuning_run, "take_back", stopped)
+    one = tune(quick(), run_dir=tmp_path / "run", threads=1)
+    assert one.interrupted
+    assert one.judged == ()
+    assert one.kept is not None
+    assert st.Autopilot.load(one.kept).gains() == one.autopilot.gains()
 
 
 def test_margins_come_first_where_the_start_gains_leave_the_motion_unstable() -> None:
@@ -244,8 +261,12 @@ def test_a_response_outside_its_corridor_is_named() -> None:
     vars(one)["margins"] = found().margins  # taking them takes seconds
     assert not one.feasible
     said = " ".join(sentences(one))
-    assert "1 of 1 responses leaves its corridor" in said
+    assert "1 of 1 responses of the vehicle itself leaves its corridor" in said
     assert "heading at 3.00 m/s, step of +20 deg: outside by" in said
+    # It says why: the motors cannot do that, noise or not.
+    assert "1.2 s are asked; raise rise_s, or take smaller steps" in said
+    assert one.quiet is not None
+    assert one.quiet.trials[0].rise_s > 1.2
 
 
 def test_results_are_plain_data_and_files(tmp_path: Path) -> None:

@@ -72,9 +72,9 @@ def test_every_key_is_read() -> None:
 
 def test_an_empty_table_has_defaults_that_do_not_depend_on_the_vehicle() -> None:
     table = read("[tuning]")
-    assert (table.samples, table.robust, table.current_m_s, table.sensors) == (6, "worst", None, "typical")
+    assert (table.samples, table.robust, table.current_m_s, table.sensors) == (3, "worst", None, "typical")
     margins = table.margins
-    assert (margins.phase_deg, margins.gain_db, margins.delay_s) == (35.0, 6.0, 0.2)
+    assert (margins.phase_deg, margins.gain_db, margins.delay_s) == (30.0, 6.0, 0.2)
     assert (table.smoothness, table.bounds, table.settle_s) == (0.05, (0.1, 10.0), None)
     assert table.loops.given() == {}
     surge = read("[tuning.loops.surge]").loops.given()["surge"]
@@ -123,6 +123,9 @@ REFUSED = {
     LOOP + "speeds_m_s = [1.0, 1.0]": "speeds_m_s holds 1 twice",
     "[tuning.loops.pitch]\nsteps = [95.0]": "expected angles between -90 and 90 deg, found 95",
     "[tuning.loops.heading]\nsteps = [-120.0]": "steps of heading: expected angles between -120 and 120 deg",
+    LOOP
+    + "corridor = { lower = [[0.0, 0.5], [9.0, 0.9]] }": "a response begins at 0, which lies outside at 0 s",
+    LOOP + "corridor = { lower = [[0.0, -0.1]], upper = [[0.0, 1.1], [9.0, 0.8]] }": "a response ends at 1",
     LOOP + "corridor = { rise = 3.0 }": 'did you mean "rise_s"?',
     LOOP + "corridor = 3": "key corridor: expected a table, found 3",
     LOOP + "corridor = { overshoot = 0.1 }": "expected rise_s, or points as lower and upper",

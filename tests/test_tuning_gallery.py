@@ -38,7 +38,7 @@ def judged(name: str, factor: float) -> Judged:
 
 def test_a_loop_s_corridors_show_start_beside_tuned_at_every_speed() -> None:
     before, after = judged("start", 1.0), judged("tuned", 2.0)
-    figure = corridors(before, after, "surge")
+    (figure,) = corridors(before, after, "surge")
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert len(titles) == 4
     assert titles[0].startswith("surge at 1.5 m/s, ")
@@ -50,6 +50,22 @@ def test_a_loop_s_corridors_show_start_beside_tuned_at_every_speed() -> None:
     # Three samples, there and back: the worst of six.
     texts = figure.axes[0].get_legend_handles_labels()[1]
     assert any(text.startswith("worst of 6 steps") for text in texts)
+
+
+def test_corridors_at_many_speeds_take_several_pages() -> None:
+    one = plan(SURGE.replace("[1.5, 2.5]", "[0.5, 1.0, 1.5, 2.5]"))
+    gains = one.rig(start(), max_step=0.05, threads=1)
+    found = judge(one, "start", gains, one.samples(1, 1))
+    figures = list(corridors(found, found, "surge"))
+    assert [len(figure.axes) for figure in figures] == [6, 2]
+    assert max(figure.get_figheight() for figure in figures) <= 10.0
+
+
+def test_titles_of_corridors_have_words_and_true_minus_signs() -> None:
+    one = plan(SURGE.replace("loops.surge", "loops.cross_track").replace("[0.3, -0.3]", "[-3.0]"))
+    found = judge(one, "start", one.rig(start(), max_step=0.05, threads=1), one.samples(1, 1))
+    (figure,) = corridors(found, found, "cross_track")
+    assert figure.axes[0].get_title(loc="left") == "cross-track at 1.5 m/s, −3 m: start gains"
 
 
 def test_of_the_steps_at_a_speed_the_one_that_is_held_least_is_shown() -> None:

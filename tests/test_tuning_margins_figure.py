@@ -65,6 +65,29 @@ def test_phase_margins_are_drawn_where_they_are(figure: Figure, colour: str, bef
     }
 
 
+def test_the_legend_has_the_words_of_the_other_figures_of_a_tuning(figure: Figure) -> None:
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert words[:2] == ["start gains", "tuned"]
+
+
+def test_a_legend_of_many_modes_stays_on_the_page_and_off_the_panels() -> None:
+    text = (
+        AFTER
+        .to_toml()
+        .replace('"cruise"', '"cruise with a long name"')
+        .replace('"hover"', '"hover by all four"')
+    )
+    loud = st.Autopilot.from_toml(text, "cwolf").with_gains({
+        name: 40.0 * value for name, value in AFTER.gains().items() if name.startswith("pitch.K_")
+    })
+    drawn = tuning_margins(CWOLF, (loud, loud), speeds_m_s=SPEEDS, limits=LIMITS)
+    drawn.canvas.draw()
+    box = drawn.legends[0].get_window_extent()
+    assert box.x1 <= drawn.bbox.x1
+    titles = [axes._left_title.get_window_extent().y1 for axes in drawn.axes[:4]]  # type: ignore[attr-defined]
+    assert box.y0 >= max(titles)
+
+
 def test_limits_are_drawn(figure: Figure) -> None:
     drawn = (LIMITS.phase_deg, LIMITS.gain_db, LIMITS.delay_s)
     for axes, limit in zip(figure.axes[:3], drawn, strict=True):

@@ -104,6 +104,9 @@ def test_the_worst_or_a_quantile_and_a_tenth_of_the_mean_decide() -> None:
     total = np.array([[0.0, 1.0, 5.0], [0.0, 0.0, 0.0], [2.0, 2.0, 2.0]])
     np.testing.assert_allclose(robust(total, 1.0), [5.2, 0.0, 2.2])
     np.testing.assert_allclose(robust(total, 0.5), [1.2, 0.0, 2.2])
+    # The vehicle itself, the first ones, counts whatever the quantile: a tuning is feasible by it.
+    own = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(robust(own, 0.5, nominal=2), [1.025, 1.025, 0.525])
     np.testing.assert_array_equal(robust(np.array([[0.0, np.inf], [0.0, np.nan]]), 0.5), [np.inf, np.inf])
 
 

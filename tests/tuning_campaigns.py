@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 
 import seatrial as st
+from seatrial.tune import tune
 from seatrial.tuning.conduct import plan_of
 from seatrial.tuning.corridor import Corridor
 from seatrial.tuning.loop_trials import LoopTrials, Samples
 from seatrial.tuning.step_trial import Rig
 from seatrial.tuning.tuning_plan import TuningPlan
+from seatrial.tuning.tuning_result import Tuning
 
 START = Path(__file__).parent.parent / "examples" / "cwolf" / "start_autopilot.toml"
 
@@ -95,3 +97,9 @@ def trials(
         weight_upper=weight_upper,
     )
     return LoopTrials(loop, corridor, beside or {}, speeds, sizes, settle_s=4.0)
+
+
+@cache
+def tuned() -> Tuning:
+    """The tuning of `HEADING`."""
+    return tune(campaign(), threads=1)

@@ -10,14 +10,14 @@ tests/test_autopilot_margins.py.
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from seatrial._core import Autopilot, Vehicle
     from seatrial.control_design.closed_loop import Sampled
@@ -127,8 +127,19 @@ class ModeLoop:
     trimmed: bool
 
 
-def mode_loop(vehicle: Vehicle, tables: dict[str, Any], mode: str, speed_m_s: float) -> ModeLoop:
-    """Sampled motion about the trim of a mode at a speed in m/s, of the tables of an autopilot file."""
+def mode_loop(
+    vehicle: Vehicle,
+    tables: dict[str, Any],
+    mode: str,
+    speed_m_s: float,
+    *,
+    measured_late_s: Mapping[str, float] | None = None,
+) -> ModeLoop:
+    """Sampled motion about the trim of a mode at a speed in m/s, of the tables of an autopilot file.
+
+    ``measured_late_s`` is the age in s of what each loop measures, 0 where missing. The loop is opened at
+    its row of the wrench: there dead time of its measurements and of its actuators are the same.
+    """
     from seatrial.control_design.authority import LOOPS, ROWS, delays
     from seatrial.control_design.closed_loop import STATES, plant, restoring_law, sampled
     from seatrial.control_design.trim import Trim, trim
@@ -141,7 +152,11 @@ def mode_loop(vehicle: Vehicle, tables: dict[str, Any], mode: str, speed_m_s: fl
     nu = np.array([speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
     about = flight or Trim(speed_m_s, rows, np.zeros(3), nu, np.zeros(6), actuators)
     motion = plant(vehicle, about, loops)
-    system = sampled(motion, delays(vehicle, rows), float(tables["period_s"]), loops)
+    late = {ROWS[LOOPS.index(loop)]: (measured_late_s or {}).get(loop, 0.0) for loop in loops}
+    behind = {
+        row: replace(delay, dead_s=delay.dead_s + late[row]) for row, delay in delays(vehicle, rows).items()
+    }
+    system = sampled(motion, behind, float(tables["period_s"]), loops)
     known = np.zeros((len(ROWS), len(STATES)))
     if tables["feed_forward"]["restoring"]:
         known = restoring_law(vehicle, rows)

@@ -9,6 +9,7 @@ import math
 from typing import TYPE_CHECKING
 
 from seatrial.plot.style import SECOND, SIMULATED, house_style, new_figure
+from seatrial.tuning.relay_trial import UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,9 +18,10 @@ if TYPE_CHECKING:
     from seatrial.tuning.relay import RelayPoint, RelayTuning
     from seatrial.tuning.relay_trial import RelayTrial
 
-__all__ = ["relay_cycles"]
+__all__ = ["relay_cycles", "relay_pages"]
 
 _COLUMNS, _ROW_IN = 3, 1.6
+_ON_A_PAGE = 5 * _COLUMNS
 _LETTERS = {
     "surge": "u",
     "sway": "v",
@@ -28,16 +30,27 @@ _LETTERS = {
     "pitch": "pitch",
     "heading": "heading",
 }
-_UNITS = {"surge": "m/s", "sway": "m/s", "heave": "m"}
+_GAIN_UNITS = {"m/s": "N s/m", "m": "N/m", "rad": "N m/rad"}
 _ROOM = 1.25
 _DOUBTFUL, _PALE = "#8C8C8C", "#C8C8C8"
 
 
-def relay_cycles(tuning: RelayTuning) -> Figure:
+def relay_pages(tuning: RelayTuning) -> int:
+    """Number of pages that the cycles of a relay tuning need."""
+    return max(1, math.ceil(len(_drawn(tuning)) / _ON_A_PAGE))
+
+
+def relay_cycles(tuning: RelayTuning, *, page: int = 1) -> Figure:
     """Figure of the cycles that the gains were made of: deviation measured, force or moment of the relay.
 
     Where no trial has a usable cycle, the one that was seen is shown in grey with the reason; where there
     was none, a line below says so.
+
+    Parameters
+    ----------
+    tuning : RelayTuning
+    page : int
+        Which of `relay_pages`, from 1 on.
 
     Examples
     --------
@@ -46,7 +59,7 @@ def relay_cycles(tuning: RelayTuning) -> Figure:
     >>> relay_cycles(tuning).axes[0].get_title(loc="left")
     'surge, 0.881 m/s'
     """
-    points = [point for point in tuning.points if _shown(point) is not None]
+    points = _drawn(tuning)[(page - 1) * _ON_A_PAGE : page * _ON_A_PAGE]
     columns = max(1, min(_COLUMNS, len(points)))
     rows = max(1, math.ceil(len(points) / columns))
     note = _without(tuning)
@@ -68,6 +81,11 @@ def relay_cycles(tuning: RelayTuning) -> Figure:
     return figure
 
 
+def _drawn(tuning: RelayTuning) -> list[RelayPoint]:
+    """The points with a cycle to show."""
+    return [point for point in tuning.points if _shown(point) is not None]
+
+
 def _shown(point: RelayPoint) -> RelayTrial | None:
     """The trial that the gains come from, or else the first with a cycle."""
     return point.taken or next((one for one in point.trials if one.trace is not None), None)
@@ -87,7 +105,8 @@ def _panel(axes: Axes, point: RelayPoint) -> None:
     if trial is None or trial.trace is None or trial.cycle is None:
         return
     usable = point.gains is not None
-    degrees = point.loop not in _UNITS
+    unit = UNITS[point.loop]
+    degrees = unit == "rad"
     factor = math.degrees(1.0) if degrees else 1.0
     trace = trial.trace
     t = trace.t - trace.t[0]
@@ -104,18 +123,14 @@ def _panel(axes: Axes, point: RelayPoint) -> None:
     wrench.spines["right"].set_visible(True)
     wrench.spines["right"].set_color(SECOND)
     axes.set_xlim(t[0], t[-1])
-    axes.set_ylabel(f"{_LETTERS[point.loop]}, {'deg' if degrees else _UNITS[point.loop]}", fontsize=7)
+    axes.set_ylabel(f"{_LETTERS[point.loop]}, {'deg' if degrees else unit}", fontsize=7)
     wrench.set_ylabel("N m" if degrees else "N", fontsize=7, labelpad=1)
     axes.set_title(f"{point.loop}, {point.speed_m_s:.3g} m/s", loc="left", fontweight="bold", pad=13)
-    gain = f"$K_u$ = {trial.cycle.ultimate_gain:.3g} {_gain_unit(point.loop)}"
-    text = f"$T_u$ = {trial.cycle.period_s:.2g} s, {gain}"
+    text = f"$T_u$ = {trial.cycle.period_s:.2g} s, "
+    text += f"$K_u$ = {trial.cycle.ultimate_gain:.3g} {_GAIN_UNITS[unit]}"
     axes.text(
         0.0, 1.03, text if usable else trial.why, fontsize=6.5, color="#404040", transform=axes.transAxes
     )
-
-
-def _gain_unit(loop: str) -> str:
-    return {"surge": "N s/m", "sway": "N s/m", "heave": "N/m"}.get(loop, "N m/rad")
 
 
 def _legend(figure: Figure, note: list[str], *, doubtful: bool) -> None:

@@ -36,6 +36,7 @@ _LABELS = {
     "cross_track": "cross-track position",
 }
 _PANELS = 6
+_SPEEDS_ON_A_PAGE = 3  # in the figure of corridors
 _BEFORE_S = 5.0  # of the settling that is drawn before the first step
 _MINUS = "\N{MINUS SIGN}"
 
@@ -76,7 +77,8 @@ def _figures(tuning: Tuning, loops: Collection[str] | None) -> Iterator[tuple[st
     if start is None or tuned is None:
         return
     for loop in tuned.responses if loops is None else [name for name in tuned.responses if name in loops]:
-        yield f"corridor_{loop}", corridors(start, tuned, loop)
+        for page, figure in enumerate(corridors(start, tuned, loop), 1):
+            yield _paged(f"corridor_{loop}", page), figure
         yield f"responses_{loop}", responses(start, tuned, loop)
     if "surge" in tuned.responses:
         from seatrial.plot.speed_steps import speed_steps
@@ -87,19 +89,38 @@ def _figures(tuning: Tuning, loops: Collection[str] | None) -> Iterator[tuple[st
     yield (
         "margins",
         tuning_margins(
-            tuning.plan.vehicle, (tuning.start, tuning.autopilot), limits=tuning.plan.table.margins
+            tuning.plan.vehicle,
+            (tuning.start, tuning.autopilot),
+            limits=tuning.plan.table.margins,
+            sensors=tuning.plan.sensors,
         ),
     )
     if tuning.relay is not None:
-        from seatrial.plot.relay import relay_cycles
+        from seatrial.plot.relay import relay_cycles, relay_pages
 
-        yield "relay", relay_cycles(tuning.relay)
+        for page in range(1, relay_pages(tuning.relay) + 1):
+            yield _paged("relay", page), relay_cycles(tuning.relay, page=page)
 
 
-def corridors(start: Judged, tuned: Judged, loop: str) -> Figure:
-    """Figure of a loop's steps in their corridor, there and back: start gains beside tuned ones."""
+def _paged(name: str, page: int) -> str:
+    """Name of a figure that may need several pages."""
+    return name if page == 1 else f"{name}_{page}"
+
+
+def corridors(start: Judged, tuned: Judged, loop: str) -> Iterator[Figure]:
+    """Figures of a loop's steps in their corridor, there and back: start gains beside tuned ones.
+
+    Each fits on a page.
+    """
+    trials = _one_per_speed(tuned, start, loop)
+    for first in range(0, len(trials), _SPEEDS_ON_A_PAGE):
+        yield _corridors(start, tuned, loop, trials[first : first + _SPEEDS_ON_A_PAGE])
+
+
+def _corridors(start: Judged, tuned: Judged, loop: str, trials: list[int]) -> Figure:
+    """Figure of some trials of a loop in their corridor."""
     shown = []
-    for trial in _one_per_speed(tuned, start, loop):
+    for trial in trials:
         for judged, name in ((start, "start gains"), (tuned, "tuned")):
             own = judged.responses[loop]
             since = own.t - own.trials.settle_s
@@ -149,7 +170,8 @@ def _step(of: Responses, trial: int, loop: str) -> str:
     """Loop, speed and step of a trial, for a title."""
     entry = LOOPS[loop]
     size = of.trials.sizes[trial] / entry.to_si
-    return f"{loop} at {of.trials.speeds[trial]:.3g} m/s, {size:+.3g} {entry.unit}".replace("-", _MINUS)
+    numbers = f"{of.trials.speeds[trial]:.3g} m/s, {size:+.3g} {entry.unit}".replace("-", _MINUS)
+    return f"{loop.replace('_', '-')} at {numbers}"
 
 
 def _tells(start: Judged, loop: str, trial: int) -> str:

@@ -7,7 +7,7 @@ Hägglund, 2006: 1.4 to 2 is usual). Held by tests/test_tuning_margins_figure.py
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,10 +19,13 @@ from seatrial.plot.style import FAINT, MEASURED, RESIDUAL, SIMULATED, house_styl
 from seatrial.tuning.margin_constraint import MarginConstraint, PointMargins, decibel
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.sensors.sensor import Sensor
     from seatrial.tuning.tuning_file import Margins
 
 __all__ = ["tuning_margins"]
@@ -33,9 +36,10 @@ Complex = NDArray[np.complex128]
 _ROW_IN, _HEAD_IN = 1.5, 0.55
 _SENSITIVITY = 2.0
 _FORBIDDEN = "#F3C9B5"
-_LOOK = {"before": (MEASURED, 0.9, 3.0), "after": (SIMULATED, 1.3, 3.6)}  # colour, width, marker
+_LOOK = {"start gains": (MEASURED, 0.7, 2.6), "tuned": (SIMULATED, 1.7, 3.8)}  # colour, width, marker
 _MARKERS = "os^D"  # per mode
 _LARGEST_DB, _LEAST_S, _LARGEST_S = 45.0, 0.03, 60.0  # margins beyond are drawn there
+_LETTERS, _HANDLE = 126, 6  # that a line of the legend holds, and the room of a handle in letters
 _WINDOW = (-2.2, 0.9, -1.25, 1.25)
 
 _FAR_M_S = 100.0
@@ -56,6 +60,7 @@ def tuning_margins(
     *,
     speeds_m_s: Sequence[float] | None = None,
     limits: Margins | None = None,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> Figure:
     """Figure of the margins of an autopilot before and after its tuning.
 
@@ -68,6 +73,8 @@ def tuning_margins(
         Desired speeds, m/s; of each its supporting points that the vehicle reaches when missing.
     limits : Margins, optional
         Least margins; those of a campaign that gives none when missing.
+    sensors : mapping of str to Sensor, str or Path, optional
+        Their latency and interval count as dead time; perfect ones when missing.
 
     Raises
     ------
@@ -76,7 +83,7 @@ def tuning_margins(
     """
     sides = []
     for name, autopilot in zip(_LOOK, autopilots, strict=True):
-        constraint = MarginConstraint(vehicle, autopilot, speeds_m_s, limits=limits)
+        constraint = MarginConstraint(vehicle, autopilot, speeds_m_s, limits=limits, sensors=sensors)
         sides.append(_Side(name, constraint.margins({}), constraint.open_loops({})))
     used = [loop for loop in LOOPS if any(loop in point.loops for side in sides for point in side.points)]
     speeds = [point.speed_m_s for side in sides for point in side.points]
@@ -240,11 +247,14 @@ def _legend(figure: Figure, sides: Sequence[_Side], modes: Sequence[str]) -> Non
     if any(point.growth_per_s[0] > 0.0 for side in sides for point in side.points):
         handles.append(Line2D([], [], color=FAINT, linestyle="", marker="x", label="unstable (dotted)"))
     handles.append(Patch(color=_FORBIDDEN, label=f"below its limit, $|S|$ > {_SENSITIVITY:g}"))
+    # Two lines where the page is too narrow for one.
+    wide = sum(len(str(one.get_label())) + _HANDLE for one in handles) > _LETTERS
     figure.legend(
         handles=handles,
         loc="upper left",
         bbox_to_anchor=(0.0, 1.0 - 0.24 / figure.get_figheight()),
-        ncols=len(handles),
+        ncols=-(-len(handles) // 2) if wide else len(handles),
+        labelspacing=0.2,
         columnspacing=1.1,
         handletextpad=0.5,
         borderaxespad=0.0,

@@ -6,38 +6,89 @@ Dead time, lag and reference filter come on top, and the rise time is twice as m
 + 3/omega)``. Water that damps the motion, and guidance's own limits of rates, slow it further.
 
 Source: bang-bang control of a double integrator, e.g. Bryson and Ho, *Applied Optimal Control* (1975),
-section 3.9. Held by tests/test_tuning_plan.py.
+section 3.9.
+
+Where the loop with its start gains, in still water, is slower or overshoots further than that, the corridor
+asks for 5 % less of it: what makes it so, such as fins in slow water, stays with other gains. Nor is it
+narrower than five standard deviations of what the loop does at rest (the share of all instants beyond, were
+they independent and normal: 6e-7), nor a step by default smaller than that asks for.
+Held by tests/test_tuning_plan.py.
 """
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.check.actuators import NOMINAL_V
 from seatrial.control_design.authority import LOOPS as ORDER
 from seatrial.control_design.authority import ROWS, delays, reach
 from seatrial.tuning.corridor import Corridor
-from seatrial.tuning.tuning_file import LOOPS, Weights
+from seatrial.tuning.start_figures import StartFigures
+from seatrial.tuning.tuning_file import LOOPS, Weights, default_steps
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = ["default_corridor"]
+__all__ = ["default_corridor", "steps_above_noise"]
 
 _LEFT = 0.5  # of the reach, to other loops
 _ROOM = 2.0
 _SHORTEST_S, _LONGEST_S = 2.0, 60.0
+_OVERSHOOT, _OVERSHOOT_MOST = 0.15, 0.3
+_SETTLED, _SETTLED_MOST = 0.08, 0.1
+_SETTLING = 2.5  # over the rise, by the limits
+_END = 1.6  # over the settling: from there on it only has to stay
+_DEVIATIONS = 5.0  # of the answer at rest, that a band has room for
+_LARGEST_STEP = 2.5  # over the usual one
+_BETTER = 0.95  # of what the start gains do
 _PATHS = {"depth": "pitch", "cross_track": "heading"}
 _SLOWEST_ROW = 1e-6
 
 
+def steps_above_noise(loop: str, noise: float, *, top_m_s: float) -> tuple[float, float]:
+    """Steps of a loop in both directions whose band the answer's noise does not fill, in the file's unit.
+
+    Parameters
+    ----------
+    loop : str
+    noise : float
+        Standard deviation of the answer at rest, SI.
+    top_m_s : float
+        Top speed ahead, m/s.
+
+    Examples
+    --------
+    >>> steps_above_noise("surge", 0.0, top_m_s=2.0)
+    (0.3, -0.3)
+    >>> steps_above_noise("surge", 0.008, top_m_s=2.0)
+    (0.5, -0.5)
+    """
+    usual = default_steps(loop, top_m_s=top_m_s)[0]
+    needed = _DEVIATIONS * noise / _SETTLED / LOOPS[loop].to_si
+    if needed > usual:
+        digit = 10.0 ** (math.floor(math.log10(needed)) - 1)
+        usual = min(math.ceil(needed / digit - 1e-9) * digit, _LARGEST_STEP * usual)
+    size = float(f"{usual:.3g}")
+    return size, -size
+
+
 def default_corridor(
-    vehicle: Vehicle, autopilot: Autopilot, loop: str, steps: Sequence[float], *, weights: Weights
+    vehicle: Vehicle,
+    autopilot: Autopilot,
+    loop: str,
+    steps: Sequence[float],
+    *,
+    weights: Weights,
+    speeds_m_s: Sequence[float] = (0.0,),
+    voltage_v: float = NOMINAL_V,
+    start: StartFigures | None = None,
 ) -> Corridor:
-    """Corridor for the largest of some steps of a loop, in the file's unit.
+    """Corridor for some steps of a loop, in the file's unit.
 
     Parameters
     ----------
@@ -48,6 +99,12 @@ def default_corridor(
     steps : sequence of float
         m/s, m or deg.
     weights : Weights
+    speeds_m_s : sequence of float, optional
+        Of the trials; fins turn the hull the less the slower it goes.
+    voltage_v : float, optional
+        Supply at which tables of thrust are read, V.
+    start : StartFigures, optional
+        What the loop does with its start gains; by default only the vehicle's limits count.
 
     Examples
     --------
@@ -67,21 +124,32 @@ def default_corridor(
     if loop in _PATHS:
         least = _along_a_path(tables, loop, size)
     else:
-        ends = np.abs(reach(vehicle, 0.0, row)[row])
+        slowest = min((abs(speed) for speed in speeds_m_s), default=0.0)
+        ends = np.abs(reach(vehicle, slowest if _finned(vehicle) else 0.0, row, voltage_v=voltage_v)[row])
         tau = min(float(ends[ends > 0.0].min(initial=np.inf)), tables["loops"][rider]["tau_max"])
         inertia = float(np.asarray(vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
         most = max(_LEFT * tau / inertia, _SLOWEST_ROW)
         least = size / most if loop in ("surge", "sway") else 2.0 * float(np.sqrt(size / most))
         least = max(least, _by_rate(tables, loop, size))
-    rise = float(np.clip(_ROOM * (least + late_s), _SHORTEST_S, _LONGEST_S))
+    start = StartFigures(0.0, 0.0, 0.0, 0.0) if start is None else start
+    rise = float(np.clip(max(_ROOM * (least + late_s), _BETTER * start.rise_s), _SHORTEST_S, _LONGEST_S))
+    settling = float(np.clip(_BETTER * start.settling_s, _SETTLING * rise, 2.0 * _SETTLING * rise))
+    noise = _DEVIATIONS * start.noise / (min(abs(step) for step in steps) * entry.to_si)
+    rise, settling = (float(f"{value:.2g}") for value in (rise, settling))
     return Corridor.from_figures(
-        rise_s=float(f"{rise:.2g}"),
-        overshoot=0.15,
-        settling_s=float(f"{2.5 * rise:.2g}"),
-        settled=0.08,
+        rise_s=rise,
+        overshoot=float(f"{np.clip(_BETTER * start.overshoot, _OVERSHOOT, _OVERSHOOT_MOST):.2g}"),
+        settling_s=settling,
+        settled=float(f"{np.clip(noise, _SETTLED, _SETTLED_MOST):.2g}"),
+        until_s=float(f"{_END * settling:.3g}"),
         weight_lower=weights.lower,
         weight_upper=weights.upper,
     )
+
+
+def _finned(vehicle: Vehicle) -> bool:
+    """Whether fins steer it, which do nothing at rest."""
+    return any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
 
 
 def _by_rate(tables: dict[str, dict[str, float]], loop: str, size: float) -> float:

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 GAINS = ("K_P", "K_I", "K_D")
 
+_LEAST_WIDTH = 0.005  # of a factor on either side, where gains at both bounds leave it none
 _EXCITED = 0.2
 """Least weight of a point at the speed of a trial that tells of its gains."""
 
@@ -61,6 +62,40 @@ class GainParameters:
             for place, parameter in enumerate(self.parameters)
             for name, start in parameter.starts.items()
         }
+
+    def through(self, gains: Mapping[str, float]) -> tuple[GainParameters, Array]:
+        """The same factors on other gains, and the logarithms (m,) that give exactly these.
+
+        What one factor scales keeps its ratio among itself, and every gain within the bounds about its own
+        start value.
+
+        Parameters
+        ----------
+        gains : mapping of str to float
+            Those that are not named are the start values.
+
+        Examples
+        --------
+        >>> start = {"surge.K_P.1": 10.0, "surge.K_P.2": 20.0}
+        >>> one = GainParameters.of_loop("surge", start, free=[0], reached=[0, 1], bounds=(0.1, 10.0))
+        >>> now, x = one.through({"surge.K_P.1": 20.0, "surge.K_P.2": 20.0})
+        >>> {name: round(float(values[0]), 9) for name, values in now.gains(x).items()}
+        {'surge.K_P.1': 20.0, 'surge.K_P.2': 20.0}
+        """
+        found, logarithms = [], []
+        for one in self.parameters:
+            # The point that gave the parameter its name, or the first that it scales.
+            name = one.name if one.name in one.starts else next(iter(one.starts))
+            factor = float(
+                np.clip(gains.get(name, one.starts[name]) / one.starts[name], one.lower, one.upper)
+            )
+            scaled = {key: gains.get(key, value) / factor for key, value in one.starts.items()}
+            ratios = [scaled[key] / value for key, value in one.starts.items()]
+            lower = min(one.lower / min(ratios), factor * (1.0 - _LEAST_WIDTH))
+            upper = max(one.upper / max(ratios), factor * (1.0 + _LEAST_WIDTH))
+            found.append(Parameter(one.name, scaled, lower, upper))
+            logarithms.append(np.log(factor))
+        return GainParameters(tuple(found)), np.array(logarithms)
 
     @classmethod
     def of_loop(

@@ -10,8 +10,8 @@ Held by tests/test_tune.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,6 +38,7 @@ GENERATIONS, ROUNDS = 30, 25
 _MARGIN_GENERATIONS, _MARGIN_POPULATION = 100, 32
 _TOLERANCE = 1e-2
 _SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
+_SOUND = 1e-3  # shortfall that one factor per gain may leave: 0.1 % of a limit
 _NEAR_START = 0.01  # weight of the mean square of ln(factor) beside the shortfall of the margins
 
 
@@ -92,9 +93,9 @@ def constraint(plan: TuningPlan, autopilot: Autopilot) -> MarginConstraint | Non
     from seatrial.tuning.margin_constraint import MarginConstraint
 
     limits = plan.table.margins
-    if not (limits.phase_deg or limits.gain_db or limits.delay_s):
+    if not limits.any_at_all:
         return None
-    return MarginConstraint(plan.vehicle, autopilot, limits=limits)
+    return MarginConstraint(plan.vehicle, autopilot, limits=limits, sensors=plan.sensors)
 
 
 def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -> GroupResult | None:
@@ -107,21 +108,53 @@ def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -
         return None
     points = plan.autopilot.speeds_m_s
     free = [p for p in excited_points(weak, points) if p in plan.places]
+    loops = sorted({loop for point in limits.margins({}) for loop in point.loops})
+    # One factor per gain for all points first: where that is enough, a search in so few directions finds it,
+    # and the schedule keeps its shape.
+    together = _of_points(plan, loops, free, own=free[:1])
+    if not len(together):
+        return None
+    found, evaluations, history = dict[str, float](), 0, tuple[Step, ...]()
+    for parameters in (together, _of_points(plan, loops, free, own=free))[: 2 if len(free) > 1 else 1]:
+        parameters, begin = parameters.through(found)
+        best = _nearest_sound(limits, parameters, begin, seed=seed, watch=watch)
+        history += tuple(replace(step, evaluations=step.evaluations + evaluations) for step in best.history)
+        evaluations += best.evaluations
+        best = replace(best, evaluations=evaluations, history=history)
+        found = {name: float(value[0]) for name, value in parameters.gains(best.x).items()}
+        after = float(limits.shortfall(parameters.gains(best.x))[0])
+        if best.interrupted or after < _SOUND:
+            break
+    before = {"margin": float(limits.shortfall({})[0])}
+    return _result("margins", parameters, best, (before, {"margin": after}), flown_s=0.0)
+
+
+def _of_points(
+    plan: TuningPlan, loops: Sequence[str], free: Sequence[int], *, own: Sequence[int]
+) -> GainParameters:
+    """Factors on the gains of some loops at free points, those of `own` their own, the others with these."""
     gains, parameters = plan.autopilot.gains(), GainParameters(())
     others = [p for p in plan.places if p not in free]
-    for loop in sorted({loop for point in limits.margins({}) for loop in point.loops}):
+    for loop in loops:
         parameters += GainParameters.of_loop(
-            loop, gains, free=free, taken=others, reached=plan.places, bounds=plan.table.bounds
+            loop, gains, free=own, taken=others, reached=plan.places, bounds=plan.table.bounds
         )
+    return parameters
+
+
+def _nearest_sound(
+    limits: MarginConstraint, parameters: GainParameters, begin: Array, *, seed: int, watch: Watch | None
+) -> Optimum:
+    """Factors with the least shortfall of the margins, as near to 1 as that allows."""
     lower, upper = parameters.bounds
 
     def cost(x: Array) -> Array:
         near: Array = _NEAR_START * (x**2).mean(axis=1)
         return limits.shortfall(parameters.gains(x)) + near
 
-    best = evolve(
+    return evolve(
         cost,
-        np.zeros(len(parameters)),
+        begin,
         lower=lower,
         upper=upper,
         seed=seed,
@@ -130,11 +163,6 @@ def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -
         tolerance=_TOLERANCE,
         watch=watch,
     )
-    before, after = (
-        {"margin": float(limits.shortfall(parameters.gains(x))[0])}
-        for x in (np.zeros((1, len(parameters))), best.x)
-    )
-    return _result("margins", parameters, best, (before, after), flown_s=0.0)
 
 
 def search_group(
@@ -162,7 +190,7 @@ def search_group(
     watch : callable, optional
         Called with a `Step` after every batch.
     """
-    parameters = group.parameters
+    parameters, begin = group.parameters.through(start)
     quantile = 1.0 if plan.table.robust == "worst" else float(plan.table.robust)
     objective = Objective(
         rig=rig,
@@ -175,7 +203,6 @@ def search_group(
         reached=plan.reached,
     )
     lower, upper = parameters.bounds
-    begin = np.clip(_factors(parameters, start), lower, upper)
     budget = plan.table.budget
     tolerance = budget.tolerance or _TOLERANCE
     found = evolve(
@@ -209,16 +236,6 @@ def search_group(
 def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[str, float]:
     terms: Terms = objective.terms(parameters.gains(x), reserve=0.0)
     return {name: float(values[0]) for name, values in vars(terms).items()}
-
-
-def _factors(parameters: GainParameters, gains: Mapping[str, float]) -> Array:
-    """Logarithms of the factors (m,) that give some gains: of the first that each scales."""
-    found = []
-    for parameter in parameters.parameters:
-        # The point that gave the parameter its name, or the first that it scales.
-        name = parameter.name if parameter.name in parameter.starts else next(iter(parameter.starts))
-        found.append(np.log(gains.get(name, parameter.starts[name]) / parameter.starts[name]))
-    return np.array(found)
 
 
 def _result(

@@ -5,6 +5,7 @@ Held by tests/test_step_trial.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from seatrial.tuning.corridor import Corridor
 from seatrial.tuning.tuning_file import LOOPS
 
-__all__ = ["CHANNELS", "DEPTH_M", "PATHS", "LoopTrials", "Samples"]
+__all__ = ["CHANNELS", "DEPTH_M", "PATHS", "RIDES_ON", "LoopTrials", "Samples"]
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,9 @@ CHANNELS = {
 """Set point and channel of the answer, per loop or path. Roll is held level: its set point does not move."""
 
 PATHS = ("depth", "cross_track")
+
+RIDES_ON = {"depth": "pitch", "cross_track": "heading"}
+"""The loop under each path."""
 
 DEPTH_M = 100.0
 """Depth of every trial, m: room for a pitch step to dive and climb."""
@@ -138,7 +142,8 @@ class LoopTrials:
 
     def grid(self, period_s: float) -> Array:
         """Times of the control periods, (p,), s."""
-        return np.asarray(period_s * np.arange(round(self.duration_s / period_s) + 1))
+        # A flight goes on to the end of the period in which its time is up.
+        return np.asarray(period_s * np.arange(math.ceil(self.duration_s / period_s - 1e-6) + 1))
 
     def bounds(self, period_s: float, *, reserve: float = 0.0) -> tuple[Array, Array, Array, Array]:
         """Lower and upper bound, target and clock of the normalised answer per control period, (p,) each.

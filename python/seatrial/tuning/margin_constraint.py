@@ -3,12 +3,13 @@ r"""Margins of thousands of candidate gains at once, and by how much they fall s
 What the laws see of the linear motion, (zI - Phi)^-1 Gamma, does not depend on the gains: it is solved once
 per supporting point and mode (`seatrial.control_design.closed_loop`). A candidate is then a weighted sum over
 K_P, K_I, K_D and the restoring feed-forward; each row of the wrench is opened alone, the others closed,
-L_i = 1/[(I + L)^-1]_ii - 1. Stability comes from the eigenvalues of Phi - Gamma K.
+L_i = 1/[(I + L)^-1]_ii - 1. Stability comes from the eigenvalues of Phi - Gamma K. Sensors are a dead time
+(`seatrial.tuning.measurement_delay`).
 
 The shortfall of a loop at a point is the largest of 1 - margin/limit over its margins, 0 where all hold and 1
 where one is used up, which is the edge of stability. That of a point is the largest of its loops, or 1 + 10 s
 times sigma where a motion grows with the rate sigma in 1/s, and 0.3 of the others'; that of a candidate is
-the sum over the points. Held by tests/test_margin_constraint.py.
+the sum over the points. Held by tests/test_margin_constraint.py, tests/test_margin_shortfall.py.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.check.autopilot_margins import ModeLoop
     from seatrial.control_design.loop_margins import LoopMargins
+    from seatrial.sensors.sensor import Sensor
     from seatrial.tuning.tuning_file import Margins
 
 __all__ = ["MarginConstraint", "PointMargins", "decibel", "refuse_other_laws"]
@@ -64,8 +67,10 @@ class PointMargins:
     growth_per_s: Array
 
     def shortfall(self, limits: Margins) -> Array:
-        """By how much the margins fall short of the limits (k,): 0 where they hold, above 1 unstable."""
+        """By how much the margins fall short (k,): 0 where the limits hold or are 0, above 1 unstable."""
         asked = limits.at(self.speed_m_s)
+        if not asked.any:
+            return np.zeros(len(self.growth_per_s))
         worst = np.zeros(self.of.phase_deg.shape)
         for margin, limit in (
             (self.of.phase_deg, asked.phase_deg),
@@ -112,6 +117,8 @@ class MarginConstraint:
         work at a speed counts, and between the slowest and the fastest every switching speed with both modes.
     limits : Margins, optional
         Least margins; those of a campaign that gives none when missing.
+    sensors : mapping of str to Sensor, "typical" or a file, optional
+        Whose latency and interval the loops bear; perfect ones when missing.
 
     Raises
     ------
@@ -135,8 +142,10 @@ class MarginConstraint:
         speeds_m_s: Sequence[float] | None = None,
         *,
         limits: Margins | None = None,
+        sensors: Mapping[str, Sensor] | str | Path | None = None,
     ) -> None:
         from seatrial.check.autopilot_margins import mode_loop
+        from seatrial.tuning.measurement_delay import measurement_delays
         from seatrial.tuning.tuning_file import Margins
 
         tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
@@ -152,7 +161,10 @@ class MarginConstraint:
         self.limits = limits or Margins()
         self.points = working_points(tables, speeds_m_s)
         self._gains = {name: float(value) for name, value in autopilot.gains().items()}
-        self._systems = [_Point(mode_loop(vehicle, tables, *point), tables) for point in self.points]
+        late = measurement_delays(sensors, vehicle)
+        self._systems = [
+            _Point(mode_loop(vehicle, tables, *point, measured_late_s=late), tables) for point in self.points
+        ]
 
     def margins(self, gains: Gains) -> list[PointMargins]:
         """Margins of k candidates, per point.

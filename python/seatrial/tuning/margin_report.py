@@ -11,8 +11,9 @@ margins*, IEEE Control Systems 40(5). Held by tests/test_margin_constraint.py.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from seatrial.tuning.working_points import reachable_points, working_points
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.control_design.closed_loop import Sampled
+    from seatrial.sensors.sensor import Sensor
 
 __all__ = ["ReportedMargins", "margin_table", "open_loop", "report_margins"]
 
@@ -80,7 +82,11 @@ class ReportedMargins:
 
 
 def report_margins(
-    vehicle: Vehicle, autopilot: Autopilot, speeds_m_s: Sequence[float] | None = None
+    vehicle: Vehicle,
+    autopilot: Autopilot,
+    speeds_m_s: Sequence[float] | None = None,
+    *,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> list[ReportedMargins]:
     """Margins per mode, speed and loop of an autopilot on a vehicle's model.
 
@@ -92,6 +98,8 @@ def report_margins(
     speeds_m_s : sequence of float, optional
         Desired speeds, m/s, and the switching speeds between them; the supporting points that the vehicle
         reaches when missing.
+    sensors : mapping of str to Sensor, "typical" or a file, optional
+        Whose latency and interval the loops bear; perfect ones when missing.
 
     Examples
     --------
@@ -102,14 +110,16 @@ def report_margins(
     """
     from seatrial.check.autopilot_margins import mode_law, mode_loop, neutral_radius
     from seatrial.control_design.closed_loop import closed, feedback
+    from seatrial.tuning.measurement_delay import measurement_delays
 
     tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
     if speeds_m_s is None:
         reached = reachable_points(vehicle, autopilot)
         speeds_m_s = [u for u, hit in zip(autopilot.speeds_m_s, reached, strict=True) if hit]
+    late = measurement_delays(sensors, vehicle)
     found = []
     for mode, speed in working_points(tables, speeds_m_s):
-        at = mode_loop(vehicle, tables, mode, speed)
+        at = mode_loop(vehicle, tables, mode, speed, measured_late_s=late)
         law = mode_law(tables, mode, at.loops, speed) + at.known
         radius = np.abs(np.linalg.eigvals(closed(at.system, law))).max()
         stable = bool(radius <= neutral_radius(at.system.period_s))

@@ -117,7 +117,8 @@ class Objective:
             roughness(named, self.reached, speeds_m_s=self.rig.autopilot.speeds_m_s) if named else np.zeros(1)
         )
         lacking = np.zeros(k) if self.margins is None else self.margins.shortfall(gains)
-        return Terms(robust(total, self.quantile), lacking, time, np.broadcast_to(rough, (k,)), effort)
+        over_samples = robust(total, self.quantile, nominal=self.samples.nominal)
+        return Terms(over_samples, lacking, time, np.broadcast_to(rough, (k,)), effort)
 
 
 def violated(trials: LoopTrials, sums: Array) -> Array:
@@ -130,9 +131,23 @@ def violated(trials: LoopTrials, sums: Array) -> Array:
     return np.where(diverged, np.inf, (counted * weights).sum(axis=(-1, -2)))
 
 
-def robust(total: Array, quantile: float) -> Array:
-    """Worst or a quantile over the samples, and a tenth of their mean, (k,), of violations (k, samples)."""
+def robust(total: Array, quantile: float, *, nominal: int = 0) -> Array:
+    """Worst or a quantile over the samples, and a tenth of their mean, (k,), of violations (k, samples).
+
+    Parameters
+    ----------
+    total : (k, samples) array
+    quantile : float
+        1 is the worst.
+    nominal : int, optional
+        So many of the first are the vehicle itself, whose worst counts at any quantile: it is what a
+        tuning is feasible by.
+    """
     sound = np.isfinite(total).all(axis=1)
     bounded = np.where(np.isfinite(total), total, 0.0)
-    found = np.quantile(bounded, quantile, axis=1) + _SPREAD * bounded.mean(axis=1)
+    own, drawn = bounded[:, :nominal], bounded[:, nominal:]
+    worst = own.max(axis=1, initial=0.0)
+    if drawn.shape[1]:
+        worst = np.maximum(worst, np.quantile(drawn, quantile, axis=1))
+    found = worst + _SPREAD * bounded.mean(axis=1)
     return np.where(sound, found, np.inf)

@@ -18,13 +18,17 @@ from pathlib import Path
 from typing import Any
 
 from seatrial._core import Autopilot, Vehicle
+from seatrial.check.actuators import NOMINAL_V
 from seatrial.control_design.authority import LOOPS, reach
 from seatrial.control_design.loop_gains import kind, three_digits
+from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.trim import trim
-from seatrial.errors import SimulationError, VehicleError
+from seatrial.errors import SimulationError
 from seatrial.file_kind import loaded
+from seatrial.flight.checked_numbers import checked_supply
+from seatrial.tuning.margin_constraint import refuse_other_laws
 from seatrial.tuning.relay_rules import RULES, PidGains, pid_gains
-from seatrial.tuning.relay_trial import RelayTrial, Sensors, commanded_rows, mode_at, relay_trial
+from seatrial.tuning.relay_trial import RelayTrial, Sensors, commanded_rows, mode_at, relay_trial, straight
 
 __all__ = ["SHARES", "RelayPoint", "RelayTuning", "relay_autopilot"]
 
@@ -57,7 +61,8 @@ class RelayPoint:
     def to_dict(self) -> dict[str, Any]:
         """As plain numbers and words: SI and rad."""
         trials = [
-            {"d": trial.d, "why": trial.why} | (vars(trial.cycle) if trial.cycle is not None else {})
+            {"d": trial.d, "why": trial.why, "lead_s": trial.lead_s}
+            | (vars(trial.cycle) if trial.cycle is not None else {})
             for trial in self.trials
         ]
         gains = None if self.gains is None else dict(vars(self.gains))
@@ -89,7 +94,7 @@ class RelayTuning:
     def summary(self) -> str:
         """Table of the trials and of what they lead to, as text."""
         head = f"{'loop':<8} {'u':>5} {'d':>6} {'a':>8}"
-        head += "".join(f" {name:>6}" for name in ("T_u", "K_u", "K_P", "K_I", "K_D")) + "  duty"
+        head += "".join(f" {name:>6}" for name in ("T_u", "K_u", "K_P", "K_I", "K_D")) + "  duty  lead"
         lines = [f"Relay tuning by {_name(self.rule)} (m/s, m, rad; N, N m; s)", head]
         for point in self.points:
             for trial in point.trials:
@@ -153,9 +158,11 @@ def relay_autopilot(
     Raises
     ------
     VehicleError
-        A file is not usable, or the autopilot is no PID.
+        A file is not usable, or the autopilot does not fit the vehicle.
+    CampaignError
+        The autopilot is none of PID loops.
     SimulationError
-        Rule, speeds or shares are none, or no speed is reached.
+        Rule, speeds or shares are none, the supply is missing, or a speed is beyond the top speed.
 
     Examples
     --------
@@ -168,11 +175,17 @@ def relay_autopilot(
         pid_gains(rule, "PID", ultimate_gain=1.0, period_s=1.0)
     on, start = loaded(Vehicle, vehicle), loaded(Autopilot, autopilot)
     amplitudes = _positive("shares", shares, most=0.9)
-    if 'control = "pid"' not in start.to_toml():
-        raise VehicleError(
-            f"{start.name}: expected an autopilot of PID loops, found a regulator; tune its weights"
-        )
-    tried = _reached(on, start) if speeds is None else _positive("speeds", speeds)
+    _refuse_what_cannot_fly(on, start, voltage)
+    supply = NOMINAL_V if voltage is None else voltage
+    top = top_speeds(on, voltage_v=supply)[1]
+    if speeds is None:
+        tried = _reached(on, start, supply)
+    else:
+        tried = _positive("speeds", speeds)
+        if max(tried) > top:
+            raise SimulationError(
+                f"speeds: expected at most the top speed of {on.name}, {top:.2f} m/s, found {max(tried):g}"
+            )
     if not tried:
         raise SimulationError(
             f"{start.name}: no supporting speed above zero is within reach of {on.name}; give `speeds`"
@@ -227,14 +240,27 @@ def _scheduled(
     return gains, sources
 
 
-def _reached(vehicle: Vehicle, autopilot: Autopilot) -> list[float]:
+def _refuse_what_cannot_fly(vehicle: Vehicle, autopilot: Autopilot, voltage: float | None) -> None:
+    """Refuse before the first trial what its flight would refuse, or would fly for nothing."""
+    refuse_other_laws(autopilot)
+    autopilot.engage(vehicle, straight(1.0))
+    needed = [name for name, facts in vehicle.actuator_info().items() if facts["needs_voltage"]]
+    if needed and voltage is None:
+        raise SimulationError(
+            f"voltage: the thrust of {vehicle.name} ({needed[0]}) depends on the supply voltage; give"
+            " voltage, in V"
+        )
+    checked_supply(voltage, vehicle)
+
+
+def _reached(vehicle: Vehicle, autopilot: Autopilot, voltage_v: float) -> list[float]:
     """Supporting speeds above zero that the actuators can hold, m/s."""
     found = []
     for speed in autopilot.speeds_m_s:
         if speed > 0.0:
             rows = commanded_rows(autopilot, speed)
             about = trim(vehicle, speed, rows)
-            if about is not None and about.tau[0] <= reach(vehicle, speed, rows)["X"][1]:
+            if about is not None and about.tau[0] <= reach(vehicle, speed, rows, voltage_v=voltage_v)["X"][1]:
                 found.append(float(speed))
     return found
 
@@ -269,4 +295,5 @@ def _row(point: RelayPoint, trial: RelayTrial) -> str:
     taken = trial is point.taken and point.gains is not None
     gains = point.gains
     text += f" {gains.k_p:>6.3g} {gains.k_i:>6.3g} {gains.k_d:>6.3g}" if taken and gains else " " * 21
-    return f"{text}  {cycle.duty:.2f}{'  ' + trial.why if trial.why else ''}".rstrip()
+    lead = f"{trial.lead_s:.2f}" if trial.lead_s else ""
+    return f"{text}  {cycle.duty:.2f}  {lead:<4}  {trial.why}".rstrip()

@@ -3,29 +3,40 @@
 By the describing function a relay of amplitude d is, for a sine of amplitude a, the gain ``4 d/(pi a)``;
 where the loop oscillates by itself this is the ultimate gain K_u, and the period is T_u. Here the gain is
 the ratio of the first harmonics of what the actuators were asked for and of what was measured: the same
-number where the cycle is symmetric and a sine, and still right where a constant load (weight, drag) makes
-the relay stay longer on one side, ``(4 d/pi) sin(pi duty)`` instead of ``4 d/pi``, or where noise makes it
-chatter.
+number where the cycle is symmetric and a sine, and the gain of the plant at the frequency of the cycle where
+a constant load (weight, drag) makes the relay stay longer on one side, ``(4 d/pi) sin(pi duty)`` instead of
+``4 d/pi``, or where noise makes it chatter.
+
+That frequency is the phase crossover only as far as first harmonics are all that matters. A relay under a
+load has even harmonics, too, and cycles more slowly, where the plant turns by less than 180 deg; one that is
+sampled switches late. The first harmonics say by how many degrees. A relay that switches by
+``y + lead dy/dt`` cycles faster, at another point of the plant's frequency response; along it the
+logarithms of gain and period go almost straight with the phase, and what they are at -180 deg lies between
+the two (`at_crossover`).
 
 Source: Åström and Hägglund (1984), "Automatic tuning of simple regulators with specifications on phase and
-amplitude margins", Automatica 20(5). Held by tests/test_relay.py.
+amplitude margins", Automatica 20(5): other points of the frequency response by other phases in the loop.
+Held by tests/test_relay.py and tests/test_relay_load.py.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LEAST_CYCLES", "Cycle", "relay_cycle"]
+__all__ = ["LEAST_CYCLES", "Cycle", "at_crossover", "crossover_lead_s", "relay_cycle"]
 
 Array = NDArray[np.float64]
 
 LEAST_CYCLES = 5
 """Cycles that must be seen."""
 
+_LEAST_LEAD_DEG = 4.0  # less would lock in with the same sample
+_LEAST_PART = 0.7  # of the phase of a cycle that another must be away for a line between them
 _HYSTERESIS = 0.3
 """Share of the root mean square that a signal must pass on either side of its mean to have crossed it."""
 
@@ -49,7 +60,7 @@ class Cycle:
     phase_deg
         Phase of the measurement against the wrench, beyond -180 deg: zero at the phase crossover.
     duty
-        Share of the time in which the relay pushes ahead: a half without a load.
+        Share of the time that the relay spends on its upper side: a half without a load.
     cycles
         How many.
     """
@@ -106,8 +117,60 @@ def relay_cycle(t: Array, measured: Array, wrench: Array) -> Cycle | None:
         amplitude_scatter=float(np.std(halves)) / amplitude,
         ultimate_gain=float(abs(drive) / abs(answer)),
         phase_deg=float(np.rad2deg(np.angle(-answer / drive))),
-        duty=float(np.mean(wrench[whole] > 0.0)),
+        # Propellers that do not reverse switch between nothing and ahead.
+        duty=float(np.mean(wrench[whole] > 0.5 * (wrench[whole].max() + wrench[whole].min()))),
         cycles=len(periods),
+    )
+
+
+def crossover_lead_s(cycle: Cycle) -> float:
+    """Time in s by which a relay must switch ahead to cycle at the phase crossover, or 4 deg further on.
+
+    Examples
+    --------
+    >>> round(crossover_lead_s(Cycle(6.283, 0.0, 0.1, 0.0, 250.0, 10.0, 0.3, 12)), 3)  # tan(10 deg)
+    0.176
+    """
+    turned = math.radians(max(cycle.phase_deg, _LEAST_LEAD_DEG))
+    return math.tan(turned) * cycle.period_s / (2.0 * math.pi)
+
+
+def at_crossover(cycle: Cycle, ahead: Cycle) -> Cycle | None:
+    """Cycle at the phase crossover between a relay's and that of one that switches ahead.
+
+    Period, amplitude and gain on a straight line of their logarithms over the phase; None where the phases
+    lie too close together for a line.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        Of the relay itself.
+    ahead : Cycle
+        Of the one with a lead, at the same amplitude of the relay.
+
+    Examples
+    --------
+    >>> late = Cycle(17.0, 0.0, 1.2, 0.0, 0.8, 8.0, 0.25, 12)
+    >>> found = at_crossover(late, Cycle(12.4, 0.0, 0.7, 0.0, 1.3, -5.0, 0.25, 12))
+    >>> round(found.period_s, 1), round(found.ultimate_gain, 2), found.phase_deg
+    (14.0, 1.08, 0.0)
+    """
+    apart = cycle.phase_deg - ahead.phase_deg
+    if abs(apart) < _LEAST_PART * abs(cycle.phase_deg) or apart == 0.0:
+        return None
+    part = cycle.phase_deg / apart
+
+    def between(one: float, other: float) -> float:
+        return one * math.pow(other / one, part)
+
+    return replace(
+        cycle,
+        period_s=between(cycle.period_s, ahead.period_s),
+        period_scatter=max(cycle.period_scatter, ahead.period_scatter),
+        amplitude=between(cycle.amplitude, ahead.amplitude),
+        amplitude_scatter=max(cycle.amplitude_scatter, ahead.amplitude_scatter),
+        ultimate_gain=between(cycle.ultimate_gain, ahead.ultimate_gain),
+        phase_deg=0.0,
     )
 
 

@@ -3,18 +3,23 @@
 The relay is the loop's own PID with a proportional gain past all bounds and ``tau_max = d``: its demand is
 +d or -d at every sample. What the model feeds forward (weight, drag, inertia) would be clamped away with
 it; so a constant load is carried by the relay itself, which stays longer on one side. d is a share of the
-reach of the row at that speed, and at least `_OVER_LOAD` times the load of the trim. The loop's reference
-filter is taken out, the other loops stay closed with the gains that they have, and guidance looks ten
-kilometres ahead, without integral: its course and pitch stand still.
+reach of the row at that speed, and at least `_OVER_LOAD` times the load of the trim. Propellers that do not
+reverse switch between nothing and d. The loop's reference filter is taken out, the other loops stay closed
+with the gains that they have, and guidance looks ten kilometres ahead, without integral: its course and
+pitch stand still.
 
-Source: Åström and Hägglund (1984). Held by tests/test_relay.py.
+A cycle is flown once more with a relay that switches ahead: the derivative part of the same PID, past all
+bounds, too. What is at the phase crossover follows from both (`seatrial.tuning.relay_cycle`), also where
+the load or the sampling keeps the relay's own cycle away from it.
+
+Source: Åström and Hägglund (1984). Held by tests/test_relay.py, tests/test_relay_load.py.
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,12 +33,13 @@ from seatrial.control_design.trim import trim
 from seatrial.flight.flight import Flight
 from seatrial.flight.fly import fly
 from seatrial.mission import Mission
-from seatrial.tuning.relay_cycle import Cycle, relay_cycle
+from seatrial.tuning.relay_cycle import Cycle, at_crossover, crossover_lead_s, relay_cycle
+from seatrial.tuning.relay_doubt import doubt, scatters
 
 if TYPE_CHECKING:
     from seatrial.sensors import Sensor
 
-__all__ = ["UNITS", "RelayTrial", "Trace", "relay_trial"]
+__all__ = ["UNITS", "RelayTrial", "Trace", "commanded_rows", "mode_at", "relay_trial", "straight"]
 
 Array = NDArray[np.float64]
 Sensors = Mapping[str, "Sensor"] | str | Path | None
@@ -50,7 +56,7 @@ _DEPTH_M = 100.0
 _SETTLED_FROM = 0.4  # of the trial
 _LONG_S, _LONGEST_S = 120.0, 480.0
 _SHOWN_CYCLES = 4.0
-_CROSSING_DEG, _SCATTER, _DUTY, _SAMPLES = 20.0, 0.15, 0.85, 6.0
+_NO_FORCE = 1e-3  # N or N m
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +70,17 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class RelayTrial:
-    """A trial with a relay of amplitude d in N or N m; ``why`` says what is wrong with it, if anything."""
+    """A trial with a relay of amplitude d in N or N m; ``why`` says what is wrong with it, if anything.
+
+    ``lead_s`` is that of the second flight, by which ``cycle`` lies at the phase crossover; 0 where there was
+    none or it did not count. ``trace`` is of the relay's own cycle.
+    """
 
     d: float
     cycle: Cycle | None
     trace: Trace | None
     why: str = ""
+    lead_s: float = 0.0
 
     @property
     def usable(self) -> bool:
@@ -109,28 +120,54 @@ def relay_trial(
     d, why = _amplitude(vehicle, autopilot, (loop, speed_m_s, share), supply)
     if why:
         return RelayTrial(d, None, None, why)
-    row, tested = LOOPS.index(loop), _with_relay(autopilot, loop, d, speed_m_s)
-    start = State(position=[0, 0, _DEPTH_M], attitude=[0.01, 0.01, 0.01], nu=[speed_m_s, 0, 0, 0, 0, 0])
-    for duration in (_LONG_S, _LONGEST_S):
-        flight = fly(
-            vehicle,
-            tested,
-            _straight(speed_m_s),
-            sensors=sensors,
-            initial=start,
-            voltage=voltage,
-            max_time=duration,
-        )
-        settled = flight.t > _SETTLED_FROM * duration
-        if not (flight.ending == "out of time" and np.isfinite(flight.nu).all()):
-            return RelayTrial(d, None, None, f"the flight is not straight and level: {flight.ending}")
-        measured, wrench = _measured(flight, loop)[settled], flight.achieved[settled, row]
-        cycle = relay_cycle(flight.t[settled], measured, wrench)
-        if cycle is not None:
-            shown = flight.t[settled] >= flight.t[-1] - _SHOWN_CYCLES * cycle.period_s
-            trace = Trace(flight.t[settled][shown], (measured - measured.mean())[shown], wrench[shown])
-            return RelayTrial(d, cycle, trace, _doubt(cycle, autopilot.period_s))
-    return RelayTrial(d, None, None, f"no limit cycle within {_LONGEST_S:.0f} s")
+    sea = _Sea(vehicle, autopilot, sensors, voltage)
+    cycle, trace, why = sea.cycle(loop, speed_m_s, d)
+    if cycle is None or trace is None:
+        return RelayTrial(d, None, None, why)
+    sound = not doubt(replace(cycle, phase_deg=0.0), autopilot.period_s)
+    lead_s = crossover_lead_s(cycle) if sound else 0.0
+    ahead = sea.cycle(loop, speed_m_s, d, lead_s)[0] if sound else None
+    crossed = at_crossover(cycle, ahead) if ahead is not None and not scatters(ahead) else None
+    # Where noise takes the cycle apart as soon as the derivative sees it, the first one stays, if it may.
+    if ahead is None or crossed is None:
+        return RelayTrial(d, cycle, trace, doubt(cycle, autopilot.period_s))
+    return RelayTrial(d, crossed, trace, doubt(crossed, autopilot.period_s), lead_s)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sea:
+    """Where the trials are flown: vehicle, autopilot, sensors, and the supply in V."""
+
+    vehicle: Vehicle
+    autopilot: Autopilot
+    sensors: Sensors
+    voltage: float | None
+
+    def cycle(
+        self, loop: str, speed: float, d: float, lead_s: float = 0.0
+    ) -> tuple[Cycle | None, Trace | None, str]:
+        """Limit cycle of a loop at a speed in m/s under a relay of amplitude d, or why there is none."""
+        tested = _with_relay(self.autopilot, loop, (d, lead_s), speed)
+        start = State(position=[0, 0, _DEPTH_M], attitude=[0.01, 0.01, 0.01], nu=[speed, 0, 0, 0, 0, 0])
+        for duration in (_LONG_S, _LONGEST_S):
+            flight = fly(
+                self.vehicle,
+                tested,
+                straight(speed),
+                sensors=self.sensors,
+                initial=start,
+                voltage=self.voltage,
+                max_time=duration,
+            )
+            settled = flight.t > _SETTLED_FROM * duration
+            if not (flight.ending == "out of time" and np.isfinite(flight.nu).all()):
+                return None, None, f"the flight is not straight and level: {flight.ending}"
+            t, wrench = flight.t[settled], flight.achieved[settled, LOOPS.index(loop)]
+            measured = _measured(flight, loop)[settled]
+            if (found := relay_cycle(t, measured, wrench)) is not None:
+                shown = t >= t[-1] - _SHOWN_CYCLES * found.period_s
+                return found, Trace(t[shown], (measured - measured.mean())[shown], wrench[shown]), ""
+        return None, None, f"no limit cycle within {_LONGEST_S:.0f} s"
 
 
 def _amplitude(
@@ -141,7 +178,11 @@ def _amplitude(
     # Of the rows of all modes: without the others held, a row would seem to reach further.
     every = "".join(row for row in ROWS if any(row in _rows(mode) for mode in autopilot.modes))
     low, high = reach(vehicle, speed, every, voltage_v=voltage)[ROWS[LOOPS.index(loop)]]
-    within = float(min(high, -low))
+    # A relay between nothing and ahead has a middle to swing about as well: half of d.
+    within = float(high if loop == "surge" and low > -_NO_FORCE else min(high, -low))
+    if within < _NO_FORCE:
+        kind = "moment" if UNITS[loop] == "rad" else "force"
+        return 0.0, f"the actuators cannot give a {kind} to both sides at {speed:.3g} m/s"
     about = trim(vehicle, speed, commanded_rows(autopilot, speed))
     load = abs(float(about.tau[LOOPS.index(loop)])) if about is not None else 0.0
     d = max(share * within, _OVER_LOAD * load)
@@ -166,13 +207,14 @@ def mode_at(autopilot: Autopilot, speed_m_s: float) -> dict[str, Any]:
     return (reached or modes[:1])[-1]
 
 
-def _with_relay(autopilot: Autopilot, loop: str, d: float, speed: float) -> Autopilot:
-    """The autopilot with a relay in place of a loop's controller, and a guidance that stands still."""
+def _with_relay(autopilot: Autopilot, loop: str, relay: tuple[float, float], speed: float) -> Autopilot:
+    """The autopilot with a relay (amplitude, lead in s) as a loop's controller; guidance stands still."""
     import tomlkit
 
     tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
     table = tables["loops"][loop]
-    table |= {"K_P": _PAST_ALL_BOUNDS * float(d), "K_I_per_s": 0.0, "K_D_s": 0.0, "tau_max": float(d)}
+    d, k_p = float(relay[0]), _PAST_ALL_BOUNDS * float(relay[0])
+    table |= {"K_P": k_p, "K_I_per_s": 0.0, "K_D_s": k_p * float(relay[1]), "tau_max": d}
     table.pop("reference_rad_s", None)
     guidance = tables["guidance"]
     guidance |= {
@@ -188,7 +230,8 @@ def _with_relay(autopilot: Autopilot, loop: str, d: float, speed: float) -> Auto
     return Autopilot.from_toml(tomlkit.dumps(tables), f"{autopilot.name} with a relay for {loop}")
 
 
-def _straight(speed: float) -> Mission:
+def straight(speed: float) -> Mission:
+    """Level leg to the north at a speed in m/s, longer than any trial."""
     return Mission.from_toml(
         f'format = 1\nname = "relay trial"\nspeed_m_s = {speed!r}\nacceptance_radius_m = 5.0\n'
         f"[start]\ndepth_m = {_DEPTH_M}\n"
@@ -200,19 +243,3 @@ def _measured(flight: Flight, loop: str) -> Array:
     """What the autopilot is told of what a loop controls (n,), the sensors' lateness included."""
     signal = flight.measured[_CHANNELS[loop]]
     return np.asarray(np.unwrap(signal) if UNITS[loop] == "rad" else signal, dtype=float)
-
-
-def _doubt(cycle: Cycle, sample_s: float) -> str:
-    """Why no rule may rely on a cycle, or nothing."""
-    if cycle.period_s < _SAMPLES * sample_s:
-        return f"a cycle of {cycle.period_s:.2g} s is that of the sampling every {sample_s:g} s"
-    if abs(cycle.phase_deg) > _CROSSING_DEG:
-        return f"the first harmonics are {abs(cycle.phase_deg):.0f} deg from the phase crossover"
-    if max(cycle.period_scatter, cycle.amplitude_scatter) > _SCATTER:
-        worst = max(cycle.period_scatter, cycle.amplitude_scatter)
-        return f"the cycles scatter by {100.0 * worst:.0f} %"
-    if not 1.0 - _DUTY <= cycle.duty <= _DUTY:
-        return (
-            f"the relay stays on one side for {100.0 * max(cycle.duty, 1.0 - cycle.duty):.0f} % of the time"
-        )
-    return ""

@@ -1,4 +1,4 @@
-r"""Smoothness of gains along the supporting points, and what the points get that the vehicle never reaches.
+"""Smoothness of gains along the supporting points.
 
 Over each three neighbouring points the divided second difference of ln g with the speed x, in units of the
 mean spacing h of the points:
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.errors import CampaignError
 
-__all__ = ["held", "roughness"]
+__all__ = ["roughness"]
 
 Array = NDArray[np.float64]
 Gains = Mapping[str, ArrayLike]
@@ -65,40 +65,6 @@ def roughness(gains: Gains, reachable: ArrayLike, *, speeds_m_s: ArrayLike) -> A
         second = 2.0 * np.diff(slope, axis=0) / (x[2:] - x[:-2])
         total += np.sum(np.where(given[:-2] & given[1:-1] & given[2:], second, 0.0) ** 2, axis=0)
     return total
-
-
-def held(gains: Gains, reachable: ArrayLike, *, speeds_m_s: ArrayLike) -> dict[str, Array]:
-    """The gains, those of unreached points with the value at the reached point that is nearest in speed.
-
-    Takes what `roughness` does. Points that are not named are added where the nearest reached one is named;
-    other names pass as they are.
-
-    Raises
-    ------
-    CampaignError
-        No point is reached.
-
-    Examples
-    --------
-    >>> given = {"surge.K_P.3": 50.0, "surge.K_P.4": 60.0, "surge.tau_max": 250.0}
-    >>> whole = held(given, [False, False, True, True, False, False], speeds_m_s=range(-3, 3))
-    >>> [float(whole[f"surge.K_P.{i}"]) for i in range(1, 7)]
-    [50.0, 50.0, 50.0, 60.0, 60.0, 60.0]
-    """
-    reached, speeds = _points(reachable, speeds_m_s)
-    if not reached.any():
-        raise CampaignError(
-            f"expected a supporting point that the vehicle reaches, found none among {speeds.tolist()} m/s;"
-            " give schedule.speeds_m_s between its top speeds"
-        )
-    whole = {name: np.asarray(values, dtype=float) for name, values in gains.items()}
-    places = np.flatnonzero(reached)
-    for gain, points in _by_gain(gains).items():
-        for i in np.flatnonzero(~reached):
-            nearest = int(places[np.abs(speeds[places] - speeds[i]).argmin()])
-            if nearest in points:
-                whole[f"{gain}.{i + 1}"] = whole[points[nearest]]
-    return whole
 
 
 def _points(reachable: ArrayLike, speeds_m_s: ArrayLike | Sequence[float]) -> tuple[NDArray[np.bool_], Array]:

@@ -6,8 +6,9 @@ with guidance on a straight level leg north; what may happen to them meanwhile a
 is stepped by moving the whole plan: guidance and the loop answer together. All candidates fly abreast with
 the same noise (`seatrial.flight.fly_batch`; sums in the core's ``closed_loop/trial.rs``).
 
-Sensors have their noise, digits, delays and drop-outs, but no offset and no drift: an offset that is constant
-through a flight moves the answer, and is no property of the gains.
+Sensors have their noise, digits, rates and delays, but no offset, no drift and no drop-outs: an offset that
+is constant through a flight moves the answer, a log that falls silent in the middle of a step leaves any
+gains blind, and neither is a property of the gains. `seatrial.verify` flies with all of them.
 
 Source: Taubert et al. (2014), section "Constraint Criteria Optimization". Held by tests/test_step_trial.py.
 """
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 
 _LEG_M = 1e6
 _OFFSETS = [1, 2]  # offset and drift among the errors of a channel
+_SILENCE = [3, 4]  # time between drop-outs and their duration in the timing of a group
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +152,10 @@ class Rig:
         logs: bool,
     ) -> Flights:
         chosen, leg, k = which
-        ready = self._on_leg(leg, trials.duration_s)
+        # Half a period short of the last time of the grid: as many periods, whatever its digits.
+        ready = self._on_leg(
+            leg, float(trials.grid(self.autopilot.period_s)[-1]) - 0.5 * self.autopilot.period_s
+        )
         count, s = len(chosen), len(samples)
 
         def per_trial(values: ArrayLike) -> Array:
@@ -246,7 +251,9 @@ class Rig:
             )
             errors = ready.channels.errors.copy()
             errors[:, _OFFSETS] = 0.0
-            steady = replace(ready.channels, errors=errors)
+            timing = ready.channels.timing.copy()
+            timing[:, _SILENCE] = np.inf, 0.0
+            steady = replace(ready.channels, errors=errors, timing=timing)
             self._ready[speed, duration_s] = replace(ready, channels=steady)
         return self._ready[speed, duration_s]
 

@@ -160,12 +160,24 @@ class CorridorTable(Section):
         """
         sides = {"weight_lower": weights.lower, "weight_upper": weights.upper}
         if self.lower or self.upper:
-            return Corridor(self.lower, self.upper, **sides)
+            return _of_a_step(Corridor(self.lower, self.upper, **sides))
         given = {key: value for key, value in self._figures().items() if value is not None}
         return Corridor.from_figures(**given, **sides)
 
     def _figures(self) -> dict[str, Any]:
         return self.model_dump(exclude={"lower", "upper"})
+
+
+def _of_a_step(corridor: Corridor) -> Corridor:
+    """The corridor, unless even a response that begins at 0 and ends at 1 is outside."""
+    for at, place, value in ((0.0, "begins", 0.0), (corridor.until_s, "ends", 1.0)):
+        lower, upper = (float(side[0]) for side in corridor.sampled([at]))
+        if not lower <= value <= upper:
+            raise ValueError(
+                f"a response {place} at {value:g}, which lies outside at {at:g} s: lower is {lower:g}, upper"
+                f" {upper:g} there; let the bounds enclose it"
+            )
+    return corridor
 
 
 class Beside(Section):
@@ -251,17 +263,27 @@ class Loops(Section):
 
 
 class LeastMargins(Section):
-    """Least margins of the linearised loop; 0 asks for none."""
+    """Least margins of the linearised loop; 0 asks for none, but an unstable motion falls short still."""
 
-    phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = 35.0
+    phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = 30.0
     gain_db: NotNegative = 6.0
     delay_s: NotNegative = 0.2
+
+    @property
+    def any(self) -> bool:
+        """Whether a margin is asked for."""
+        return bool(self.phase_deg or self.gain_db or self.delay_s)
 
 
 class Margins(LeastMargins):
     """Least margins at every supporting point, and others astern, where many a hull is unstable."""
 
     astern: LeastMargins | None = None
+
+    @property
+    def any_at_all(self) -> bool:
+        """Whether a margin is asked for at some speed."""
+        return self.any or (self.astern is not None and self.astern.any)
 
     def at(self, speed_m_s: float) -> LeastMargins:
         """Those at a speed.
@@ -300,7 +322,7 @@ class TuningTable(Section):
     """How gains are searched, and what the closed loop shall do with them."""
 
     loops: Loops = Loops()
-    samples: Annotated[int, Field(strict=True, ge=0)] = 6
+    samples: Annotated[int, Field(strict=True, ge=0)] = 3
     robust: Annotated[Literal["worst"] | float, BeforeValidator(_quantile)] = "worst"
     current_m_s: NotNegative | None = None
     sensors: Name = "typical"

@@ -1,10 +1,12 @@
 """What a tuning does: trials of every loop, groups of loops searched together, samples that they meet.
 
-A loop is tried at the supporting points that the vehicle reaches. Where the mode that works at a point does
-not use the loop, or a current could change the mode under way, it is tried at the nearest speed where it
-does. Depth goes over pitch and the cross-track error over heading: they are searched with the loop that
-they ride on, with their lookahead and integral of guidance. Gains of the pitch loop at points where it only
-holds the hull level are searched with heave, which disturbs it there.
+A loop is tried at up to three of the supporting points that the vehicle reaches. Where the mode that works at
+a point does not use the loop, or a current could change the mode under way, it is tried at the nearest speed
+where it does. Steps and corridors that the file does not give follow from the vehicle's limits and from what
+the loop does with its start gains (`seatrial.tuning.default_corridor`). Depth goes over pitch and the
+cross-track error over heading: they are searched with the loop that they ride on, with their lookahead and
+integral of guidance. Gains of the pitch loop at points where it only holds the hull level are searched with
+heave, which disturbs it there.
 
 Held by tests/test_tuning_plan.py.
 """
@@ -18,11 +20,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.check.actuators import NOMINAL_V
 from seatrial.errors import CampaignError
 from seatrial.tuning.gain_parameters import GainParameters, excited_points
-from seatrial.tuning.loop_trials import CHANNELS, LoopTrials, Samples
+from seatrial.tuning.loop_steps import steps_of, usual_speeds
+from seatrial.tuning.loop_trials import CHANNELS, RIDES_ON, LoopTrials, Samples
 from seatrial.tuning.step_trial import Rig
-from seatrial.tuning.tuning_file import LOOPS, LoopTable, TuningTable, default_steps
+from seatrial.tuning.trial_speeds import slowest_level_m_s
+from seatrial.tuning.tuning_file import LoopTable, TuningTable
 from seatrial.tuning.working_points import reachable_points
 
 if TYPE_CHECKING:
@@ -36,17 +41,13 @@ Array = NDArray[np.float64]
 GROUPS = (("heave",), ("heading", "cross_track"), ("surge",), ("sway",), ("pitch", "depth"))
 """Loops and paths that are searched together, in the order of the search: what holds the hull level first."""
 
-_RIDES_ON = {"depth": "pitch", "cross_track": "heading"}
 _GUIDANCE = {
     "depth": ("guidance.lookahead_vertical_m", "guidance.integral_gain_vertical_m_s"),
     "cross_track": ("guidance.lookahead_m", "guidance.integral_gain_m_s"),
 }
 _GUIDANCE_BOUNDS = (0.3, 3.0)
 _FILTER_BOUNDS = (0.3, 3.0)
-_BESIDE_MODE_M_S = 0.1  # how far a trial keeps from a switching speed, beside the current
-_CURRENT = 0.1  # of the top speed
-_SETTLE_S = 15.0  # at least; a loop that settles in its corridor has settled at its start as well
-_APART = 0.2  # of the mean spacing of the points: speeds that are nearer tell the same
+_CURRENT = 0.05  # of the top speed
 _OWN_DRAWS = 1_000_003  # beside the seed: a verification's missions are other draws
 _WALK = 2.399963  # golden angle, rad: currents from all sides, whatever their number
 
@@ -91,23 +92,33 @@ class TuningPlan:
     @cached_property
     def reached(self) -> NDArray[np.bool_]:
         """Whether the vehicle reaches each supporting point, (6,)."""
-        return reachable_points(self.vehicle, self.autopilot)
+        return reachable_points(self.vehicle, self.autopilot, voltage_v=self.supply_v)
 
     @cached_property
     def places(self) -> list[int]:
         """Supporting points that it reaches, from 0."""
         return [int(i) for i in np.flatnonzero(self.reached)]
 
+    @property
+    def supply_v(self) -> float:
+        """Supply voltage, V: that of the file, or the one at which tables of thrust are read."""
+        return NOMINAL_V if self.table.voltage_v is None else self.table.voltage_v
+
     @cached_property
-    def top_m_s(self) -> float:
-        """Top speed ahead, m/s."""
+    def top_speeds(self) -> tuple[float, float]:
+        """Top speeds astern and ahead, m/s."""
         from seatrial.control_design.mode_table import top_speeds
 
-        return top_speeds(self.vehicle)[1]
+        return top_speeds(self.vehicle, voltage_v=self.supply_v)
+
+    @property
+    def top_m_s(self) -> float:
+        """Top speed ahead, m/s."""
+        return self.top_speeds[1]
 
     @property
     def current_m_s(self) -> float:
-        """Speed of the samples' currents, m/s: a tenth of the top speed where the file gives none."""
+        """Speed of the samples' currents, m/s: a twentieth of the top speed where the file gives none."""
         given = self.table.current_m_s
         return _CURRENT * self.top_m_s if given is None else given
 
@@ -116,8 +127,15 @@ class TuningPlan:
         """Loops and paths that are tuned, with their tables: those of the file, or every loop at work."""
         given = self.table.loops.given()
         if not given:
-            names = [name for name in CHANNELS if name not in _RIDES_ON and self.modes_of(name)]
-            return {name: LoopTable() for name in names}
+            names = [name for name in CHANNELS if name not in RIDES_ON and self.modes_of(name)]
+            # One that no speed is far enough from a switching speed for, or without gains, has no trial.
+            gains = self.autopilot.gains()
+            return {
+                name: LoopTable()
+                for name in names
+                if usual_speeds(self, name)
+                and any(v for key, v in gains.items() if key.startswith(f"{name}.K_"))
+            }
         for name in given:
             if name not in CHANNELS:
                 raise CampaignError(
@@ -127,7 +145,7 @@ class TuningPlan:
             if not self.modes_of(name):
                 raise CampaignError(
                     f"[tuning.loops.{name}]: no mode of the autopilot {self.autopilot.name} uses"
-                    f" {_RIDES_ON.get(name, name)} for it; leave the table out or add the loop to a mode"
+                    f" {RIDES_ON.get(name, name)} for it; leave the table out or add the loop to a mode"
                 )
         return {name: given[name] for name in CHANNELS if name in given}
 
@@ -135,7 +153,7 @@ class TuningPlan:
         """Speeds from and to which modes work whose set point of this loop moves, m/s."""
         from seatrial.control_design.authority import LOOPS as ORDER
 
-        place = ORDER.index(_RIDES_ON.get(loop, loop))
+        place = ORDER.index(RIDES_ON.get(loop, loop))
         modes = self.autopilot.modes
         found: list[tuple[float, float]] = []
         for k, mode in enumerate(modes):
@@ -152,77 +170,24 @@ class TuningPlan:
                 found.append((begin, end))
         return found
 
+    @cached_property
+    def slowest_m_s(self) -> float | None:
+        """Least speed of level flight, m/s; None for a vehicle that hovers."""
+        return slowest_level_m_s(self.vehicle, self.autopilot)
+
     def speeds_of(self, loop: str) -> tuple[float, ...]:
         """Speeds at which a loop is tried where the file gives none, m/s."""
-        away = self.current_m_s + _BESIDE_MODE_M_S
-        found: list[float] = []
-        for point in self.places:
-            wanted = self.autopilot.speeds_m_s[point]
-            if loop in _RIDES_ON and wanted <= 0.0:
-                continue  # guidance goes ahead
-            near = [
-                float(np.clip(wanted, begin + away, max(end - away, begin + away)))
-                for begin, end in self.modes_of(loop)
-            ]
-            at = near[int(np.argmin(np.abs(np.array(near) - wanted)))]
-            apart = _APART * float(np.mean(np.diff(self.autopilot.speeds_m_s)))
-            if at <= self.top_m_s and not any(abs(at - other) < apart for other in found):
-                found.append(round(at, 6))
-        return tuple(found)
+        return usual_speeds(self, loop)
 
     def trials(self, loop: str) -> LoopTrials:
         """Steps of a loop at its speeds."""
-        table = self.loops[loop]
-        speeds = table.speeds_m_s or self.speeds_of(loop)
-        self._refuse_beyond_reach(loop, speeds)
-        steps = table.steps or default_steps(loop, top_m_s=self.top_m_s)
-        if table.corridor is None:
-            from seatrial.tuning.default_corridor import default_corridor
+        if loop not in self._trials:
+            self._trials[loop] = steps_of(self, loop)
+        return self._trials[loop]
 
-            corridor = default_corridor(self.vehicle, self.autopilot, loop, steps, weights=table.weights)
-        else:
-            corridor = table.corridor.corridor(table.weights)
-        each = []
-        for speed in speeds:
-            possible = [(float(speed), float(step)) for step in steps if self._within(loop, speed, step)]
-            # The step back is the other direction: one sign will do where the file does not ask for both.
-            each += possible if table.steps else possible[:1]
-        if not each:
-            raise CampaignError(
-                f"[tuning.loops.{loop}]: expected a step that the vehicle reaches, found none at"
-                f" {', '.join(f'{u:g}' for u in speeds)} m/s; take smaller steps, or give speeds_m_s"
-            )
-        return LoopTrials(
-            loop=loop,
-            corridor=corridor,
-            beside=table.beside.half_widths(),
-            speeds=tuple(speed for speed, _ in each),
-            sizes=tuple(step * LOOPS[loop].to_si for _, step in each),
-            settle_s=self.table.settle_s or max(_SETTLE_S, corridor.until_s),
-        )
-
-    def _refuse_beyond_reach(self, loop: str, speeds: tuple[float, ...]) -> None:
-        """Refuse a desired speed that no command brings about."""
-        from seatrial.control_design.mode_table import top_speeds
-
-        astern, ahead = top_speeds(self.vehicle)
-        for speed in speeds:
-            if not astern <= speed <= ahead:
-                raise CampaignError(
-                    f"[tuning.loops.{loop}]: speeds_m_s: expected speeds that {self.vehicle.name} reaches,"
-                    f" {astern:.2f} to {ahead:.2f} m/s, found {speed:g}; correct or remove it"
-                )
-
-    def _within(self, loop: str, speed: float, step: float) -> bool:
-        """Whether both ends of a step of the speed lie within reach."""
-        from seatrial.control_design.mode_table import RANGE, top_speeds
-
-        if loop != "surge":
-            return True
-        astern, ahead = top_speeds(self.vehicle)
-        # Against the current less is left over ground.
-        away = self.current_m_s
-        return RANGE * astern + away <= speed + step <= RANGE * ahead - away
+    @cached_property
+    def _trials(self) -> dict[str, LoopTrials]:
+        return {}
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -255,6 +220,11 @@ class TuningPlan:
             for path in chosen:
                 for name in _GUIDANCE.get(path, ()):
                     parameters += GainParameters.of_number(name, gains.get(name, 0.0), _GUIDANCE_BOUNDS)
+            if not len(parameters):
+                raise CampaignError(
+                    f"[tuning.loops.{chosen[0]}]: expected gains that a factor moves, found only zeros for"
+                    f" {rider} in {self.autopilot.name}; give it start gains, or leave the table out"
+                )
             found.append(Group(" and ".join(chosen), tuple(every[name] for name in chosen), parameters))
         return tuple(found)
 

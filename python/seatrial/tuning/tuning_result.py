@@ -5,7 +5,6 @@ Held by tests/test_tune.py.
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from seatrial.run_directory import RUN_FILE, RunDirectory, to_json
 from seatrial.tuning.group_search import GroupResult
 from seatrial.tuning.judged import Judged
+from seatrial.whole_file import parquet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,7 +32,7 @@ _DIGITS = 4
 _ROUNDING = 0.01  # what the frequency grid and four digits of a gain leave
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tuning:
     """What a tuning found; made by `seatrial.tune`.
 
@@ -55,6 +55,11 @@ class Tuning:
         Wall time.
     interrupted
         Whether Ctrl-C ended it; then nothing is judged.
+    kept
+        Autopilot file with the best gains so far, of an interrupted tuning with a run directory.
+    quiet
+        The tuned gains with perfect sensors, where a response leaves its corridor: what noise has to do with
+        it.
     """
 
     campaign: Campaign
@@ -66,6 +71,13 @@ class Tuning:
     taken_back: tuple[str, ...]
     elapsed_s: float
     interrupted: bool
+    kept: Path | None = None
+    quiet: Judged | None = None
+
+    def __repr__(self) -> str:
+        groups = ", ".join(group.name for group in self.groups)
+        state = "interrupted" if self.interrupted else f"feasible={self.feasible}"
+        return f"Tuning({self.campaign.name}: {state}, searched: {groups})"
 
     @property
     def start(self) -> Autopilot:
@@ -93,7 +105,11 @@ class Tuning:
         from seatrial.tuning.margin_report import report_margins
 
         pairs = {"start": self.start, "tuned": self.autopilot}
-        return {name: report_margins(self.plan.vehicle, autopilot) for name, autopilot in pairs.items()}
+        plan = self.plan
+        return {
+            name: report_margins(plan.vehicle, autopilot, sensors=plan.sensors)
+            for name, autopilot in pairs.items()
+        }
 
     @property
     def short_margins(self) -> tuple[str, ...]:
@@ -101,6 +117,7 @@ class Tuning:
         if self.interrupted:
             return ()
         rows = self.margins["tuned"]
+        # A motion that grows is no matter of limits: it counts where no margin is asked for, too.
         unstable = dict.fromkeys((row.mode, row.speed_m_s) for row in rows if not row.stable)
         found = [f"{mode} at {speed:.2f} m/s (unstable)" for mode, speed in unstable]
         for row in rows:
@@ -161,6 +178,7 @@ class Tuning:
             "held": self.held,
             "short_margins": list(self.short_margins),
             "interrupted": self.interrupted,
+            "kept": None if self.kept is None else str(self.kept),
             "elapsed_s": self.elapsed_s,
             "plan": self.plan.to_dict(),
             "gains": {"start": self.start.gains(), "tuned": self.autopilot.gains()},
@@ -207,8 +225,8 @@ class Tuning:
             "vehicle.toml": self.plan.vehicle.to_toml(),
             "tuning.json": to_json(self.to_dict()),
             "summary.txt": self.summary() + "\n",
-            "history.parquet": _parquet(pl.DataFrame(history, infer_schema_length=None)),
-            "trials.parquet": _parquet(pl.DataFrame(trials, infer_schema_length=None)),
+            "history.parquet": parquet(pl.DataFrame(history, infer_schema_length=None)),
+            "trials.parquet": parquet(pl.DataFrame(trials, infer_schema_length=None)),
         }
         return directory.publish(files)
 
@@ -228,12 +246,6 @@ def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], campaign: str)
 
 def _plain_margins(margins: Mapping[str, list[ReportedMargins]]) -> dict[str, list[dict[str, Any]]]:
     return {name: [row.to_dict() for row in rows] for name, rows in margins.items()}
-
-
-def _parquet(frame: Any) -> bytes:
-    stream = io.BytesIO()
-    frame.write_parquet(stream)
-    return stream.getvalue()
 
 
 def _below(value: float, limit: float) -> str:

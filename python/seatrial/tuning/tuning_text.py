@@ -6,6 +6,7 @@ Held by tests/test_tune.py.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from seatrial.control_design.authority import LOOPS
@@ -13,6 +14,7 @@ from seatrial.text_table import text_table
 from seatrial.tuning.gain_parameters import GAINS
 
 if TYPE_CHECKING:
+    from seatrial.campaign import Campaign
     from seatrial.tuning.judged import Judged, JudgedTrial
     from seatrial.tuning.tuning_result import Tuning
 
@@ -27,6 +29,7 @@ __all__ = [
     "sentences",
     "summary",
     "trial_rows",
+    "without_table",
 ]
 
 TRIAL_HEAD = ("loop", "m/s", "step", "outside", "worst", "held", "rise", "over", "settled")
@@ -41,6 +44,7 @@ _UNITS = {
 }
 _OF_GAIN = {"K_P": "", "K_I": " per s", "K_D": " s"}
 _ENDINGS = {"_rad_s": "rad/s", "_m_s": "m/s", "_m": "m"}  # units of numbers that are no gains
+_MARGINS = "margins"
 _LEAST_S = 0.001  # a violation below is told as less than that
 
 COMPARISON_TITLE = "Side by side: outside in all, samples held"
@@ -71,13 +75,17 @@ def sentences(tuning: Tuning) -> list[str]:
     lines = []
     tuned = tuning.of("tuned")
     if tuned is None:
+        there = (
+            "" if tuning.kept is None else f" They are in {_beside(tuning.kept)}, which `seatrial fly` takes."
+        )
         lines.append(
-            "The tuning was interrupted: the gains are the best so far, and nothing was judged; the same"
-            " command goes on with what is not finished."
+            "The tuning was interrupted: the gains are the best so far, and nothing was judged."
+            f"{there} The same command goes on with what is not finished."
         )
     elif tuned.feasible:
         whole = [trial for trial in tuned.trials if trial.held == 1.0]
-        lines.append(_all_inside(len(tuned.trials), len(whole), tuned.samples))
+        drawn = bool(tuning.plan.fitted.names)
+        lines.append(_all_inside(len(tuned.trials), len(whole), tuned.samples, drawn=drawn))
         for trial in tuned.trials:
             if trial.held < 1.0:
                 lines.append(
@@ -88,10 +96,13 @@ def sentences(tuning: Tuning) -> list[str]:
         out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
         leave = "leave their corridors" if len(out) > 1 else "leaves its corridor"
         lines.append(
-            f"{len(out)} of {len(tuned.trials)} responses {leave}: widen what is too narrow, or give the"
-            " search more room under [tuning] (bounds, budget)."
+            f"{len(out)} of {len(tuned.trials)} responses of the vehicle itself {leave}: widen what is too"
+            " narrow, or give the search more room under [tuning] (bounds, budget)."
         )
-        lines += [f"{_of(trial)}: outside by {_seconds(trial.nominal_s)} s of a step." for trial in out]
+        lines += [
+            f"{_of(trial)}: outside by {_seconds(trial.nominal_s)} s of a step{_why(tuning, trial)}."
+            for trial in out
+        ]
     lines += _worse_than_start(tuning)
     if tuning.taken_back:
         lines.append(
@@ -99,13 +110,49 @@ def sentences(tuning: Tuning) -> list[str]:
             " others."
         )
     last = {group.name.partition(",")[0]: group for group in tuning.groups}
-    ended = {name for group in last.values() for name in group.at_bound}
+    moved = {name for group in tuning.groups if group.name != _MARGINS for name in group.gains}
+    ended = {
+        name
+        for group in last.values()
+        for name in group.at_bound
+        if group.name != _MARGINS or name not in moved  # a group has moved it since
+    }
     if ended:
         lines.append(f"Factors at a bound of the search: {', '.join(sorted(ended))}; widen [tuning] bounds.")
     if short := tuning.short_margins:
         lines.append(f"Margins short of their limits: {'; '.join(short)}.")
+    lines += without_table(tuning.campaign)
     lines += list(tuning.plan.fitted.notes)
     return lines
+
+
+def _why(tuning: Tuning, trial: JudgedTrial) -> str:
+    """Reason of a violation, after a colon."""
+    from seatrial.tuning.why_outside import why_outside
+
+    if tuning.quiet is None:
+        return ""
+    key = (trial.loop, trial.speed_m_s, trial.step)
+    for quiet in tuning.quiet.trials:
+        if (quiet.loop, quiet.speed_m_s, quiet.step) == key:
+            return f": {why_outside(quiet, tuning.quiet.responses[quiet.loop].trials.corridor)}"
+    return ""
+
+
+def without_table(campaign: Campaign) -> tuple[str, ...]:
+    """A sentence where a campaign does not say what to tune."""
+    if campaign.file.tuning is not None:
+        return ()
+    return (
+        "The campaign has no [tuning]: steps, corridors and speeds are the defaults of its vehicle and its"
+        " autopilot; a table [tuning] says what the loops shall do.",
+    )
+
+
+def _beside(path: Path) -> str:
+    """A path as a user would type it: from the working directory where it lies below it."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def _worse_than_start(tuning: Tuning) -> list[str]:
@@ -121,8 +168,8 @@ def _worse_than_start(tuning: Tuning) -> list[str]:
     if not worse:
         return []
     return [
-        f"Further outside than with the start gains: {'; '.join(worse)}. What another loop needs was bought"
-        " with it: widen that loop's corridor, or leave its table out."
+        f"Further outside than with the start gains: {'; '.join(worse)}. What another loop or the margins"
+        " need was bought with it: widen that loop's corridor, or ask for less margin."
     ]
 
 
@@ -201,9 +248,11 @@ def _of(trial: JudgedTrial) -> str:
     return f"{trial.loop} at {trial.speed_m_s:.2f} m/s, step of {trial.step:+.3g} {trial.unit}"
 
 
-def _all_inside(count: int, whole: int, samples: int) -> str:
-    """The sentence on a feasible tuning."""
+def _all_inside(count: int, whole: int, samples: int, *, drawn: bool) -> str:
+    """The sentence on a feasible tuning; without a covariance what is drawn is the vehicle itself."""
     every = f"every one of {samples} others that were drawn, in their currents"
+    if not drawn:
+        every = f"every one of {samples} currents and noises (its coefficients count as exact)"
     if count == 1:
         also = f", and so with {every}" if whole else ""
         return f"The response of the vehicle itself stays within its corridor, there and back{also}."

@@ -11,14 +11,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.check.actuators import NOMINAL_V
+
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
 __all__ = ["reachable_points", "working_points"]
 
 
-def reachable_points(vehicle: Vehicle, autopilot: Autopilot) -> NDArray[np.bool_]:
+def reachable_points(
+    vehicle: Vehicle, autopilot: Autopilot, *, voltage_v: float = NOMINAL_V
+) -> NDArray[np.bool_]:
     """Whether each supporting point (6,) lies between the top speeds astern and ahead.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    autopilot : Autopilot
+    voltage_v : float, optional
+        Supply at which tables of thrust are read, V.
 
     Examples
     --------
@@ -28,7 +39,7 @@ def reachable_points(vehicle: Vehicle, autopilot: Autopilot) -> NDArray[np.bool_
     """
     from seatrial.control_design.mode_table import top_speeds
 
-    astern, ahead = top_speeds(vehicle)
+    astern, ahead = top_speeds(vehicle, voltage_v=voltage_v)
     speeds = np.asarray(autopilot.speeds_m_s)
     return np.asarray((speeds >= astern) & (speeds <= ahead))
 
