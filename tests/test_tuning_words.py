@@ -41,10 +41,12 @@ def test_factors_at_a_bound_are_those_that_the_last_search_left_there() -> None:
 @pytest.mark.parametrize(
     ("quiet", "words"),
     [
-        ({"nominal_s": 0.0}, "with perfect sensors it stays inside, so noise is what is left"),
+        ({"nominal_s": 0.0}, "with perfect sensors it stays inside, so noise or latency is what is left"),
         ({"rise_s": 6.5}, "it rises in 6.5 s, 5 s are asked"),
         ({"rise_s": float("inf")}, "it rises not at all, 5 s are asked"),
         ({"overshoot": 0.12}, "it overshoots by 12% without noise, too, 10% are allowed"),
+        ({"overshoot": 56.85}, "the motion grows at that speed"),
+        ({"overshoot": float("nan"), "rise_s": 4.0}, "the motion grows at that speed"),
         ({"settling_s": float("inf")}, "it is not within 5 % below and 5 % above its set point by 20 s"),
         ({}, "it settles late"),
     ],

@@ -1,9 +1,9 @@
 """Why a response of the vehicle itself leaves its corridor with the tuned gains, in words.
 
-The same step is flown with perfect sensors, in still water. Where it stays inside, noise is
-what is left; where not, its figures tell which bound it is that the loop cannot keep to.
+The same step is flown with perfect sensors, in still water. Where it stays inside, noise or latency is what
+is left; where not, its figures tell which bound it is that the loop cannot keep to.
 
-Held by tests/test_tune.py.
+Held by tests/test_tune.py and tests/test_tuning_words.py.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from seatrial.tuning.tuning_plan import TuningPlan
 
 __all__ = ["judged_without_noise", "why_outside"]
+
+_AWAY = 3.0  # steps beyond the set point, which no overshoot is
 
 
 def judged_without_noise(plan: TuningPlan, rig: Rig) -> Judged:
@@ -48,9 +50,11 @@ def why_outside(quiet: JudgedTrial, corridor: Corridor) -> str:
     """
     if quiet.nominal_s == 0.0:
         return (
-            "with perfect sensors it stays inside, so noise is what is left; take larger steps,"
+            "with perfect sensors it stays inside, so noise or latency is what is left; take larger steps,"
             " or raise settled and overshoot"
         )
+    if not quiet.overshoot < _AWAY:  # nor where it diverged
+        return "the motion grows at that speed; leave it out of speeds_m_s, or begin with gains that hold it"
     rise = next((time for time, bound in corridor.lower if bound >= RISEN), math.inf)
     lower, upper = corridor.sampled([corridor.until_s])
     most = max((bound for _, bound in corridor.upper), default=math.inf) - 1.0
