@@ -1,6 +1,7 @@
 """One tuning under way: margins, group after group, the groups that violate once more, judgement.
 
-Ctrl-C at any time ends it with the best gains so far. Held by tests/test_tune.py.
+Ctrl-C at any time ends it with the best gains so far. Held by tests/test_tune.py, tests/test_second_turn.py,
+tests/test_tuning_kept_stages.py and tests/test_tuning_draws.py.
 """
 
 from __future__ import annotations
