@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 LEFT_OUT = re.compile(
-    r"(wall_s|elapsed_s|seconds|sha256|hash|version|platform|simd|path|folder|run_dir|figures_written|written|date|"
+    r"(history|wall_s|elapsed_s|seconds|sha256|hash|version|platform|simd|path|folder|run_dir|figures_written|written|date|"
     r"times_real|per_second|left_s|\bout\b|machine|threads|rate_per_s|duration_wall|started|finished)"
 )
 
@@ -118,6 +118,8 @@ def record(only: list[str]) -> dict[str, Any]:
             if where and (Path(folder) / where).is_dir():
                 for file in sorted((Path(folder) / where).rglob("*")):
                     key = str(file.relative_to(Path(folder) / where))
+                    if LEFT_OUT.search(key):
+                        continue
                     if file.suffix == ".json":
                         flat(json.loads(file.read_text()), key, into)
                     elif file.suffix == ".parquet":
