@@ -59,7 +59,7 @@ test-wheel: wheel ## the wheel in an empty environment outside the clone: the wh
 	$(BIN)/python -m venv "$$folder/venv"; \
 	"$$folder/venv/bin/pip" install --constraint constraints.txt dist/*.whl; \
 	cd "$$folder"; venv/bin/seatrial --version; venv/bin/seatrial demo --json > demo.json; \
-	venv/bin/python "$(CURDIR)/tests/chain_of_demo.py" demo.json
+	venv/bin/python "$(CURDIR)/tests/cli/chain_of_demo.py" demo.json
 
 check: build ## format, lint, types, and the committed stub against the binding
 	cargo fmt --all --check

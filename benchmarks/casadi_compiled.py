@@ -2,7 +2,7 @@
 
 Per candidate: the dead time on the shared record, RK4, and the sum of weighted absolute errors per channel;
 the trajectory only where it is asked for.
-Held by tests/test_casadi_model.py.
+Held by tests/core/test_casadi_model.py.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The derivative of a step is CasADi's own (``jtimes`` of the expressions along eight seeds, common
 subexpressions once), generated to C and compiled like the model itself. The dead times are read from the
 record beforehand and are not differentiated.
-Held by tests/test_benchmark_derivatives.py: derivatives equal the core's.
+Held by tests/benchmarks/test_benchmark_derivatives.py: derivatives equal the core's.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ current, quadratic thrusters with inflow and their whole motor chain. The static
 act on the record, before the step.
 
 Sources: as in ``textbook``; here with cross products in place of matrices.
-Held by tests/test_casadi_model.py: trajectories equal the textbook model's to 1e-9.
+Held by tests/core/test_casadi_model.py: trajectories equal the textbook model's to 1e-9.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from benchmarks.casadi_forward import DIRECTIONS, Forward
 from benchmarks.casadi_model import expressions
 from benchmarks.speed import REST, seconds
 from benchmarks.workload import STEP_S, SUBSTEPS, chain
-from seatrial.recording.columns import CHANNELS
+from seatrial.base.channels import CHANNELS
 
 ASKED = CHANNELS[:9]
 # Hull, restoring, propeller and motor.

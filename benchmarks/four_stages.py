@@ -5,7 +5,7 @@ by the truth vehicle of ``examples/cwolf``. Each repeats the commands of the exa
 second time on with levels that a fixed seed varies by up to 20 %. The stages are those of the example's
 campaign; nothing is held out. `run` isolates the stages: their plan, step and search, without reading the
 logs; `identify` is the whole, with joint polish, standard deviations and criticism.
-Held by tests/test_benchmarks.py.
+Held by tests/benchmarks/test_benchmarks.py.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 import seatrial as st
-from seatrial.campaign_file import parse
-from seatrial.generated import Recipe
-from seatrial.stage import StagePlan, StageResult, plan
-from seatrial.stage_order import StageOrder
+from seatrial.campaign.file import parse
+from seatrial.estimation.stage import StagePlan, StageResult, plan
+from seatrial.identification.identify import StageOrder
+from seatrial.trial.generated import Recipe
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "cwolf"
 TRIALS = ("surge", "dive", "turn", "dive_stern")

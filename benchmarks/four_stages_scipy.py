@@ -7,7 +7,7 @@ descent. Whether it would get as far with as many candidates is not asked, and t
 descent takes besides are not charged to it. Part: the first seconds of every segment, a few candidates.
 Cost is linear in samples and candidates; the ratio of the costs per step of two sizes shows how linear. Two
 cores are given to it as if its candidates shared them perfectly.
-Held by tests/test_benchmarks.py.
+Held by tests/benchmarks/test_benchmarks.py.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The signals of the propellers come from the textbook's motor on the half steps t
 coefficient is sought, so they are the same for all candidates and are computed once. Measured axes are
 given on the same grid. The weights hold the criterion's, so that a cost is a plain sum of weighted absolute
 errors.
-Held by tests/test_benchmarks.py: costs equal the core's.
+Held by tests/benchmarks/test_benchmarks.py: costs equal the core's.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 import seatrial as st
 from benchmarks.textbook_thrusters import motor_response
 from benchmarks.textbook_vehicle import Parameters, from_vehicle
-from seatrial.campaign_file import AXES
-from seatrial.stage import StagePlan
-from seatrial.trial import Trial
+from seatrial.base.channels import AXES
+from seatrial.estimation.stage import StagePlan
+from seatrial.trial.trial import Trial
 
 Array = NDArray[np.float64]
 

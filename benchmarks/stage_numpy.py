@@ -7,7 +7,7 @@ matrices known to be diagonal, thrust tabulated beforehand, and what the candida
 all of them. It is what an engineer writes who knows this vehicle and wants it quick.
 
 Both are RK4 on the grid of `StageArrays` and give the same cost as the core.
-Held by tests/test_benchmarks.py.
+Held by tests/benchmarks/test_benchmarks.py.
 """
 
 from __future__ import annotations

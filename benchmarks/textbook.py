@@ -14,7 +14,7 @@ on the vehicle.
 References: T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), chapters 2, 3, 6
 and 7; numbers in brackets are equations of Taubert et al., OCEANS 2014 Taipei,
 doi 10.1109/OCEANS-TAIPEI.2014.6964475.
-Held by tests/test_textbook.py (published numbers, conservation laws).
+Held by tests/core/test_textbook.py (published numbers, conservation laws).
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The fin's own axes at zero deflection: chord e_c to the leading edge, normal e_n
 rotated vectors, unlike the core's form: an independent answer for its tests.
 
 Source: T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, section 9.8.
-Held by tests/test_textbook_fins.py.
+Held by tests/core/test_textbook_fins.py.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Added mass of a prolate spheroid (14)-(19), NumPy only.
 
 Source: H. Lamb, Hydrodynamics, chapter V; F. H. Imlay, DTMB report 1528 (1961).
-Held by tests/test_textbook.py::test_golden_mss_imlay61 and test_golden_lamb_factors_of_cwolf_spheroid.
+Held by tests/core/test_textbook.py::test_golden_mss_imlay61 and test_golden_lamb_factors_of_cwolf_spheroid.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Quaternions are ``[w x y z]``, body to NED; Euler angles are roll, pitch, yaw in rad (ZYX).
 Source: T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, section 2.2.
-Held by tests/test_textbook.py::test_law_quaternion_and_euler_kinematics_agree.
+Held by tests/core/test_textbook.py::test_law_quaternion_and_euler_kinematics_agree.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ record, on the grid of half steps that RK4 visits. The delay comes behind the ra
 and reads its ramp linearly between the half steps; else it comes first, which a pure delay allows.
 
 Source: Taubert et al., OCEANS 2014 Taipei, static and dynamic behaviour, (34), (35), (36).
-Held by tests/test_textbook_thrusters.py.
+Held by tests/core/test_textbook_thrusters.py.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Source: T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, chapters 3, 6 and 7;
 (8), (14), (23).
-Held by tests/test_textbook.py and tests/test_scalar_textbook.py.
+Held by tests/core/test_textbook.py and tests/core/test_scalar_textbook.py.
 """
 
 from __future__ import annotations

@@ -22,76 +22,67 @@ if TYPE_CHECKING:
     from seatrial._core import State as State
     from seatrial._core import Vehicle as Vehicle
     from seatrial._core import simulate_batch as simulate_batch
-    from seatrial.autopilot_start import start_autopilot as start_autopilot
-    from seatrial.bench_test import BenchTest as BenchTest
-    from seatrial.bench_test import bench as bench
-    from seatrial.campaign import Campaign as Campaign
-    from seatrial.comparison import Comparison as Comparison
-    from seatrial.comparison import compare as compare
-    from seatrial.errors import CampaignError as CampaignError
-    from seatrial.errors import SeatrialError as SeatrialError
-    from seatrial.errors import SimulationError as SimulationError
-    from seatrial.errors import TrialError as TrialError
-    from seatrial.errors import VehicleError as VehicleError
-    from seatrial.flight import Fault as Fault
-    from seatrial.flight import Flight as Flight
-    from seatrial.flight import Outage as Outage
-    from seatrial.flight.fly import fly as fly
-    from seatrial.flight.fly_batch import fly_batch as fly_batch
-    from seatrial.identification import Identification as Identification
-    from seatrial.identify import identify as identify
-    from seatrial.mission import Mission as Mission
-    from seatrial.random_starts import restarts as restarts
-    from seatrial.recorded import LogVerdict as LogVerdict
-    from seatrial.recorded import MissionLog as MissionLog
-    from seatrial.recorded import verify_log as verify_log
-    from seatrial.restart_result import Restarts as Restarts
-    from seatrial.score import Score as Score
-    from seatrial.score import score as score
-    from seatrial.trial import Trial as Trial
-    from seatrial.tune import tune as tune
-    from seatrial.tuning.tuning_result import Tuning as Tuning
-    from seatrial.verification.verification_result import Verification as Verification
-    from seatrial.verify import verify as verify
+    from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, TrialError, VehicleError
+    from seatrial.bench_test.evaluate import bench
+    from seatrial.bench_test.result import BenchTest
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.control_design.start_autopilot import start_autopilot
+    from seatrial.flight.failures import Fault, Outage
+    from seatrial.flight.flight import Flight
+    from seatrial.flight.fly import fly, fly_batch
+    from seatrial.flight.mission import Mission
+    from seatrial.identification.identification import Identification
+    from seatrial.identification.identify import identify
+    from seatrial.identification.restarts import Restarts, restarts
+    from seatrial.trial.comparison import Comparison, compare
+    from seatrial.trial.score import Score, score
+    from seatrial.trial.trial import Trial
+    from seatrial.tuning.result import Tuning
+    from seatrial.tuning.tune import tune
+    from seatrial.verification.mission_log.log import MissionLog
+    from seatrial.verification.mission_log.verdict import LogVerdict
+    from seatrial.verification.mission_log.verify_log import verify_log
+    from seatrial.verification.verification import Verification
+    from seatrial.verification.verify import verify
 
 _HOME = {
     "Autopilot": "seatrial._core",
-    "BenchTest": "seatrial.bench_test",
-    "Campaign": "seatrial.campaign",
-    "CampaignError": "seatrial.errors",
-    "Comparison": "seatrial.comparison",
-    "Fault": "seatrial.flight",
-    "Flight": "seatrial.flight",
+    "BenchTest": "seatrial.bench_test.result",
+    "Campaign": "seatrial.campaign.campaign",
+    "CampaignError": "seatrial.base.errors",
+    "Comparison": "seatrial.trial.comparison",
+    "Fault": "seatrial.flight.failures",
+    "Flight": "seatrial.flight.flight",
     "Flights": "seatrial._core",
-    "Identification": "seatrial.identification",
-    "LogVerdict": "seatrial.recorded",
-    "Mission": "seatrial.mission",
-    "MissionLog": "seatrial.recorded",
-    "Outage": "seatrial.flight",
-    "Restarts": "seatrial.restart_result",
+    "Identification": "seatrial.identification.identification",
+    "LogVerdict": "seatrial.verification.mission_log.verdict",
+    "Mission": "seatrial.flight.mission",
+    "MissionLog": "seatrial.verification.mission_log.log",
+    "Outage": "seatrial.flight.failures",
+    "Restarts": "seatrial.identification.restarts",
     "Run": "seatrial._core",
-    "Score": "seatrial.score",
-    "SeatrialError": "seatrial.errors",
-    "SimulationError": "seatrial.errors",
+    "Score": "seatrial.trial.score",
+    "SeatrialError": "seatrial.base.errors",
+    "SimulationError": "seatrial.base.errors",
     "State": "seatrial._core",
-    "Trial": "seatrial.trial",
-    "TrialError": "seatrial.errors",
-    "Tuning": "seatrial.tuning.tuning_result",
+    "Trial": "seatrial.trial.trial",
+    "TrialError": "seatrial.base.errors",
+    "Tuning": "seatrial.tuning.result",
     "Vehicle": "seatrial._core",
-    "VehicleError": "seatrial.errors",
-    "Verification": "seatrial.verification.verification_result",
-    "bench": "seatrial.bench_test",
-    "compare": "seatrial.comparison",
-    "fly": "seatrial.flight",
-    "fly_batch": "seatrial.flight",
-    "identify": "seatrial.identify",
-    "restarts": "seatrial.random_starts",
-    "score": "seatrial.score",
+    "VehicleError": "seatrial.base.errors",
+    "Verification": "seatrial.verification.verification",
+    "bench": "seatrial.bench_test.evaluate",
+    "compare": "seatrial.trial.comparison",
+    "fly": "seatrial.flight.fly",
+    "fly_batch": "seatrial.flight.fly",
+    "identify": "seatrial.identification.identify",
+    "restarts": "seatrial.identification.restarts",
+    "score": "seatrial.trial.score",
     "simulate_batch": "seatrial._core",
-    "start_autopilot": "seatrial.autopilot_start",
-    "tune": "seatrial.tune",
-    "verify": "seatrial.verify",
-    "verify_log": "seatrial.recorded",
+    "start_autopilot": "seatrial.control_design.start_autopilot",
+    "tune": "seatrial.tuning.tune",
+    "verify": "seatrial.verification.verify",
+    "verify_log": "seatrial.verification.mission_log.verify_log",
 }
 
 __all__ = [

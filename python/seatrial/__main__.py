@@ -3,7 +3,7 @@
 Loading what a verb needs takes some tenths of a second. Nothing is at stake then, and an exception inside an
 import may end as another one or be swallowed: the process leaves at once. Once a verb begins, `seatrial.cli`
 answers.
-Held by tests/test_cli_start.py.
+Held by tests/cli/test_cli_start.py.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from numpy import float64
 from numpy.typing import ArrayLike, NDArray
 from os import PathLike
 from seatrial._core import Mission as Mission2
-from seatrial.mission import Mission as Mission3
+from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
 __all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "autopilot_names", "error_edges", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]

@@ -13,12 +13,17 @@ import typer
 from pydantic import BaseModel
 
 import seatrial as st
-from seatrial import _core, campaign_file, mission, search_budget
+from seatrial import _core
+from seatrial.base.channels import CHANNELS
+from seatrial.base.toml_file import Section
+from seatrial.campaign import file as campaign_file
+from seatrial.campaign import tuning_table as search_budget
+from seatrial.campaign import tuning_table as tuning_file
+from seatrial.campaign import verification_table as distribution_table
+from seatrial.campaign import verification_table as verification_file
 from seatrial.cli import app
-from seatrial.recording.columns import CANONICAL, CHANNELS
-from seatrial.toml_file import Section
-from seatrial.tuning import tuning_file
-from seatrial.verification import distribution_table, verification_file
+from seatrial.flight import mission
+from seatrial.trial.columns import CANONICAL
 from tests.docs.pages import NAMES, ROOT, blocks, text
 
 INTERFACE = "docs/interface.md"

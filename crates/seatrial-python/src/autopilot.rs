@@ -153,7 +153,7 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Planned {
     type Error = PyErr;
     const INPUT_TYPE: PyStaticExpr = type_hint_union!(
         type_hint_identifier!("seatrial._core", "Mission"),
-        type_hint_identifier!("seatrial.mission", "Mission")
+        type_hint_identifier!("seatrial.flight.mission", "Mission")
     );
     fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
         if let Ok(mission) = object.cast::<Mission>() {

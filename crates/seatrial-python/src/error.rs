@@ -1,4 +1,4 @@
-//! Errors of the core as the exceptions of `seatrial.errors`, and long work that heeds Ctrl-C.
+//! Errors of the core as the exceptions of `seatrial.base.errors`, and long work that heeds Ctrl-C.
 
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
-pyo3::import_exception!(seatrial.errors, SimulationError);
-pyo3::import_exception!(seatrial.errors, VehicleError);
+pyo3::import_exception!(seatrial.base.errors, SimulationError);
+pyo3::import_exception!(seatrial.base.errors, VehicleError);
 
 /// How often long work looks for signals.
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);

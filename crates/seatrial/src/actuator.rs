@@ -9,7 +9,7 @@
 //! product, `u_a = b · ν_r`.
 //!
 //! Source: Taubert et al. (2014), equations 34, 35, 39–47; Fossen (2011), section 9.
-//! Tests: `tests/laws.rs` (chain against its analytic answer), `tests/test_scalar_textbook.py`.
+//! Tests: `tests/laws.rs` (chain against its analytic answer), `tests/core/test_scalar_textbook.py`.
 //! A [`fin`] turns its signal, a deflection, into lift and drag.
 
 pub mod characteristic;

@@ -4,7 +4,7 @@
 //! the equation of motion advance by `substeps` equal steps. The vehicle that flies and the model inside
 //! the autopilot are two: what the autopilot does not know is tested here.
 //!
-//! Tests: `tests/closed_loop.rs`, `tests/test_fly.py`.
+//! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py`.
 
 pub mod batch;
 pub mod energy;

@@ -3,7 +3,7 @@
 //! Per channel `Q = Σ_k loss(weight_k |y_k − ŷ_k|)`; the least absolute error is Taubert et al. (2014),
 //! equation 48. Angles are compared along the shorter way round. A weight of zero masks a sample.
 //!
-//! Tests: `tests/scalars.rs`, `tests/test_scalar_textbook.py`.
+//! Tests: `tests/scalars.rs`, `tests/core/test_scalar_textbook.py`.
 
 use crate::integrate::State;
 use crate::kinematics::to_euler;

@@ -8,7 +8,7 @@
 //! Inputs are the six components of τ. `A = ∂f/∂x` by dual numbers, one column per evaluation.
 //!
 //! Source: Fossen (2011), sections 2.2 and 7.5.
-//! Tests: `tests/scalars/tangent.rs` (both forms say the same), `tests/test_linearize.py` (finite differences
+//! Tests: `tests/scalars/tangent.rs` (both forms say the same), `tests/core/test_linearize.py` (finite differences
 //! of the textbook model).
 
 use crate::algebra::{Vec3, Vec6, cross, product};

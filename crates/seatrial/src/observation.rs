@@ -10,7 +10,7 @@
 //!
 //! Source: Fossen (2011), sections 2.2 and 8.3; Tischler & Remple, *Aircraft and Rotorcraft System
 //! Identification* (2012), chapter 8 (instrument errors as parameters).
-//! Tests: `tests/scalars/nuisances.rs` (each against its definition), `tests/test_sensitivities.py`.
+//! Tests: `tests/scalars/nuisances.rs` (each against its definition), `tests/core/test_sensitivities.py`.
 
 use crate::algebra::{Vec3, cross, product, transposed_product};
 use crate::criterion::{CHANNEL_NAMES, CHANNELS, ROLL};

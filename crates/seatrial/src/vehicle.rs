@@ -7,7 +7,7 @@
 //! `ν'_F = M_FF⁻¹ (f_F − M_FC ν'_C)`: nothing leaks from a locked axis, and no added mass is ever lagged.
 //!
 //! Source: Fossen (2011), equation 7.9 with 8.3; Taubert et al. (2014), equation 6, corrected.
-//! Tests: `tests/laws.rs`, `tests/golden.rs`, `tests/test_scalar_textbook.py`.
+//! Tests: `tests/laws.rs`, `tests/golden.rs`, `tests/core/test_scalar_textbook.py`.
 
 mod assembly;
 

@@ -1,6 +1,11 @@
 """A bench file evaluated: every pull and step read, fitted and written into the vehicle file's text.
 
-Tests: ``tests/test_bench.py``.
+Tests: ``tests/bench_test/test_bench.py``.
+
+Records of commanded and measured revolutions, one per actuator, and the motor that follows from them.
+
+Signals are counted from neutral, positive along the actuator's direction. The estimate itself is
+`seatrial.motor_dynamics`. Tests: ``tests/bench_test/test_bench_steps.py``.
 """
 
 from __future__ import annotations
@@ -13,23 +18,78 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.bench_test.bench_file import BenchFile, Pull, Steps, parse
-from seatrial.bench_test.bench_result import BenchTest
-from seatrial.bench_test.driven import Unit, unit_of
-from seatrial.bench_test.plausibility import motor_warnings, warnings_of
-from seatrial.bench_test.pull_points import PullPoints, read_pull
-from seatrial.bench_test.step_records import read_steps
-from seatrial.bench_test.unit_fit import UnitFit, fit_unit
+import numpy as np
+
+from seatrial.base.errors import CampaignError, TrialError, VehicleError, nearest, reason
+from seatrial.base.toml_file import file_path, is_path
+from seatrial.bench_test.characteristic import UnitFit, fit_unit, motor_warnings, warnings_of
+from seatrial.bench_test.columns import Unit, listed, read_bench_table, unit_of
+from seatrial.bench_test.file import BenchFile, Pull, Steps, parse
+from seatrial.bench_test.pulls import PullPoints, distance, read_pull
+from seatrial.bench_test.result import BenchTest
 from seatrial.bench_test.vehicle_text import write_results
-from seatrial.errors import CampaignError, TrialError, VehicleError, nearest, reason
-from seatrial.generated import files_of
-from seatrial.toml_file import file_path, is_path
+from seatrial.trial.generated import files_of
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.motor_dynamics import MotorEstimate, StepRecord
+    from seatrial.bench_test.motor_estimate import MotorEstimate
+    from seatrial.bench_test.motor_record import StepRecord
 
-__all__ = ["bench", "fingerprint"]
+__all__ = ["bench", "fingerprint", "read_steps"]
+
+
+def read_steps(
+    steps: Steps,
+    unit: Unit,
+    vehicle: Vehicle,
+    path: Path,
+    *,
+    where: str,
+    reader: str | None = None,
+    columns: dict[str, Any] | None = None,
+) -> list[StepRecord]:
+    """Step records of the unit's actuators that have both a command and a measurement in the file.
+
+    Raises
+    ------
+    TrialError
+        The file cannot be read, has no time, or no actuator of the unit has both columns.
+    """
+    from seatrial.bench_test.motor_record import StepRecord
+
+    table = read_bench_table(
+        path, vehicle, reader=steps.reader or reader, columns=(columns or {}) | steps.columns
+    )
+    if table.t is None:
+        raise TrialError(f'{where}: no time in {table.file}; map a column as t_s, for example t_s = "Time"')
+    both = [name for name in unit.actuators if name in table.commands and name in table.measured]
+    if not both:
+        raise TrialError(
+            f"{where}: no actuator of {unit.name} has both its command and its revolutions; expected columns"
+            f" cmd.{unit.actuators[0]} and meas.{unit.actuators[0]}; {table.file} gives"
+            f" {listed([f'cmd.{n}' for n in table.commands] + [f'meas.{n}' for n in table.measured])}"
+        )
+    records = []
+    for name in both:
+        given = np.isfinite(table.measured[name])
+        if not given.any():
+            raise TrialError(
+                f"{where}: meas.{name}: no cell of {table.file} is a number; check the column of the"
+                " revolutions"
+            )
+        try:
+            records.append(
+                StepRecord(
+                    table.t,
+                    distance(vehicle, name, table.commands[name]),
+                    distance(vehicle, name, table.measured[name])[given],
+                    name,
+                    table.t[given],
+                )
+            )
+        except TrialError as error:
+            raise TrialError(f"{where}: {error}") from None
+    return records
 
 
 def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
@@ -239,7 +299,7 @@ def _motors(
     """Units with their motors, and the records behind each."""
     if not file.steps:
         return {}, {}
-    from seatrial.motor_dynamics import identify_motor
+    from seatrial.bench_test.identify_motor import identify_motor
 
     units: dict[str, Unit] = {}
     records: dict[str, list[StepRecord]] = {}

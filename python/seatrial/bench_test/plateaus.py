@@ -7,9 +7,9 @@ those between plateaus, and their scatter holds whatever makes a repeated platea
 A plateau begins where a command changes and its first ``settle_s`` are left out. Where no command is logged,
 it begins where the measured revolutions leave their mean. A table without time is steady already: every row
 is one plateau. The standard error of a plateau's mean allows for samples that remember the one before
-(`seatrial.certainty.first_order_memory`).
+(`seatrial.statistics.autocorrelation`).
 
-Tests: ``tests/test_bench_records.py``.
+Tests: ``tests/bench_test/test_bench_records.py``.
 """
 
 from __future__ import annotations
@@ -21,20 +21,23 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.certainty.first_order_memory import neighbours, widening
-from seatrial.errors import TrialError
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
+from seatrial.statistics.autocorrelation import neighbours, widening
 
 __all__ = ["LEAST_SAMPLES", "Plateau", "held", "plateaus", "rows_as_plateaus", "standard_error"]
-
-Array = NDArray[np.float64]
 
 LEAST_SAMPLES = 5
 """Fewer steady samples of the load have no mean worth the name."""
 
 _COMMAND_SHARE = 0.002
+
 _MEASURED_SHARE = 0.03
+
 _NOISES = 6.0
+
 _DRIFT_SHARE, _DRIFT_ERRORS = 0.02, 6.0
+
 _MOST_MEMORY = 0.95
 
 

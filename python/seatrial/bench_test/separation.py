@@ -10,7 +10,7 @@ over the actuators that ran. Ahead and astern CWolf's four canted propellers giv
 its vertical thrusters ``F_z / 2`` (Taubert et al. 2014, equations 39-44). Actuators driven one by one are
 points of the same characteristic each. What lies across G (several axes) is said: it is the geometry's error.
 
-Tests: ``tests/test_bench_separation.py``.
+Tests: ``tests/bench_test/test_bench_separation.py``.
 """
 
 from __future__ import annotations
@@ -20,20 +20,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seatrial.errors import TrialError
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.driven import Unit
+    from seatrial.bench_test.columns import Unit
     from seatrial.bench_test.plateaus import Plateau
 
 __all__ = ["Separated", "force_per_newton", "separate"]
 
-Array = NDArray[np.float64]
-
 _ALIKE = 0.1
+
 _LEAST_FACTOR = 0.05
 
 

@@ -10,7 +10,7 @@ further off than the tolerance or there are as many knots as allowed.
 A polynomial in signal and voltage becomes a table too (`from_surface`): the vehicle file has no other kind
 that knows the voltage.
 
-Tests: ``tests/test_bench_table.py``, ``tests/test_bench_t200.py``.
+Tests: ``tests/bench_test/test_bench_table.py``, ``tests/bench_test/test_bench_t200.py``.
 """
 
 from __future__ import annotations
@@ -22,17 +22,21 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.errors import TrialError
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
 
 __all__ = ["ThrustTable", "dead_band", "from_points", "from_surface", "levels"]
 
-Array = NDArray[np.float64]
-
 _LEVEL_GAP = 0.1
+
 _MOST_LEVELS = 25
+
 _TOLERANCE = 0.01
+
 _SILENT = 0.002
+
 _AT_REST = 0.25
+
 _STIFFNESS = 1e-3
 
 

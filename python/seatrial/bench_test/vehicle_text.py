@@ -1,11 +1,21 @@
-"""The vehicle file with the results of a bench test written in; comments of the original are kept (tomlkit).
+"""A fitted characteristic as an entry of the vehicle file.
+
+The entry keeps what a bollard test does not measure: inflow term, wake, torque, power, thrust deduction. The
+test measures the pull of the vehicle, ``(1 - t) F`` at the density of the basin; the file holds F at the
+vehicle's density, so that coefficients are multiplied by ``rho / rho_test / (1 - t)``. A direction that was
+not tested keeps its old thrust: what ``[coefficients]`` corrected in it (gain, astern_ratio, p1 ...) is taken
+into the entry, because the correction itself is taken out with that of the tested direction.
+
+Tests: ``tests/bench_test/test_bench_vehicle.py``.
+
+The vehicle file with the results of a bench test written in; comments of the original are kept (tomlkit).
 
 An entry that other actuators use as well is left alone: the tested ones get their own. Factors in
 ``[coefficients]`` that corrected the old characteristic (gain, astern_ratio, p1 ...) of the tested actuators
 are taken out, because the test replaces what they corrected; a direction that was not tested keeps them in
-its entry (`seatrial.bench_test.vehicle_entry`).
+its entry (`seatrial.bench_test.vehicle_text`).
 
-Tests: ``tests/test_bench_vehicle.py``.
+Tests: ``tests/bench_test/test_bench_vehicle.py``.
 """
 
 from __future__ import annotations
@@ -15,14 +25,199 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from seatrial.bench_test.vehicle_entry import entry_of
-from seatrial.errors import VehicleError
+import numpy as np
+
+from seatrial.base.errors import VehicleError
+from seatrial.bench_test.characteristic import SIDES, DirectionFit, UnitFit
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.unit_fit import UnitFit
 
-__all__ = ["Written", "write_results"]
+__all__ = ["KEPT", "Written", "entry_of", "write_results"]
+
+KEPT = ("p2", "alpha2", "diameter_m", "wake", "thrust_deduction", "q1", "q2", "power_w_s3")
+"""Keys that no bollard test measures."""
+
+PER_MINUTE = 3600.0
+"""rpm² per (rev/s)²: revolutions are in rpm in the file's regression, in rev/s in p1."""
+
+_TERMS = {"a0": 0, "a1": 1, "a11": 2}
+
+_SAME = 1e-9
+
+_UNREACHABLE = "the motor does not turn this way"
+
+
+def entry_of(
+    fit: UnitFit, old: Mapping[str, Any], users: Sequence[str], vehicle: Vehicle, rho: float | None
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Keys of the new entry, and remarks by key (standard deviations, what was kept).
+
+    Parameters
+    ----------
+    fit : UnitFit
+    old : mapping
+        The entry that is replaced.
+    users : sequence of str
+        The tested actuators that use it.
+    vehicle : Vehicle
+        The vehicle as it was.
+    rho : float, optional
+        Density in kg/m³ of the water of the test, the vehicle's where omitted.
+
+    Raises
+    ------
+    VehicleError
+        A direction was not tested, and the old entry has no regression to keep for it or one that was
+        corrected for each actuator differently.
+    """
+    factor = 1.0 if rho is None else vehicle.environment()["rho"] / rho
+    factor /= 1.0 - vehicle.coefficients().get(f"{users[0]}.t", 0.0)
+    if fit.kind == "table":
+        return _table(fit, users, vehicle, factor)
+    kept = {key: old[key] for key in KEPT if key in old}
+    if fit.kind == "quadratic":
+        return _quadratic(fit, old, kept, users, vehicle, factor)
+    return _polynomial(fit, old, kept, users, vehicle, factor)
+
+
+def _quadratic(
+    fit: UnitFit,
+    old: Mapping[str, Any],
+    kept: dict[str, Any],
+    users: Sequence[str],
+    vehicle: Vehicle,
+    factor: float,
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """``p1 |n| n``, or the alpha form where the old entry has it."""
+    alpha = "alpha1_ahead" in old or "alpha2" in old
+    divisor = vehicle.environment()["rho"] * float(old["diameter_m"]) ** 4 if alpha else 1.0
+    name = "alpha1" if alpha else "p1"
+    entry: dict[str, Any] = {"kind": "quadratic"}
+    remarks = {}
+    for side in SIDES:
+        found, key = fit.directions.get(side), f"{name}_{side}"
+        if found is None and _unreachable(users, side, vehicle):
+            entry[key], remarks[key] = 0.0, _UNREACHABLE
+            continue
+        if found is None:
+            if f"{name}_ahead" not in old:
+                raise VehicleError(
+                    f"{side} was not tested and the old characteristic has no p1 to keep; pull {side} too"
+                )
+            # Without its own number astern would follow the new one ahead.
+            written = float(old.get(key, old[f"{name}_ahead"]))
+            entry[key] = _unchanged(written, _old_thrust(users, "p1", side, vehicle) / divisor)
+            remarks[key] = "not tested, kept"
+            continue
+        scale = PER_MINUTE * factor / divisor
+        entry[key] = rounded(float(found.fit.coefficients[0]) * scale)
+        remarks[key] = f"+- {float(found.fit.standard_deviations[0]) * scale:.2g}"
+    return entry | kept, remarks
+
+
+def _polynomial(
+    fit: UnitFit,
+    old: Mapping[str, Any],
+    kept: dict[str, Any],
+    users: Sequence[str],
+    vehicle: Vehicle,
+    factor: float,
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """``F = a0 + a1 s + a11 s^2`` per direction."""
+    entry: dict[str, Any] = {"kind": "polynomial"}
+    remarks = {}
+    for side in SIDES:
+        found = fit.directions.get(side)
+        if found is not None:
+            entry[side] = [rounded(factor * x) for x in _padded(found, found.fit.coefficients)]
+            deviations = _padded(found, found.fit.standard_deviations)
+            remarks[side] = "+- " + ", ".join(f"{factor * x:.2g}" for x in deviations)
+        elif _unreachable(users, side, vehicle):
+            entry[side], remarks[side] = [0.0, 0.0, 0.0], _UNREACHABLE
+        elif old.get("kind") == "polynomial":
+            entry[side] = [
+                _unchanged(float(written), _old_thrust(users, name, side, vehicle))
+                for name, written in zip(_TERMS, old[side], strict=True)
+            ]
+            remarks[side] = "not tested, kept"
+        elif old.get("kind") == "quadratic":
+            p1 = _old_thrust(users, "p1", side, vehicle)
+            entry[side], remarks[side] = [0.0, 0.0, rounded(p1 / PER_MINUTE)], "not tested, kept"
+        else:
+            raise VehicleError(
+                f'{side} was not tested and the old characteristic (kind = "{old.get("kind")}") has no'
+                f" regression to keep; pull {side} too"
+            )
+    if "alpha2" not in kept:
+        kept.pop("diameter_m", None)  # it is for alpha2
+    return entry | kept, remarks
+
+
+def _old_thrust(users: Sequence[str], name: str, side: str, vehicle: Vehicle) -> float:
+    """Coefficient of the thrust in one direction as the vehicle has it, with gain and astern_ratio.
+
+    Raises
+    ------
+    VehicleError
+        The actuators that share the entry have different ones.
+    """
+    values = vehicle.coefficients()
+    each = [
+        values[f"{user}.{name}_{side}"]
+        * values.get(f"{user}.gain", 1.0)
+        * (values.get(f"{user}.astern_ratio", 1.0) if side == "astern" else 1.0)
+        for user in users
+    ]
+    if max(each) - min(each) > _SAME * max(map(abs, each)):
+        raise VehicleError(
+            f"{side} was not tested and [coefficients] corrects it differently for {', '.join(users)}, which"
+            f" share one characteristic; pull {side} too"
+        )
+    return each[0]
+
+
+def _unreachable(users: Sequence[str], side: str, vehicle: Vehicle) -> bool:
+    """Whether no motor of these actuators turns this way."""
+    facts = vehicle.actuator_info()
+    return all(facts[user][f"maximum_{side}"] == 0.0 for user in users)
+
+
+def _unchanged(written: float, value: float) -> float:
+    """A number as it was written, or another value where a correction changes it."""
+    return written if abs(value - written) <= _SAME * abs(written) else rounded(value)
+
+
+def _table(
+    fit: UnitFit, users: Sequence[str], vehicle: Vehicle, factor: float
+) -> tuple[dict[str, Any], dict[str, str]]:
+    table = fit.table
+    assert table is not None
+    missing = [side for side in SIDES if side not in fit.sides and not _unreachable(users, side, vehicle)]
+    if missing:
+        raise VehicleError(
+            f"{missing[0]} was not tested, and a table holds both directions; pull {missing[0]} too"
+        )
+    entry: dict[str, Any] = {"kind": "table", "signal": [rounded(x) for x in table.signal]}
+    if len(table.voltage) > 1:
+        entry["voltage_v"] = [rounded(x) for x in table.voltage]
+    entry["force_n"] = [[round(float(x) * factor, 3) + 0.0 for x in row] for row in table.force]
+    rms = float(np.sqrt(np.mean(table.residual**2)))
+    return entry, {"kind": f"the points lie {rms:.2g} N (rms) from it"}
+
+
+def _padded(found: DirectionFit, values: np.typing.NDArray[np.float64]) -> list[float]:
+    """Three numbers a0, a1, a11; zero for a term that the fit has not."""
+    row = [0.0, 0.0, 0.0]
+    for name, value in zip(found.fit.names, values, strict=True):
+        row[_TERMS[name]] = float(value)
+    return row
+
+
+def rounded(value: float) -> float:
+    """Six digits: far finer than any standard deviation, short enough to read."""
+    return float(f"{float(value):.6g}")
+
 
 _REPLACED = re.compile(r"(gain|astern_ratio|p1_ahead|p1_astern|a(0|1|11)_(ahead|astern))$")
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from seatrial.errors import SeatrialError
+from seatrial.base.errors import SeatrialError
 
 if TYPE_CHECKING:
-    from seatrial.campaign import Campaign
-    from seatrial.recording.report import RecordingReport
-    from seatrial.scale.anchor import ScaleReport
-    from seatrial.scale.inputs import InputJudgement
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.estimation.inputs import InputJudgement
+    from seatrial.estimation.scale import ScaleReport
+    from seatrial.trial.signals import RecordingReport
 
 __all__ = ["CampaignCheck", "StageOutline", "check_campaign"]
 
@@ -67,9 +67,9 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
     >>> check_campaign(st.Campaign.load("examples/cwolf/campaign.toml")).problems  # doctest: +SKIP
     ()
     """
-    from seatrial.scale.anchor import judge_scale
-    from seatrial.scale.inputs import judge_inputs
-    from seatrial.stage import plan
+    from seatrial.estimation.inputs import judge_inputs
+    from seatrial.estimation.scale import judge_scale
+    from seatrial.estimation.stage import plan
 
     reports: dict[str, RecordingReport] = {}
     problems: list[str] = []

@@ -14,6 +14,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from seatrial.base.errors import SeatrialError
 from seatrial.cli import (
     autopilot,
     bench,
@@ -31,7 +32,6 @@ from seatrial.cli import (
     verify,
 )
 from seatrial.cli.console import complain
-from seatrial.errors import SeatrialError
 
 __all__ = ["app", "main"]
 

@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.errors import SeatrialError
+from seatrial.base.errors import SeatrialError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from seatrial._core import Vehicle
     from seatrial.check.autopilot import AutopilotCheck
-    from seatrial.check.autopilot_margins import MarginRow
+    from seatrial.control_design.margins import MarginRow
+
+__all__ = ["authority", "autopilot", "weak_points"]
 
 _CRUISE = 0.6  # of the largest speed that is asked for: where the authority is told for vehicles under way
+
 _MANY = 100.0  # a gain margin beyond it is no limit
 
 
@@ -34,11 +37,11 @@ def autopilot(
 ) -> None:
     """Write an autopilot with start gains from a vehicle's model, and say what they are worth."""
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.autopilot_start import start_autopilot
+    from seatrial.base.atomic_write import write_whole
     from seatrial.check.autopilot import check_autopilot
-    from seatrial.check.autopilot_margins import autopilot_margins, sound_speeds
     from seatrial.cli.console import output, print_json
-    from seatrial.whole_file import write_whole
+    from seatrial.control_design.margins import autopilot_margins, sound_speeds
+    from seatrial.control_design.start_autopilot import start_autopilot
 
     _check_place(out, force=force)
     loaded = Vehicle.load(vehicle)
@@ -83,7 +86,7 @@ def _check_place(out: Path, *, force: bool) -> None:
 
 
 def _print(console: Console, found: AutopilotCheck, told: list[str]) -> None:
-    from seatrial.cli.check_mission import print_modes_and_gains
+    from seatrial.cli.check import print_modes_and_gains
 
     for sentence in told:
         console.print(sentence, soft_wrap=True, markup=False)

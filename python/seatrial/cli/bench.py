@@ -10,7 +10,9 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from seatrial.bench_test import BenchTest
+    from seatrial.bench_test.result import BenchTest
+
+__all__ = ["bench"]
 
 
 def bench(
@@ -29,9 +31,9 @@ def bench(
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Fit thrust and motor of every tested group, say how sure they are, write them into the vehicle file."""
-    from seatrial.bench_test import bench as evaluate
+    from seatrial.base.errors import SeatrialError
+    from seatrial.bench_test.evaluate import bench as evaluate
     from seatrial.cli.console import list_figures, output, print_json
-    from seatrial.errors import SeatrialError
 
     if write is not None and in_place:
         raise SeatrialError("--write and --in-place: give one of them")
@@ -81,9 +83,8 @@ def bench(
 
 
 def _draw(found: BenchTest, folder: Path) -> list[Path]:
-    from seatrial.plot.bollard import bollard_test
-    from seatrial.plot.motor_step import motor_step
-    from seatrial.plot.style import save
+    from seatrial.report.plot.bench import bollard_test, motor_step
+    from seatrial.report.plot.style import save
 
     drawn = save(bollard_test(found), folder / "bollard_test") if found.pulls else []
     for unit, motor in found.motors.items():
@@ -92,7 +93,7 @@ def _draw(found: BenchTest, folder: Path) -> list[Path]:
 
 
 def _print(console: Console, found: BenchTest) -> None:
-    from seatrial.bench_test.bench_text import share
+    from seatrial.bench_test.result import share
     from seatrial.cli.console import table
 
     console.print(

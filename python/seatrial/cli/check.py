@@ -1,4 +1,7 @@
-"""`seatrial check`: what a vehicle, autopilot or mission file says, in sentences; what a campaign will do."""
+"""`seatrial check`: what a vehicle, autopilot or mission file says, in sentences; what a campaign will do.
+
+`seatrial check` of a mission or an autopilot file: tables and sentences.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +11,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.check.actuators import NOMINAL_V
-from seatrial.errors import SeatrialError, nearest
-from seatrial.file_kind import CAMPAIGN, EMPTY, VEHICLE, file_kind
+from seatrial.base.errors import SeatrialError, nearest
+from seatrial.base.toml_file import CAMPAIGN, EMPTY, VEHICLE, file_kind
+from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
     from rich.table import Table
 
-    from seatrial.check import Speed, VehicleCheck
+    from seatrial._core import Vehicle
+    from seatrial.check.autopilot import AutopilotCheck
     from seatrial.check.campaign import CampaignCheck
-    from seatrial.scale.inputs import InputJudgement
+    from seatrial.check.legs import LegRow
+    from seatrial.check.mission import MissionCheck
+    from seatrial.check.vehicle import VehicleCheck
+    from seatrial.estimation.inputs import InputJudgement
+    from seatrial.vehicle.steady_state import Speed
+
+__all__ = ["TURN_HEADS", "check", "check_autopilot_file", "check_mission_file", "print_modes_and_gains"]
 
 _ADVICE = {
     "a bench file": "evaluate it with seatrial bench {}",
@@ -92,12 +104,8 @@ def check(
     if kind == "a campaign":
         _check_campaign(target, json=json)
     elif kind == "a mission":
-        from seatrial.cli.check_mission import check_mission_file
-
         check_mission_file(target, vehicle, autopilot, voltage_v=voltage, out=out, figures=figures, json=json)
     elif kind == "an autopilot":
-        from seatrial.cli.check_mission import check_autopilot_file
-
         check_autopilot_file(target, vehicle, voltage_v=voltage, json=json)
     else:
         _check_vehicle(target, voltage, speed_kn, out=out, figures=figures, json=json)
@@ -107,17 +115,16 @@ def _check_vehicle(
     target: str, voltage: float, speed_kn: list[float] | None, *, out: Path | None, figures: bool, json: bool
 ) -> None:
     from seatrial._core import Vehicle
-    from seatrial.check import check_vehicle
+    from seatrial.check.vehicle import check_vehicle
     from seatrial.cli.console import list_figures, output, print_json
 
     vehicle = Vehicle.load(target)
     found = check_vehicle(vehicle, voltage_v=voltage, speeds_kn=speed_kn or None)
     written: list[Path] = []
     if figures:
-        from seatrial.plot.characteristic_curve import characteristic
-        from seatrial.plot.performance import performance
-        from seatrial.plot.style import save
-        from seatrial.plot.views import three_views
+        from seatrial.report.plot.performance import characteristic, performance
+        from seatrial.report.plot.style import save
+        from seatrial.report.plot.vehicle import three_views
 
         folder = out or Path("runs") / f"check-{vehicle.name}"
         written += save(three_views(vehicle), folder / "three_views")
@@ -234,7 +241,7 @@ def _turn_rows(found: VehicleCheck, kinds: list[str]) -> list[list[str]]:
 
 
 def _check_campaign(target: str, *, json: bool) -> None:
-    from seatrial.campaign import Campaign
+    from seatrial.campaign.campaign import Campaign
     from seatrial.check.campaign import check_campaign
     from seatrial.cli.console import complain, output, print_json
 
@@ -303,3 +310,158 @@ def _print_sentences(console: Console, sentences: list[str]) -> None:
     for sentence in sentences:
         style = "yellow" if sentence.startswith("WARNING") else None
         console.print(f"- {sentence}", soft_wrap=True, markup=False, style=style)
+
+
+_LABEL = 22  # characters: the table of legs stays within 80 columns
+
+_MOST_LEGS = 60
+
+
+def check_mission_file(
+    target: str,
+    vehicle: str | None,
+    autopilot: str | None,
+    *,
+    voltage_v: float,
+    out: Path | None,
+    figures: bool,
+    json: bool,
+) -> None:
+    """Check a mission file, and draw its plan."""
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.base.toml_file import loaded
+    from seatrial.check.mission import check_mission
+    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.flight.mission import Mission
+
+    mission = Mission.load(target)
+    found = check_mission(
+        mission,
+        vehicle=None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle"),
+        autopilot=None if autopilot is None else loaded(Autopilot, autopilot, "--autopilot"),
+        voltage_v=voltage_v,
+    )
+    folder = out or Path("runs") / f"check-{Path(target).stem}"
+    written: list[Path] = []
+    if figures:
+        from seatrial.report.plot.mission import mission_plan
+        from seatrial.report.plot.style import save
+
+        written = save(mission_plan(mission), folder / "mission_plan")
+    metres = None
+    if mission.origin is not None and (figures or out is not None):
+        metres = folder / "mission_metres.toml"
+        folder.mkdir(parents=True, exist_ok=True)
+        metres.write_text(mission.to_toml(), encoding="utf-8")
+    if json:
+        print_json(found.to_dict() | {"figures": [str(path) for path in written]})
+        return
+    console = output()
+    _print_mission(console, found)
+    if metres is not None:
+        console.print(f"In metres, as the autopilot reads it: {metres}", soft_wrap=True, markup=False)
+    list_figures(console, written)
+
+
+def check_autopilot_file(target: str, vehicle: str | None, *, voltage_v: float, json: bool) -> None:
+    """Check an autopilot file."""
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.base.toml_file import loaded
+    from seatrial.check.autopilot import check_autopilot
+    from seatrial.cli.console import output, print_json
+
+    on: Vehicle | None = None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle")
+    found = check_autopilot(Autopilot.load(target), vehicle=on, voltage_v=voltage_v)
+    if json:
+        print_json(found.to_dict())
+        return
+    _print_autopilot(output(), found)
+
+
+def _print_mission(console: Console, found: MissionCheck) -> None:
+    from seatrial.check.mission import duration
+    from seatrial.cli.console import table
+
+    _title(console, found.name, found.description)
+    powered = any(row.power_w is not None for row in found.legs)
+    head = ["leg", "what", "points", "m", "deg", "depth, m", "m/s", "time", *(["W"] if powered else [])]
+    shown, left_out = found.legs, 0
+    if len(found.legs) > _MOST_LEGS:
+        shown, left_out = found.legs[:_MOST_LEGS], len(found.legs) - _MOST_LEGS
+    rows = [
+        [
+            str(row.number),
+            _shortened(row.label),
+            str(row.waypoints),
+            f"{row.length_m:.0f}",
+            f"{row.slope_deg:+.0f}" if abs(row.slope_deg) >= 0.5 else "0",
+            _level(row),
+            f"{row.speed_m_s:g}",
+            duration(row.time_s),
+            *([_power(row)] if powered else []),
+        ]
+        for row in shown
+    ]
+    console.print(table("Legs", head, rows, left=2))
+    if left_out:
+        console.print(f"and {left_out} legs more: --json tells all of them", markup=False)
+    if any(row.vertical == "altitude" for row in found.legs):
+        console.print("^ above the bottom", markup=False)
+    _print_mission_sentences(console, found.notes, found.warnings)
+
+
+def _print_autopilot(console: Console, found: AutopilotCheck) -> None:
+    _title(console, found.name, found.description)
+    print_modes_and_gains(console, found)
+    _print_mission_sentences(console, [*found.notes, *found.safety], found.warnings)
+
+
+def print_modes_and_gains(console: Console, found: AutopilotCheck) -> None:
+    """Print the mode table and, of a PID, its gains."""
+    from seatrial.cli.console import table
+
+    rows = [
+        [
+            mode.name,
+            f"{mode.from_speed_m_s:g}",
+            mode.depth_by,
+            " ".join(mode.loops),
+            " ".join(mode.actuators) or "all",
+        ]
+        for mode in found.modes
+    ]
+    console.print(table("Modes", ["mode", "from m/s", "depth by", "loops", "actuators"], rows))
+    if found.gains and found.control == "pid":
+        gains = [[row.loop, row.gain, *(f"{value:.3g}" for value in row.values)] for row in found.gains]
+        head = ["loop", "at m/s", *(f"{speed:.3g}" for speed in found.speeds_m_s)]
+        console.print(table("Gains", head, gains, left=2))
+
+
+def _title(console: Console, name: str, description: str) -> None:
+    console.print(
+        f"{name}: {description}" if description else name, soft_wrap=True, markup=False, style="bold"
+    )
+    console.print()
+
+
+def _print_mission_sentences(console: Console, notes: Sequence[str], warnings: Sequence[str]) -> None:
+    for note in notes:
+        console.print(note, soft_wrap=True, markup=False)
+    for warning in warnings:
+        console.print(f"WARNING: {warning}", soft_wrap=True, markup=False, style="yellow")
+    if not warnings:
+        console.print("Nothing looks wrong.")
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LABEL else text[: _LABEL - 1] + "…"
+
+
+def _level(row: LegRow) -> str:
+    low, high = row.level_m
+    mark = "^" if row.vertical == "altitude" else ""
+    return f"{low:.3g}{mark}" if high - low < 0.05 else f"{low:.3g}-{high:.3g}{mark}"
+
+
+def _power(row: LegRow) -> str:
+    return "" if row.power_w is None else f"{row.power_w:.0f}"

@@ -15,10 +15,24 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from seatrial.progress import Progress as State
+    from seatrial.base.progress import Progress as State
+
+__all__ = [
+    "check_axes",
+    "complain",
+    "identification_progress",
+    "list_figures",
+    "long_work",
+    "output",
+    "print_json",
+    "search_progress",
+    "table",
+]
 
 _PIPED_WIDTH = 118
+
 _LINE_EVERY_S = 5.0
+
 _TELLING_GENERATIONS = 5
 
 
@@ -36,7 +50,7 @@ def complain(message: str) -> None:
 
 def check_axes(free: str, option: str) -> None:
     """Refuse letters that are no axes, said twice, or none at all."""
-    from seatrial.errors import TrialError
+    from seatrial.base.errors import TrialError
 
     if not free or set(free) - set("XYZKMN") or len(set(free)) < len(free):
         raise TrialError(f"{option} {free!r}: expected letters of XYZKMN, each once, at least one")
@@ -44,7 +58,7 @@ def check_axes(free: str, option: str) -> None:
 
 def print_json(value: Any) -> None:
     """Print plain data as JSON; numbers that are not finite become null."""
-    from seatrial.run_directory import to_json
+    from seatrial.base.run import to_json
 
     sys.stdout.write(to_json(value))
 
@@ -74,7 +88,7 @@ def list_figures(console: Console, written: Sequence[Path]) -> None:
 
 
 def identification_progress(*, quiet: bool = False) -> AbstractContextManager[Callable[[State], None]]:
-    """Callback for `seatrial.identify.identify`, see `search_progress`."""
+    """Callback for `seatrial.identification.identify.identify`, see `search_progress`."""
     return search_progress("reading the trials", quiet=quiet)
 
 

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from seatrial.coverage import Coverage, CoverageProgress, CoverageRow
+    from seatrial.experiment.coverage import Coverage, CoverageProgress, CoverageRow
+
+__all__ = ["coverage", "print_coverage"]
 
 _LINE_EVERY_S = 5.0
 
@@ -44,10 +46,10 @@ def coverage(
 
     Ctrl-C keeps what is done; the same command goes on from there.
     """
-    from seatrial.campaign import Campaign
+    from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import output, print_json
-    from seatrial.coverage import coverage as covered
-    from seatrial.generated import Truth
+    from seatrial.experiment.coverage import coverage as covered
+    from seatrial.trial.truth import Truth
 
     loaded = Campaign.load(campaign)
     named = loaded.name if truth is None else f"{loaded.name}-{truth.stem}"
@@ -122,7 +124,7 @@ def _cells(row: CoverageRow) -> list[str]:
 
 
 def _sentences(found: Coverage) -> list[str]:
-    from seatrial.coverage.resailing import unmodelled
+    from seatrial.experiment.repetition import unmodelled
 
     total, lines = len(found.draws), []
     if found.outside:

@@ -1,4 +1,7 @@
-"""`seatrial fly`: a vehicle with its autopilot on a mission, and what became of it."""
+"""`seatrial fly`: a vehicle with its autopilot on a mission, and what became of it.
+
+The same mission under many seeds of the sensors' noise: how they end, how the figures spread.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,27 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
     from rich.console import Console
     from rich.table import Table
 
-    from seatrial.flight import Flight, Leg
+    from seatrial.flight.flight import Flight
+    from seatrial.flight.metrics import Leg
+
+__all__ = ["Seeds", "fly", "fly_seeds"]
 
 _MOST_LEGS = 30
+
 _LONGEST_NAME = 80
+
 _LABEL = 16  # characters of a waypoint's name: the table is to fit 80 columns
+
 _FIGURES = {
     "duration_s": ("duration, s", 1),
     "distance_m": ("way over ground, m", 1),
@@ -98,11 +109,10 @@ def fly(
 
     The exit code is 0 when the mission was complete and every waypoint reached, 1 when not, 2 for bad input.
     """
+    from seatrial.base.run import check_writable
     from seatrial.cli.console import list_figures, output, print_json
-    from seatrial.cli.fly_seeds import fly_seeds
-    from seatrial.flight import Fault, Outage
-    from seatrial.flight import fly as flown
-    from seatrial.run_directory import check_writable
+    from seatrial.flight.failures import Fault, Outage
+    from seatrial.flight.fly import fly as flown
 
     if out is not None:
         check_writable(out)
@@ -235,3 +245,72 @@ def _known(value: Any) -> bool:
 def _number(value: float, decimals: int) -> str:
     """A number with so many decimals and no minus before zero; nothing where there is none."""
     return f"{round(value, decimals) + 0.0:.{decimals}f}" if _known(value) else ""
+
+
+class Seeds:
+    """Flights that differ in their seed alone.
+
+    Attributes
+    ----------
+    seeds
+        Of the flights.
+    figures
+        By name, one per seed.
+    endings
+        How each ended.
+    """
+
+    def __init__(self, seeds: list[int], figures: dict[str, NDArray[np.float64]]) -> None:
+        from seatrial.flight.metrics import ending_of
+
+        self.seeds, self.figures = seeds, figures
+        self.endings = [ending_of(figures, case) for case in range(len(seeds))]
+
+    @property
+    def all_complete(self) -> bool:
+        """Whether every flight came to the end of the mission."""
+        return all(ending == "complete" for ending in self.endings)
+
+    def sentence(self) -> str:
+        """How they ended."""
+        counts = {ending: self.endings.count(ending) for ending in dict.fromkeys(self.endings)}
+        ends = ", ".join(f"{count} {ending}" for ending, count in counts.items())
+        others = [seed for seed, end in zip(self.seeds, self.endings, strict=True) if end != "complete"]
+        which = f"; not complete: seed {', '.join(map(str, others[:8]))}" if others else ""
+        return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}."
+
+    def table(self, names: dict[str, tuple[str, int]]) -> Table:
+        """Least, median and largest of the figures with these labels and decimals."""
+        from seatrial.cli.console import table
+
+        rows = []
+        for name, (label, decimals) in names.items():
+            values = self.figures[name][np.isfinite(self.figures[name])]
+            if len(values):
+                spread = (values.min(), np.median(values), values.max())
+                rows.append([label, *(f"{value:.{decimals}f}" for value in spread)])
+        return table(f"Over {len(self.seeds)} seeds", ["figure", "least", "median", "largest"], rows)
+
+    def parquet(self) -> bytes:
+        """Figures and endings, a row per seed."""
+        import polars as pl
+
+        from seatrial.base.atomic_write import parquet
+        from seatrial.flight.metrics import CODED
+
+        columns: dict[str, Any] = {"seed": self.seeds, "ending": self.endings}
+        columns |= {name: values for name, values in self.figures.items() if name not in CODED}
+        return parquet(pl.DataFrame(columns))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {"seeds": self.seeds, "endings": self.endings, "figures": self.figures}
+
+
+def fly_seeds(sources: tuple[Any, Any, Any], count: int, first: int, options: dict[str, Any]) -> Seeds:
+    """Flights of `count` seeds from `first` on; `options` as for `seatrial.fly_batch`."""
+    from seatrial.flight.fly import fly_batch
+    from seatrial.flight.metrics import figures_of
+
+    seeds = list(range(first, first + count))
+    return Seeds(seeds, figures_of(fly_batch(*sources, seeds=seeds, **options)))

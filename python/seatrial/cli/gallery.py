@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from seatrial.bench_test import BenchTest
-    from seatrial.campaign import Campaign
-    from seatrial.identification import Identification
-    from seatrial.plot.paper_figures import PaperGallery
+    from seatrial.bench_test.result import BenchTest
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.examples.paper.gallery import PaperGallery
+    from seatrial.identification.identification import Identification
+
+__all__ = ["gallery"]
 
 
 def gallery(
@@ -48,7 +50,7 @@ def gallery(
     from seatrial.cli.check import _is_campaign
     from seatrial.cli.console import print_json
     from seatrial.cli.new import EXAMPLES
-    from seatrial.plot.paper_figures import check_formats, draw_gallery
+    from seatrial.examples.paper.gallery import check_formats, draw_gallery
 
     chosen = check_formats(tuple(part.strip() for part in formats.split(",") if part.strip()))
     if target is None or _is_campaign(target):
@@ -72,7 +74,7 @@ def _identified(
     target: str, out: Path | None, earlier: Path | None, threads: int | None, quiet: bool
 ) -> tuple[Identification, Path]:
     """Identification of a campaign, its run directory inside the folder of the figures."""
-    from seatrial.campaign import Campaign
+    from seatrial.campaign.campaign import Campaign
     from seatrial.cli.identify import run as identified
 
     campaign = Campaign.load(target)
@@ -90,7 +92,7 @@ def _bring(campaign: Campaign, earlier: Path, own: Path) -> None:
 
     The earlier run itself stays as it is. A stage from other inputs does no harm: its hash does not fit.
     """
-    from seatrial.run_directory import RunDirectory
+    from seatrial.base.run import RunDirectory
 
     directory = RunDirectory(own)
     for stage in campaign.stages:
@@ -103,7 +105,7 @@ def _bench(path: Path | None) -> BenchTest | None:
     """Bench test of a file; None without one."""
     if path is None:
         return None
-    from seatrial.bench_test import bench
+    from seatrial.bench_test.evaluate import bench
 
     return bench(path)
 

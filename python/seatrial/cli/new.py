@@ -7,10 +7,13 @@ from typing import Annotated
 
 import typer
 
+__all__ = ["EXAMPLES", "new"]
+
 EXAMPLES = Path(__file__).parent.parent / "examples"
 """Example projects that come with the package."""
 
 _FILES = ("vehicle.toml", "bench.toml", "campaign.toml", "mission.toml")
+
 _RECORDS = {
     "bench": ("ahead", "astern", "down", "up", "steps"),
     "logs": ("straight", "zigzag", "dive", "mixed"),
@@ -21,9 +24,9 @@ def new(
     folder: Annotated[Path, typer.Argument(help="Folder to make; it must be empty or not exist.")],
 ) -> None:
     """Write a starter project: vehicle, bench, campaign and mission file, generated example records."""
+    from seatrial.base.errors import SeatrialError
     from seatrial.cli.console import output
-    from seatrial.errors import SeatrialError
-    from seatrial.generated import Recipe
+    from seatrial.trial.generated import Recipe
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise SeatrialError(f"{folder}: expected an empty or a new folder, found files; choose another name")

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from seatrial.comparison import Comparison
-    from seatrial.score import Score
-    from seatrial.trial import Trial
+    from seatrial.trial.comparison import Comparison
+    from seatrial.trial.score import Score
+    from seatrial.trial.trial import Trial
+
+__all__ = ["score"]
 
 
 def score(
@@ -41,9 +43,9 @@ def score(
     """
     from seatrial._core import Vehicle
     from seatrial.cli.console import check_axes, list_figures, output, print_json
-    from seatrial.comparison import compare
-    from seatrial.plot.variants import draw_variants
-    from seatrial.score import score as scored
+    from seatrial.report.plot.trials import draw_variants
+    from seatrial.trial.comparison import compare
+    from seatrial.trial.score import score as scored
 
     check_axes(free, "--free")
     vehicles = {label: Vehicle.load(name) for label, name in _labels([vehicle, *(against or [])]).items()}
@@ -68,7 +70,7 @@ def score(
 
 def _labels(names: list[str]) -> dict[str, str]:
     """Vehicles by what tells them apart: of a run directory's vehicle files, the directory."""
-    from seatrial.errors import VehicleError
+    from seatrial.base.errors import VehicleError
 
     found: dict[str, str] = {}
     for name in names:
@@ -87,17 +89,17 @@ def _labels(names: list[str]) -> dict[str, str]:
 
 def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
     """Trials, each a file or a name that the campaign knows."""
-    from seatrial.errors import TrialError, nearest
+    from seatrial.base.errors import TrialError, nearest
 
     if twice := next((path for path in trials if trials.count(path) > 1), None):
         raise TrialError(
             f"TRIAL {twice}: it is given twice, and counting it twice tells nothing; name it once"
         )
     if columns_from is None:
-        from seatrial.trial import Trial
+        from seatrial.trial.trial import Trial
 
         return [Trial.read(path) for path in trials]
-    from seatrial.campaign import Campaign
+    from seatrial.campaign.campaign import Campaign
 
     known = Campaign.load(columns_from).trials
     names = [name if name in known else Path(name).stem for name in trials]

@@ -1,4 +1,9 @@
-"""`seatrial simulate`: a vehicle under commands of a file, as it moved or as its sensors logged it."""
+"""`seatrial simulate`: a vehicle under commands of a file, as it moved or as its sensors logged it.
+
+What `seatrial simulate` refuses: places to write to, and runs that diverge.
+
+Tests: ``tests/base/test_bad_input.py``, ``tests/cli/test_cli_sensors.py``.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +18,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from seatrial._core import Run, State, Vehicle
-    from seatrial.sensors import Sensor
-    from seatrial.trial import Trial
+    from seatrial.sensors.sensor import Sensor
+    from seatrial.trial.trial import Trial
+
+__all__ = ["check_ending", "check_finite", "check_places", "simulate"]
 
 _ENDINGS = (".csv", ".parquet")
+
 _SEES_BOTTOM = {"dvl", "dvl_water"}
+
 _DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
+
 _RISE_M = 1.0  # a vehicle with its centre higher than this has left the water
 
 
@@ -62,12 +72,11 @@ def simulate(
     import numpy as np
 
     from seatrial._core import Vehicle
+    from seatrial.base.errors import TrialError
     from seatrial.cli.console import check_axes, output, print_json, table
-    from seatrial.cli.simulate_refusals import check_ending, check_finite, check_places
-    from seatrial.errors import TrialError
-    from seatrial.sensors.load_cell import ON_THE_TETHER, at_sea
-    from seatrial.sensors.sensor_file import load_sensors
-    from seatrial.trial import Trial
+    from seatrial.sensors.ideal import ON_THE_TETHER, at_sea
+    from seatrial.sensors.sensor import load_sensors
+    from seatrial.trial.trial import Trial
 
     loaded = Vehicle.load(vehicle)
     kind = "run" if sensors is None else "log"
@@ -139,9 +148,8 @@ class _Simulation:
     ) -> None:
         import numpy as np
 
-        from seatrial.sensors.fine_run import held as rows_held
-        from seatrial.sensors.fine_run import linear, times
-        from seatrial.sensors.stamps import finer
+        from seatrial.sensors.log import finer, linear, times
+        from seatrial.sensors.log import held as rows_held
 
         _check(vehicle, trial, held, current)
         self.vehicle, self.trial, self.held, self.sensors = vehicle, trial, held, sensors or {}
@@ -164,9 +172,10 @@ class _Simulation:
 
     def write_log(self, path: Path, seed: int, bottom: float | None, label: str) -> None:
         """Write what the sensors log, and the inputs of the run but for the current."""
-        from seatrial.generated import write_generated
-        from seatrial.recording.columns import GROUPS
-        from seatrial.sensors import Conditions, measure
+        from seatrial.sensors.ideal import Conditions
+        from seatrial.sensors.log import measure
+        from seatrial.trial.columns import GROUPS
+        from seatrial.trial.generated import write_generated
 
         inputs = {f"cmd.{name}": values for name, values in self.trial.commands.items()}
         if self.trial.voltage is not None and "voltage" not in self.sensors:
@@ -190,7 +199,7 @@ class _Simulation:
 def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, float, float] | None) -> None:
     import numpy as np
 
-    from seatrial.errors import TrialError, nearest
+    from seatrial.base.errors import TrialError, nearest
 
     for name in trial.commands:
         if name not in vehicle.actuators:
@@ -226,7 +235,7 @@ def _start(trial: Trial) -> State:
 
 
 def _write(frame: pl.DataFrame, path: Path, option: str) -> None:
-    from seatrial.whole_file import write_table
+    from seatrial.base.atomic_write import write_table
 
     write_table(frame, path, advice=f"choose another place with {option}")
 
@@ -269,3 +278,45 @@ def _summary(run: Run) -> dict[str, Any]:
         "largest trim, deg": float(np.abs(angles[:, 1]).max()),
         "last heading, deg": float(angles[-1, 2]),
     }
+
+
+def check_ending(path: Path, endings: tuple[str, ...]) -> None:
+    """Refuse a file whose ending is none of these."""
+    from seatrial.base.errors import TrialError
+
+    if path.suffix not in endings:
+        why = "" if len(endings) > 1 else "; the first lines of a log say that it was generated"
+        raise TrialError(f'{path}: expected the ending {" or ".join(endings)}, found "{path.suffix}"{why}')
+
+
+def check_places(commands: Path, target: Path, run: Path | None) -> None:
+    """Refuse to write over the commands, one file over another, and into a folder that is not there."""
+    from seatrial.base.errors import TrialError
+
+    places = {"--out": target} | ({} if run is None else {"--run": run})
+    for option, path in places.items():
+        if path.resolve() == commands.resolve():
+            raise TrialError(f"{option} {path}: this is the file of the commands; give another name")
+        if not path.absolute().parent.is_dir():
+            raise TrialError(
+                f"{option} {path}: there is no folder {path.parent}; make it or give another name"
+            )
+        if path.is_dir():
+            raise TrialError(f"{option} {path}: expected a file, found a folder; give another name")
+    if run is not None and run.resolve() == target.resolve():
+        raise TrialError(f"--run {run}: the log goes to this file; give another name")
+
+
+def check_finite(run: Run, trial: Trial) -> None:
+    """Refuse a run that diverged."""
+    import numpy as np
+
+    from seatrial.base.errors import SimulationError
+
+    good = np.isfinite(np.asarray(run.nu)).all(axis=1) & np.isfinite(np.asarray(run.position)).all(axis=1)
+    if not good.all():
+        t = float(np.asarray(run.t)[int(np.argmin(good))])
+        raise SimulationError(
+            f"{trial.source}: the simulation diverges at {t:.4g} s; check the vehicle (seatrial check), the"
+            " size of the commands and the current"
+        )

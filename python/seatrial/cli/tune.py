@@ -12,8 +12,10 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from seatrial.campaign import Campaign
-    from seatrial.tuning.tuning_result import Tuning
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.tuning.result import Tuning
+
+__all__ = ["draw", "fitted_source", "print_tuning", "tune", "tuned"]
 
 
 def tune(
@@ -42,7 +44,7 @@ def tune(
     The exit code is 1 where a response leaves its corridor, or a margin falls short, after all. Ctrl-C keeps
     the best so far; the same command goes on with what is not finished.
     """
-    from seatrial.campaign import Campaign
+    from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import list_figures, output, print_json
 
     loaded = Campaign.load(campaign)
@@ -90,7 +92,7 @@ def tuned(
 ) -> Tuning:
     """Tuning of a campaign into a run directory, with progress on standard error."""
     from seatrial.cli.console import search_progress
-    from seatrial.tune import tune as tuning
+    from seatrial.tuning.tune import tune as tuning
 
     with search_progress("making ready", quiet=quiet) as progress:
         return tuning(
@@ -112,7 +114,7 @@ def draw(
     loops: Collection[str] | None = None,
 ) -> list[Path]:
     """Paths of the figures of a tuning in its run directory, of some loops or of all."""
-    from seatrial.plot.tuning_gallery import tuning_gallery
+    from seatrial.report.plot.tuning import tuning_gallery
 
     return tuning_gallery(found, folder / "figures", formats=formats, loops=loops)
 
@@ -120,7 +122,7 @@ def draw(
 def print_tuning(console: Console, found: Tuning) -> None:
     """Print responses before and after, gains, margins and what they mean."""
     from seatrial.cli.console import table
-    from seatrial.tuning.tuning_text import (
+    from seatrial.tuning.result import (
         COMPARISON_TITLE,
         GAIN_HEAD,
         TRIAL_HEAD,

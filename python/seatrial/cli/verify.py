@@ -1,16 +1,45 @@
-"""`seatrial verify`: a campaign and an autopilot, or a log, in; a verdict out."""
+"""`seatrial verify`: a campaign and an autopilot, or a log, in; a verdict out.
+
+`seatrial verify --log`: a campaign and the log of a mission in, a verdict out.
+
+Tests: ``tests/verification/test_recorded_campaign.py``.
+
+How a verification is shown on the command line: progress while it flies, tables and sentences after.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.base.errors import CampaignError
+
 if TYPE_CHECKING:
-    from seatrial.campaign import Campaign
-    from seatrial.verification.verification_result import Verification
-    from seatrial.verification.verified_campaign import VerifiedCampaign
+    from rich.console import Console
+    from rich.table import Table
+
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.verification.campaign import VerifiedCampaign
+    from seatrial.verification.comparison import AutopilotComparison
+    from seatrial.verification.judgement import JudgedRequirement
+    from seatrial.verification.missions import MissionsFlown
+    from seatrial.verification.verification import Verification
+
+__all__ = [
+    "draw",
+    "gains_source",
+    "missions_progress",
+    "print_verification",
+    "refuse_beside",
+    "verified",
+    "verify",
+    "verify_log",
+]
 
 
 def verify(
@@ -83,17 +112,15 @@ def verify(
     undecided, 2 for bad input.
     Ctrl-C keeps the missions flown; the same command goes on from there.
     """
-    from seatrial.campaign import Campaign
+    from seatrial.base.errors import CampaignError
+    from seatrial.base.run import check_writable
+    from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import output, print_json
     from seatrial.cli.tune import fitted_source
-    from seatrial.errors import CampaignError
-    from seatrial.run_directory import check_writable
-    from seatrial.verification.verified_campaign import verified_campaign
+    from seatrial.verification.campaign import verified_campaign
 
     loaded = Campaign.load(campaign)
     if log is not None:
-        from seatrial.cli.verify_log import refuse_beside, verify_log
-
         refuse_beside({"--runs": runs, "--compare": compare, "--replay": replay, "--junit": junit})
         verify_log(
             loaded,
@@ -152,8 +179,7 @@ def verified(
     quiet: bool = False,
 ) -> Verification:
     """Verification of a campaign into a run directory, with progress on standard error."""
-    from seatrial.cli.verification_table import missions_progress
-    from seatrial.verification.conduct import conduct
+    from seatrial.verification.verify import conduct
 
     with missions_progress(quiet=quiet) as progress:
         return conduct(prepared, run_dir=folder, progress=progress, resume=resume, threads=threads)
@@ -161,7 +187,7 @@ def verified(
 
 def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png", "pdf")) -> list[Path]:
     """Paths of the figures of a verification in its run directory."""
-    from seatrial.plot.verification_gallery import verification_gallery
+    from seatrial.report.plot.verification import verification_gallery
 
     return verification_gallery(found, folder / "figures", formats=formats)
 
@@ -169,7 +195,7 @@ def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png"
 def _replay(prepared: VerifiedCampaign, number: int, out: Path | None, *, figures: bool, json: bool) -> None:
     """One mission flown again into a run directory of its own."""
     from seatrial.cli.console import list_figures, output, print_json
-    from seatrial.verification.verification_text import reserve
+    from seatrial.verification.verification import reserve
 
     flight = prepared.flights.replay(number)
     default = Path("runs") / f"{prepared.campaign.name}-mission-{number}"
@@ -200,7 +226,6 @@ def _replay(prepared: VerifiedCampaign, number: int, out: Path | None, *, figure
 
 def _print(found: Verification, folder: Path, written: list[Path]) -> None:
     from seatrial.cli.console import list_figures, output
-    from seatrial.cli.verification_table import print_verification
 
     console = output()
     print_verification(console, found)
@@ -217,7 +242,7 @@ def _refuse_place(path: Path) -> None:
     """Refuse a file that cannot be written, before anything flies."""
     from tempfile import TemporaryFile
 
-    from seatrial.errors import SeatrialError, reason
+    from seatrial.base.errors import SeatrialError, reason
 
     if path.is_dir():
         raise SeatrialError(f"--junit {path}: expected a file, found a folder; name a file in it")
@@ -234,7 +259,271 @@ def _refuse_place(path: Path) -> None:
 
 def _write(path: Path, text: str) -> None:
     """Write a file that was asked for beside the run directory."""
-    from seatrial.whole_file import write_whole
+    from seatrial.base.atomic_write import write_whole
 
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, text.encode())
+
+
+_LONGEST_NAME = 80
+
+
+def refuse_beside(given: Mapping[str, Any]) -> None:
+    """Refuse options that ask for flights, by name, where a log is judged."""
+    for name, value in given.items():
+        if value is not None and value is not False:
+            raise CampaignError(
+                f"{name}: --log judges a recorded mission and flies none; leave one of them out"
+            )
+
+
+def verify_log(
+    campaign: Campaign,
+    fit: Path | str | None,
+    log: Path,
+    *,
+    autopilot: Path | None,
+    missions: Sequence[Path],
+    references: Sequence[Path],
+    out: Path | None,
+    figures: bool,
+    json: bool,
+) -> None:
+    """Judge a log into a run directory, print the verdict, exit with 1 where it is not held."""
+    from seatrial.base.run import check_writable
+    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.verification.mission_log.campaign import verify_campaign_log
+    from seatrial.verification.mission_log.verdict import write_verdict
+
+    if len(missions) > 1:
+        raise CampaignError(
+            f"--mission: a log is one mission, found {len(missions)}; give the one that was flown"
+        )
+    folder = out or Path("runs") / f"{campaign.name}-log-{_safe(log)}"
+    check_writable(folder)
+    found, judged = verify_campaign_log(
+        campaign,
+        campaign.vehicle if fit is None else fit,
+        log,
+        autopilot=autopilot,
+        mission=missions[0] if missions else None,
+        references=references,
+    )
+    write_verdict(found, folder, campaign, source=log, figures=figures)
+    written = sorted((folder / "figures").glob("*"))
+    if json:
+        data = found.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in written]}
+        print_json(data)
+    else:
+        console = output()
+        part = "" if judged.span is None else f", {judged.span[0]:g} to {judged.span[1]:g} s, held out"
+        console.print(
+            f"Vehicle: {fit or campaign.vehicle.name}. Log: {log}{part}.", soft_wrap=True, markup=False
+        )
+        console.print(found.summary(), soft_wrap=True, markup=False)
+        console.print(f"VERDICT: {found.verdict}", markup=False, style="bold")
+        files = "verdict.json, summary.txt and the inputs"
+        console.print(f"Results in {folder}: {files}", soft_wrap=True, markup=False)
+        list_figures(console, written)
+    if not found.passed:
+        raise typer.Exit(1)
+
+
+def _safe(log: Path) -> str:
+    name = log.stem if log.is_file() else log.name or log.resolve().name
+    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)[:_LONGEST_NAME]
+
+
+_WIDE = 110  # columns that the requirements need beside what must hold
+
+_FIGURES = {
+    "cross_track_p95_m": "median cross-track p95, m",
+    "vertical_p95_m": "median vertical p95, m",
+    "energy_wh": "median energy, Wh",
+    "duration_s": "median duration, s",
+    "travel_per_s": "median command travel, 1/s",
+}
+
+
+@contextmanager
+def missions_progress(*, quiet: bool = False) -> Iterator[Callable[[MissionsFlown], None]]:
+    """Callback for `seatrial.verify` that shows the missions flown, real-time factor and time left."""
+    from seatrial.cli.console import long_work
+
+    with long_work("first missions", quiet=quiet) as show:
+        yield lambda state: show(state.flown / state.runs, _words(state), ())
+
+
+def print_verification(console: Console, found: Verification) -> None:
+    """Print verdict, requirements, causes, worst missions and comparison."""
+    from seatrial.verification.verification import again, headline, time_sentence
+
+    narrow = console.width < _WIDE
+    console.print(_requirements(found, narrow=narrow))
+    for one in found.requirements if narrow else ():
+        console.print(f"{one.requirement.name}: {one.requirement.holds}", soft_wrap=True, markup=False)
+    if narrow:
+        console.print()
+    if any(len(one.by_mission) > 1 for one in found.requirements):
+        console.print(_missions(found))
+    if any(one.worst for one in found.requirements):
+        console.print(_worst(found))
+    if found.comparison is not None:
+        for made in _comparisons(found.comparison):
+            console.print(made)
+        console.print(_medians(found.comparison))
+    for one in found.requirements:
+        for line in _sentences(one):
+            console.print(f"- {line}", soft_wrap=True, markup=False)
+    for note in found.notes:
+        console.print(f"- {note}", soft_wrap=True, markup=False)
+    console.print(f"- {time_sentence(found)}", soft_wrap=True, markup=False)
+    console.print(f"- {again(found)}", soft_wrap=True, markup=False)
+    console.print(headline(found), soft_wrap=True, markup=False, style="bold")
+
+
+def _requirements(found: Verification, *, narrow: bool) -> Table:
+    """Verdicts; what must hold stands below the table where a terminal is too narrow for it."""
+    from seatrial.cli.console import table
+    from seatrial.statistics.proportions import share
+
+    rows = []
+    for one in found.requirements:
+        lower, upper = one.found.interval
+        rows.append([
+            one.requirement.name,
+            one.requirement.holds,
+            share(one.requirement.allowed),
+            f"{one.found.failures}",
+            f"{share(lower, 'down')} to {share(upper, 'up')}",
+            share(one.found.at_most, "up"),
+            one.verdict,
+        ])
+    sure = f"{100.0 * found.flights.table.confidence:g} %"
+    flights = found.flights
+    title = f"{flights.autopilot.name} on {flights.fitted.vehicle.name}: {len(found.flown)} missions"
+    head = ["requirement", "holds", "allowed", "failures", f"{sure} interval", "at most", "verdict"]
+    if narrow:
+        return _folding(table(title, head[:1] + head[2:], [row[:1] + row[2:] for row in rows]))
+    made = table(title, head, rows)
+    made.columns[1].justify = "left"
+    return made
+
+
+def _folding(made: Table) -> Table:
+    """The same table, with long names on several lines instead of cut off."""
+    made.columns[0].no_wrap = False
+    for column in made.columns:
+        column.overflow = "fold"
+    return made
+
+
+def _missions(found: Verification) -> Table:
+    from seatrial.cli.console import table
+
+    titles = found.flights.titles
+    rows = [
+        [
+            one.requirement.name,
+            *(
+                f"{part.failures} of {part.runs}" if (part := one.by_mission.get(title)) else "-"
+                for title in titles
+            ),
+        ]
+        for one in found.requirements
+    ]
+    return table("Failures by mission", ["requirement", *titles], rows)
+
+
+def _worst(found: Verification) -> Table:
+    from seatrial.cli.console import table
+    from seatrial.verification.verification import reserve
+
+    rows = []
+    for one in found.requirements:
+        for run in one.worst[:3]:
+            figures = run.figures
+            rows.append([
+                one.requirement.name,
+                str(run.number),
+                run.mission,
+                reserve(run.reserve, one.judgement.unit),
+                str(figures["ending"]),
+                _number(figures["cross_track_p95_m"], 2),
+                _number(figures["vertical_p95_m"], 2),
+                _number(figures["clearance_m"], 1),
+                _number(figures["duration_s"], 0),
+            ])
+    head = ["requirement", "number", "mission", "reserve", "ending", "across", "vertical", "clear", "time"]
+    one_mission = len(found.flights.titles) == 1
+    dropped = [
+        k
+        for k, name in enumerate(head)
+        if (name == "mission" and one_mission) or (name == "clear" and all(row[k] == "-" for row in rows))
+    ]
+    kept = [k for k in range(len(head)) if k not in dropped]
+    return _folding(
+        table(
+            "Worst missions (lengths in m, time in s; across and vertical: p95)",
+            [head[k] for k in kept],
+            [[row[k] for k in kept] for row in rows],
+        )
+    )
+
+
+def _comparisons(found: AutopilotComparison) -> Iterator[Table]:
+    """The verified autopilot against each other one."""
+    from seatrial.cli.console import table
+    from seatrial.statistics.proportions import share
+
+    verified, *others = found.autopilots
+    head = ["requirement", "verified\nfails", "other\nfails", "only\nverified", "only\nother", "p", "better"]
+    for other in others:
+        rows = []
+        for name, failures in verified.failures.items():
+            pair = found.pair(name, other.name)
+            rows.append([
+                name,
+                share(failures.estimate),
+                share(other.failures[name].estimate),
+                str(pair.only_verified),
+                str(pair.only_other),
+                f"{pair.corrected:.2g}",
+                {"verified": "verified", None: "not shown"}.get(pair.better, "other"),
+            ])
+        title = f"Against {other.name}, on the same {found.runs} draws (McNemar's exact test, Holm)"
+        made = _folding(table(title, head, rows))
+        for column in made.columns[1:]:
+            column.no_wrap = True
+        yield made
+
+
+def _medians(found: AutopilotComparison) -> Table:
+    from seatrial.cli.console import table
+
+    rows = [
+        [label, *(f"{one.figures[name]:.4g}" for one in found.autopilots)]
+        for name, label in _FIGURES.items()
+        if name in found.autopilots[0].figures
+    ]
+    return table("Figures on the same draws", ["figure", *(one.name for one in found.autopilots)], rows)
+
+
+def _sentences(one: JudgedRequirement) -> list[str]:
+    """Verdict of a requirement and what its failures go with, where there is something to say."""
+    said = [] if one.verdict == "held" else [f"{one.requirement.name} {one.sentence}."]
+    if one.found.failures:
+        said += [f"{one.requirement.name}: {cause}." for cause in one.named_causes[:3]]
+    return said
+
+
+def _words(state: MissionsFlown) -> str:
+    left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
+    return (
+        f"{state.autopilot}: {state.flown} of {state.runs} missions,"
+        f" {state.real_time_factor:,.0f} times real time, {left} left"
+    )
+
+
+def _number(value: float, decimals: int) -> str:
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else "-"

@@ -4,7 +4,7 @@ A vehicle that commands the heave force hovers. A frame that also commands the s
 hovers, without swaying; any other pitches under way, with its depth by pitch, by the actuators that drive
 it and its fins: a vertical thruster that only helped the pitch moment would keep crossing its minimum
 revolutions. The supporting speeds span 95 % of the reachable range; those of a vehicle that cannot hover
-begin where it flies level. Held by tests/test_control_design_start.py.
+begin where it flies level. Held by tests/control_design/test_control_design_start.py.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.check.actuators import NOMINAL_V, command
-from seatrial.check.performance import drivers
-from seatrial.check.steady import steady
-from seatrial.control_design.authority import LOOPS, ROWS, reach
 from seatrial.control_design.trim import trim
+from seatrial.vehicle.actuators import NOMINAL_V, command
+from seatrial.vehicle.authority import LOOPS, ROWS, reach
+from seatrial.vehicle.steady_state import drivers, steady
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -29,15 +28,16 @@ POINTS = 6
 """Number of supporting speeds, that of the core."""
 
 RANGE = 0.95
+
 CRUISE = 0.3
 """Share of the top speed from which cruise takes over from hover."""
 
 _SLOWEST = 0.25  # of the top speed, where fins do not bite any more
+
 _TRIM_PITCH, _HELD = (
     np.deg2rad(10.0),
     0.9,
 )  # level flight: largest pitch, and share of the reach that holds it
-
 
 _TAKE_OVER = np.deg2rad(1.5)
 """Pitch at which cruise may take over from hover: guidance has to learn it, which moves the depth."""

@@ -1,10 +1,10 @@
 """Straight level flight at a speed: attitude, velocities and wrench at which nothing accelerates.
 
 The rows that are commanded take what the motion needs, whether or not the actuators reach it
-(`seatrial.control_design.authority`); each other row needs an angle that brings its own force to zero:
+(`seatrial.vehicle.authority`); each other row needs an angle that brings its own force to zero:
 pitch for the heave force (a hull that is too light or too heavy is carried by its angle of attack), drift
 for the sway force, heel for the roll moment. What the actuators bring along with the commanded rows
-counts. Held by tests/test_control_design.py.
+counts. Held by tests/control_design/test_control_design.py.
 """
 
 from __future__ import annotations
@@ -13,19 +13,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seatrial.check.stability import neutral_fins
-from seatrial.control_design.authority import ROWS, mixing
+from seatrial.base.arrays import Array
+from seatrial.vehicle.authority import ROWS, mixing
+from seatrial.vehicle.stability import neutral_fins
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 __all__ = ["Trim", "trim"]
 
-Array = NDArray[np.float64]
-
 _LARGEST = np.deg2rad(25.0)  # beyond it, the model and straight flight are not what they claim to be
+
 _BALANCED = 1e-6  # of the mass times 1 m/s^2
 
 

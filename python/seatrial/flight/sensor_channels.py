@@ -15,7 +15,7 @@ A Doppler log whose velocity has white noise of deviation s per sample, T second
 random walk of deviation s √T after one second: the drift of dead reckoning. It begins with the offset of a
 GPS fix.
 
-Tests: ``tests/test_sensor_channels.py``.
+Tests: ``tests/flight/test_sensor_channels.py``.
 """
 
 from __future__ import annotations
@@ -27,20 +27,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
-from seatrial.errors import TrialError, nearest
-from seatrial.sensors.kinds import KINDS
-from seatrial.sensors.sensor import Sensor, one_each
-from seatrial.sensors.sensor_file import load_sensors
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError, nearest
+from seatrial.sensors.sensor import KINDS, Sensor, load_sensors, one_each
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 __all__ = ["GROUP_OF_KIND", "SensorChannels", "perfect", "sensor_channels", "sensors_of"]
-
-Array = NDArray[np.float64]
 
 GROUP_OF_KIND = {
     "position": "position",
@@ -62,7 +58,9 @@ _CHANNELS_OF_GROUP = {
     "altitude": (12,),
     "water": (13, 14, 15),
 }
+
 _TICK = 1e-6
+
 _MOST_LATE = 10_000  # control periods that the core keeps
 
 
@@ -117,7 +115,7 @@ def sensors_of(
         if kind not in KINDS:
             raise TrialError(f'sensors: unknown sensor "{kind}"{nearest(kind, KINDS)}')
         if not isinstance(sensor, Sensor):
-            raise TrialError(f"sensors: {kind}: expected a seatrial.sensors.Sensor, found {sensor!r}")
+            raise TrialError(f"sensors: {kind}: expected a seatrial.sensors.sensor.Sensor, found {sensor!r}")
     one_each(source)
     return dict(source)
 

@@ -1,32 +1,100 @@
-"""What perfect sensors would show of a run, at any time and at their own place in the vehicle.
+"""What sensors need to know of a run besides its motion: the water, the bottom, the supply, the tether.
+
+What perfect sensors would show of a run, at any time and at their own place in the vehicle.
 
 A place r in the body frame moves with ``v_r = v_O + omega x r`` and lies at ``p_r = p_O + R(q) r``; through
 the water it moves with ``v_r - R(q)' v_c``. GPS has a fix while its antenna is above the surface (down < 0);
 bottom track needs the bottom within range along the sensor's own down axis. Source: Fossen, Handbook of
 Marine Craft Hydrodynamics and Motion Control (2011), sections 2.2 and 8.3. Held by
-tests/test_sensors_ideal.py.
+tests/sensors/test_sensors_ideal.py.
+
+Load cell of a tied vehicle: the force that it puts on its tether, as in a bollard test.
+
+The tether balances everything else that acts on the vehicle, which does not move:
+
+    load = tau_actuators + sum of the other forces at nu = 0   (body frame, N)
+
+that is, the actuators' wrench and the restoring force; a current past the vehicle adds its drag. Positive is
+a push forward, to starboard, down. Held by tests/sensors/test_sensors_load_cell.py.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.errors import TrialError
-from seatrial.rotation import continuous, matrix, to_euler
-from seatrial.sensors.conditions import Conditions
-from seatrial.sensors.kinds import KINDS
-from seatrial.sensors.load_cell import tether_force
-from seatrial.sensors.sensor import Sensor
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
+from seatrial.base.rotation import continuous, matrix, to_euler
+from seatrial.sensors.sensor import KINDS, Sensor
 
 if TYPE_CHECKING:
-    from seatrial._core import Run
+    from seatrial._core import Run, Vehicle
 
-__all__ = ["Ideal"]
+__all__ = ["ON_THE_TETHER", "Conditions", "Ideal", "at_sea", "tether_force"]
 
-Array = NDArray[np.float64]
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Circumstances of a run.
+
+    Attributes
+    ----------
+    vehicle
+        That made the run; only a load cell asks for it.
+    current
+        Velocity of the water over ground, NED, m/s, (3,) or one row per row of the run; None: still water.
+    voltage
+        Supply in V, one value per row of the run; None: not known.
+    bottom_depth_m
+        Depth of the bottom below the surface; None: within reach everywhere.
+    held
+        Whether the vehicle is tied, as in a bollard test.
+    """
+
+    vehicle: Vehicle | None = None
+    current: Array | None = None
+    voltage: Array | None = None
+    bottom_depth_m: float | None = None
+    held: bool = False
+
+    def water(self, rows: int) -> Array:
+        """Velocity of the water, shape (rows, 3), NED, m/s."""
+        current = np.zeros(3) if self.current is None else np.asarray(self.current, float)
+        return np.asarray(np.broadcast_to(current, (rows, 3)))
+
+
+ON_THE_TETHER = ("load_cell", "revolutions", "voltage")
+"""Sensors that tell something of a tied vehicle."""
+
+
+def at_sea(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
+    """Those of a vehicle's sensors that log while no tether holds it: all but the load cell."""
+    return {kind: sensor for kind, sensor in sensors.items() if kind != "load_cell"}
+
+
+def tether_force(run: Run, conditions: Conditions) -> Array:
+    """Force (n, 3) of a held vehicle on its tether at the rows of its run, body frame, N.
+
+    Raises
+    ------
+    TrialError
+        The vehicle is not held.
+    """
+    if not conditions.held or conditions.vehicle is None:
+        raise TrialError(
+            "load_cell: a load cell shows the pull of a tied vehicle, and this one moves freely; hold it"
+            " (held = true in a recipe, --held on the command line) or leave the load cell out"
+        )
+    count = len(run.t)
+    at_rest = np.zeros((count, 6))
+    terms = conditions.vehicle.forces(at_rest, np.asarray(run.attitude), conditions.water(count))
+    wrench = np.asarray(run.tau) + np.sum(list(terms.values()), axis=0)
+    return np.asarray(wrench[:, :3])
 
 
 class Ideal:

@@ -1,25 +1,82 @@
-"""One sensor: how far what it logs is from the truth, and its table in a file.
+"""Kinds of sensors: the columns that each logs, the unit of its numbers, and whether its place matters.
 
-Noise, bias and quantum are in the unit of its kind (`seatrial.sensors.kinds`), times in s, places in m in the
+One sensor: how far what it logs is from the truth, and its table in a file.
+
+Noise, bias and quantum are in the unit of its kind (`seatrial.sensors.sensor`), times in s, places in m in the
 body frame from O. Every number is zero, and so perfect, unless it is given.
+
+Sets of sensors: the one that comes with seatrial, "typical", and those of files.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
+from pydantic import Field
 
-from seatrial.errors import TrialError, nearest
-from seatrial.sensors.kinds import KINDS
+from seatrial.base.errors import TrialError, nearest, reason
+from seatrial.base.toml_file import Section, checked, tables
 
-__all__ = ["Sensor", "one_each", "parse_sensors"]
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = [
+    "KINDS",
+    "TYPICAL",
+    "Kind",
+    "Sensor",
+    "SensorFile",
+    "load_sensors",
+    "one_each",
+    "parse_sensors",
+    "read_as",
+]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of sensor.
+
+    Attributes
+    ----------
+    columns
+        Canonical columns that it logs, in order.
+    unit
+        Ending of its keys: that of the columns' numbers.
+    placed
+        Whether what it shows depends on where it sits, ``position_m``.
+    ranged
+        Whether it needs the bottom within ``max_range_m``.
+    """
+
+    columns: tuple[str, ...]
+    unit: str
+    placed: bool = False
+    ranged: bool = False
+
+
+KINDS: dict[str, Kind] = {
+    "dvl": Kind(("u_m_s", "v_m_s", "w_m_s"), "m_s", placed=True, ranged=True),
+    "dvl_water": Kind(("u_water_m_s", "v_water_m_s", "w_water_m_s"), "m_s", placed=True),
+    "gyro": Kind(("p_deg_s", "q_deg_s", "r_deg_s"), "deg_s"),
+    "attitude": Kind(("roll_deg", "pitch_deg", "yaw_deg"), "deg"),
+    "depth": Kind(("z_m",), "m", placed=True),
+    "position": Kind(("x_m", "y_m"), "m", placed=True),
+    "gps": Kind(("x_m", "y_m"), "m", placed=True),
+    "revolutions": Kind((), "rpm"),
+    "voltage": Kind(("voltage_v",), "v"),
+    "load_cell": Kind(("load.X_n", "load.Y_n", "load.Z_n"), "n"),
+}
+"""Kinds by name; "revolutions" logs one column per actuator, in the unit of its command."""
 
 Place = tuple[float, float, float]
 
 _TIMES = ("rate_hz", "latency_s", "phase_s", "jitter_s", "dropout_every_s", "dropout_s")
+
 _NOT_ZERO = ("rate_hz", "dropout_every_s", "max_range_m")
 
 
@@ -70,7 +127,7 @@ class Sensor:
         Parameters
         ----------
         kind : str
-            Of `seatrial.sensors.KINDS`.
+            Of `seatrial.sensors.sensor.KINDS`.
         table : mapping
             Its keys and values.
         where : str, optional
@@ -156,3 +213,80 @@ def _place(value: Any, where: str) -> Place:
     if not numbers or len(value) != 3:
         raise TrialError(f"{where}: expected [forward, starboard, down] from O in m, found {value!r}")
     return float(value[0]), float(value[1]), float(value[2])
+
+
+class SensorFile(Section):
+    """A set of sensors by kind; a truth file is one too."""
+
+    format: Literal[1]
+    description: str = ""
+    sensors: dict[str, dict[str, Any]] = Field(default_factory=dict)
+
+
+_OF_THE_VEHICLE = ("vehicle", "vehicle_file", "factors", "values")
+
+_File = TypeVar("_File", bound=Section)
+
+
+def read_as(model: type[_File], path: Path) -> _File:
+    """Contents of a TOML file as one of the models.
+
+    Raises
+    ------
+    TrialError
+        The file cannot be read, is no TOML, or a key or value is wrong.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        what = "a set of sensors" if model is SensorFile else "the file of a generated trial"
+        advice = "check the path, or say typical" if model is SensorFile else "check the path"
+        raise TrialError(f"{path}: not readable as {what} ({reason(error)}); {advice}") from None
+    data = tables(text, str(path), error=TrialError)
+    if model is SensorFile:
+        # What a truth file says of its vehicle is another reader's business.
+        data = {key: value for key, value in data.items() if key not in _OF_THE_VEHICLE}
+    return checked(model, data, str(path), error=TrialError)
+
+
+TYPICAL = "typical"
+"""Name of the set that comes with seatrial."""
+
+_TYPICAL_FILE = Path(__file__).with_name("typical.toml")
+
+
+def load_sensors(source: str | Path, vehicle: Vehicle) -> dict[str, Sensor]:
+    """Sensors by kind of a file, or the typical ones that suit a vehicle.
+
+    Parameters
+    ----------
+    source : str or Path
+        "typical", or a file with ``[sensors.KIND]`` tables; the file of a truth vehicle will do.
+    vehicle : Vehicle
+        Of the typical sensors those of revolutions are for motors that are commanded by them, that of the
+        supply for thrust that depends on it.
+
+    Raises
+    ------
+    TrialError
+        The file cannot be read, names no sensor, or one is wrong.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> "revolutions" in load_sensors("typical", st.Vehicle.load("beluga"))
+    False
+    """
+    if str(source) != TYPICAL:
+        path = Path(source)
+        sensors = parse_sensors(read_as(SensorFile, path).sensors, str(path))
+        if not sensors:
+            raise TrialError(f"{path}: names no sensor; expected a table [sensors.dvl] or the like")
+        return sensors
+    sensors = parse_sensors(read_as(SensorFile, _TYPICAL_FILE).sensors, TYPICAL)
+    facts = vehicle.actuator_info().values()
+    if not any(actuator["unit"] == "rpm" for actuator in facts):
+        del sensors["revolutions"]
+    if not any(actuator["needs_voltage"] for actuator in facts):
+        del sensors["voltage"]
+    return sensors

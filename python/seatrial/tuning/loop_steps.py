@@ -5,7 +5,17 @@ and at which a vehicle that cannot hover does not sink. What the file leaves ope
 limits and from what the loop does with its start gains, which are flown for it: once with the usual step,
 from which the noise at rest tells how large the step has to be.
 
-Held by tests/test_tuning_plan.py.
+Held by tests/tuning/test_tuning_plan.py.
+
+Speeds at which a loop is tried where the file gives none, and the least at which a vehicle flies level.
+
+At most three: that nearest to rest, the fastest and one between. Six that the vehicle reaches cost twice as
+much and tell little more, and no mission goes astern faster than a brake does; where there are no more than
+three, all are tried. A trial keeps away from a switching speed, so that a current does not change the mode
+under way, and one of the speed stays within reach against the current. A vehicle that cannot hover falls
+below its path when it is slower than level flight needs, whatever its gains.
+
+Held by tests/tuning/test_trial_speeds.py.
 """
 
 from __future__ import annotations
@@ -15,24 +25,137 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.errors import CampaignError
-from seatrial.tuning.default_corridor import default_corridor, steps_above_noise
-from seatrial.tuning.loop_trials import DEPTH_M, RIDES_ON, LoopTrials
-from seatrial.tuning.start_figures import StartFigures, start_figures
-from seatrial.tuning.trial_speeds import apart, tried_speeds
-from seatrial.tuning.tuning_file import LOOPS, default_steps
+from seatrial.base.errors import CampaignError
+from seatrial.campaign.tuning_table import LOOPS, default_steps
+from seatrial.tuning.corridors import StartFigures, default_corridor, start_figures, steps_above_noise
+from seatrial.tuning.step_trial import DEPTH_M, RIDES_ON, LoopTrials
 
 if TYPE_CHECKING:
-    from seatrial.tuning.corridor import Corridor
-    from seatrial.tuning.tuning_plan import TuningPlan
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.campaign.corridor import Corridor
+    from seatrial.tuning.plan import TuningPlan
 
-__all__ = ["steps_of", "usual_speeds"]
+__all__ = ["apart", "slowest_level_m_s", "steps_of", "thinned", "tried_speeds", "usual_speeds"]
+
+MOST = 3
+"""Speeds per loop, at most."""
+
+_APART = 0.5  # of the mean spacing of the supporting points: speeds that are nearer tell the same
+
+_ROUNDING = 0.005  # supporting points have four digits
+
+
+def tried_speeds(
+    wanted_m_s: Sequence[float],
+    modes_m_s: Sequence[tuple[float, float]],
+    *,
+    away_m_s: float,
+    within_m_s: tuple[float, float],
+    apart_m_s: float,
+) -> tuple[float, ...]:
+    """Speeds of a loop's trials, m/s, rising.
+
+    Parameters
+    ----------
+    wanted_m_s : sequence of float
+        Supporting points that count for the loop.
+    modes_m_s : sequence of (float, float)
+        Speeds from and to which a mode uses the loop.
+    away_m_s : float
+        How far a trial keeps from a switching speed.
+    within_m_s : (float, float)
+        Least and largest speed of a trial.
+    apart_m_s : float
+        Of speeds that are nearer to each other the first is tried.
+
+    Examples
+    --------
+    >>> every = (-float("inf"), float("inf"))
+    >>> points = [-2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
+    >>> tried_speeds(points, [every], away_m_s=0.1, within_m_s=every, apart_m_s=0.5)
+    (0.0, 2.0, 3.0)
+    >>> tried_speeds(points, [(1.2, every[1])], away_m_s=0.1, within_m_s=every, apart_m_s=0.5)
+    (1.3, 2.0, 3.0)
+    """
+    found: list[float] = []
+    for wanted in wanted_m_s:
+        near = [float(np.clip(wanted, *_inside(mode, away_m_s))) for mode in modes_m_s]
+        at = near[int(np.argmin(np.abs(np.array(near) - wanted)))]
+        at = round(float(np.clip(at, *within_m_s)), 6)
+        used = any(begin <= at < end for begin, end in modes_m_s)
+        if used and not any(abs(at - other) < apart_m_s for other in found):
+            found.append(at)
+    return tuple(thinned(sorted(found)))
+
+
+def _inside(mode_m_s: tuple[float, float], away_m_s: float) -> tuple[float, float]:
+    """Speeds of a mode away from its ends; the middle of one that is narrower."""
+    begin, end = mode_m_s[0] + away_m_s, mode_m_s[1] - away_m_s
+    return (begin, end) if begin <= end else (0.5 * (begin + end),) * 2
+
+
+def apart(points_m_s: Sequence[float]) -> float:
+    """How near two speeds may be for both to be tried, m/s, from the supporting points."""
+    return _APART * float(np.mean(np.diff(points_m_s)))
+
+
+def thinned(speeds_m_s: Sequence[float]) -> list[float]:
+    """Of some speeds at most three: that nearest to rest, the fastest, the one nearest to their middle.
+
+    Examples
+    --------
+    >>> thinned([-0.8, -0.5, -0.2, 0.2, 0.5, 0.8])
+    [0.2, 0.5, 0.8]
+    >>> thinned([-1.0, 1.0, 3.0])
+    [-1.0, 1.0, 3.0]
+    >>> thinned([-0.8, -0.5, -0.2, 0.1])
+    [-0.2, 0.1]
+    """
+    if len(speeds_m_s) <= MOST:
+        return list(speeds_m_s)
+    slow = min(speeds_m_s, key=lambda speed: (round(abs(speed), 6), -speed))
+    fast = max(speeds_m_s)
+    if fast == slow:  # all others are astern
+        return sorted([fast, min((speed for speed in speeds_m_s if speed != fast), key=abs)])
+    middle = 0.5 * (slow + fast)
+    between = [speed for speed in speeds_m_s if slow < speed < fast]
+    chosen = [min(between, key=lambda speed: (round(abs(speed - middle), 6), -speed))] if between else []
+    return [slow, *chosen, fast]
+
+
+def slowest_level_m_s(vehicle: Vehicle, autopilot: Autopilot) -> float | None:
+    """Least speed ahead at which the vehicle holds its depth, m/s; None where a mode of it hovers.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> round(slowest_level_m_s(st.Vehicle.load("remus100"), st.Autopilot.load("remus100")), 2)
+    1.54
+    >>> slowest_level_m_s(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")) is None
+    True
+    """
+    from seatrial.control_design.mode_table import supporting_speeds, top_speeds
+    from seatrial.vehicle.authority import ROWS
+
+    modes = autopilot.modes
+    if any(mode["depth_by"] != "pitch" for mode in modes):
+        return None
+    used = np.max([mode["loops"] for mode in modes], axis=0) > 0.5
+    rows = "".join(row for row, at_work in zip(ROWS, used, strict=True) if at_work)
+    slowest = supporting_speeds(vehicle, rows, top_speeds(vehicle))[0]
+    return slowest * (1.0 - _ROUNDING)
+
 
 _BESIDE_MODE_M_S = 0.1  # how far a trial keeps from a switching speed, beside the current
+
 _SETTLE_S = 15.0  # at least; a loop that settles in its corridor has settled at its start as well
+
 _SETTLE = 1.6  # over the end of a default corridor: the trim at the start takes longer than the step
+
 _PERIODS = 10  # of control: the shortest corridor that tells of a motion
+
 _BELOW_M = 10.0  # of the surface
+
 _START_STEP_S = 0.04  # of the integration, where the start gains are tried
 
 

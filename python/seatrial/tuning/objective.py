@@ -1,4 +1,23 @@
-"""The cost of a set of gains: what its responses violate, what its margins lack, what orders the feasible.
+"""Gains as parameters of a search: one factor on a start gain for each supporting point that the trials move.
+
+A factor is searched by its logarithm, between the logarithms of its bounds. A point that no trial comes near
+goes with the nearest one that a trial does; a point that the vehicle never reaches takes its value from the
+nearest one that it does. A gain that starts at zero stays there. Held by tests/tuning/test_gain_parameters.py.
+
+Smoothness of gains along the supporting points.
+
+Over each three neighbouring points the divided second difference of ln g with the speed x, in units of the
+mean spacing h of the points:
+
+    d_i = 2 h^2 [(ln g_{i+1} - ln g_i)/(x_{i+1} - x_i) - (ln g_i - ln g_{i-1})/(x_i - x_{i-1})]
+          / (x_{i+1} - x_{i-1})
+
+The penalty is the sum of d_i^2 over all gains: 0 where a gain grows by equal factors, and for the ratio of
+two neighbours it is the same whether the gain is in N or kN. Three neighbours of which one is zero (no
+integral there) stand aside, and so do points that are not reached. Source: Whittaker (1923), *On a new method
+of graduation*, for the sum of squared differences. Held by tests/tuning/test_gain_smoothness.py.
+
+The cost of a set of gains: what its responses violate, what its margins lack, what orders the feasible.
 
     J = 10 Q + 30 M + 0.05 T + s S + 0.1 E
 
@@ -9,29 +28,269 @@ tie, and S, the roughness along the supporting points, keeps a schedule from jum
 violations grows with the square of how far a response leaves its corridor, so that a search would settle a
 little outside: it is held against a corridor that is narrower by a reserve.
 
-Held by tests/test_tuning_objective.py.
+Held by tests/tuning/test_tuning_objective.py.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from seatrial.tuning.gain_parameters import GainParameters
-from seatrial.tuning.loop_trials import LoopTrials, Samples
-from seatrial.tuning.smoothness import roughness
-from seatrial.tuning.step_trial import Rig
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError
+from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 
 if TYPE_CHECKING:
-    from seatrial.tuning.margin_constraint import MarginConstraint
+    from seatrial.control_design.margin_constraint import MarginConstraint
 
-__all__ = ["LACKING", "OUTSIDE", "RESERVE", "Objective", "Terms", "robust", "violated"]
+__all__ = [
+    "GAINS",
+    "LACKING",
+    "OUTSIDE",
+    "RESERVE",
+    "GainParameters",
+    "Objective",
+    "Parameter",
+    "Terms",
+    "excited_points",
+    "robust",
+    "roughness",
+    "violated",
+]
 
-Array = NDArray[np.float64]
+GAINS = ("K_P", "K_I", "K_D")
+
+_LEAST_WIDTH = 0.005  # of a factor on either side, where gains at both bounds leave it none
+
+_EXCITED = 0.2
+"""Least weight of a point at the speed of a trial that tells of its gains."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One factor: its name, and the start values of all that it scales, by name."""
+
+    name: str
+    starts: Mapping[str, float]
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class GainParameters:
+    """Parameters of a search; candidates are logarithms of factors, (k, m)."""
+
+    parameters: tuple[Parameter, ...]
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the factors."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the logarithms, (m,) each."""
+        lower = np.log([parameter.lower for parameter in self.parameters])
+        return lower, np.log([parameter.upper for parameter in self.parameters])
+
+    def gains(self, x: Array) -> dict[str, Array]:
+        """Gains of k candidates (k, m), by name, (k,) each."""
+        factors = np.exp(np.atleast_2d(x))
+        return {
+            name: start * factors[:, place]
+            for place, parameter in enumerate(self.parameters)
+            for name, start in parameter.starts.items()
+        }
+
+    def through(self, gains: Mapping[str, float]) -> tuple[GainParameters, Array]:
+        """The same factors on other gains, and the logarithms (m,) that give exactly these.
+
+        What one factor scales keeps its ratio among itself, and every gain within the bounds about its own
+        start value.
+
+        Parameters
+        ----------
+        gains : mapping of str to float
+            Those that are not named are the start values.
+
+        Examples
+        --------
+        >>> start = {"surge.K_P.1": 10.0, "surge.K_P.2": 20.0}
+        >>> one = GainParameters.of_loop("surge", start, free=[0], reached=[0, 1], bounds=(0.1, 10.0))
+        >>> now, x = one.through({"surge.K_P.1": 20.0, "surge.K_P.2": 20.0})
+        >>> {name: round(float(values[0]), 9) for name, values in now.gains(x).items()}
+        {'surge.K_P.1': 20.0, 'surge.K_P.2': 20.0}
+        """
+        found, logarithms = [], []
+        for one in self.parameters:
+            # The point that gave the parameter its name, or the first that it scales.
+            name = one.name if one.name in one.starts else next(iter(one.starts))
+            factor = float(
+                np.clip(gains.get(name, one.starts[name]) / one.starts[name], one.lower, one.upper)
+            )
+            scaled = {key: gains.get(key, value) / factor for key, value in one.starts.items()}
+            ratios = [scaled[key] / value for key, value in one.starts.items()]
+            lower = min(one.lower / min(ratios), factor * (1.0 - _LEAST_WIDTH))
+            upper = max(one.upper / max(ratios), factor * (1.0 + _LEAST_WIDTH))
+            found.append(Parameter(one.name, scaled, lower, upper))
+            logarithms.append(np.log(factor))
+        return GainParameters(tuple(found)), np.array(logarithms)
+
+    @classmethod
+    def of_loop(
+        cls,
+        loop: str,
+        gains: Mapping[str, float],
+        *,
+        free: Sequence[int],
+        taken: Sequence[int] = (),
+        reached: Sequence[int],
+        bounds: tuple[float, float],
+    ) -> GainParameters:
+        """Factors on the gains of a loop.
+
+        Parameters
+        ----------
+        loop : str
+        gains : mapping of str to float
+            Start values, by the names of `Autopilot.gains`.
+        free : sequence of int
+            Supporting points (from 0) that get a factor of their own.
+        taken : sequence of int
+            Points that another search sets.
+        reached : sequence of int
+            Points that the vehicle reaches.
+        bounds : (float, float)
+            Of every factor.
+
+        Examples
+        --------
+        >>> start = {f"surge.K_P.{i}": 10.0 * i for i in range(1, 7)}
+        >>> found = GainParameters.of_loop("surge", start, free=[2, 3], reached=[2, 3, 4], bounds=(0.1, 10.0))
+        >>> [dict(one.starts) for one in found.parameters]  # doctest: +NORMALIZE_WHITESPACE
+        [{'surge.K_P.1': 30.0, 'surge.K_P.2': 30.0, 'surge.K_P.3': 30.0},
+         {'surge.K_P.4': 40.0, 'surge.K_P.5': 50.0, 'surge.K_P.6': 50.0}]
+        """
+        points = sorted({
+            int(name.rpartition(".")[2]) - 1 for name in gains if name.startswith(f"{loop}.K_P.")
+        })
+
+        def nearest(point: int, among: Iterable[int]) -> int:
+            return min(among, key=lambda other: (abs(other - point), other))
+
+        found = []
+        for gain in GAINS:
+            starts: dict[int, dict[str, float]] = {place: {} for place in free}
+            for point in points:
+                own = point if point in reached else nearest(point, reached)
+                if own in taken or not free:
+                    continue
+                value = gains.get(f"{loop}.{gain}.{own + 1}", 0.0)
+                if value > 0.0:
+                    starts[own if own in free else nearest(own, free)][f"{loop}.{gain}.{point + 1}"] = value
+            found += [
+                Parameter(f"{loop}.{gain}.{place + 1}", scaled, *bounds)
+                for place, scaled in starts.items()
+                if scaled
+            ]
+        return cls(tuple(found))
+
+    @classmethod
+    def of_number(cls, name: str, start: float, bounds: tuple[float, float]) -> GainParameters:
+        """A factor on one number: a reference filter, a lookahead; none where it is zero."""
+        return cls((Parameter(name, {name: start}, *bounds),) if start > 0.0 else ())
+
+    def __add__(self, other: GainParameters) -> GainParameters:
+        return GainParameters(self.parameters + other.parameters)
+
+
+def excited_points(speeds_m_s: Iterable[float], points_m_s: Sequence[float]) -> list[int]:
+    """Supporting points (from 0) whose gains trials at some speeds tell of.
+
+    Examples
+    --------
+    >>> excited_points([1.5, 3.0], [-5.0, -3.0, -1.0, 1.0, 3.0, 5.0])
+    [3, 4]
+    """
+    found = set()
+    for speed in speeds_m_s:
+        for point in range(len(points_m_s)):
+            weight = np.interp(speed, points_m_s, np.eye(len(points_m_s))[point])
+            if weight >= _EXCITED:
+                found.add(point)
+    return sorted(found)
+
+
+Gains = Mapping[str, ArrayLike]
+
+_NEIGHBOURS = 3
+
+
+def roughness(gains: Gains, reachable: ArrayLike, *, speeds_m_s: ArrayLike) -> Array:
+    """Sum of squared second differences of ln(gain) along the points, (k,), dimensionless.
+
+    Parameters
+    ----------
+    gains : mapping of str to array-like
+        Values (k,) or one for all by the names of `Autopilot.gains`; those without a point in their name, and
+        gains with fewer than three reached points, cost nothing.
+    reachable : array-like of bool
+        Whether each supporting point (6,) is reached.
+    speeds_m_s : array-like
+        Supporting points (6,), m/s, unevenly if need be.
+
+    Examples
+    --------
+    >>> steady = {f"heading.K_P.{i}": 30.0 * 2.0**i for i in range(1, 7)}
+    >>> kinked = steady | {"heading.K_P.3": [240.0, 240.0 * np.e]}
+    >>> roughness(kinked, [True] * 6, speeds_m_s=range(6)).round(6)
+    array([0., 6.])
+    """
+    reached, speeds = _points(reachable, speeds_m_s)
+    spacing = float(np.diff(speeds).mean())
+    count = max((len(np.atleast_1d(np.asarray(values))) for values in gains.values()), default=1)
+    total = np.zeros(count)
+    for points in _by_gain(gains).values():
+        named = [i for i in sorted(points) if i < len(reached) and reached[i]]
+        if len(named) < _NEIGHBOURS:
+            continue
+        values = np.array([np.broadcast_to(np.asarray(gains[points[i]], float), count) for i in named])
+        given = values > 0.0
+        logarithm = np.log(np.where(given, values, 1.0))
+        x = speeds[named, None] / spacing
+        slope = np.diff(logarithm, axis=0) / np.diff(x, axis=0)
+        second = 2.0 * np.diff(slope, axis=0) / (x[2:] - x[:-2])
+        total += np.sum(np.where(given[:-2] & given[1:-1] & given[2:], second, 0.0) ** 2, axis=0)
+    return total
+
+
+def _points(reachable: ArrayLike, speeds_m_s: ArrayLike | Sequence[float]) -> tuple[NDArray[np.bool_], Array]:
+    """Both as arrays of the same length."""
+    reached, speeds = np.asarray(reachable, dtype=bool), np.asarray(speeds_m_s, dtype=float)
+    if reached.shape != speeds.shape or reached.ndim != 1:
+        raise CampaignError(
+            f"expected as many points reached or not as supporting speeds, found {reached.shape} and"
+            f" {speeds.shape}; give one of each per point"
+        )
+    return reached, speeds
+
+
+def _by_gain(gains: Gains) -> dict[str, dict[int, str]]:
+    """Per gain ("heading.K_P") the names of its points by their place from 0."""
+    found: dict[str, dict[int, str]] = {}
+    for name in gains:
+        gain, _, point = name.rpartition(".")
+        if gain and point.isdecimal():
+            found.setdefault(gain, {})[int(point) - 1] = name
+    return found
+
 
 RESERVE = 0.02
 """By how much the search's corridors are narrower, as a share of the step."""
@@ -40,6 +299,7 @@ OUTSIDE, LACKING = 10.0, 30.0
 """How much a second outside the corridors, and a margin that is used up, count against what breaks ties."""
 
 _TIME, _EFFORT = 0.05, 0.1
+
 _SPREAD = 0.1  # of the mean over samples, beside the worst: every one that gets better counts
 
 

@@ -3,10 +3,28 @@
 At every supporting speed ahead that the vehicle reaches, each loop of the mode that works there is driven
 by a relay of two amplitudes (`seatrial.tuning.relay_trial`), since dead band and rate limits make the
 answer depend on it; the cycle of the smaller ultimate gain is taken, and a rule
-(`seatrial.tuning.relay_rules`) makes gains of it. A supporting point without a usable cycle takes those of
+(`seatrial.tuning.relay`) makes gains of it. A supporting point without a usable cycle takes those of
 the nearest one, by the amount of the speed: a mission sails ahead only.
 
-Source: Åström and Hägglund (1984). Held by tests/test_relay.py.
+Source: Åström and Hägglund (1984). Held by tests/tuning/test_relay.py.
+
+Rules that turn the ultimate gain K_u and the period T_u of a loop into PID gains.
+
+==============  =====  ==========  ==========  =========
+rule            kind   K_P         T_i         T_d
+==============  =====  ==========  ==========  =========
+ziegler-nichols PI     0.45 K_u    T_u / 1.2
+ziegler-nichols PID    0.6 K_u     T_u / 2     T_u / 8
+tyreus-luyben   PI     K_u / 3.2   2.2 T_u
+tyreus-luyben   PID    K_u / 2.2   2.2 T_u     T_u / 6.3
+==============  =====  ==========  ==========  =========
+
+with ``K_I = K_P/T_i`` and ``K_D = K_P T_d``. Speed loops are PI: the derivative of a Doppler log is noise.
+Ziegler and Nichols aim at a decay ratio of a quarter; Tyreus and Luyben made theirs for integrating
+processes, which depth and angles are.
+
+Source: Ziegler and Nichols (1942), Trans. ASME 64; Tyreus and Luyben (1992), Ind. Eng. Chem. Res. 31(11).
+Held by tests/tuning/test_relay.py.
 """
 
 from __future__ import annotations
@@ -18,19 +36,67 @@ from pathlib import Path
 from typing import Any
 
 from seatrial._core import Autopilot, Vehicle
-from seatrial.check.actuators import NOMINAL_V
-from seatrial.control_design.authority import LOOPS, reach
+from seatrial.base.errors import SimulationError, nearest
+from seatrial.base.toml_file import loaded
 from seatrial.control_design.loop_gains import kind, three_digits
+from seatrial.control_design.margin_constraint import refuse_other_laws
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.trim import trim
-from seatrial.errors import SimulationError
-from seatrial.file_kind import loaded
-from seatrial.flight.checked_numbers import checked_supply
-from seatrial.tuning.margin_constraint import refuse_other_laws
-from seatrial.tuning.relay_rules import RULES, PidGains, pid_gains
+from seatrial.flight.cases import checked_supply
 from seatrial.tuning.relay_trial import RelayTrial, Sensors, commanded_rows, mode_at, relay_trial, straight
+from seatrial.vehicle.actuators import NOMINAL_V
+from seatrial.vehicle.authority import LOOPS, reach
 
-__all__ = ["SHARES", "RelayPoint", "RelayTuning", "relay_autopilot"]
+__all__ = ["RULES", "SHARES", "PidGains", "RelayPoint", "RelayTuning", "pid_gains", "relay_autopilot"]
+
+RULES: dict[str, dict[str, tuple[float, float, float]]] = {
+    "tyreus-luyben": {"PI": (1.0 / 3.2, 2.2, 0.0), "PID": (1.0 / 2.2, 2.2, 1.0 / 6.3)},
+    "ziegler-nichols": {"PI": (0.45, 1.0 / 1.2, 0.0), "PID": (0.6, 0.5, 0.125)},
+}
+"""Per rule and kind of controller K_P/K_u, T_i/T_u and T_d/T_u."""
+
+
+@dataclass(frozen=True)
+class PidGains:
+    """``k_p`` in N or N m per unit of the error (m/s, m, rad), ``k_i`` per s, ``k_d`` times s."""
+
+    k_p: float
+    k_i: float
+    k_d: float
+
+
+def pid_gains(rule: str, kind: str, *, ultimate_gain: float, period_s: float) -> PidGains:
+    """Physical gains of a loop by a rule.
+
+    Parameters
+    ----------
+    rule : str
+        ``tyreus-luyben`` or ``ziegler-nichols``.
+    kind : str
+        ``PI`` or ``PID``.
+    ultimate_gain : float
+        K_u in N or N m per unit of the error.
+    period_s : float
+        T_u, s.
+
+    Raises
+    ------
+    SimulationError
+        The rule is none.
+
+    Examples
+    --------
+    >>> pid_gains("ziegler-nichols", "PID", ultimate_gain=100.0, period_s=4.0)
+    PidGains(k_p=60.0, k_i=30.0, k_d=30.0)
+    """
+    if rule not in RULES:
+        raise SimulationError(
+            f"rule: expected a rule of relay tuning, found {rule!r}{nearest(str(rule), RULES)}"
+        )
+    share, integral, derivative = RULES[rule][kind]
+    k_p = share * ultimate_gain
+    return PidGains(k_p, k_p / (integral * period_s), k_p * derivative * period_s)
+
 
 SHARES = (0.15, 0.3)
 """Amplitudes of the relay over the reach of its row."""

@@ -1,4 +1,24 @@
-"""Which random input drives the failures: each cause held against what failed and what did not.
+"""Failure rate along a cause: in fifths of its values, in eight sectors of a direction, or by category.
+
+Held by `tests/verification/test_causes.py`.
+
+What a random input has to do with the failures of a requirement: size, side, p-value, failures along it.
+
+Held by `tests/verification/test_causes.py`.
+
+A cause in a sentence, in plain words.
+
+Held by `tests/verification/test_causes.py`.
+
+A random input held against what failed and what did not: the influence of one cause on one requirement.
+
+The tests are listed in `seatrial.verification.causes`. What harms to either side of a centre has an AUC of
+one half, so that a number is asked twice: by its ranks, and by their distance from that of the median. The
+smaller p-value counts twofold (Bonferroni), and says which of the two the influence is of.
+
+Held by `tests/verification/test_causes.py`.
+
+Which random input drives the failures: each cause held against what failed and what did not.
 
 Of every cause the area under the curve, AUC = P(value of a failed mission > value of a held one), ties half:
 0.5 says nothing, 0 and 1 part them completely. Tests and their sources:
@@ -12,7 +32,7 @@ direction   uniform scores: Wheeler & Watson (1964), Mardia (1967)       circula
 category    Fisher's exact test, each category against all others        Mann & Whitney of the reserve
 ==========  ===========================================================  =====================================
 
-Where most missions share a number or a reserve, `seatrial.verification.cause_tests` stays exact.
+Where most missions share a number or a reserve, `seatrial.statistics.multiple_testing` stays exact.
 
 The distance from the middle finds what harms to either side of a centre, as a current from port or starboard
 does; of the two p-values of a number the smaller one counts twofold.
@@ -22,24 +42,402 @@ Scand. J. Stat. 6:65): noise alone is named, anywhere in it, in at most ``level`
 are drawn independently: what goes with failures also drives them, but two causes that harm only together are
 each shown weaker than they are.
 
-Held by `tests/test_causes.py`.
+Held by `tests/verification/test_causes.py`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.verification.cause_influence import enough, influences
-from seatrial.verification.cause_tests import holm
-from seatrial.verification.influence import MET, Influence, Kind
+from seatrial.base.arrays import Array, Mask
+from seatrial.statistics.multiple_testing import (
+    circular_correlation,
+    holm,
+    mann_whitney,
+    spearman,
+    uniform_scores,
+)
+from seatrial.statistics.proportions import share
 
-__all__ = ["Cause", "find_causes", "find_causes_of_all"]
+__all__ = [
+    "FEW",
+    "MET",
+    "Cause",
+    "Groups",
+    "Influence",
+    "Kind",
+    "Where",
+    "enough",
+    "find_causes",
+    "find_causes_of_all",
+    "grouped",
+    "influences",
+    "odds",
+    "sentence",
+]
+
+_FIFTHS = 5
+
+_SECTORS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Groups of missions along a cause: their names, their missions, and how many of these failed.
+
+    ``edges`` are the ends of the fifths of a number, one more than groups, else empty.
+    """
+
+    labels: tuple[str, ...]
+    runs: tuple[int, ...]
+    failures: tuple[int, ...]
+    edges: tuple[float, ...] = ()
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """Share of failures of each group, not a number of an empty one."""
+        return tuple(k / n if n else math.nan for k, n in zip(self.failures, self.runs, strict=True))
+
+
+def grouped(values: NDArray[Any], failed: NDArray[np.bool_], *, kind: str) -> Groups:
+    """Groups of k missions.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        Finite numbers, directions in rad within 0 to 2 pi, or words.
+    failed : ndarray of bool, shape (k,)
+    kind : {"number", "direction", "category"}
+
+    Examples
+    --------
+    >>> found = grouped(np.arange(10.0), np.arange(10) > 7, kind="number")
+    >>> found.labels, found.rates
+    (('0 to 1.8', '1.8 to 3.6', '3.6 to 5.4', '5.4 to 7.2', '7.2 to 9'), (0.0, 0.0, 0.0, 0.0, 1.0))
+    """
+    edges: NDArray[Any] = np.empty(0)
+    if kind == "category":
+        names, place = np.unique(values, return_inverse=True)
+        labels = [str(name) for name in names]
+    elif kind == "direction":
+        labels = list(_SECTORS)
+        place = np.rint(values / (0.25 * np.pi)).astype(int) % len(_SECTORS)
+    else:
+        # Values that are often met may fill several fifths: fewer groups are left.
+        edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, _FIFTHS + 1)))
+        if len(edges) == 2:
+            return _apart(values, failed, least=float(edges[0]), most=float(edges[1]))
+        place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+        # A thousandth of the range is enough: no 9.5e-05 beside 0.1.
+        digits = max(0, 2 - math.floor(math.log10(edges[-1] - edges[0])))
+        shown = [f"{round(float(edge), digits) + 0.0:.4g}" for edge in edges]
+        labels = [f"{low} to {high}" for low, high in pairwise(shown)]
+    runs = np.bincount(place, minlength=len(labels))
+    lost = np.bincount(place[failed], minlength=len(labels))
+    return Groups(tuple(labels), tuple(map(int, runs)), tuple(map(int, lost)), tuple(map(float, edges)))
+
+
+def _apart(values: NDArray[Any], failed: NDArray[np.bool_], *, least: float, most: float) -> Groups:
+    """Two groups of numbers that nearly all are the smallest or the largest one: these, and the others."""
+    usual = least if np.sum(values == least) >= np.sum(values == most) else most
+    same = values == usual
+    labels = (f"{usual:.3g}", f"above {usual:.3g}" if usual == least else f"below {usual:.3g}")
+    parts = (same, ~same)
+    return Groups(
+        labels, tuple(int(part.sum()) for part in parts), tuple(int(failed[part].sum()) for part in parts)
+    )
+
+
+def sentence(cause: Influence) -> str:
+    """What a cause has to do with the failures; of one that is not named, that it is not shown to."""
+    if not cause.named:
+        return f"{cause.label} is not shown to matter (corrected p {cause.corrected:.2g})"
+    if cause.by_failures:
+        return {"number": _number, "direction": _direction, "category": _category}[cause.kind](cause)
+    return f"too few failures to compare, but {_by_reserve(cause)}"
+
+
+def odds(ratio: float) -> str:
+    """An odds ratio with two digits and no power of ten.
+
+    Examples
+    --------
+    >>> odds(1024.0), odds(0.098)
+    ('1,000', '0.098')
+    """
+    return f"{float(f'{ratio:.2g}'):,.6g}"
+
+
+def _number(cause: Influence) -> str:
+    rates = cause.groups.rates
+    unit = f" {cause.unit}" if cause.unit and cause.unit != "1" else ""
+    if cause.where:
+        side = "far from" if cause.where == "both ends" else "close to"
+        fifths = (
+            f"; {share(rates[0])} of the missions fail in its lowest fifth, {share(rates[2])} in the middle"
+            f" one, {share(rates[-1])} in its highest"
+            if len(rates) == 5
+            else ""
+        )
+        return (
+            f"failures go with {cause.name} {side} its median: {cause.failed:.3g}{unit} away on average"
+            f" against {cause.held:.3g}{unit}; AUC of that distance {cause.auc:.2f}{fifths}"
+        )
+    fifths = (
+        f"; {share(rates[0])} of the missions fail in its lowest fifth, {share(rates[-1])} in its highest"
+        if len(rates) == 5
+        else ""
+    )
+    return (
+        f"failures go with {cause.name}: {cause.failed:.3g}{unit} on average against {cause.held:.3g}{unit};"
+        f" AUC {cause.auc:.2f}{fifths}"
+    )
+
+
+def _direction(cause: Influence) -> str:
+    groups = cause.groups
+    rated = [(rate, label) for rate, label in zip(groups.rates, groups.labels, strict=True) if rate == rate]
+    return (
+        f"failures go with {cause.name}: mostly about {math.degrees(cause.failed):.0f}\N{DEGREE SIGN} from"
+        f" north; AUC {cause.auc:.2f}; {share(max(rated)[0])} of the missions fail towards {max(rated)[1]},"
+        f" {share(min(rated)[0])} towards {min(rated)[1]}"
+    )
+
+
+def _category(cause: Influence) -> str:
+    groups = cause.groups
+    place = groups.labels.index(cause.category)
+    runs, failures = groups.runs[place], groups.failures[place]
+    others = sum(groups.failures) - failures, sum(groups.runs) - runs
+    rate, without = failures / runs, others[0] / max(others[1], 1)
+    ratio = f"; odds ratio {odds(cause.odds)}" if 0.0 < cause.odds < math.inf else ""
+    which = "with" if rate >= without else "without"
+    named = cause.name if cause.label == cause.name else f"{cause.name} {cause.category}"
+    return (
+        f"failures go {which} {named}: {failures} of {runs} missions with it fail ({share(rate)}),"
+        f" {others[0]} of {others[1]} without it ({share(without)}){ratio}"
+    )
+
+
+def _by_reserve(cause: Influence) -> str:
+    if cause.kind == "direction":
+        return f"the reserve varies with {cause.name} (circular rank correlation {cause.correlation:.2f})"
+    verb = "shrinks" if cause.correlation < 0.0 else "grows"
+    if cause.kind == "category":
+        return (
+            f"the reserve {verb} with {cause.label.replace(': ', ' ')} (smaller than without it in"
+            f" {share(0.5 * (1.0 - cause.correlation))} of the pairs)"
+        )
+    size = f"{cause.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
+    what = f"the distance of {cause.name} from its median" if cause.where else cause.name
+    return f"the reserve {verb} with {what} (Spearman's rank correlation {size})"
+
+
+Kind = Literal["number", "direction", "category"]
+
+Where = Literal["", "both ends", "middle"]
+
+MET = "yes"
+"""Category of what was met, where there is nothing but to be met or not."""
+
+
+@dataclass(frozen=True)
+class Influence:
+    """What a cause has to do with the failures; the rows of `seatrial.verification.causes.find_causes`.
+
+    Attributes
+    ----------
+    name, unit, kind : str
+    category : str
+        The category that was tested against all others, else empty.
+    where : {"", "both ends", "middle"}
+        Of a number that harms to either side of its median, or near to it, rather than towards one end: then
+        ``auc``, ``correlation``, ``failed`` and ``held`` are of the distance from the median.
+    auc : float
+        Area under the curve: of numbers as they are, of a direction by the nearness to that of the failures,
+        of a category by whether it was met. Not a number with too few failures.
+    correlation : float
+        With the reserve (Spearman's, or its circular kin >= 0); negative where the reserve shrinks with it.
+    odds : float
+        Odds ratio of a category; else not a number.
+    p_value, corrected : float
+        Alone, and with regard to all causes of all requirements that were tested.
+    named : bool
+        Whether ``corrected`` is within the level.
+    by_failures : bool
+        Whether failures were compared, or the reserve since they were too few.
+    failed, held : float
+        Mean of the failed and of the held missions (direction: rad; category: share that met it).
+    groups : Groups
+        Failures in fifths, in eight sectors, or by category.
+    """
+
+    name: str
+    unit: str
+    kind: Kind
+    category: str
+    where: Where
+    auc: float
+    correlation: float
+    odds: float
+    p_value: float
+    corrected: float
+    named: bool
+    by_failures: bool
+    failed: float
+    held: float
+    groups: Groups
+
+    @property
+    def strength(self) -> float:
+        """How well it parts failed from held missions, or follows the reserve: 0 not at all, 1 fully."""
+        return abs(2.0 * self.auc - 1.0) if self.by_failures else abs(self.correlation)
+
+    @property
+    def label(self) -> str:
+        """Name as it stands beside a bar."""
+        category = "" if self.category == MET else self.category
+        part = self.where if self.where and self.named else category
+        return f"{self.name}: {part}" if part else self.name
+
+    def __str__(self) -> str:
+        """A sentence in plain words."""
+        return sentence(self)
+
+
+FEW = 5
+"""Failed, or held, missions below which the reserve is asked instead."""
+
+
+def influences(cause: Cause, held: Mask, reserve: Array) -> list[Influence]:
+    """Influences of a cause, their p-values not corrected; of a category that has several, one each.
+
+    None where the cause is the same in all missions; a mission without a value is left out.
+
+    Parameters
+    ----------
+    cause : Cause
+    held : ndarray of bool, shape (k,)
+    reserve : ndarray, shape (k,)
+    """
+    if cause.kind == "category":
+        return _categories(cause, np.asarray(cause.values).astype(str), held, reserve)
+    numbers = np.asarray(cause.values, dtype=np.float64)
+    known = np.isfinite(numbers)
+    if not known.any() or np.ptp(numbers[known]) == 0.0:
+        return []
+    judge = _number_influence if cause.kind == "number" else _direction_influence
+    return [judge(cause, numbers[known], held[known], reserve[known])]
+
+
+def enough(held: Mask) -> bool:
+    """Whether enough missions failed, and enough held, to be compared."""
+    return FEW <= int(held.sum()) <= len(held) - FEW
+
+
+def _number_influence(cause: Cause, values: Array, held: Mask, reserve: Array) -> Influence:
+    from scipy.stats import rankdata
+
+    rank, compared = rankdata(values), enough(held)
+    # Of most missions that share a value, the median rank is theirs: they are the centre.
+    away = np.abs(rank - np.median(rank))
+    along, apart = (
+        mann_whitney(one[~held], one[held]) if compared else spearman(one, reserve) for one in (rank, away)
+    )
+    folded = apart[1] < along[1]
+    found, p = apart if folded else along
+    where: Where = ""
+    if folded:
+        where = "both ends" if (found > 0.5 if compared else found < 0.0) else "middle"
+    size = np.abs(values - np.median(values)) if folded else values
+    return _influence(
+        cause,
+        grouped(values, ~held, kind="number"),
+        (_mean(size, ~held), _mean(size, held)),
+        p=min(1.0, 2.0 * p),
+        auc=found if compared else np.nan,
+        correlation=np.nan if compared else found,
+        where=where,
+    )
+
+
+def _direction_influence(cause: Cause, values: Array, held: Mask, reserve: Array) -> Influence:
+    angle = np.mod(values, 2.0 * np.pi)
+    groups = grouped(angle, ~held, kind="direction")
+    mean = _heading(angle[~held]), _heading(angle[held])
+    if enough(held):
+        near = np.cos(angle - mean[0])
+        auc = mann_whitney(near[~held], near[held])[0]
+        return _influence(cause, groups, mean, p=uniform_scores(angle, ~held), auc=auc)
+    rho, p = circular_correlation(angle, reserve)
+    return _influence(cause, groups, mean, p=p, correlation=rho)
+
+
+def _categories(cause: Cause, values: NDArray[Any], held: Mask, reserve: Array) -> list[Influence]:
+    from scipy.stats import fisher_exact
+
+    names = [str(name) for name in np.unique(values)]
+    groups = grouped(values, ~held, kind="category")
+    if len(names) < 2:
+        return []
+    tested = [name for name in names if name != cause.usual]
+    found = []
+    # Two categories are one question.
+    for name in tested[:1] if len(names) == 2 else tested:
+        met = values == name
+        shares = _mean(met.astype(np.float64), ~held), _mean(met.astype(np.float64), held)
+        if enough(held):
+            table = [[int((met & ~held).sum()), int((met & held).sum())]]
+            table += [[int((~met & ~held).sum()), int((~met & held).sum())]]
+            odds, p = fisher_exact(table)
+            auc = 0.5 * (1.0 + shares[0] - shares[1])
+            row = _influence(cause, groups, shares, p=float(p), auc=auc, odds=float(odds), category=name)
+        else:
+            auc, p = mann_whitney(reserve[met], reserve[~met])
+            row = _influence(cause, groups, shares, p=p, correlation=2.0 * auc - 1.0, category=name)
+        found.append(row)
+    return found
+
+
+def _influence(
+    cause: Cause,
+    groups: Groups,
+    mean: tuple[float, float],
+    *,
+    p: float,
+    auc: float = np.nan,
+    correlation: float = np.nan,
+    odds: float = np.nan,
+    category: str = "",
+    where: Where = "",
+) -> Influence:
+    return Influence(
+        name=cause.name, unit=cause.unit, kind=cause.kind, category=category, where=where, auc=auc,
+        correlation=correlation, odds=odds, p_value=p, corrected=p, named=False,
+        by_failures=bool(np.isfinite(auc)), failed=mean[0], held=mean[1], groups=groups,
+    )  # fmt: skip
+
+
+def _mean(values: Array, where: Mask) -> float:
+    return float(values[where].mean()) if where.any() else float("nan")
+
+
+def _heading(angle: Array) -> float:
+    """Mean direction, rad in 0 to 2 pi."""
+    if not len(angle):
+        return float("nan")
+    return float(np.mod(np.arctan2(np.sin(angle).sum(), np.cos(angle).sum()), 2.0 * np.pi))
+
 
 _FROM_NORTH = "deg from north"
+
 _UNITS = (_FROM_NORTH, "m/s", "m", "s", "deg", "sigmas")
 
 

@@ -1,6 +1,14 @@
-"""The cases of a verification, drawn: vehicle, water, start, failures and seeds of every flight.
+"""The drawn cases of a verification: everything that differs from one flight to the next.
 
-Case i is a function of the campaign's seed and of i alone (`seatrial.numbered_draws`): any one can be flown
+Tests: ``tests/verification/test_draws.py``.
+
+What fails in which case: rows of faults and outages drawn from their probabilities.
+
+Tests: ``tests/verification/test_draws.py``.
+
+The cases of a verification, drawn: vehicle, water, start, failures and seeds of every flight.
+
+Case i is a function of the campaign's seed and of i alone (`seatrial.statistics.draws`): any one can be flown
 again by its number, and a longer campaign begins with the shorter one. The causes are independent of each
 other; a further entry of faults or outages changes none of the rest.
 
@@ -10,36 +18,350 @@ Richmond 2012, IEEE J. Oceanic Eng. 37:363), alike north and east and 0.55 of th
 1993, *Turbulence in Open-Channel Flows*: 1.27 against 2.30). The vehicle starts level and, unless a speed
 is given, drifts with the water. A start above the surface is one at the surface.
 
-Tests: ``tests/test_draws.py``.
+Tests: ``tests/verification/test_draws.py``.
+
+What was drawn of each case, in columns that a person can read: the causes from which failures may come.
+
+A cause has a column where the table scatters it, whatever these cases happened to draw. Coefficients count in
+standard deviations; of those that move together, as tied ones do, only the first has a column.
+
+Tests: ``tests/verification/test_draws.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.errors import CampaignError
-from seatrial.fitted import Fitted
-from seatrial.flight.checked_numbers import checked_seed
-from seatrial.numbered_draws import checked_numbers, uniforms
-from seatrial.verification.cases import Cases
-from seatrial.verification.cause_columns import cause_columns
-from seatrial.verification.distribution_table import DistributionTable
-from seatrial.verification.failure_draws import FAULT_WIDTH, OUTAGE_WIDTH, fault_draws, outage_draws
-from seatrial.verification.verification_file import VerificationTable
+from seatrial._core import autopilot_names
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError, SimulationError, nearest
+from seatrial.campaign.verification_table import DistributionTable, FaultTable, OutageTable, VerificationTable
+from seatrial.flight.cases import checked_seed
+from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
+from seatrial.identification.fitted import Fitted
+from seatrial.statistics.draws import checked_numbers, uniforms
+from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
-    from seatrial.mission import Mission
+    from seatrial._core import Vehicle
+    from seatrial.flight.mission import Mission
 
-__all__ = ["draw_cases"]
+__all__ = [
+    "FAULT_WIDTH",
+    "OUTAGE_WIDTH",
+    "Cases",
+    "cause_columns",
+    "draw_cases",
+    "fault_draws",
+    "outage_draws",
+    "targets",
+]
 
-Array = NDArray[np.float64]
+FaultRow = tuple[int, str, float, float]
+
+OutageRow = tuple[int, int, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """Drawn cases (k); SI and rad, NED.
+
+    Attributes
+    ----------
+    numbers
+        Of the cases in the campaign: with them each can be drawn again alone.
+    mission
+        Index of the mission that each flies, (k,).
+    coefficients
+        Of the vehicle that flies, by name, (k,) each.
+    current, turbulence
+        Mean velocity of the water, and standard deviation about it, (k, 3), m/s.
+    position, attitude, nu
+        Start: place (k, 3), roll, pitch, yaw (k, 3), velocities over ground in the body frame (k, 6).
+    faults
+        Rows (case, actuator, time in s, command or nan) with the case's place among these.
+    outages
+        Rows (case, group, from, until in s).
+    seeds
+        Of the sensors' noise and of the turbulence, (k,).
+    causes
+        What was drawn, by readable names with units, (k,) each.
+    notes
+        Sentences: how many vehicles were impossible, what is not in the covariance.
+    """
+
+    numbers: NDArray[np.int_]
+    mission: NDArray[np.int_]
+    coefficients: Mapping[str, Array]
+    current: Array
+    turbulence: Array
+    position: Array
+    attitude: Array
+    nu: Array
+    faults: list[FaultRow]
+    outages: list[OutageRow]
+    seeds: NDArray[np.int_]
+    causes: Mapping[str, Array]
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Number of cases."""
+        return len(self.numbers)
+
+    def of_mission(self, index: int) -> Cases:
+        """The cases that fly one mission, in order.
+
+        Parameters
+        ----------
+        index : int
+            Its place in the list of missions.
+        """
+        return self.take(np.flatnonzero(self.mission == index))
+
+    def take(self, places: ArrayLike) -> Cases:
+        """Some of the cases, in the order given; rows of faults and outages count within them.
+
+        Parameters
+        ----------
+        places : (m,) array_like of int
+        """
+        chosen = np.asarray(places, dtype=np.int_)
+        now = {int(old): new for new, old in enumerate(chosen)}
+        return Cases(
+            numbers=self.numbers[chosen],
+            mission=self.mission[chosen],
+            coefficients={name: column[chosen] for name, column in self.coefficients.items()},
+            current=self.current[chosen],
+            turbulence=self.turbulence[chosen],
+            position=self.position[chosen],
+            attitude=self.attitude[chosen],
+            nu=self.nu[chosen],
+            faults=[(now[case], name, at, command) for case, name, at, command in self.faults if case in now],
+            outages=[
+                (now[case], group, start, stop) for case, group, start, stop in self.outages if case in now
+            ],
+            seeds=self.seeds[chosen],
+            causes={name: column[chosen] for name, column in self.causes.items()},
+            notes=self.notes,
+        )
+
+
+FAULT_WIDTH = OUTAGE_WIDTH = 4
+"""Random numbers of an entry and case: whether, which or how long, when, and one to spare."""
+
+
+def targets(entry: FaultTable, vehicle: Vehicle) -> dict[str, float]:
+    """Actuators that an entry means, each with the command that it keeps (nan: where it is).
+
+    Parameters
+    ----------
+    entry : FaultTable
+    vehicle : Vehicle
+
+    Raises
+    ------
+    SimulationError
+        There is no such actuator or group, or the command is beyond an actuator's range.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> targets(FaultTable(actuator="stern", probability=0.1), st.Vehicle.load("cwolf"))
+    {'PL': 0.0, 'PU': 0.0, 'SbL': 0.0, 'SbU': 0.0}
+    """
+    groups, actuators = actuator_groups(vehicle), list(vehicle.actuators)
+    if entry.actuator == "any":
+        meant = actuators
+    elif entry.actuator in actuators:
+        meant = [entry.actuator]
+    elif entry.actuator in groups:
+        meant = groups[entry.actuator]
+    else:
+        raise SimulationError(
+            f"faults: the vehicle {vehicle.name} has no actuator or group"
+            f' "{entry.actuator}"{nearest(entry.actuator, ["any", *groups, *actuators])}'
+        )
+    if not meant:
+        raise SimulationError(f"faults: the vehicle {vehicle.name} has no actuator that could fail")
+    stuck = entry.kind == "stuck" and entry.command is None
+    faults = [Fault(name, 0.0, stuck, entry.command) for name in sorted(meant)]
+    try:
+        rows = fault_rows(faults, vehicle, math.inf)
+    except SimulationError as error:
+        # An entry's key for what a flight calls stuck_at.
+        raise SimulationError(str(error).replace("stuck_at", "command")) from None
+    return {name: command for _, name, _, command in rows}
+
+
+def fault_draws(
+    entries: tuple[FaultTable, ...], vehicle: Vehicle, u: Array, longest: Array
+) -> list[FaultRow]:
+    """Rows (case, actuator, time in s, command or nan); an actuator that fails twice fails the first time.
+
+    Parameters
+    ----------
+    entries : tuple of FaultTable
+    vehicle : Vehicle
+    u : (k, entries * FAULT_WIDTH) array
+        Uniform numbers.
+    longest : (k,) array
+        Until when a fault begins where the entry does not say, s.
+    """
+    first: dict[tuple[int, str], tuple[float, float]] = {}
+    for number, entry in enumerate(entries):
+        commands = targets(entry, vehicle)
+        names = list(commands)
+        happens, which, when, _ = u[:, number * FAULT_WIDTH : (number + 1) * FAULT_WIDTH].T
+        for case in np.flatnonzero(happens < entry.probability).tolist():
+            name = names[int(which[case] * len(names))]
+            at = _between(entry.between_s, float(longest[case]), float(when[case]))
+            if (case, name) not in first or at < first[case, name][0]:
+                first[case, name] = (at, commands[name])
+    return sorted((case, name, at, command) for (case, name), (at, command) in first.items())
+
+
+def outage_draws(entries: tuple[OutageTable, ...], u: Array, longest: Array) -> list[OutageRow]:
+    """Rows (case, group, from, until in s).
+
+    Parameters
+    ----------
+    entries : tuple of OutageTable
+    u : (k, entries * OUTAGE_WIDTH) array
+        Uniform numbers.
+    longest : (k,) array
+        Until when an outage begins where the entry does not say, s.
+
+    Raises
+    ------
+    SimulationError
+        There is no such group or kind of sensor.
+    """
+    found: list[OutageRow] = []
+    for number, entry in enumerate(entries):
+        ((group, _, _),) = outage_rows([Outage(entry.sensor, 0.0)], math.inf)
+        happens, long, when, _ = u[:, number * OUTAGE_WIDTH : (number + 1) * OUTAGE_WIDTH].T
+        duration = entry.duration_s.quantiles(long, above_zero=True)
+        for case in np.flatnonzero((happens < entry.probability) & (duration > 0.0)):
+            at = _between(entry.between_s, float(longest[case]), float(when[case]))
+            found.append((int(case), group, at, at + float(duration[case])))
+    return sorted(found)
+
+
+def _between(between: tuple[float, float] | None, longest: float, share: float) -> float:
+    start, stop = (0.0, longest) if between is None else between
+    return start + share * (stop - start)
+
+
+_TIED = 1.0 - 1e-9  # correlation from which two coefficients are one
+
+
+def cause_columns(
+    table: VerificationTable, fitted: Fitted, missions: Sequence[Mission], *, cases: Cases
+) -> dict[str, Array]:
+    """What was drawn by readable names with units, (k,) each.
+
+    Parameters
+    ----------
+    table : VerificationTable
+    fitted : Fitted
+        As the coefficients were drawn from it.
+    missions : sequence of Mission
+        Those of the table, in its order.
+    cases : Cases
+    """
+    begins = np.array([[one.start["north_m"], one.start["east_m"], one.start["depth_m"]] for one in missions])
+    bow = np.array([one.start["heading"] for one in missions])
+    return (
+        _of_water(table, cases, bow[cases.mission])
+        | _of_start(table, cases, begins[cases.mission], bow[cases.mission])
+        | _of_failures(table, fitted, cases)
+        | _of_mission(table, cases)
+        | _of_vehicle(fitted, cases)
+    )
+
+
+def _of_water(table: VerificationTable, cases: Cases, bow: Array) -> dict[str, Array]:
+    asked, (north, east, down) = table.current, cases.current.T
+    found: dict[str, Array] = {}
+    steady = asked.speed_m_s is not None and asked.speed_m_s.is_fixed
+    if not steady:
+        found["current speed, m/s"] = np.hypot(north, east)
+    if not steady or not asked.direction_deg.is_fixed:
+        found["current from ahead at the start, m/s"] = -north * np.cos(bow) - east * np.sin(bow)
+        found["current from port at the start, m/s"] = east * np.cos(bow) - north * np.sin(bow)
+    if not asked.direction_deg.is_fixed:
+        found["current towards, deg from north"] = np.degrees(np.arctan2(east, north)) % 360.0
+    if asked.vertical_m_s > 0.0:
+        found["current down, m/s"] = down
+    if asked.turbulence_m_s is not None and not asked.turbulence_m_s.is_fixed:
+        found["turbulence, m/s"] = cases.turbulence[:, 0]
+    return found
+
+
+def _of_start(table: VerificationTable, cases: Cases, begins: Array, bow: Array) -> dict[str, Array]:
+    asked, off = table.start, cases.position - begins
+    yaw = cases.attitude[:, 2]
+    found: dict[str, Array] = {}
+    if asked.position_m > 0.0:
+        found |= {"start off to the north, m": off[:, 0], "start off to the east, m": off[:, 1]}
+    if asked.depth_m > 0.0:
+        found["start below the mission's, m"] = off[:, 2]
+    if not asked.heading_deg.is_fixed:
+        found["start heading off to starboard, deg"] = np.degrees(yaw - bow)
+    if asked.speed_m_s is not None and not asked.speed_m_s.is_fixed:
+        drift = cases.current[:, 0] * np.cos(yaw) + cases.current[:, 1] * np.sin(yaw)
+        found["start speed through the water, m/s"] = cases.nu[:, 0] - drift
+    return found
+
+
+def _of_failures(table: VerificationTable, fitted: Fitted, cases: Cases) -> dict[str, Array]:
+    found: dict[str, Array] = {}
+    if table.faults:
+        names = sorted({name for entry in table.faults for name in targets(entry, fitted.vehicle)})
+        found["fault"] = np.zeros(len(cases))
+        if len(names) > 1:
+            found |= {f"fault of {name}": np.zeros(len(cases)) for name in names}
+        for case, name, _, _ in cases.faults:
+            for column in ("fault", f"fault of {name}"):
+                if column in found:
+                    found[column][case] = 1.0
+    groups = autopilot_names()["groups"]
+    for entry in table.outages:
+        ((group, _, _),) = outage_rows([Outage(entry.sensor, 0.0)], math.inf)
+        found[f"outage of {groups[group]}, s"] = np.zeros(len(cases))
+    for case, group, start, stop in cases.outages:
+        found[f"outage of {groups[group]}, s"][case] += stop - start
+    return found
+
+
+def _of_mission(table: VerificationTable, cases: Cases) -> dict[str, Array]:
+    titles = list(enumerate(one.title for one in table.missions))
+    # Of two missions either one tells the other.
+    told = titles[1:] if len(titles) <= 2 else titles
+    return {f"mission {title}": np.asarray(cases.mission == k, dtype=float) for k, title in told}
+
+
+def _of_vehicle(fitted: Fitted, cases: Cases) -> dict[str, Array]:
+    sigma, centre = fitted.sigma, fitted.nominal
+    found: dict[str, Array] = {}
+    kept: list[int] = []
+    for k, name in enumerate(fitted.names):
+        if sigma[k] == 0.0:
+            continue
+        if not any(abs(fitted.covariance[j, k]) >= _TIED * sigma[j] * sigma[k] for j in kept):
+            kept.append(k)
+            found[f"coefficient {name}, sigmas"] = (cases.coefficients[name] - centre[k]) / sigma[k]
+    return found
+
 
 _COMMON, _FAULTS, _OUTAGES = 2, 3, 4  # streams; 1 is that of the coefficients
+
 _ORDER = (
     "mission",
     "seed",
@@ -53,7 +375,9 @@ _ORDER = (
     "heading",
     "ahead",
 )  # columns of the common stream; more go behind
+
 _SEEDS = 2.0**53
+
 _QUARTER, _TENTH, _DOWN = 0.25, 0.1, 0.55
 
 
@@ -90,7 +414,7 @@ def draw_cases(
     --------
     >>> import seatrial as st
     >>> from seatrial.cli.new import EXAMPLES
-    >>> from seatrial.verification.verification_file import parse_verification
+    >>> from seatrial.campaign.verification_table import parse_verification
     >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
     >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})

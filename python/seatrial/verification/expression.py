@@ -4,21 +4,136 @@ Grammar: numbers, words in quotes, names of figures, ``+ - * / **``, ``abs min m
 chained), ``and or not``. Python's own parser reads them; whatever is not on this list is refused before
 anything is evaluated, so that a campaign file of somebody else cannot run code.
 
-Held by `tests/test_requirement.py`.
+Held by `tests/verification/test_requirement.py`.
+
+What is wrong with an expression that cannot be read or names no figure, and what to write instead.
+
+Held by `tests/verification/test_requirement.py`.
 """
 
 from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from difflib import SequenceMatcher, get_close_matches
 from typing import Literal
 
-from seatrial.errors import CampaignError, nearest
-from seatrial.verification.expression_advice import unknown_figure, unreadable
+from seatrial.base.errors import CampaignError, nearest
 
-__all__ = ["CALLS", "KNOWN", "SEEN", "Figure", "Kind", "check", "names_in", "parse", "unit_of"]
+__all__ = [
+    "CALLS",
+    "KNOWN",
+    "SEEN",
+    "Figure",
+    "Kind",
+    "check",
+    "names_in",
+    "parse",
+    "unit_of",
+    "unknown_figure",
+    "unreadable",
+]
+
+_EXAMPLE = "cross_track_p95_m <= 1.0"
+
+_MOST_NEAR, _AS_NEAR = 3, 0.03
+
+_INSTEAD: tuple[tuple[str, str], ...] = (
+    (r"&&", "and"),
+    (r"\|\|", "or"),
+    (r"[<>=!]\s+=", ""),  # the same without its blank
+    (r"=>", ">="),
+    (r"=<", "<="),
+    (r"<>|\N{NOT EQUAL TO}", "!="),
+    (r"\N{LESS-THAN OR EQUAL TO}", "<="),
+    (r"\N{GREATER-THAN OR EQUAL TO}", ">="),
+    (r"!(?!=)", "not"),
+    (r"(?<![<>=!])=(?!=)", "=="),
+)
+"""What other languages and keyboards write, in the order of asking."""
+
+
+def unreadable(text: str, error: Exception) -> str:
+    r"""Sentence on an expression that Python's parser does not take.
+
+    Parameters
+    ----------
+    text : str
+    error : Exception
+        Of the parser.
+
+    Examples
+    --------
+    >>> unreadable("duration_s < = 60", SyntaxError())
+    '\'duration_s < = 60\' cannot be read; write "<=" in place of "< ="'
+    """
+    bare = text.strip()
+    if not bare:
+        return f'expected an expression such as "{_EXAMPLE}", found nothing'
+    for pattern, instead in _INSTEAD:
+        if wrong := re.search(pattern, _without_words(bare)):
+            right = instead or re.sub(r"\s", "", wrong[0])
+            return f'\'{bare}\' cannot be read; write "{right}" in place of "{wrong[0]}"'
+    at = error.offset if isinstance(error, SyntaxError) and error.lineno == 1 else None
+    place = f' at "{bare[at - 1 : at + 11]}" (character {at})' if at and at <= len(bare) else ""
+    return f"'{bare}' cannot be read{place}; expected an expression such as '{_EXAMPLE}'"
+
+
+def unknown_figure(name: str, figures: Iterable[str], words: Mapping[str, Iterable[str]]) -> str:
+    """Sentence on a name that is no figure: the nearest ones, or all where none is near.
+
+    Parameters
+    ----------
+    name : str
+    figures : iterable of str
+        Those that are known.
+    words : mapping of str to iterable of str
+        What figures that are words may say, by figure.
+
+    Examples
+    --------
+    >>> unknown_figure("complete", ["ending"], {"ending": ["complete"]})
+    '"complete" is no figure of a mission; write the word in quotes, ending == "complete"'
+    """
+    known = list(figures)
+    said = f'"{name}" is no figure of a mission'
+    for figure, values in words.items():
+        if name in values:
+            return f'{said}; write the word in quotes, {figure} == "{name}"'
+    near = [f'"{one}"' for one in _near(name.casefold(), known)]
+    if near:
+        return f"{said}; did you mean {' or '.join([', '.join(near[:-1]), near[-1]][-len(near) :])}?"
+    return f"{said}; known: {', '.join(_in_families(known))}"
+
+
+def _near(name: str, known: list[str]) -> list[str]:
+    """The nearest known names, those with hardly another distance together, or those that hold the name."""
+    alike = {one: SequenceMatcher(None, name, one).ratio() for one in known}
+    close = get_close_matches(name, known, n=_MOST_NEAR)
+    nearest = [one for one in close if alike[one] > alike[close[0]] - _AS_NEAR]
+    return nearest or [one for one in known if len(name) > 1 and name in one][:_MOST_NEAR]
+
+
+def _without_words(text: str) -> str:
+    """The text with blanks in place of what stands in quotes, which may be anything."""
+    return re.sub(r"\"[^\"]*\"|'[^']*'", lambda word: " " * len(word[0]), text)
+
+
+def _in_families(known: list[str]) -> list[str]:
+    """Names, those that differ in one part alone told together: ``vertical_rms|p95_m``."""
+    families: dict[tuple[str, str], list[str]] = {}
+    for name in known:
+        found = re.fullmatch(r"((?:true_)?cross_track|vertical)_(\w+)(_m)", name)
+        head, part, tail = found.groups() if found else (name, "", "")
+        families.setdefault((head, tail), []).append(part)
+    return [
+        f"{head}_{'|'.join(parts)}{tail}" if parts != [""] else head
+        for (head, tail), parts in families.items()
+    ]
+
 
 Kind = Literal["number", "word", "truth"]
 
@@ -32,7 +147,9 @@ class Figure:
 
 
 _ENDINGS = ("complete", "surfaced", "aborted", "out of time", "diverged")
+
 _ERRORS = ("rms", "largest", "p50", "p95", "p99")
+
 _NUMBERS = (
     "duration_s", "distance_m", "energy_wh", *(f"cross_track_{x}_m" for x in _ERRORS),
     *(f"true_cross_track_{x}_m" for x in _ERRORS), *(f"vertical_{x}_m" for x in _ERRORS),
@@ -40,6 +157,7 @@ _NUMBERS = (
     "missed_by_m", "switches_per_minute", "travel_per_s", "alert_time_s", "roll_largest_deg",
     "pitch_largest_deg",
 )  # fmt: skip
+
 SEEN = (*(f"{error}_{x}_m" for error in ("cross_track", "vertical") for x in _ERRORS), "missed_by_m")
 """Errors as guidance saw them, from what its sensors told it; other figures are of the vehicle itself."""
 
@@ -60,10 +178,15 @@ CALLS: Mapping[str, tuple[int, int | None]] = {
 """Functions with their smallest and largest number of arguments."""
 
 _LONGEST = 500  # characters
+
 _DEEPEST = 40  # parts within parts: far from Python's own limit of recursion
+
 _NOUN = {"number": "number", "word": "word", "truth": "truth value"}
+
 _ORDERS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
+
 _SUMS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
+
 _HINTS = {
     ast.BitXor: 'a power is "**"',
     ast.BitAnd: 'write "and"',
@@ -74,9 +197,11 @@ _HINTS = {
     ast.NamedExpr: 'write "=="',
     ast.Tuple: 'the decimal mark is a point, and between conditions stands "and"',
 }
+
 _ALLOWED = (
     "allowed are numbers, words in quotes, figures, + - * / **, abs min max sqrt, < <= > >= == !=, and or not"
 )
+
 _SUFFIXES = (
     ("_m_s", "m/s"), ("_per_s", "1/s"), ("_per_minute", "1/min"), ("_m", "m"), ("_s", "s"), ("_wh", "Wh"),
     ("_deg", "deg"),

@@ -10,25 +10,51 @@ The reserve is the distance to the threshold, positive where the requirement is 
 truths are infinitely far. Where the comparisons have different units, each is divided by the size of its
 threshold. It ranks missions; it is no probability.
 
-Held by `tests/test_requirement.py`.
+Held by `tests/verification/test_requirement.py`.
+
+Requirements of a campaign that states none: what every mission is meant to do.
+
+To be complete without an abort; on settled legs to be really no further from the path than the sphere of
+acceptance of the tightest waypoint in 95 % of the time; to touch neither an obstacle nor the bottom, and to
+stay above the mission's depth limit, where there are such. Each must hold in 95 % of the missions.
+
+No autopilot is nearer to its path than its sensors know: what their position is off by in 95 % of the
+missions, 1.96 standard deviations across the path, is allowed on top.
+
+Tests: ``tests/verification/test_verify.py``.
+
+What stands in the water of a mission, as circles: those of the campaign, and the farms of the mission.
+
+A net cage is a circle. Several cages within a polygon become circles of a metre (less in a narrow polygon)
+along the inside of its edges, close enough together that between two of them at most 5 cm of the farm lie
+open, and a point at every corner: clearances are those of the polygon to 5 cm along the edges, and contact
+cannot slip through.
+
+Tests: ``tests/verification/test_draws.py``.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.errors import CampaignError
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError
+from seatrial.campaign.verification_table import Obstacle, VerificationTable
 from seatrial.verification.expression import KNOWN, Figure, check, names_in, parse, unit_of
 
-__all__ = ["Judgement", "Requirement"]
+if TYPE_CHECKING:
+    from seatrial.flight.mission import Mission
 
-Array = NDArray[np.float64]
+__all__ = ["Circle", "Judgement", "Requirement", "default_requirements", "obstacles"]
+
 Values = NDArray[Any]
 
 _SHARE = "of the threshold"
@@ -259,4 +285,121 @@ def _folded(name: str, values: list[Values]) -> Values:
 
 
 _SUMS = {ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power}
+
 _FUNCTIONS = {"abs": np.abs, "sqrt": np.sqrt, "min": np.minimum, "max": np.maximum}
+
+Circle = tuple[float, float, float]
+
+_RADIUS_M = 1.0
+
+_OPEN_M = 0.05
+
+
+def obstacles(entries: Sequence[Obstacle], mission: Mission) -> list[Circle]:
+    """Circles (north, east, radius), m, that a flight of the mission must not touch.
+
+    Parameters
+    ----------
+    entries : sequence of Obstacle
+        Of the campaign.
+    mission : Mission
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.cli.new import EXAMPLES
+    >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
+    >>> obstacles([Obstacle(from_mission=True)], farm)
+    [(60.0, 20.0, 25.0)]
+    """
+    found: list[Circle] = []
+    for entry in entries:
+        if entry.from_mission:
+            found += [circle for circle in _farms(mission) if circle not in found]
+        elif entry.north_m is not None and entry.east_m is not None and entry.radius_m is not None:
+            found.append((entry.north_m, entry.east_m, entry.radius_m))
+    return found
+
+
+def _farms(mission: Mission) -> list[Circle]:
+    found: list[Circle] = []
+    for leg in tomllib.loads(mission.to_toml()).get("legs", []):
+        if leg.get("kind") != "perimeter":
+            continue
+        if leg.get("corners_m"):
+            found += _along(np.asarray(leg["corners_m"], dtype=float))
+        else:
+            found.append((float(leg["north_m"]), float(leg["east_m"]), float(leg["radius_m"])))
+    return found
+
+
+def _along(corners: Array) -> list[Circle]:
+    """Circles inside the edges of a convex polygon (n, 2), whose corners run either way."""
+    centre = corners.mean(axis=0)
+    edges = [
+        (one, other)
+        for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True)
+        if math.dist(one, other) > 0.0
+    ]
+    inward = []
+    for one, other in edges:
+        along = (other - one) / math.dist(one, other)
+        normal = np.array([-along[1], along[0]])
+        inward.append(normal if normal @ (centre - one) > 0.0 else -normal)
+    reach = min(float(normal @ (centre - one)) for normal, (one, _) in zip(inward, edges, strict=True))
+    radius = min(_RADIUS_M, reach)
+    spacing = 2.0 * math.sqrt(max(radius**2 - max(radius - _OPEN_M, 0.0) ** 2, 1e-6))
+    found: list[Circle] = [(float(north), float(east), 0.0) for north, east in corners]
+    for normal, (one, other) in zip(inward, edges, strict=True):
+        length = math.dist(one, other)
+        count = max(math.ceil(length / spacing), 1)
+        for share in (np.arange(count) + 0.5) / count:
+            place = one + share * (other - one) + radius * normal
+            if all(n @ (place - a) >= radius - 1e-9 for n, (a, _) in zip(inward, edges, strict=True)):
+                found.append((float(place[0]), float(place[1]), radius))
+    return found
+
+
+_DEFAULT_SHARE = 0.95
+
+_SURE = 1.96  # normal quantile of 95 % on two sides
+
+
+def default_requirements(
+    table: VerificationTable, missions: Sequence[Mission], *, position_sd_m: float = 0.0
+) -> tuple[Requirement, ...]:
+    r"""Requirements of missions where the campaign states none.
+
+    Parameters
+    ----------
+    table : VerificationTable
+    missions : sequence of Mission
+        Those of the table.
+    position_sd_m : float
+        Standard deviation of the position that the sensors give, along an axis.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.cli.new import EXAMPLES
+    >>> from seatrial.campaign.verification_table import parse_verification
+    >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
+    >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
+    >>> [one.holds for one in default_requirements(table, [farm])][1:]
+    ['true_cross_track_p95_m <= 3', 'clearance_m > 0', 'depth_largest_m <= 15']
+    """
+    radius = min(float(np.min(one.waypoints["acceptance_radius_m"])) for one in missions)
+    # Rounded up to a decimetre: nobody states a finer one.
+    allowance = math.ceil(10.0 * _SURE * position_sd_m) / 10.0
+    deepest = min(float(one.limits["max_depth_m"]) for one in missions)
+    asked = [
+        ("is complete", 'ending == "complete" and not abort'),
+        ("keeps its path", f"true_cross_track_p95_m <= {radius + allowance:g}"),
+    ]
+    if any(obstacles(table.obstacles, one) for one in missions):
+        asked.append(("touches nothing", "clearance_m > 0"))
+    if table.seabed is not None:
+        asked.append(("stays off the bottom", "altitude_smallest_m > 0"))
+    if np.isfinite(deepest):
+        asked.append(("keeps its depth limit", f"depth_largest_m <= {deepest:g}"))
+    return tuple(Requirement(name, holds, _DEFAULT_SHARE) for name, holds in asked)

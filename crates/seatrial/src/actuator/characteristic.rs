@@ -12,7 +12,7 @@
 //! the thrust.
 //!
 //! Source: Taubert et al. (2014), equations 35–38; Fossen (1994), section 4.1.
-//! Tests: `tests/laws.rs`, `tests/test_scalar_textbook.py`. The way back, from thrust to signal:
+//! Tests: `tests/laws.rs`, `tests/core/test_scalar_textbook.py`. The way back, from thrust to signal:
 //! [`Characteristic::signal`].
 
 mod inverse;

@@ -15,7 +15,7 @@
 //!
 //! Source: Fossen (2011), section 9.8; Hoerner and Borst (1975), chapters 3 and 17; Prestero (2001), section
 //! 4.7 (its small-angle form is the limit). The way back, from force to deflection: [`Fin::deflection`].
-//! Tests: `tests/laws.rs::law_fin_…`, `tests/test_scalar_textbook.py`.
+//! Tests: `tests/laws.rs::law_fin_…`, `tests/core/test_scalar_textbook.py`.
 
 mod inverse;
 

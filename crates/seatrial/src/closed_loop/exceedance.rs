@@ -2,7 +2,7 @@
 //!
 //! Thresholds are ten to the decade, 26 % apart; a quantile read between two of them is good to a few per cent.
 //!
-//! Tests: `tests/test_flight.py` (quantiles of the log).
+//! Tests: `tests/flight/test_flight.py` (quantiles of the log).
 
 use crate::real::Real;
 

@@ -1,6 +1,6 @@
 //! The straight legs of a mission as the figures of a flight see them: read once, looked up every period.
 //!
-//! Tests: `tests/closed_loop.rs`, `tests/test_fly.py` (figures equal to those from the log).
+//! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py` (figures equal to those from the log).
 
 use crate::mission::{Mission, Task, Vertical};
 use crate::real::Real;

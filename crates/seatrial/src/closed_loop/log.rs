@@ -1,6 +1,6 @@
 //! What is kept of a flight, one row per control period.
 //!
-//! Tests: `tests/closed_loop.rs`, `tests/test_fly.py`.
+//! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py`.
 
 use crate::autopilot::Thought;
 use crate::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS, Measurement};

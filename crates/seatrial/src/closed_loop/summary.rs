@@ -3,7 +3,7 @@
 //! Errors of guidance count on the second half of every straight leg, where the vehicle has had time to settle; the
 //! depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends.
 //!
-//! Tests: `tests/closed_loop.rs`, `tests/test_fly.py` (equal to the same figures from the log).
+//! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py` (equal to the same figures from the log).
 
 use super::exceedance::Exceedance;
 use super::trial::Violations;

@@ -1,6 +1,6 @@
 //! Sums up the figures of a flight while it goes on, so that ten thousand flights need no logs.
 //!
-//! Tests: `tests/closed_loop.rs`, `tests/test_fly.py` (equal to the same figures from the log).
+//! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py` (equal to the same figures from the log).
 
 use super::Flight;
 use super::exceedance::{EDGES, edges};

@@ -5,7 +5,7 @@
 //! so the tie-breaker `Σ t |y − target| T` orders the feasible ones, t being the time since the step.
 //!
 //! Source: Taubert et al. (2014), equations 55–57, (57) corrected: it prints C_u for C_o. Tests:
-//! `tests/closed_loop/set_points.rs`, `tests/test_step_trial.py` (equal to the same sums from the log).
+//! `tests/closed_loop/set_points.rs`, `tests/tuning/test_step_trial.py` (equal to the same sums from the log).
 
 use crate::autopilot::Thought;
 use crate::autopilot::set_point::SetPoint;

@@ -8,8 +8,8 @@
 //! limit a dead time matters only near the end of a step: a jump of the command that arrives within one
 //! starts the same ramp.
 //!
-//! Tests: `tests/scalars/sensitivities.rs`, `tests/test_sensitivities.py` (finite differences),
-//! `tests/test_casadi_derivatives.py`.
+//! Tests: `tests/scalars/sensitivities.rs`, `tests/core/test_sensitivities.py` (finite differences),
+//! `tests/core/test_casadi_derivatives.py`.
 
 use super::batch::Batch;
 use super::{Observer, Segment, Start, fly};

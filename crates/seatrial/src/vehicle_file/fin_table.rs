@@ -1,6 +1,6 @@
 //! A fin as written in the vehicle file. Lift and drag: [`crate::actuator::fin`].
 //!
-//! Tests: `tests/files.rs`, `tests/test_scalar_textbook.py`.
+//! Tests: `tests/files.rs`, `tests/core/test_scalar_textbook.py`.
 
 use super::exactly;
 use serde::{Deserialize, Serialize};

@@ -1,0 +1,1 @@
+"""What every room stands on: errors, arrays and channels, rotation, frames, units, files, runs, progress."""

@@ -1,0 +1,72 @@
+"""Files written whole or not at all: under another name first, which is changed when they are complete.
+
+Held by `test_a_file_that_cannot_be_finished_leaves_the_former_one`.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from seatrial.base.errors import TrialError, reason
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["parquet", "write_table", "write_whole"]
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file so that its name never stands for a part of it.
+
+    Raises
+    ------
+    OSError
+        It cannot be written; what the name stood for before is still there.
+    """
+    partial = path.with_name(path.name + ".writing")
+    try:
+        with partial.open("wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(path)
+    except BaseException:  # Ctrl-C, too, leaves no part behind
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def parquet(frame: pl.DataFrame) -> bytes:
+    """Content of a Parquet file with a table."""
+    content = io.BytesIO()
+    frame.write_parquet(content)
+    return content.getvalue()
+
+
+def write_table(
+    frame: pl.DataFrame, path: str | Path, *, comments: str = "", advice: str = "choose another place"
+) -> None:
+    """Write a table as CSV, or as Parquet where the path ends so.
+
+    Parameters
+    ----------
+    frame : polars.DataFrame
+    path : str or Path
+    comments : str
+        Lines above the header of a CSV file.
+    advice : str
+        End of the message.
+
+    Raises
+    ------
+    TrialError
+        The file cannot be written.
+    """
+    target = Path(path)
+    content = parquet(frame) if target.suffix == ".parquet" else (comments + frame.write_csv()).encode()
+    try:
+        write_whole(target, content)
+    except OSError as error:
+        raise TrialError(f"{path}: cannot be written ({reason(error)}); {advice}") from None

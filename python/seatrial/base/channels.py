@@ -1,0 +1,59 @@
+"""Channels of a trial one by one: the unit that people read, and angles, which have no beginning.
+
+The mean of an angle is that of its direction, ``arg mean(exp(i phi))``, and its differences are taken the
+shorter way round (Mardia and Jupp, *Directional Statistics*, 2000, section 2.2).
+
+Tests: ``tests/trial/test_score.py``, ``tests/estimation/test_segment_scale.py``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.rotation import shorter
+
+__all__ = ["ANGLES", "AXES", "CHANNELS", "deviations", "difference", "readable"]
+
+CHANNELS = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "roll", "pitch", "yaw")
+"""Order of the channels wherever an array has twelve columns: m/s, rad/s, m, rad."""
+
+DEGREE = float(np.pi / 180.0)
+
+AXES = "XYZKMN"
+"""Letters of the axes in the core's order."""
+
+ANGLES = ("roll", "pitch", "yaw")
+"""Channels that are angles, rad."""
+
+
+def difference(values: Array, others: Array, channel: str) -> Array:
+    """Values minus others (n,), SI; of an angle the shorter way round."""
+    apart = values - others
+    return shorter(apart) if channel in ANGLES else apart
+
+
+def deviations(values: Array, channel: str) -> Array:
+    """Values (n,), at least one, minus their mean, SI; of an angle minus the mean of its direction.
+
+    Examples
+    --------
+    >>> deviations(np.deg2rad([179.0, -179.0]), "yaw").round(6).tolist()
+    [-0.017453, 0.017453]
+    """
+    mean = np.angle(np.mean(np.exp(1j * values))) if channel in ANGLES else values.mean()
+    return difference(values, mean, channel)
+
+
+def readable(channel: str) -> tuple[float, str]:
+    """Factor from SI to the unit that people read, and that unit.
+
+    Examples
+    --------
+    >>> readable("u"), readable("yaw")[1]
+    ((1.0, 'm/s'), 'deg')
+    """
+    degrees = channel in ("p", "q", "r", *ANGLES)
+    return 1.0 / DEGREE if degrees else 1.0, ("deg" if degrees else "m") + (
+        "/s" if channel in "uvwpqr" else ""
+    )

@@ -1,0 +1,315 @@
+"""TOML files that people write: tables whose unknown keys are refused, messages that name file and key.
+
+Every format (campaign, bench test, recipes of generated trials) is a `Section` of sections; `tables` and
+`checked` read it, `file_path` resolves the paths in it.
+
+Tests: ``tests/campaign/test_campaign_file.py``, ``tests/bench_test/test_bench_file.py``, ``tests/sensors/test_sensors.py``.
+
+What a TOML file is, by the keys that only its kind has: so that a wrong one is answered by its kind.
+
+A mission where a vehicle is expected has an unknown key, and a list of the keys of a vehicle helps nobody.
+
+Held by ``tests/flight/test_bad_input_flights.py``.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import reprlib
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest, reason
+
+__all__ = [
+    "AUTOPILOT",
+    "CAMPAIGN",
+    "EMPTY",
+    "MISSION",
+    "VEHICLE",
+    "Count",
+    "FolderName",
+    "Interval",
+    "Name",
+    "NotNegative",
+    "Number",
+    "Positive",
+    "Section",
+    "checked",
+    "file_kind",
+    "file_path",
+    "is_path",
+    "loaded",
+    "tables",
+    "text_of",
+]
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+
+Count = Annotated[int, Field(strict=True, gt=0)]
+
+Interval = tuple[Number, Number]
+
+Name = Annotated[str, Field(min_length=1)]
+
+FolderName = Annotated[str, Field(pattern=r"^[^/\\.][^/\\]*$")]  # results go to a folder of this name
+
+
+class Section(BaseModel):
+    """A table of the file: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    advice: ClassVar[str] = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, data: Any) -> Any:
+        if isinstance(data, Mapping):
+            for key in data:
+                if key not in cls.model_fields:
+                    raise ValueError(
+                        f"unknown key {key!r}{nearest(str(key), cls.model_fields)}; correct or remove it"
+                        + cls.advice
+                    )
+        return data
+
+
+_File = TypeVar("_File", bound=Section)
+
+_EXPECTED = {
+    "string_type": "expected text in quotes",
+    "string_too_short": "expected text that is not empty",
+    "string_pattern_mismatch": "expected a name for a folder, without / or \\ and no dot in front",
+    "bool_type": "expected true or false",
+    "bool_parsing": "expected true or false",
+    "int_type": "expected a whole number",
+    "int_from_float": "expected a whole number",
+    "float_type": "expected a number",
+    "tuple_type": "expected a list [...]",
+    "list_type": "expected a list [...]",
+    "dict_type": "expected a table",
+    "model_type": "expected a table",
+    "too_short": "expected at least one entry",
+    "too_long": "expected fewer entries",
+}
+"""What was expected, by pydantic's name of the complaint, where its own words speak of Python."""
+
+
+def tables(text: str, source: str, *, error: type[SeatrialError] = CampaignError) -> dict[str, Any]:
+    """Tables of a TOML text.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        What to call it in messages.
+    error : type
+        Raised where it is not TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as wrong:
+        raise error(f"{source}: not a TOML file: {wrong}") from None
+
+
+def checked(
+    model: type[_File], data: Mapping[str, Any], source: str, *, error: type[SeatrialError] = CampaignError
+) -> _File:
+    """Tables as a model of a file.
+
+    Parameters
+    ----------
+    model : type
+    data : mapping
+        Of `tables`.
+    source : str
+        What to call the file in messages.
+    error : type
+        Raised for an unknown key, a missing key or a value that a key may not hold; all of them are listed.
+
+    Examples
+    --------
+    >>> class Tank(Section):
+    ...     length_m: Positive
+    >>> checked(Tank, tables("length_m = 12.0", "tank.toml"), "tank.toml").length_m
+    12.0
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as wrong:
+        details = wrong.errors()
+        places = [detail["loc"] for detail in details]
+        # An array whose entries are all wrong is also reported as too short: the entries say why.
+        own = [
+            d
+            for d in details
+            if not any(len(p) > len(d["loc"]) and p[: len(d["loc"])] == d["loc"] for p in places)
+        ]
+        raise error("\n".join(_message(data, source, detail) for detail in own)) from None
+
+
+def is_path(name: str) -> bool:
+    """Whether the name of a vehicle is a path and not that of a built-in one.
+
+    Examples
+    --------
+    >>> is_path("cwolf"), is_path("my_vehicle.toml"), is_path("fleet/one")
+    (False, True, True)
+    """
+    return name.endswith(".toml") or "/" in name or "\\" in name
+
+
+def file_path(text: str, folder: Path, where: str) -> Path:
+    """Path relative to a folder, ``${VARIABLE}`` replaced by the environment's value.
+
+    Raises
+    ------
+    CampaignError
+        The variable is not set; the message begins with `where`.
+    """
+
+    def value(match: re.Match[str]) -> str:
+        variable = match.group(1)
+        if variable not in os.environ:
+            raise CampaignError(
+                f"{where}: environment variable {variable} is not set; set it to the folder that {text!r}"
+                " begins with"
+            )
+        return os.environ[variable]
+
+    return folder / Path(re.sub(r"\$\{(\w+)\}", value, text)).expanduser()
+
+
+def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
+    place = _place(data, detail["loc"])
+    found = detail["input"]
+    if detail["type"] == "missing":
+        return f"{source}: {place}: this key is required and missing; add it"
+    text = str(detail["msg"]).removeprefix("Value error, ")
+    if detail["type"] == "value_error":
+        return f"{source}: {place}: {text}"
+    text = _EXPECTED.get(detail["type"]) or text.replace("Input should be", "expected")
+    return f"{source}: {place}: {text}, found {reprlib.repr(found)}; correct the value"
+
+
+def _place(data: Any, loc: tuple[int | str, ...]) -> str:
+    """Path of a key as people say it: ``stages 'yaw', key segment_s``."""
+    parts: list[str] = []
+    for key in loc:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            data = None
+        if isinstance(key, int):
+            name = data.get("name") if isinstance(data, Mapping) else None
+            parts[-1] += f" {name!r}" if isinstance(name, str) else f"[{key + 1}]"
+        else:
+            parts.append(str(key))
+    return ", ".join([*parts[:-1], f"key {parts[-1]}"]) if parts else "the file"
+
+
+CAMPAIGN, MISSION, AUTOPILOT, VEHICLE = "a campaign", "a mission", "an autopilot", "a vehicle"
+
+EMPTY = "an empty file"
+
+_KEYS = {
+    "a bench file": ("pulls", "steps"),
+    "the recipe of a generated trial": ("truth",),
+    "the truth of generated trials": ("factors",),
+    CAMPAIGN: ("stages", "trials"),
+    MISSION: ("legs",),
+    AUTOPILOT: ("schedule", "modes", "loops"),
+    "a set of sensors": ("sensors",),
+    VEHICLE: ("geometry", "coefficients", "thrusters", "motors", "characteristics", "fins"),
+}
+
+
+def file_kind(path: str | Path) -> str | None:
+    """What the file is; None where it cannot be read or has no key that tells.
+
+    Examples
+    --------
+    >>> file_kind("cwolf") is None
+    True
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+        data = tomllib.loads(text)
+    except (OSError, ValueError):
+        return None
+    if not text.strip():
+        return EMPTY
+    for kind, keys in _KEYS.items():
+        if any(key in data for key in keys):
+            return kind
+    return None
+
+
+def loaded(kind: Any, source: Any, name: str | None = None) -> Any:
+    """A Vehicle, Autopilot or Mission: itself, or that of a name or path.
+
+    Parameters
+    ----------
+    kind : type
+        Which of them is expected.
+    source : Vehicle, Autopilot, Mission, str or Path
+    name : str, optional
+        Of the argument in messages; the kind's own when omitted.
+
+    Raises
+    ------
+    VehicleError
+        The file cannot be read, is of another kind or not usable.
+    SimulationError
+        The source is something else.
+    """
+    if isinstance(source, kind):
+        return source
+    what = kind.__name__.lower()
+    if not isinstance(source, str | Path):
+        found = type(source)
+        raise SimulationError(
+            f"{name or what}: expected an st.{kind.__name__}, a name or a path, found"
+            f" {found.__name__ if found.__module__ == 'builtins' else f'{found.__module__}.{found.__name__}'}"
+        )
+    if not str(source).strip():
+        raise VehicleError(f"{name or what}: expected a name or a path, found an empty text")
+    try:
+        return kind.load(source)
+    except VehicleError as error:
+        expected = AUTOPILOT if what == "autopilot" else f"a {what}"
+        other = file_kind(source)
+        if other is None or other == expected:
+            raise error from None
+        raise VehicleError(
+            f"{source}: expected {expected} file, found {other}; check which file goes where"
+        ) from None
+
+
+def text_of(path: Any, what: str) -> str:
+    """Text of a file in UTF-8, with or without a byte order mark.
+
+    Raises
+    ------
+    VehicleError
+        It cannot be read.
+    """
+    if not isinstance(path, str | Path):
+        raise VehicleError(f"expected the path of {what} file, found {type(path).__name__}")
+    if "\n" in str(path):
+        raise VehicleError(f"expected the path of {what} file, found its text; use from_toml for text")
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a zero byte in the path
+        raise VehicleError(
+            f"{path}: expected {what} file, but it cannot be read ({reason(error)}); check the path"
+        ) from None

@@ -1,0 +1,400 @@
+"""Characteristic of one group from its points: a fit per direction, or a table.
+
+Ahead and astern are fitted apart, because a propeller's blades are made for one of them; the astern fit is of
+magnitudes. Points of all pulls of a group are pooled, each pull with the zero error of its own cell.
+
+Tests: ``tests/bench_test/test_bench.py``, ``tests/bench_test/test_bench_coverage.py``.
+
+What a fitted characteristic must not do between n_min and n_max: fall, push the wrong way, be guessed.
+
+Checked on a fine grid from the motor's smallest to its largest signal; where the motor has no limit, from the
+smallest to the largest tested one. Tests: ``tests/bench_test/test_bench.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
+from seatrial.bench_test.pulls import Points
+from seatrial.bench_test.regression import (
+    Candidate,
+    LeastSquares,
+    Term,
+    candidates,
+    lack_of_fit,
+    least_squares,
+    outliers,
+    terms_of,
+)
+from seatrial.bench_test.thrust_table import ThrustTable, dead_band, from_points, from_surface
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.bench_test.columns import Unit
+    from seatrial.bench_test.file import Regression
+    from seatrial.bench_test.motor_estimate import MotorEstimate
+    from seatrial.bench_test.pulls import PullPoints
+
+__all__ = ["SIDES", "DirectionFit", "UnitFit", "fit_unit", "motor_warnings", "unlike", "warnings_of"]
+
+SIDES = {"ahead": 1.0, "astern": -1.0}
+
+_EXPONENT_SHARE, _EXPONENT_ERROR = 0.05, 0.03
+
+_GRID = 12
+
+_SPARE, _MISFIT = 3, 0.8
+
+_LEAST_ALONE = 2
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionFit:
+    """Regression of one direction, of magnitudes.
+
+    Attributes
+    ----------
+    side
+        ahead or astern.
+    fit
+        The least squares fit.
+    points, outliers
+        Indices into the group's points: those that were fitted, and those that are outliers (fitted too where
+        they are kept).
+    candidates
+        Models compared on the fitted points.
+    judgement
+        Sentence on the order.
+    exponent
+        Slope of log thrust over log signal and its standard deviation, from points above a twentieth of the
+        largest thrust, weak ones counting less; 2 is thrust per n|n|.
+    """
+
+    side: str
+    fit: LeastSquares
+    points: NDArray[np.int_]
+    outliers: NDArray[np.int_]
+    candidates: tuple[Candidate, ...]
+    judgement: str
+    exponent: tuple[float, float]
+
+    def thrust(self, signal: Array, voltage: Array | None = None) -> Array:
+        """Thrust (m,) in N, signed, at signals (m,) of this direction."""
+        inputs = np.abs(signal)[:, None]
+        if len(self.fit.scale) > 1:
+            inputs = np.column_stack([inputs, np.asarray(voltage)])
+        return SIDES[self.side] * self.fit.at(inputs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fit as plain data for JSON."""
+        return {
+            "coefficients": dict(zip(self.fit.names, self.fit.coefficients.tolist(), strict=True)),
+            "sigma": dict(zip(self.fit.names, self.fit.standard_deviations.tolist(), strict=True)),
+            "interval_95": dict(zip(self.fit.names, self.fit.intervals().tolist(), strict=True)),
+            "covariance": self.fit.covariance.tolist(),
+            "residual_sd_n": self.fit.sigma,
+            "degrees_of_freedom": self.fit.dof,
+            "condition": self.fit.condition,
+            "r2": self.fit.r2,
+            "paper_b": self.fit.b,
+            "exponent": self.exponent[0],
+            "exponent_sd": self.exponent[1],
+            "points": len(self.points),
+            "judgement": self.judgement,
+            "candidates": [{"model": one.name, "aicc": one.aicc} for one in self.candidates],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class UnitFit:
+    """Everything that the pulls told about one group.
+
+    Attributes
+    ----------
+    unit, regression
+        What was driven, and how it was fitted.
+    points
+        All points.
+    directions
+        Fits by side; empty for a table of points.
+    table
+        Where the characteristic is a table.
+    """
+
+    unit: Unit
+    regression: Regression
+    points: Points
+    directions: Mapping[str, DirectionFit]
+    table: ThrustTable | None
+
+    @property
+    def kind(self) -> str:
+        """Kind of characteristic that is written."""
+        if self.table is not None:
+            return "table"
+        if self.regression.kind is not None:
+            return self.regression.kind
+        square = self.regression.order == "square" and self.unit.command == "rpm"
+        return "quadratic" if square else "polynomial"
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Directions that were tested."""
+        found = (side for side, sign in SIDES.items() if (sign * self.points.signal > 0.0).any())
+        return tuple(found)
+
+    def thrust(self, signal: Array, voltage: Array | None = None) -> Array:
+        """Fitted thrust (m,) in N of one actuator; NaN in a direction that was not tested."""
+        if self.table is not None:
+            return self.table.at(signal, voltage)
+        result = np.where(signal == 0.0, 0.0, np.nan)
+        for side, found in self.directions.items():
+            own = SIDES[side] * signal > 0.0
+            if own.any():
+                result[own] = found.thrust(signal[own], None if voltage is None else voltage[own])
+        return result
+
+
+def unlike(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
+    """Thrust over that of the group's curve and its standard deviation, per set of actuators that ran.
+
+    Least squares over each set's points; empty where only one set ran, without those that ran where the
+    curve has no thrust.
+    """
+    points = fit.points
+    fitted = fit.thrust(points.signal, points.voltage if fit.regression.with_voltage else None)
+    found = {}
+    for names in dict.fromkeys(points.running):
+        own = np.array([other == names for other in points.running]) & np.isfinite(fitted)
+        if own.sum() > _LEAST_ALONE and fitted[own].any():
+            one = least_squares(fitted[own, None], points.thrust[own], terms_of(1, 1, through_origin=True))
+            found[names] = float(one.coefficients[0]), float(one.standard_deviations[0])
+    return found if len(found) > 1 else {}
+
+
+def fit_unit(unit: Unit, pulls: Sequence[PullPoints], regression: Regression, *, where: str) -> UnitFit:
+    """Fit of a group from its pulls.
+
+    Parameters
+    ----------
+    unit : Unit
+    pulls : sequence of PullPoints
+    regression : Regression
+        With every key but ``kind``, ``tolerance_n`` and ``table_voltage_v`` given.
+    where : str
+        Beginning of messages.
+
+    Raises
+    ------
+    TrialError
+        Too few or unsuitable points for the order asked for.
+    """
+    points = Points.pooled(pulls)
+    if regression.kind == "quadratic" and unit.command != "rpm":
+        raise TrialError(
+            f'{where}: kind = "quadratic" is thrust per n|n| of revolutions, but {unit.name} is commanded in'
+            f' {unit.command}; use order = 2 or order = "points"'
+        )
+    if regression.order == "points":
+        table = from_points(
+            points.signal,
+            points.thrust,
+            points.voltage if regression.with_voltage else None,
+            knots=regression.knots or _GRID,
+            tolerance=regression.tolerance_n,
+            where=where,
+        )
+        return UnitFit(unit, regression, points, {}, table)
+    if regression.with_voltage and not np.isfinite(points.voltage).all():
+        raise TrialError(
+            f"{where}: the supply voltage is not known at every point; map a column voltage_v, give"
+            ' voltage_v, or leave "voltage" out of the inputs'
+        )
+    directions = {}
+    for side, sign in SIDES.items():
+        own = np.flatnonzero(sign * points.signal > 0.0)
+        if len(own):
+            directions[side] = _direction(side, own, points, regression, f"{where}, {side}")
+    made = UnitFit(unit, regression, points, directions, None)
+    wanted = regression.kind == "table" or regression.with_voltage or regression.order == 3
+    return UnitFit(unit, regression, points, directions, _tabulated(made)) if wanted else made
+
+
+def _direction(
+    side: str, own: NDArray[np.int_], points: Points, regression: Regression, where: str
+) -> DirectionFit:
+    sign = SIDES[side]
+    signal, thrust = np.abs(points.signal[own]), sign * points.thrust[own]
+    if thrust.mean() < 0.0:
+        what = "positive signals pull against" if sign > 0.0 else "negative signals pull along"
+        raise TrialError(
+            f"{where}: {what} the direction of the vehicle file (mean {sign * thrust.mean():+.3g} N); check"
+            " axis or direction of the pull, the sign of the load column, and reversed in the vehicle file"
+        )
+    inputs = signal[:, None]
+    if regression.with_voltage:
+        inputs = np.column_stack([signal, points.voltage[own]])
+    square = regression.order == "square"
+    terms = terms_of(
+        2 if square else int(regression.order or 2),
+        inputs.shape[1],
+        through_origin=bool(regression.through_origin),
+        square=square,
+    )
+    out = _outliers(inputs, thrust, terms)
+    used = ~out if regression.outliers == "drop" else np.ones(len(own), bool)
+    try:
+        sigma = least_squares(inputs[used], thrust[used], terms).sigma
+        common = sign * points.zero_columns(sigma)[own][used]
+        fit = least_squares(inputs[used], thrust[used], terms, common=common)
+    except ValueError as error:
+        raise TrialError(f"{where}: {error}") from None
+    compared = candidates(signal[used], thrust[used]) if not regression.with_voltage else ()
+    judgement = lack_of_fit(compared, terms, int(used.sum())) if compared else ""
+    exponent = _exponent(signal[used], thrust[used], min([fit.sigma, *(one.scatter for one in compared)]))
+    return DirectionFit(side, fit, own[used], own[out], compared, judgement, exponent)
+
+
+def _outliers(inputs: Array, thrust: Array, terms: tuple[Term, ...]) -> NDArray[np.bool_]:
+    """Outliers of the chosen order; where it misses the curve, those that a cubic does not believe either."""
+    out = outliers(inputs, thrust, terms)
+    flexible = terms_of(3, inputs.shape[1])
+    if not out.any() or len(thrust) < _SPARE * len(flexible):
+        return out
+    beyond = outliers(inputs, thrust, flexible)
+    rest = ~beyond
+    stiff, cubic = (least_squares(inputs[rest], thrust[rest], t).sigma for t in (terms, flexible))
+    return out & beyond if cubic < _MISFIT * stiff else out
+
+
+def _exponent(signal: Array, thrust: Array, scatter: float) -> tuple[float, float]:
+    """Slope of log thrust over log signal and its standard deviation.
+
+    A point errs by the scatter in N and by three per cent of its thrust, so that weak ones count less.
+    """
+    strong = thrust > _EXPONENT_SHARE * thrust.max()
+    if strong.sum() < 4 or np.ptp(np.log(signal[strong])) < 1e-9:
+        return np.nan, np.nan
+    weight = 1.0 / np.hypot(1.0, scatter / (_EXPONENT_ERROR * thrust[strong]))
+    rows = weight[:, None] * np.column_stack([np.ones(len(weight)), np.log(signal[strong])])
+    fit = least_squares(rows, weight * np.log(thrust[strong]), ((1, 0), (0, 1)))
+    return float(fit.coefficients[1]), float(fit.standard_deviations[1])
+
+
+def _tabulated(made: UnitFit) -> ThrustTable:
+    """The fitted curves or surfaces as a table, over the tested signals and voltages."""
+    points, regression = made.points, made.regression
+    grid: list[float] = [0.0]
+    for side in made.sides:
+        strongest = float(np.abs(points.signal[SIDES[side] * points.signal > 0.0]).max())
+        grid += [SIDES[side] * strongest * (k + 1) / _GRID for k in range(_GRID)]
+    volts: tuple[float, ...] = ()
+    if regression.with_voltage:
+        low, high = float(points.voltage.min()), float(points.voltage.max())
+        volts = regression.table_voltage_v or tuple(
+            np.linspace(low, high, 6).tolist() if high > low else [low]
+        )
+    return from_surface(
+        made.thrust,
+        points.signal,
+        points.thrust,
+        points.voltage if regression.with_voltage else None,
+        grid=sorted(grid),
+        voltages=volts,
+    )
+
+
+_POINTS = 400
+
+_NOISE = 1e-3
+
+_BEYOND = 1.05
+
+_POOR = 0.9
+
+_SAGGED = 1.05
+
+_QUIET = 3
+
+_SLOWEST_S = 10.0  # no propeller or servo of an underwater vehicle lags so long
+
+
+def motor_warnings(unit: str, motor: MotorEstimate) -> list[str]:
+    """Sentences about what looks wrong in a group's motor."""
+    return [
+        f"{unit} motor: {name} = {one.value:.3g} s is not that of a motor; is t_s in seconds?"
+        for name, one in motor.parameters.items()
+        if name in ("T_1", "T_t") and one.value is not None and one.value > _SLOWEST_S
+    ]
+
+
+def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
+    """Sentences about what looks wrong in a group's characteristic."""
+    facts = vehicle.actuator_info()[fit.unit.actuators[0]]
+    unit = fit.unit.command
+    found = []
+    for side in fit.sides:
+        sign = SIDES[side]
+        tested = np.abs(fit.points.signal[sign * fit.points.signal > 0.0])
+        low = float(facts[f"minimum_{side}"]) or float(tested.min())
+        limit = float(facts[f"maximum_{side}"])
+        high = limit if np.isfinite(limit) else float(tested.max())
+        place = f"{fit.unit.name} {side}"
+        if high > _BEYOND * tested.max():
+            found.append(
+                f"{place}: tested up to {tested.max():.4g} of {high:.4g} {unit}; beyond, the curve is a guess"
+            )
+        grid = np.linspace(low, high, _POINTS)
+        for voltage in _voltages(fit):
+            at = None if voltage is None else np.full(_POINTS, voltage)
+            thrust = sign * fit.thrust(sign * grid, at)
+            words = "" if voltage is None else f" at {voltage:.3g} V"
+            below = np.flatnonzero(thrust < np.maximum.accumulate(thrust) - _NOISE * np.abs(thrust).max())
+            if len(below):
+                top = int(thrust[: below[0] + 1].argmax())
+                bottom = top + int(thrust[top : below[-1] + 1].argmin())
+                found.append(
+                    f"{place}: the curve falls between {grid[top]:.4g} and {grid[bottom]:.4g}"
+                    f" {unit}{words}, which no propeller does; more points there, or a lower order"
+                )
+            against = np.flatnonzero(thrust < -_NOISE * np.abs(thrust).max())
+            if len(against):
+                found.append(
+                    f"{place}: the curve pushes the wrong way up to {grid[against[-1]]:.4g} {unit}{words};"
+                    " try through_origin = true, or tare the cell"
+                )
+    silent = dead_band(fit.points.signal, fit.points.thrust)
+    inside = (fit.points.signal >= silent[0]) & (fit.points.signal <= silent[1])
+    if fit.directions and inside.sum() >= _QUIET:
+        found.append(
+            f"{fit.unit.name}: no thrust from {silent[0]:+.4g} to {silent[1]:+.4g} {unit}, a dead band that a"
+            ' polynomial smears; take order = "points"'
+        )
+    volts = fit.points.voltage
+    if fit.unit.command != "rpm" and not fit.regression.with_voltage and np.isfinite(volts).all():
+        low, high = float(volts.min()), float(volts.max())
+        if high > _SAGGED * low:
+            found.append(
+                f"{fit.unit.name}: the supply ran from {low:.3g} to {high:.3g} V and thrust follows it; take"
+                ' inputs = ["signal", "voltage"]'
+            )
+    for side, one in fit.directions.items():
+        if one.fit.r2 < _POOR:
+            found.append(
+                f"{fit.unit.name} {side}: R2 is only {one.fit.r2:.3f}; the order does not fit, or the load is"
+                " noisy"
+            )
+    return found
+
+
+def _voltages(fit: UnitFit) -> list[float | None]:
+    if fit.table is not None and len(fit.table.voltage):
+        return [float(v) for v in fit.table.voltage]
+    return [None]

@@ -1,0 +1,184 @@
+"""The bench file's format: which keys it has, what they mean, what they may hold.
+
+These models are the only owner of the format; unknown keys are refused with the nearest known name.
+Tests: ``tests/bench_test/test_bench_file.py``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from seatrial.base.toml_file import FolderName, Name, NotNegative, Number, Positive, Section, checked, tables
+
+__all__ = ["BenchFile", "Pull", "Regression", "SignOf", "Steps", "parse"]
+
+SENSES = {
+    "ahead": ("X", 1.0),
+    "astern": ("X", -1.0),
+    "starboard": ("Y", 1.0),
+    "port": ("Y", -1.0),
+    "down": ("Z", 1.0),
+    "up": ("Z", -1.0),
+}
+"""Axis and sign of what a single cell measures, by the direction in which the vehicle pulls."""
+
+Density = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=500.0, le=2000.0)]
+"""kg/m3; the limits catch a density in g/cm3 or a specific gravity."""
+
+Names = Annotated[tuple[Name, ...], Field(min_length=1)]
+
+
+class _Driven(Section):
+    """A recording and the actuators that were driven in it."""
+
+    name: Name
+    file: Name
+    reader: str | None = None
+    columns: dict[str, Any] = Field(default_factory=dict)
+    group: Name | None = None
+    actuators: Names | None = None
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> _Driven:
+        if (self.group is None) == (self.actuators is None):
+            raise ValueError('give what was driven, either group = "NAME" or actuators = ["NAME", ...]')
+        for name in self.actuators or ():
+            if (self.actuators or ()).count(name) > 1:
+                raise ValueError(f"actuators names {name!r} twice; name it once")
+        return self
+
+
+class SignOf(Section):
+    """The column whose side of neutral is the sign of revolutions that were logged without one."""
+
+    column: Name
+    neutral: Number = 0.0
+
+
+class Pull(_Driven):
+    """A load-cell record."""
+
+    axis: Annotated[str, Field(min_length=1)] | None = None
+    direction: Literal["ahead", "astern", "starboard", "port", "down", "up"] | None = None
+    use: Literal["command", "measured"] = "command"
+    sign_of: SignOf | None = None
+    tare: Annotated[bool, Field(strict=True)] | None = None
+    settle_s: NotNegative = 2.0
+    voltage_v: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_cell(self) -> Pull:
+        if (self.axis is None) == (self.direction is None):
+            raise ValueError(
+                'give the load, either axis = "X" (columns load.X_n ..., body axes) or, for a single cell'
+                ' (column load_n), direction = "ahead"'
+            )
+        for letter in self.axis or "":
+            if letter not in "XYZ" or (self.axis or "").count(letter) > 1:
+                raise ValueError(f"axis holds letters of XYZ, each once, found {self.axis!r}")
+        if self.sign_of is not None and self.use != "measured":
+            raise ValueError('sign_of gives measured revolutions their sign; it needs use = "measured"')
+        return self
+
+
+class Regression(Section):
+    """The model of the characteristic. What is absent in a group's own is that of all groups."""
+
+    order: Literal[1, 2, 3, "square", "points"] | None = None
+    through_origin: Annotated[bool, Field(strict=True)] | None = None
+    inputs: tuple[Literal["signal", "voltage"], ...] | None = None
+    outliers: Literal["drop", "keep"] | None = None
+    kind: Literal["quadratic", "polynomial", "table"] | None = None
+    knots: Annotated[int, Field(strict=True, ge=4)] | None = None
+    tolerance_n: Positive | None = None
+    table_voltage_v: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Regression:
+        if self.inputs is not None and self.inputs not in (("signal",), ("signal", "voltage")):
+            raise ValueError('inputs is ["signal"] or ["signal", "voltage"]')
+        if self.order == "points" and self.kind not in (None, "table"):
+            raise ValueError('order = "points" makes a table; leave kind out')
+        if self.order == "square" and self.with_voltage:
+            raise ValueError('order = "square" knows the signal only; use order = 2, or inputs = ["signal"]')
+        if self.kind == "quadratic" and self.order not in (None, "square"):
+            raise ValueError('kind = "quadratic" is thrust per n|n|; it needs order = "square"')
+        if self.kind in ("quadratic", "polynomial") and self.with_voltage:
+            raise ValueError(f'kind = "{self.kind}" knows no voltage; use kind = "table"')
+        if self.kind == "polynomial" and self.order == 3:
+            raise ValueError('kind = "polynomial" ends at order 2, found 3; use kind = "table"')
+        return self
+
+    @property
+    def with_voltage(self) -> bool:
+        """Whether the supply voltage is an input."""
+        return self.inputs is not None and "voltage" in self.inputs
+
+    def over(self, other: Regression) -> Regression:
+        """Regression with what is absent here taken from the other one."""
+        return Regression(**(other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)))
+
+
+class Steps(_Driven):
+    """A record of commanded and measured revolutions, for the motor's dynamics."""
+
+
+DEFAULT = Regression(
+    order=2, through_origin=False, inputs=("signal",), outliers="drop", knots=25, tolerance_n=None
+)
+"""What holds where a bench file says nothing."""
+
+
+class BenchFile(Section):
+    """The whole file."""
+
+    format: Literal[1]
+    name: FolderName
+    vehicle: Name
+    description: str = ""
+    rho_kg_m3: Density | None = None
+    reader: str | None = None
+    columns: dict[str, Any] = Field(default_factory=dict)
+    pulls: tuple[Pull, ...] = ()
+    steps: tuple[Steps, ...] = ()
+    regression: Regression = Regression()
+    regressions: dict[str, Regression] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _something(self) -> BenchFile:
+        if not (self.pulls or self.steps):
+            raise ValueError("holds no test; add [[pulls]] (load cell) or [[steps]] (revolutions)")
+        for kind, entries in (("pulls", self.pulls), ("steps", self.steps)):
+            names = [entry.name for entry in entries]
+            for name in names:
+                if names.count(name) > 1:
+                    raise ValueError(f"two {kind} are called {name!r}; rename one")
+        return self
+
+    def regression_of(self, unit: str) -> Regression:
+        """Regression of a group, or of actuators tested alone, by name; nothing is None but ``kind``."""
+        return self.regressions.get(unit, Regression()).over(self.regression.over(DEFAULT))
+
+
+def parse(text: str, source: str) -> BenchFile:
+    """Bench file from its text.
+
+    Raises
+    ------
+    CampaignError
+        Not TOML, an unknown key, a missing key or a value that a key may not hold; all of them are listed.
+
+    Examples
+    --------
+    >>> file = parse('''
+    ... format = 1
+    ... name = "basin"
+    ... vehicle = "cwolf"
+    ... pulls = [{ name = "ahead", file = "ahead.csv", group = "stern", axis = "X" }]
+    ... ''', "basin.toml")
+    >>> file.regression_of("stern").order
+    2
+    """
+    return checked(BenchFile, tables(text, source), source)

@@ -1,0 +1,296 @@
+"""Identification of a motor from step tests: start values, fit, certainty, what is not determined.
+
+1. Plateaus give gain, limits and what happens below the minimum; steps give start values (`start_values`).
+2. A grid over dead times, lags and ramps is judged by the criterion; least squares runs from the best of it.
+3. The knee of the robust loss is set from the errors where the motor moves, and the fit is repeated.
+4. Lift and dead band are both fitted where commands lie below the minimum; the lower cost decides.
+5. What the data do not tell is taken out, one parameter at a time, and the rest refitted.
+6. Intervals (`motor_certainty`), directions and actuators compared (`comparison`).
+
+Source: Taubert et al. (2014), figures 6-8 and equation 34. Held by `tests/bench_test/test_motor_dynamics.py` and
+`tests/bench_test/test_motor_coverage.py`.
+
+A step test that determines every parameter of a motor.
+
+Staircase of small commands (n_min), steps too small for the rate limit to matter (T_1, T_t), large steps to
+both sides (n_acc, n_dec), beyond the limits (n_max), and full reversals, each held until the motor has
+settled. Held by `tests/bench_test/test_motor_dynamics.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError, VehicleError
+from seatrial.bench_test.motor_elimination import Found, bracket, eliminated, readings
+from seatrial.bench_test.motor_estimate import (
+    MotorEstimate,
+    MotorFitness,
+    MotorParameter,
+    compare_actuators,
+    compare_directions,
+)
+from seatrial.bench_test.motor_fit import Loss, certainty, fit
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel
+from seatrial.bench_test.motor_plateaus import (
+    Noise,
+    Plateau,
+    Statics,
+    noise_of,
+    plateaus,
+    starts_in_motion,
+    statics,
+)
+from seatrial.bench_test.motor_record import StepRecord
+
+__all__ = ["identify_motor", "recommended_steps"]
+
+_LOSSES = ("huber", "soft_l1", "none")
+
+
+def identify_motor(
+    records: StepRecord | Sequence[StepRecord],
+    *,
+    start: Mapping[str, Any] | None = None,
+    robust: Loss = "huber",
+    unit: str = "rpm",
+) -> MotorEstimate:
+    """Gain, lag, dead time and limits of a motor, with standard deviations and 95 % intervals.
+
+    Parameters
+    ----------
+    records : StepRecord or sequence of StepRecord
+        Of one actuator, or of several that share a motor: each is then held against the others.
+    start : mapping, optional
+        The vehicle file's ``[motors.NAME]``. Its values are kept where the records do not determine them.
+    robust : {"huber", "soft_l1", "none"}
+        Loss of the errors. Its knee is 1.5 standard deviations of them, so that spikes and missed counts
+        do not pull.
+    unit : str
+        Unit of command and revolutions, for the texts.
+
+    Raises
+    ------
+    TrialError
+        No record, a command that never changes or is never held, revolutions that do not follow, turn the
+        other way or carry no sign; an unknown loss.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from seatrial.bench_test.motor_model import MotorModel
+    >>> from seatrial.bench_test.identify_motor import recommended_steps
+    >>> table = {"maximum_ahead": 2000.0, "minimum_ahead": 150.0, "n_acc_per_s": 2000.0,
+    ...          "n_dec_per_s": 4000.0, "T_1_s": 0.15, "T_t_s": 0.137}
+    >>> t, command = recommended_steps(table)
+    >>> at = np.arange(0.0, t[-1], 0.1)
+    >>> asked = StepRecord(t, command, np.zeros(len(at)), "SbU", t_measured=at)
+    >>> shown = np.round(MotorModel.from_table(table).response(asked, at) / 5.0) * 5.0
+    >>> motor = identify_motor(StepRecord(t, command, shown, "SbU", t_measured=at))
+    >>> round(motor["T_t"].value, 2), motor.below_minimum
+    (0.14, 'lift')
+    """
+    several = (records,) if isinstance(records, StepRecord) else tuple(records)
+    _refuse(several, robust)
+    noise = noise_of(several)
+    cut = [starts_in_motion(record, noise) for record in several]
+    trimmed = tuple(old.name for old, new in zip(several, cut, strict=True) if new is not None)
+    several = tuple(old if new is None else new for old, new in zip(several, cut, strict=True))
+    settled = plateaus(several, noise)
+    if not settled:
+        raise TrialError(
+            f"step record {several[0].name}: no command is held long enough for the motor to settle; expected"
+            " steps held for at least six samples and twice their transient; log a step test (seatrial's"
+            " recommended_steps gives one)"
+        )
+    prior = None if start is None else MotorModel.from_table(start)
+    shown = statics(settled, noise)
+    read = readings(several, settled, shown, noise, robust)
+    found = eliminated(read.better, noise, prior)
+    return _estimate(found, several, noise, settled, shown, prior, read.ratio, trimmed, unit)
+
+
+def _refuse(records: Sequence[StepRecord], robust: str) -> None:
+    """Raise for records from which nothing can be found."""
+    if robust not in _LOSSES:
+        raise TrialError(f'robust = "{robust}" is no loss; expected one of {", ".join(_LOSSES)}')
+    if not records:
+        raise TrialError("a motor needs at least one step record, found none")
+    for record in records:
+        if len(record.sampled[0]) < 20:
+            raise TrialError(
+                f"step record {record.name}: the record is too short: {len(record.sampled[0])} measurements"
+                " from its first command on, expected at least 20; check that both run on one clock"
+            )
+        times, commands = record.held
+        if len(commands) < 2 or not (times[1:] < record.sampled[0][-1]).any():
+            raise TrialError(
+                f"step record {record.name}: the command is {commands[0]:g} throughout; expected at least one"
+                " step while revolutions are measured; leave the record out or log a step test"
+            )
+
+
+def _estimate(
+    found: Found,
+    records: Sequence[StepRecord],
+    noise: Noise,
+    settled: Sequence[Plateau],
+    shown: Statics,
+    prior: MotorModel | None,
+    ratio: float | None,
+    trimmed: tuple[str, ...],
+    unit: str,
+) -> MotorEstimate:
+    """The result's parts put together."""
+    problem, best, known = found.problem, found.best, found.known
+    model = problem.model(best.x)
+    parameters = {
+        name: _parameter(k, found, None if prior is None else prior.parameters()[name], unit)
+        for k, name in enumerate(NAMES)
+    }
+    determined = {name: one.determined for name, one in parameters.items()}
+    smooth = {name: told and bool(problem.free[NAMES.index(name)]) for name, told in determined.items()}
+    actuators = tuple(dict.fromkeys(record.name for record in problem.records))
+    alone = {}
+    for actuator in actuators if len(actuators) > 1 else ():
+        mine = replace(problem, records=tuple(r for r in problem.records if r.name == actuator), base=best.x)
+        x = fit(mine, [best.x]).x
+        alone[actuator] = (x, certainty(mine, x, noise))
+    followed = {
+        round(abs(one.command), 6)
+        for one in settled
+        for low, high in [(shown.n_min[one.command < 0], shown.n_max[one.command < 0])]
+        if max(low, 1e-12) <= abs(one.command) <= high
+    }
+    return MotorEstimate(
+        parameters=parameters,
+        model=model,
+        below_minimum=None if ratio is None else ("zero" if problem.dead_band else "lift"),
+        below_minimum_ratio=ratio,
+        fitness=MotorFitness.of(problem.records, model, noise),
+        noise=noise,
+        directions=compare_directions(best.x, known, smooth),
+        actuators=actuators,
+        left_out=sum(len(record.sampled[0]) for record in records)
+        - sum(len(record.sampled[0]) for record in problem.records),
+        trimmed=trimmed,
+        differing=compare_actuators(alone, smooth),
+        starts=best.starts,
+        agreeing=best.agreeing,
+        converged=best.converged,
+        distinct_commands=len(followed),
+        block_s=known.block_s,
+        blocks=known.blocks,
+        unit=unit,
+    )
+
+
+def _parameter(k: int, found: Found, kept: float | None, unit: str) -> MotorParameter:
+    """What is known of the parameter with index k."""
+    name, x, half = NAMES[k], float(found.best.x[k]), float(found.known.half[k])
+    units = {"K_V": "1", "T_1": "s", "T_t": "s"}
+    blank = MotorParameter(name, units.get(name, f"{unit}/s" if RECIPROCAL[k] else unit), kept=kept)
+    if name in found.reasons:
+        reason = found.reasons[name]
+        return replace(blank, reason=reason.text, at_least=reason.at_least, at_most=reason.at_most)
+    if name.startswith("n_min") and found.problem.dead_band:
+        edge = bracket(found.problem.records, x, SIDES.index(name.rpartition("_")[2]))
+        if edge is None:
+            return replace(blank, reason="no command is dropped in this direction")
+        sigma = (edge[1] - edge[0]) / math.sqrt(12.0)
+        return replace(blank, value=sum(edge) / 2.0, sigma=sigma, lower=edge[0], upper=edge[1], dof=math.inf)
+    blank = replace(blank, remark=found.remarks.get(name, ""))
+    sigma, dof = float(found.known.sigma[k]), float(found.known.dof[k])
+    if not math.isfinite(sigma):
+        return replace(blank, reason="the records tell it only together with other parameters")
+    lower, upper = max(x - half, 0.0), x + half
+    if RECIPROCAL[k]:
+        value, sigma = 1.0 / x, sigma / x**2
+        lower, upper = 1.0 / upper, 1.0 / lower if lower > 0 else math.inf
+    else:
+        value = x
+    return replace(blank, value=value, sigma=sigma, lower=lower, upper=upper, dof=dof)
+
+
+_UNKNOWN_LAG_S = 0.3
+
+_REST_S, _REST_SAMPLES = 1.5, 8.0  # length of a plateau, the longer of the two
+
+_STAGGER = 0.6180339887  # golden section: steps meet the samples at evenly spread phases
+
+
+def recommended_steps(
+    motor: Mapping[str, Any], *, sample_s: float = 0.1, stagger: bool = True
+) -> tuple[Array, Array]:
+    """Times (n,) in s and commands (n,) of a step test, each command held until the next time.
+
+    Parameters
+    ----------
+    motor : mapping
+        What is known or guessed of the motor, as in the vehicle file's ``[motors.NAME]``; ``maximum_ahead``
+        is needed.
+    sample_s : float
+        Time between samples of the log, s.
+    stagger : bool
+        Let the steps fall between the samples at ever other phases. Without it they fall on samples, for a
+        logger that can do no other.
+
+    Raises
+    ------
+    VehicleError
+        There is no largest command, or the sample time is not positive.
+
+    Examples
+    --------
+    >>> t, command = recommended_steps({"maximum_ahead": 2000.0, "minimum_ahead": 150.0})
+    >>> print(command.max(), command.min())
+    2300.0 -2300.0
+    """
+    known = MotorModel.from_table(motor)
+    if not all(math.isfinite(limit) and limit > 0 for limit in known.n_max):
+        raise VehicleError(
+            "a step test needs the largest command; found no maximum_ahead in the motor's table; give"
+            " maximum_ahead (and maximum_astern where it differs) in the unit of the command"
+        )
+    if not sample_s > 0:
+        raise VehicleError(f"a step test needs a sample time above zero, found sample_s = {sample_s:g} s")
+    sides = [_sequence(known, side) for side in (0, 1)]
+    ahead, astern = (known.n_max[side] for side in (0, 1))
+    reversals = [0.9 * ahead, -0.9 * astern, 0.9 * ahead, -0.9 * astern, 0.0]
+    commands = np.array([0.0, *sides[0], *sides[1], *reversals])
+    rest = max(_REST_S, _REST_SAMPLES * sample_s)
+    holds = [_hold(known, commands[max(k - 1, 0)], commands[k]) + rest for k in range(len(commands))]
+    t = np.concatenate([[0.0], np.cumsum(holds)[:-1]])
+    t = np.ceil(t / sample_s) * sample_s
+    if stagger:
+        t[1:] += sample_s * ((_STAGGER * np.arange(1, len(t))) % 1.0)
+    return np.append(t, t[-1] + holds[-1]), np.append(commands, 0.0)
+
+
+def _sequence(known: MotorModel, side: int) -> list[float]:
+    """Commands of one direction, beginning and ending beside zero."""
+    sign = 1.0 - 2.0 * side
+    top = known.n_max[side]
+    low = known.n_min[side] or 0.1 * top
+    # A change that the rate limit passes in a third of the time constant shows the lag alone.
+    rate = min(known.n_acc[side], known.n_dec[side], 10.0 * top)
+    small = min(max(rate * (known.T_1 or _UNKNOWN_LAG_S) / 3.0, 0.04 * top), 0.15 * top)
+    middle = max(0.5 * top, 2.0 * low)
+    staircase = [0.3 * low, 0.0, 0.6 * low, 0.9 * low, 1.3 * low, 2.0 * low, 0.0]
+    fine = [middle, middle + small, middle, middle - small, middle, middle + small]
+    large = [0.0, 0.9 * top, 1.15 * top, 0.7 * top, 0.0, 0.8 * top, 0.25 * top, 1.15 * top, 0.0]
+    return [sign * command for command in (*staircase, *fine, *large)]
+
+
+def _hold(known: MotorModel, before: float, after: float) -> float:
+    """Time in s until the motor has settled."""
+    sides = (0, 1)
+    slowest = min(min(known.n_acc[side], known.n_dec[side]) for side in sides)
+    ramp = abs(after - before) / slowest if math.isfinite(slowest) else 0.0
+    return known.T_t + ramp + 5.0 * (known.T_1 or _UNKNOWN_LAG_S)

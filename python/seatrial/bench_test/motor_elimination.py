@@ -1,0 +1,299 @@
+"""The two readings of commands below the minimum, lift and dead band, each fitted to the same records.
+
+The knee of the robust loss comes from the errors of the first, where the motor moves: on plateaus alone it
+would be the measurement's noise, and what rotors do beside a PT1 would count as outliers.
+
+With a robust loss, single values far beyond are left out of the better reading: missed counts read zero, all
+on one side, and Huber's loss limits their pull but keeps it. A run of such values is no missed count but
+something that the chain does not know; it stays.
+Held by `tests/bench_test/test_motor_dynamics.py`.
+
+Lift or drop: what the controller makes of commands below the minimum, decided by fitting both.
+
+A dead band has no slope: the response depends only on which commands it drops. Its edge is sought over the
+commands that were given, and lies between the largest that was dropped and the smallest that was not; nothing
+inside that bracket is likelier than anything else. Held by `tests/bench_test/test_motor_dynamics.py`.
+
+Taking out what the data do not tell, one parameter at a time, so that it does not blur the rest.
+
+A rate limit whose interval reaches "no limit" is held at the vehicle's value if the data allow that, and
+at no limit otherwise. A time constant near zero has no slope (a short lag delays a ramp as a dead time does):
+its interval is that of the profile, where the cost with T_1 held and all others refitted rises by what chance
+would. What then holds only beside a held parameter says so. Held by `tests/bench_test/test_motor_dynamics.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.bench_test.motor_fit import (
+    NORMAL,
+    Fit,
+    Loss,
+    MotorCertainty,
+    Problem,
+    Reason,
+    certainty,
+    fit,
+    reachable,
+    spread,
+    unseen_rates,
+    wide,
+)
+from seatrial.bench_test.motor_model import NAMES, MotorModel, symbol
+from seatrial.bench_test.motor_plateaus import Noise, Plateau, Statics, starts
+from seatrial.bench_test.motor_record import StepRecord
+
+__all__ = ["Found", "Reading", "Readings", "bracket", "edges", "eliminated", "readings"]
+
+_MOST = 24
+
+_FIRST = NAMES.index("n_min_ahead")
+
+
+def edges(problem: Problem, x: Array) -> Array:
+    """Coordinates (11,) with the edges of the dead band (ahead, astern) that cost least."""
+    best = x.copy()
+    problem = replace(problem, dead_band=True)
+    for side in (0, 1):
+        sizes = _sizes(problem.records, side)
+        cuts = np.concatenate([[0.0], 0.5 * (sizes[:-1] + sizes[1:])])[:_MOST]
+        costs = []
+        for cut in cuts:
+            best[_FIRST + side] = cut
+            costs.append(problem.cost(best))
+        best[_FIRST + side] = cuts[int(np.argmin(costs))]
+    return best
+
+
+def bracket(records: Sequence[StepRecord], edge: float, side: int) -> tuple[float, float] | None:
+    """Largest command that an edge drops and smallest that it lets pass; None where it drops none."""
+    sizes = _sizes(records, side)
+    dropped, passed = sizes[sizes < edge], sizes[sizes >= edge]
+    if not len(dropped) or not len(passed):
+        return None
+    return float(dropped.max()), float(passed.min())
+
+
+def _sizes(records: Sequence[StepRecord], side: int) -> Array:
+    """Distinct magnitudes of the commands of one direction, rising."""
+    commands = np.concatenate([record.held[1] for record in records])
+    sign = 1.0 - 2.0 * side
+    return np.unique(sign * commands[sign * commands > 0])
+
+
+_STARTS = 4
+
+_KNEE = 1.5  # standard deviations: Huber's loss keeps 96 % of the efficiency for normal errors
+
+_GROSS, _MOST_GROSS = 8.0, 0.1  # standard deviations of a gross error; largest part of the values
+
+_RUN = 3  # values in a row that may be missed counts
+
+_MINIMUM = [NAMES.index("n_min_ahead"), NAMES.index("n_min_astern")]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A problem with its best fit, and why the commands cannot tell the parameters that were not free."""
+
+    problem: Problem
+    best: Fit
+    reasons: dict[str, Reason]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The better reading, and the cost of the other over its own; None where there is no other."""
+
+    better: Reading
+    ratio: float | None
+
+
+def readings(
+    records: tuple[StepRecord, ...], settled: Sequence[Plateau], shown: Statics, noise: Noise, loss: Loss
+) -> Readings:
+    """The better reading of commands below the minimum, or the only one where there are no such commands."""
+    reasons = reachable(records, settled, shown, dead_band=False)
+    free = np.array([name not in reasons for name in NAMES])
+    base = MotorModel(shown.gain, 0.0, 0.0, shown.n_min, shown.n_max).coordinates()
+    problem = Problem(records, base, free, _KNEE * noise.total, loss, dead_band=False)
+    points = starts(records, shown, noise, cost=problem.cost, wanted=_STARTS)
+    first = fit(problem, points)
+    problem = replace(problem, knee=_KNEE * _size_of_errors(problem, first.x, noise))
+    again = fit(problem, [first.x])
+    lift = Reading(problem, replace(again, starts=first.starts, agreeing=first.agreeing), reasons)
+    if max(*shown.n_min, *shown.dropped) <= 0:
+        return Readings(_cleaned(lift, noise), None)
+    free = free.copy()
+    free[_MINIMUM] = False
+    problem = replace(problem, base=edges(problem, lift.best.x), free=free, dead_band=True)
+    best = fit(problem, [np.where(free, x, problem.base) for x in (lift.best.x, *points[:1])])
+    drop = Reading(problem, best, reachable(records, settled, shown, dead_band=True))
+    better, other = sorted([lift, drop], key=lambda one: one.best.cost)
+    return Readings(_cleaned(better, noise), other.best.cost / max(better.best.cost, 1e-12))
+
+
+def _cleaned(reading: Reading, noise: Noise) -> Reading:
+    """The reading refitted without single gross errors, where the loss is robust."""
+    problem, best = reading.problem, reading.best
+    limit = _GROSS * _size_of_errors(problem, best.x, noise)
+    if problem.loss == "none":
+        return reading
+    kept, found = [], 0
+    for record in problem.records:
+        times, measured = record.sampled
+        bad = _single(np.abs(measured - problem.model(best.x).response(record, times)) > limit)
+        found += int(bad.sum())
+        stamps = np.asarray(record.t_measured)
+        values = np.where(np.isin(stamps, times[bad]), np.nan, np.asarray(record.measured))
+        kept.append(replace(record, measured=values) if bad.mean() <= _MOST_GROSS else record)
+    if not found:
+        return reading
+    problem = replace(problem, records=tuple(kept))
+    again = fit(problem, [best.x])
+    return replace(reading, problem=problem, best=replace(again, starts=best.starts, agreeing=best.agreeing))
+
+
+def _single(far: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Marks of values in runs that are short enough for missed counts."""
+    borders = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]]).astype(int)))
+    kept = np.zeros_like(far)
+    for start, end in borders.reshape(-1, 2):
+        kept[start:end] = end - start <= _RUN
+    return kept
+
+
+def _size_of_errors(problem: Problem, x: Array, noise: Noise) -> float:
+    """Standard deviation of the errors, the greater of all and of those while the motor moves."""
+    errors, model = problem.errors(x), problem.model(x)
+    moving = []
+    for record in problem.records:
+        at, near = record.sampled[0], 0.5 * record.sample_s
+        change = model.response(record, at + near) - model.response(record, at - near)
+        moving.append(np.abs(change) > 2.0 * noise.total)
+    moved = errors[np.concatenate(moving)]
+    return max(spread(errors), spread(moved) if len(moved) else 0.0, noise.total)
+
+
+_CHANCE = 2.0 * NORMAL**2  # rise of the squared errors, in variances; doubled because errors are coloured
+
+_LONGEST = 40.0  # samples at which the search for the longest lag ends
+
+_HALVINGS = 8
+
+_LAG, _DELAY = NAMES.index("T_1"), NAMES.index("T_t")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A fit without what is not determined: the reasons by name, and remarks on the others."""
+
+    problem: Problem
+    best: Fit
+    known: MotorCertainty
+    reasons: dict[str, Reason]
+    remarks: dict[str, str]
+
+
+def eliminated(reading: Reading, noise: Noise, prior: MotorModel | None) -> Found:
+    """The fit of a reading without rate limits and a time constant that the data do not tell."""
+    problem, best, reasons = reading.problem, reading.best, dict(reading.reasons)
+    sample = float(np.median([record.sample_s for record in problem.records]))
+    known = certainty(problem, best.x, noise)
+    blurred = set(wide(best.x, known, sample))
+    held: list[str] = []
+    while unseen := unseen_rates(best.x, known, problem.free):
+        name, reasons[name] = next(iter(unseen.items()))
+        problem, best = _hold(problem, best, NAMES.index(name), prior, otherwise=0.0)
+        known = certainty(problem, best.x, noise)
+        held.append(symbol(name))
+    if "T_1" in wide(best.x, known, sample):
+        problem, best, known = _near_zero(problem, best, noise, prior, sample, reasons)
+    reasons |= {name: reason for name, reason in wide(best.x, known, sample).items() if name not in reasons}
+    beside = f"it holds for {', '.join(held)} as in the fit" if held else ""
+    remarks = {name: beside for name in blurred if beside and name not in reasons}
+    return Found(problem, best, known, reasons, remarks)
+
+
+def _near_zero(
+    problem: Problem,
+    best: Fit,
+    noise: Noise,
+    prior: MotorModel | None,
+    sample: float,
+    reasons: dict[str, Reason],
+) -> tuple[Problem, Fit, MotorCertainty]:
+    """The fit with T_1 held, and T_1's interval from its profile where that is shorter than a sample."""
+    longest = _longest_lag(problem, best, sample)
+    if longest <= sample:
+        problem, best = _hold(problem, best, _LAG, None, otherwise=float(best.x[_LAG]))
+    else:
+        reasons["T_1"] = Reason(
+            "a longer one fits as well beside another dead time and other rates; steps of several sizes, some"
+            " too small for the rate limit to matter, would tell it",
+            at_most=longest if math.isfinite(longest) else None,
+        )
+        problem, best = _hold(problem, best, _LAG, prior, otherwise=float(best.x[_LAG]))
+    known = certainty(problem, best.x, noise)
+    sigma, half, dof = known.sigma.copy(), known.half.copy(), known.dof.copy()
+    sigma[_LAG], half[_LAG], dof[_LAG] = longest / NORMAL, max(longest - best.x[_LAG], 0.0), math.inf
+    # What the lag may be longer, the dead time is shorter.
+    sigma[_DELAY], half[_DELAY] = math.hypot(sigma[_DELAY], sigma[_LAG]), math.hypot(half[_DELAY], half[_LAG])
+    return problem, best, replace(known, sigma=sigma, half=half, dof=dof)
+
+
+def _longest_lag(problem: Problem, best: Fit, sample: float) -> float:
+    """Longest time constant in s that the data allow with all others refitted; infinite if all are."""
+    length = max(float(best.x[_LAG]), 0.02 * sample)
+    while _allowed(problem, best, _LAG, length):
+        length *= 2.0
+        if length > _LONGEST * sample:
+            return math.inf
+    shorter = float(best.x[_LAG])
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (shorter + length)
+        if _allowed(problem, best, _LAG, middle):
+            shorter = middle
+        else:
+            length = middle
+    return length
+
+
+def _hold(
+    problem: Problem, best: Fit, k: int, prior: MotorModel | None, *, otherwise: float
+) -> tuple[Problem, Fit]:
+    """The problem with a coordinate held at the vehicle's if the data allow it, and its fit."""
+    value = otherwise
+    if prior is not None:
+        kept = float(prior.coordinates()[k])
+        value = kept if math.isfinite(kept) and _allowed(problem, best, k, kept) else otherwise
+    return _refitted(problem, best, k, value)
+
+
+def _allowed(problem: Problem, best: Fit, k: int, value: float) -> bool:
+    """Whether the cost with a coordinate held rises by no more than chance."""
+    held = _refitted(problem, best, k, value)[1]
+    size = max(spread(problem.errors(best.x)), 1e-12)
+    return 2.0 * (held.cost - best.cost) * (problem.knee / size) ** 2 <= _CHANCE
+
+
+def _refitted(problem: Problem, best: Fit, k: int, value: float) -> tuple[Problem, Fit]:
+    """The problem with a coordinate held at a value, and its fit from the present one."""
+    base, free = best.x.copy(), problem.free.copy()
+    base[k], free[k] = value, False
+    problem = replace(problem, base=base, free=free)
+    points = [np.where(free, best.x, base)]
+    if k == _LAG:
+        # A longer lag wants a shorter dead time: start there too.
+        moved = points[0].copy()
+        moved[_DELAY] = max(moved[_DELAY] + float(best.x[k]) - value, 0.0)
+        points.append(np.where(free, moved, base))
+    again = fit(problem, points)
+    return problem, replace(again, starts=best.starts, agreeing=best.agreeing)

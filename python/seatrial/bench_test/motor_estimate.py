@@ -1,0 +1,527 @@
+"""What is known of one parameter of a motor: its value and interval, or why there is none.
+
+Do directions or actuators differ: Wald tests of a motor's parameters.
+
+Ahead against astern, from the joint covariance: ``z = (a - b) / sd(a - b)`` with a Student factor. The
+vehicle file has one rate limit for both directions: the mean of the two, weighted by their certainty.
+
+One actuator against the others of its group: each is fitted alone, and its parameters are held against the
+median of all, which one odd actuator does not move. With m comparisons the level is 5 %/m (Bonferroni).
+Held by `tests/bench_test/test_motor_dynamics.py`.
+
+Keys of the vehicle file's ``[motors.NAME]`` that an identified motor gives.
+
+Only what is determined is written, so that merging keeps the rest. But the file lets an absent key follow its
+partner (astern as ahead, shrinking as growing): where only one of the two is determined, the other is
+written too, as the vehicle had it, or as the least rate that the records allow where it had none.
+Held by `tests/bench_test/test_motor_dynamics.py`.
+
+Result of a motor's identification: parameters with intervals, how well they fit, what they go into.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.bench_test.motor_fit import MotorCertainty
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, symbol
+from seatrial.bench_test.motor_plateaus import Noise
+from seatrial.bench_test.motor_record import StepRecord
+
+__all__ = [
+    "ActuatorDifference",
+    "Directions",
+    "MotorEstimate",
+    "MotorFitness",
+    "MotorParameter",
+    "compare_actuators",
+    "compare_directions",
+    "rates",
+    "vehicle_keys",
+]
+
+
+@dataclass(frozen=True)
+class MotorParameter:
+    """One parameter; ``value``, ``sigma`` and the 95 % interval are None where it is not determined.
+
+    Attributes
+    ----------
+    name, unit
+        As ``n_acc_ahead`` and ``rpm/s``; the unit of K_V is that of the measurement per that of the command.
+    value, sigma, lower, upper
+        Estimate, standard deviation, 95 % interval.
+    dof
+        Degrees of freedom of the interval, zero where there is none.
+    reason
+        Why it is not determined; empty where it is.
+    at_least, at_most
+        What the data say all the same of a parameter that is not determined.
+    kept
+        The vehicle's value, which stays where the parameter is not determined; None if there is none.
+    remark
+        What the value holds for, where it does not hold alone.
+    """
+
+    name: str
+    unit: str
+    value: float | None = None
+    sigma: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+    dof: float = 0.0
+    reason: str = ""
+    at_least: float | None = None
+    at_most: float | None = None
+    kept: float | None = None
+    remark: str = ""
+
+    @property
+    def determined(self) -> bool:
+        """Whether the data determine it."""
+        return self.value is not None
+
+    @property
+    def status(self) -> str:
+        """Whether it is determined, and if not, why not."""
+        return "determined" if self.determined else f"not determined: {self.reason}"
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the data rule out the value that is kept."""
+        if self.kept is None or self.determined:
+            return False
+        slack = 1e-9 * abs(self.kept)
+        below = self.at_least is not None and self.kept < self.at_least - slack
+        return below or (self.at_most is not None and self.kept > self.at_most + slack)
+
+    def sentence(self) -> str:
+        """What is known, in one sentence.
+
+        Examples
+        --------
+        >>> MotorParameter("T_t", "s", 0.1234, 0.0021, 0.119, 0.128, 12.0).sentence()
+        'T_t = 0.1234 s ± 0.0021, 95 % interval 0.1190 to 0.1280 s.'
+        """
+        label, unit = symbol(self.name), "" if self.unit == "1" else f" {self.unit}"
+        if self.value is not None and self.sigma is not None:
+            digits = 4 if self.sigma <= 0 else max(0, 1 - math.floor(math.log10(self.sigma)))
+            lower, upper = (f"{_number(edge):.{digits}f}" for edge in (self.lower, self.upper))
+            return (
+                f"{label} = {self.value:.{digits}f}{unit} ± {self.sigma:.{digits}f}, 95 % interval {lower} to"
+                f" {upper}{unit}{self.remark and f'; {self.remark}'}."
+            )
+        text = f"{label} is not determined: {self.reason}"
+        for known, word in ((self.at_least, "at least"), (self.at_most, "at most")):
+            if known is not None:
+                text += f"; it is {word} {known:.4g}{unit}"
+        if self.kept is None:
+            return text + "."
+        if math.isinf(self.kept):
+            return text + "; the vehicle file has no such limit."
+        if self.contradicted:
+            return text + f"; this contradicts the vehicle file's {self.kept:.4g}{unit}: correct it by hand."
+        return text + f"; the vehicle file's {self.kept:.4g}{unit} is kept."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and texts; infinite ones are None."""
+        plain = {
+            key: None if isinstance(entry, float) and not math.isfinite(entry) else entry
+            for key, entry in asdict(self).items()
+        }
+        return plain | {"status": self.status}
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+_LEVEL = 0.05
+
+_MANY = 1e9
+
+
+@dataclass(frozen=True)
+class Directions:
+    """A parameter ahead against astern.
+
+    ``pooled`` and ``sigma`` belong to one value for both, ``sigma`` no less than half the difference where
+    they differ; ``p`` is the probability of a difference as large if there is none.
+    """
+
+    name: str
+    ahead: float
+    astern: float
+    p: float
+    pooled: float
+    sigma: float
+
+    @property
+    def differ(self) -> bool:
+        """Whether the difference is more than chance, at 5 %."""
+        return self.p < _LEVEL
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and texts."""
+        return asdict(self) | {"differ": self.differ}
+
+
+@dataclass(frozen=True)
+class ActuatorDifference:
+    """A parameter in which one actuator of a group differs from the others' ``median``."""
+
+    actuator: str
+    name: str
+    value: float
+    median: float
+    p: float
+
+    def sentence(self) -> str:
+        """The difference in one sentence."""
+        return (
+            f"{self.actuator} differs from its group in {symbol(self.name)}: {self.value:.4g} against"
+            f" {self.median:.4g} (p = {self.p:.2g}); give it a motor of its own."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and texts."""
+        return asdict(self)
+
+
+def compare_directions(
+    x: Array, known: MotorCertainty, determined: Mapping[str, bool]
+) -> tuple[Directions, ...]:
+    """Tests of the parameters that are determined both ahead and astern, at coordinates (11,)."""
+    from scipy.special import stdtr
+
+    found = []
+    for limit in ("n_min", "n_max", "n_acc", "n_dec"):
+        k = NAMES.index(f"{limit}_ahead")
+        if not (determined[NAMES[k]] and determined[NAMES[k + 1]]):
+            continue
+        block = known.covariance[k : k + 2, k : k + 2]
+        variance = max(float(block[0, 0] + block[1, 1] - 2.0 * block[0, 1]), 1e-300)
+        dof = min(max(float(known.dof[k : k + 2].min()), 1.0), _MANY)
+        p = 2.0 * float(stdtr(dof, -abs(x[k] - x[k + 1]) / math.sqrt(variance)))
+        weights = 1.0 / np.diag(block)
+        weights /= weights.sum()
+        pooled, sigma = float(weights @ x[k : k + 2]), math.sqrt(float(weights @ block @ weights))
+        ahead, astern = float(x[k]), float(x[k + 1])
+        if RECIPROCAL[k]:
+            ahead, astern, pooled, sigma = 1.0 / ahead, 1.0 / astern, 1.0 / pooled, sigma / pooled**2
+        if p < _LEVEL:
+            sigma = max(sigma, 0.5 * abs(ahead - astern))
+        found.append(Directions(limit, ahead, astern, p, pooled, sigma))
+    return tuple(found)
+
+
+def compare_actuators(
+    alone: Mapping[str, tuple[Array, MotorCertainty]], determined: Mapping[str, bool]
+) -> tuple[ActuatorDifference, ...]:
+    """Differences of single actuators, each fitted alone: coordinates (11,) and certainty by name."""
+    from scipy.special import stdtr
+
+    found = []
+    names = list(alone)
+    kept = [k for k, name in enumerate(NAMES) if determined[name]]
+    level = _LEVEL / max(len(names) * len(kept), 1)
+    for k in kept:
+        values = np.array([alone[name][0][k] for name in names])
+        sigma = np.array([alone[name][1].sigma[k] for name in names])
+        told = np.isfinite(sigma) & (sigma > 0)
+        if told.sum() < 2:
+            continue
+        median = float(np.median(values[told]))
+        # The median of m values scatters by sqrt(pi/2m) of one.
+        shared = math.sqrt(math.pi / (2.0 * told.sum()) * float(np.mean(sigma[told] ** 2)))
+        for i in np.flatnonzero(told):
+            dof = min(max(float(alone[names[i]][1].dof[k]), 1.0), _MANY)
+            z = abs(values[i] - median) / math.hypot(sigma[i], shared)
+            p = 2.0 * float(stdtr(dof, -z))
+            if p < level:
+                value, middle = float(values[i]), median
+                if RECIPROCAL[k]:
+                    value, middle = (math.inf if one <= 0 else 1.0 / one for one in (value, middle))
+                found.append(ActuatorDifference(names[i], NAMES[k], value, middle, p))
+    return tuple(found)
+
+
+_KEYS = {"n_max_ahead": "maximum_ahead", "n_max_astern": "maximum_astern", "n_min_ahead": "minimum_ahead"}
+
+_KEYS |= {"n_min_astern": "minimum_astern", "K_V": "K_V", "T_1": "T_1_s", "T_t": "T_t_s"}
+
+_PARTNER = {"n_acc": "n_dec", "n_dec": "n_acc"}
+
+
+def vehicle_keys(
+    parameters: Mapping[str, MotorParameter], directions: Sequence[Directions], below_minimum: str | None
+) -> dict[str, float | str]:
+    """Keys with their values, rounded to what the data tell."""
+    table: dict[str, float | str] = {}
+    for name, key in _KEYS.items():
+        one = parameters[name]
+        if one.value is not None and one.sigma is not None:
+            table[key] = _rounded(one.value, one.sigma)
+    for limit in ("maximum", "minimum"):
+        kept = parameters[f"n_{limit[:3]}_astern"].kept
+        missing = f"{limit}_ahead" in table and f"{limit}_astern" not in table
+        if missing and kept is not None and math.isfinite(kept):
+            table[f"{limit}_astern"] = kept
+    for limit, (rate, _) in rates(parameters, directions).items():
+        table[f"{limit}_per_s"] = rate
+    if below_minimum is not None:
+        table["below_minimum"] = below_minimum
+    return table
+
+
+def rates(
+    parameters: Mapping[str, MotorParameter], directions: Sequence[Directions]
+) -> dict[str, tuple[float, str]]:
+    """Rate limits of the file by name, each with where it comes from: "found", "kept" or "least"."""
+    found = {limit: _common(limit, parameters, directions) for limit in _PARTNER}
+    written = {}
+    for limit, partner in _PARTNER.items():
+        both = [parameters[f"{limit}_{side}"] for side in SIDES]
+        common, kept = found[limit], both[0].kept
+        least = [one.at_least for one in both if one.at_least is not None]
+        if common is not None:
+            written[limit] = (common, "found")
+        elif found[partner] is not None and kept is not None and math.isfinite(kept):
+            written[limit] = (kept, "kept")
+        elif found[partner] is not None and least:
+            written[limit] = (float(f"{max(least):.3g}"), "least")
+    return written
+
+
+def _common(
+    limit: str, parameters: Mapping[str, MotorParameter], directions: Sequence[Directions]
+) -> float | None:
+    """One rate limit for both directions, of those that are determined."""
+    for pair in directions:
+        if pair.name == limit:
+            return _rounded(pair.pooled, pair.sigma)
+    for side in SIDES:
+        one = parameters[f"{limit}_{side}"]
+        if one.value is not None and one.sigma is not None:
+            return _rounded(one.value, one.sigma)
+    return None
+
+
+def _rounded(value: float, sigma: float) -> float:
+    """Value to a tenth of its standard deviation or finer."""
+    if not sigma > 0:
+        return value
+    return round(value, 1 - math.floor(math.log10(sigma)))
+
+
+_ROUGH = 1.5  # errors over the measurement's own noise above which something is left out
+
+
+@dataclass(frozen=True)
+class MotorFitness:
+    """How well a motor fits: the paper's least absolute error and others, in the unit of the measurement.
+
+    Attributes
+    ----------
+    absolute
+        Mean absolute error.
+    absolute_integral
+        The paper's criterion, the integral of the absolute error over time.
+    rms
+        Root mean square error.
+    r2
+        ``1 - SSE/SST``.
+    noise, quantum
+        White noise of the measurement and step of its digits, as its second differences show them.
+    samples
+        Number of measurements.
+    """
+
+    absolute: float
+    absolute_integral: float
+    rms: float
+    r2: float
+    noise: float
+    quantum: float
+    samples: int
+
+    @classmethod
+    def of(cls, records: tuple[StepRecord, ...], model: MotorModel, noise: Noise) -> MotorFitness:
+        """Fitness of a motor to records."""
+        errors, values, integral = [], [], 0.0
+        for record in records:
+            times, measured = record.sampled
+            error = measured - model.response(record, times)
+            integral += float(np.trapezoid(np.abs(error), times))
+            errors.append(error)
+            values.append(measured)
+        error, value = np.concatenate(errors), np.concatenate(values)
+        square = float(np.sum((value - value.mean()) ** 2))
+        return cls(
+            absolute=float(np.mean(np.abs(error))),
+            absolute_integral=integral,
+            rms=float(np.sqrt(np.mean(error**2))),
+            r2=1.0 - float(np.sum(error**2)) / square if square > 0 else math.nan,
+            noise=noise.sd,
+            quantum=noise.quantum,
+            samples=len(error),
+        )
+
+
+@dataclass(frozen=True)
+class MotorEstimate:
+    """An identified motor.
+
+    Attributes
+    ----------
+    parameters
+        `MotorParameter` by name, in the order K_V, T_1, T_t, n_min, n_max, n_acc, n_dec (ahead, astern).
+    model
+        The motor that fits best; where a rate limit is not determined, with the vehicle's if the data allow
+        it and without one otherwise; without limits that no command reaches.
+    below_minimum
+        "lift" or "zero"; None where no command lies below the minimum.
+    below_minimum_ratio
+        Cost of the other of the two over that of this one; None likewise.
+    fitness, noise
+        `MotorFitness` and noise of the measurements.
+    directions
+        Ahead against astern, a `Directions` per limit that is determined in both.
+    actuators, differing
+        Names of the actuators, and in what one differs from the others.
+    left_out
+        Number of gross errors that were left out of fit and fitness.
+    trimmed
+        Names of the records that started in motion; their first transient is left out.
+    starts, agreeing
+        How many starts the search had, and how many found this minimum.
+    converged
+        Whether the search ended by its tolerances.
+    distinct_commands
+        Magnitudes of commands that were followed without a limit: the gain rests on them.
+    block_s, blocks
+        Length and number of the blocks of errors on which the intervals rest.
+    unit
+        Unit of command and measurement.
+    """
+
+    parameters: Mapping[str, MotorParameter]
+    model: MotorModel
+    below_minimum: str | None
+    below_minimum_ratio: float | None
+    fitness: MotorFitness
+    noise: Noise
+    directions: tuple[Directions, ...]
+    actuators: tuple[str, ...]
+    differing: tuple[ActuatorDifference, ...]
+    left_out: int
+    trimmed: tuple[str, ...]
+    starts: int
+    agreeing: int
+    converged: bool
+    distinct_commands: int
+    block_s: float
+    blocks: int
+    unit: str
+
+    def __getitem__(self, name: str) -> MotorParameter:
+        """A parameter by its name."""
+        return self.parameters[name]
+
+    def fitted(self, record: StepRecord) -> Array:
+        """Modelled revolutions (k,) at the times of a record's measurements."""
+        return self.model.response(record, np.asarray(record.t_measured))
+
+    def motor_table(self) -> dict[str, float | str]:
+        """Keys of the vehicle file's ``[motors.NAME]`` that the data determine, rounded to what they tell.
+
+        Keys of the other parameters are left out, so that merging keeps the vehicle's, but for those that the
+        file would derive from a key that is written. The rate limits are those of both directions together.
+        """
+        return vehicle_keys(self.parameters, self.directions, self.below_minimum)
+
+    def sentences(self) -> tuple[str, ...]:
+        """What is known of each parameter, what differs, how well it fits; one sentence each."""
+        fit, unit = self.fitness, self.unit
+        said = [one.sentence() for one in self.parameters.values()]
+        if self.below_minimum is not None and self.below_minimum_ratio is not None:
+            what = "lifted to it" if self.below_minimum == "lift" else "dropped to zero"
+            said.append(
+                f"Commands below the minimum are {what}: the other reading costs"
+                f" {self.below_minimum_ratio:.3g} times as much."
+            )
+        if self.distinct_commands == 1:
+            said.append(
+                "K_V rests on commands of one magnitude; a limit there would look the same, and commands of"
+                " other magnitudes would tell."
+            )
+        for pair in self.directions:
+            if pair.differ:
+                shared = pair.name in ("n_acc", "n_dec")
+                pooled = f"; the vehicle file has one for both: {pair.pooled:.4g}" if shared else ""
+                said.append(
+                    f"{pair.name} differs between the directions: {pair.ahead:.4g} ahead, {pair.astern:.4g}"
+                    f" astern (p = {pair.p:.2g}){pooled}."
+                )
+        for limit, (rate, origin) in rates(self.parameters, self.directions).items():
+            if origin == "least":
+                said.append(
+                    f"{limit}_per_s is written as {rate:g}, the least that the records allow: the vehicle"
+                    " file would take the other rate limit for both."
+                )
+        said += [one.sentence() for one in self.differing]
+        if self.left_out:
+            said.append(
+                f"{self.left_out} of {self.left_out + fit.samples} measurements are gross errors and are left"
+                " out."
+            )
+        for name in self.trimmed:
+            said.append(
+                f"Record {name} starts in motion under a constant command: its first transient is left out;"
+                " give the command that was held before."
+            )
+        said.append(
+            f"Mean absolute error {fit.absolute:.3g} {unit}, R\N{SUPERSCRIPT TWO} {fit.r2:.5f}, over"
+            f" {fit.samples} samples."
+        )
+        own = max(self.noise.total, 1e-12)
+        if fit.rms > _ROUGH * own:
+            said.append(
+                f"The errors ({fit.rms:.3g} {unit} rms) are {fit.rms / own:.1f} times the measurement's own"
+                " noise: the motor does something that the chain leaves out, or single values are wrong; look"
+                " at the figure."
+            )
+        if not self.converged or self.agreeing < 2:
+            said.append(
+                f"Of {self.starts} starts {self.agreeing} found this minimum: compare the figure before use."
+            )
+        return tuple(said)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers, texts, lists and dicts."""
+        return {
+            "unit": self.unit,
+            "parameters": {name: one.to_dict() for name, one in self.parameters.items()},
+            "motor_table": self.motor_table(),
+            "below_minimum": self.below_minimum,
+            "below_minimum_ratio": self.below_minimum_ratio,
+            "fitness": vars(self.fitness),
+            "directions": [one.to_dict() for one in self.directions],
+            "actuators": list(self.actuators),
+            "differing": [one.to_dict() for one in self.differing],
+            "left_out": self.left_out,
+            "trimmed": list(self.trimmed),
+            "starts": self.starts,
+            "agreeing": self.agreeing,
+            "converged": self.converged,
+            "distinct_commands": self.distinct_commands,
+            "block_s": self.block_s,
+            "blocks": self.blocks,
+            "sentences": list(self.sentences()),
+        }

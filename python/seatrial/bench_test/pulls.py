@@ -1,0 +1,449 @@
+"""What a motor makes of a steady command: static limits and gain, by the model's own chain.
+
+The vehicle is held and the command kept until every limit and lag has settled, so that no rule of the motor
+(lift to the minimum, dead band, clipping, K_V) is written twice. Tests: ``tests/bench_test/test_bench_records.py``.
+
+What the characteristic of a pull is a function of: commands behind their motors, or measured revolutions.
+
+Commands stay as they were logged until the plateaus are known; then each plateau's command goes through the
+settled motor once. Tests: ``tests/bench_test/test_bench_records.py``.
+
+Points of a load-cell record: read, cut into plateaus, tared, separated into single actuators.
+
+The cell's zero is the mean load of the plateaus at zero signal. Its own standard error is common to all
+points of the record and is kept, so that the regression counts it (`seatrial.bench_test.regression`).
+Tests: ``tests/bench_test/test_bench_records.py``.
+
+Operating points of one group, of all its pulls together. Tests: ``tests/bench_test/test_bench_coverage.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
+from seatrial.bench_test.columns import BenchTable, listed, read_bench_table
+from seatrial.bench_test.file import SENSES
+from seatrial.bench_test.plateaus import Plateau, held, plateaus, rows_as_plateaus
+from seatrial.bench_test.separation import Separated, force_per_newton, separate
+from seatrial.vehicle.actuators import NOMINAL_V, largest, settling_s, voltage_for
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.bench_test.columns import Unit
+    from seatrial.bench_test.file import Pull
+
+__all__ = [
+    "Points",
+    "PullPoints",
+    "behind_motors",
+    "distance",
+    "read_pull",
+    "repeated",
+    "settled",
+    "signals_of",
+]
+
+_STEP_S = 0.05
+
+
+def distance(vehicle: Vehicle, actuator: str, values: ArrayLike) -> Array:
+    """Signal (n,): commands or measured values from neutral, positive where they push along the direction."""
+    facts = vehicle.actuator_info()[actuator]
+    sense = -1.0 if facts["reversed"] else 1.0
+    return np.asarray(sense * (np.asarray(values, dtype=float) - facts["neutral"]))
+
+
+def settled(vehicle: Vehicle, actuator: str, commands: ArrayLike) -> Array:
+    """Signal (n,) behind the settled motor for steady commands (n,); NaN stays NaN.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> settled(st.Vehicle.load("cwolf"), "SbU", [0.0, 60.0, -1000.0, 2500.0]).round().tolist()
+    [0.0, 150.0, -1000.0, 2000.0]
+    """
+    wanted = np.asarray(commands, dtype=float)
+    distinct = np.unique(wanted[np.isfinite(wanted)])
+    facts = vehicle.actuator_info()[actuator]
+    steps = int(np.ceil(settling_s(vehicle) / _STEP_S))
+    held: dict[str, ArrayLike] = {actuator: np.repeat(distinct, steps)}
+    t: Array = _STEP_S * np.arange(steps * len(distinct), dtype=float)
+    if len(distinct) == 0:
+        return np.full(wanted.shape, np.nan)
+    run = vehicle.simulate(t, held, free="", voltage=voltage_for(vehicle, t, NOMINAL_V), max_step=_STEP_S)
+    last = distance(vehicle, actuator, np.asarray(run.actuators[actuator])[steps - 1 :: steps])
+    last[np.abs(last) < 1e-9 * largest(facts, 1.0)] = 0.0
+    result = np.full(wanted.shape, np.nan)
+    finite = np.isfinite(wanted)
+    result[finite] = last[np.searchsorted(distinct, wanted[finite])]
+    return result
+
+
+_LOG = 5
+
+
+def signals_of(
+    pull: Pull, unit: Unit, vehicle: Vehicle, table: BenchTable, where: str
+) -> tuple[dict[str, Array], list[str]]:
+    """Per thruster its command or measured signal (n,), and the names of those that are commands yet.
+
+    Measured signals are counted from neutral; of other groups there is only what is logged.
+
+    Raises
+    ------
+    TrialError
+        A column is missing, or a sign is given to what has one.
+    """
+    chosen = table.commands if pull.use == "command" else table.measured
+    _refuse_missing(pull, unit, table, chosen, where)
+    found: dict[str, Array] = {}
+    commanded = []
+    # A fin does not pull a vehicle that stands still.
+    for name in force_per_newton(vehicle, "X"):
+        if pull.use == "measured" and name in chosen:
+            found[name] = distance(vehicle, name, chosen[name])
+        elif name in table.commands:
+            values = table.commands[name]
+            found[name] = values if table.t is None else held(values)
+            commanded.append(name)
+    if pull.sign_of is not None:
+        side = np.sign(table.column(pull.sign_of.column, f"{where}, key sign_of") - pull.sign_of.neutral)
+        for name in unit.actuators:
+            if (found[name] < 0.0).any():
+                raise TrialError(
+                    f"{where}, key sign_of: meas.{name} has negative values, so it has a sign of its own;"
+                    " remove sign_of"
+                )
+            found[name] = found[name] * side
+    return found, commanded
+
+
+def behind_motors(found: Sequence[Plateau], vehicle: Vehicle, commanded: Sequence[str]) -> list[Plateau]:
+    """Plateaus whose commands are replaced by what the settled motors make of them, from neutral."""
+    signals = [dict(plateau.signal) for plateau in found]
+    for name in commanded:
+        for signal, value in zip(
+            signals, settled(vehicle, name, [one[name] for one in signals]), strict=True
+        ):
+            signal[name] = float(value)
+    return [replace(plateau, signal=signal) for plateau, signal in zip(found, signals, strict=True)]
+
+
+def _refuse_missing(
+    pull: Pull, unit: Unit, table: BenchTable, chosen: Mapping[str, Array], where: str
+) -> None:
+    kind = "cmd" if pull.use == "command" else "meas"
+    missing = [name for name in unit.actuators if name not in chosen]
+    if len(missing) == len(unit.actuators):
+        raise TrialError(
+            f"{where}: no column {kind}.{missing[0]}; the recording {table.file} gives"
+            f" {listed([f'cmd.{n}' for n in table.commands] + [f'meas.{n}' for n in table.measured])}; map it"
+            f' in columns, for a whole group as "{kind}.{unit.name}"'
+        )
+    if missing:
+        raise TrialError(
+            f"{where}: no column {', '.join(f'{kind}.{name}' for name in missing)}, so it is not known"
+            " whether they ran; map them, or list under actuators only those that were driven"
+        )
+
+
+def repeated(rows: Sequence[Plateau]) -> list[str]:
+    """Warning about a log that was given without its time, from its rows."""
+    table = np.array([list(row.signal.values()) for row in rows])
+    same = (np.diff(table, axis=0) == 0.0).all(axis=1) & (table[1:] != 0.0).any(axis=1)
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
+    longest = 1 + int((ends[1::2] - ends[::2]).max(initial=0))
+    if longest < _LOG:
+        return []
+    return [
+        f"WARNING: {longest} rows in a row have the same signal; if this is a log, map its time as t_s: its"
+        " samples err alike, and intervals of rows taken as points are too narrow"
+    ]
+
+
+_ZERO_SHARE = 1e-6
+
+_ZERO_MEASURED = 0.01
+
+_APART = 4.0
+
+_NOTHING_N = 1e-9  # rounding of a load that never changes
+
+
+@dataclass(frozen=True, eq=False)
+class PullPoints:
+    """Points (n,) of one record.
+
+    Attributes
+    ----------
+    name, file
+        Of the pull.
+    signal, thrust, voltage, error
+        Signal in the command's unit, from neutral; thrust of a single actuator, N; supply voltage, V, NaN
+        where it is not known; standard error of the thrust from its samples, N, NaN in a table without time.
+    places, running
+        Row or interval of each, and the actuators that ran.
+    zero_effect, zero_error
+        Thrust per newton of zero error (n, a), and the standard error of the tare (a,) in N.
+    rests
+        Steady parts at zero signal behind the tare; none where nothing was subtracted.
+    tare
+        What was subtracted from the load (a,) in N; None where nothing was.
+    factors
+        Load of the vehicle per newton of a single actuator, one per set of actuators that ran.
+    notes
+        Sentences.
+    """
+
+    name: str
+    file: str
+    signal: Array
+    thrust: Array
+    voltage: Array
+    error: Array
+    places: tuple[str, ...]
+    running: tuple[tuple[str, ...], ...]
+    zero_effect: Array
+    zero_error: Array
+    rests: int
+    tare: Array | None
+    factors: dict[tuple[str, ...], float]
+    notes: tuple[str, ...]
+
+
+def read_pull(
+    pull: Pull,
+    unit: Unit,
+    vehicle: Vehicle,
+    path: Path,
+    *,
+    where: str,
+    reader: str | None = None,
+    columns: dict[str, Any] | None = None,
+) -> PullPoints:
+    """Points of a pull from its file.
+
+    Parameters
+    ----------
+    pull : Pull
+        The bench file's entry.
+    unit : Unit
+        What was driven.
+    vehicle : Vehicle
+        Gives geometry and motors.
+    path : Path
+    where : str
+        Beginning of messages.
+    reader, columns : optional
+        Of the whole bench file; the pull's own go before.
+
+    Raises
+    ------
+    TrialError
+        The record cannot be read or tells no single thrust.
+    """
+    table = read_bench_table(
+        path, vehicle, reader=pull.reader or reader, columns=(columns or {}) | pull.columns
+    )
+    axes, load = _load(pull, table, where)
+    signal, commanded = signals_of(pull, unit, vehicle, table, where)
+    voltage = table.voltage
+    if voltage is None and pull.voltage_v is not None:
+        voltage = np.full(len(load), pull.voltage_v)
+    if table.t is None:
+        found, left = rows_as_plateaus(signal, load, voltage)
+        notes = [f"{left} rows with empty cells left out"] if left else []
+        if not found:
+            raise TrialError(f"{where}: no row of {table.file} has both signal and load; check the columns")
+    else:
+        commands = {name: table.commands[name] for name in signal if name in table.commands}
+        if not commands.keys() & set(unit.actuators):
+            commands = {}  # those of idle groups do not tell where a plateau of this one ends
+        found, left = plateaus(table.t, commands, signal, load, voltage, settle_s=pull.settle_s, where=where)
+        counts = [plateau.samples for plateau in found]
+        notes = [
+            f"{len(found)} plateaus, each averaged over {min(counts)} to {max(counts)} steady samples, which"
+            " err alike, to one point"
+        ]
+        notes += [f"{left} plateaus too short to be steady left out"] if left else []
+    found = behind_motors(found, vehicle, commanded)
+    notes += repeated(found) if table.t is None else []
+    limit = max(largest(vehicle.actuator_info()[name], 1.0) for name in unit.actuators)
+    zero = (_ZERO_MEASURED if pull.use == "measured" and table.t is not None else _ZERO_SHARE) * limit
+    resting = [p for p in found if all(abs(x) <= zero for x in p.signal.values())]
+    tare, tare_error, said = _tare(pull, resting, load.shape[1], where)
+    notes += said
+    geometry = force_per_newton(vehicle, axes)
+    points: list[tuple[Plateau, Separated]] = []
+    for plateau in found:
+        tared = replace(plateau, load=plateau.load - (0.0 if tare is None else tare))
+        point = separate(tared, unit, geometry, zero=zero, where=where)
+        if point is not None:
+            points.append((plateau, point))
+    if not points:
+        raise TrialError(
+            f"{where}: no operating point with a signal: "
+            + (
+                f"{left} plateaus are too short after {pull.settle_s:g} s; hold each command longer, or lower"
+                " settle_s"
+                if left and table.t is not None
+                else f"every command of {unit.name} is zero"
+            )
+        )
+    return _gathered(pull, table.file, points, tare, tare_error, len(resting), notes)
+
+
+def _gathered(
+    pull: Pull,
+    file: str,
+    points: Sequence[tuple[Plateau, Separated]],
+    tare: Array | None,
+    tare_error: Array,
+    rests: int,
+    notes: list[str],
+) -> PullPoints:
+    drifting = [plateau.place for plateau, _ in points if plateau.drifting]
+    if drifting:
+        notes.append(
+            f"the load still moved on {len(drifting)} of {len(points)} plateaus (first at {drifting[0]});"
+            " hold longer or raise settle_s"
+        )
+    separated = [point for _, point in points]
+    if not any(abs(point.thrust) > _NOTHING_N for point in separated):
+        raise TrialError(
+            f"{file}: the load is the same at rest and under every command; expected a force that answers the"
+            " commands, so check the load cell's column"
+        )
+    strong = [p for p in separated if abs(p.thrust) > 0.3 * max(abs(q.thrust) for q in separated)]
+    across = max(p.across / (abs(p.thrust) * p.factor) for p in strong)
+    if across > 0.05:
+        notes.append(
+            f"WARNING: {100.0 * across:.0f} % of the load acts across the direction of the vehicle file;"
+            " check direction of the actuators and alignment of the cell"
+        )
+    return PullPoints(
+        name=pull.name,
+        file=file,
+        signal=np.array([p.signal for p in separated]),
+        thrust=np.array([p.thrust for p in separated]),
+        voltage=np.array([plateau.voltage for plateau, _ in points]),
+        error=np.array([p.error for p in separated]),
+        places=tuple(plateau.place for plateau, _ in points),
+        running=tuple(p.running for p in separated),
+        zero_effect=np.array([p.weights for p in separated]),
+        zero_error=tare_error,
+        rests=0 if tare is None else rests,
+        tare=tare,
+        factors={p.running: p.factor for p in separated},
+        notes=tuple(notes),
+    )
+
+
+def _load(pull: Pull, table: BenchTable, where: str) -> tuple[str, Array]:
+    """Letters of the cell's axes and the load (n, a) along them."""
+    if pull.direction is not None:
+        axis, sign = SENSES[pull.direction]
+        if "" not in table.loads:
+            raise TrialError(
+                f'{where}: direction = "{pull.direction}" is for a single cell; expected a column load_n,'
+                f" found loads on axes: {listed(table.loads)}; map it or give axis instead"
+            )
+        return axis, sign * table.loads[""][:, None]
+    axes = str(pull.axis)
+    missing = [f"load.{letter}_n" for letter in axes if letter not in table.loads]
+    if missing:
+        raise TrialError(
+            f"{where}: no column {', '.join(missing)} in {table.file}; map the load cell's column in columns,"
+            ' or, for a single cell (load_n), give direction = "ahead" instead of axis'
+        )
+    return axes, np.column_stack([table.loads[letter] for letter in axes])
+
+
+def _tare(
+    pull: Pull, resting: Sequence[Plateau], axes: int, where: str
+) -> tuple[Array | None, Array, list[str]]:
+    """Zero of the cell (a,), its standard error (a,), and what to say."""
+    nothing = np.zeros(axes)
+    if pull.tare is False:
+        return None, nothing, []
+    if not resting:
+        if pull.tare:
+            raise TrialError(
+                f"{where}, key tare: there is no steady part at zero command to take the cell's zero from;"
+                " record one, or remove tare"
+            )
+        return None, nothing, ["not tared: no steady part at zero command"]
+    loads = np.array([plateau.load for plateau in resting])
+    tare = loads.mean(axis=0)
+    own = np.array([plateau.error for plateau in resting])
+    if len(loads) > 2:
+        error = loads.std(axis=0, ddof=1) / np.sqrt(len(loads))
+    else:
+        error = np.sqrt((np.nan_to_num(own) ** 2).sum(axis=0)) / len(loads)
+    said = [
+        f"tared by {', '.join(f'{x:+.3g}' for x in tare)} N, the mean of {len(loads)} steady parts at zero"
+        " signal"
+    ]
+    if len(loads) > 1 and np.isfinite(own).all():
+        apart = np.ptp(loads, axis=0)
+        if (apart > _APART * np.sqrt(2.0) * own.max(axis=0)).any() and apart.max() > 0.0:
+            said.append(f"the cell's zero moved by {apart.max():.2g} N between its steady parts")
+    return tare, error, said
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points (n,) of a group: signal in the command's unit, thrust of one actuator in N, voltage in V.
+
+    ``pull`` names the pull of each, ``place`` file and row or time, ``running`` the actuators. ``zero``
+    (n, m) is the thrust per newton of zero error of each cell, ``zero_error`` (m,) the tares' standard errors
+    in N from their samples, ``rests`` (m,) the steady parts behind each tare.
+    """
+
+    signal: Array
+    thrust: Array
+    voltage: Array
+    error: Array
+    zero: Array
+    zero_error: Array
+    rests: Array
+    pull: tuple[str, ...]
+    place: tuple[str, ...]
+    running: tuple[tuple[str, ...], ...]
+
+    @classmethod
+    def pooled(cls, pulls: Sequence[PullPoints]) -> Points:
+        """Points of several pulls together; each has a cell of its own."""
+        from scipy.linalg import block_diag
+
+        return cls(
+            signal=np.concatenate([p.signal for p in pulls]),
+            thrust=np.concatenate([p.thrust for p in pulls]),
+            voltage=np.concatenate([p.voltage for p in pulls]),
+            error=np.concatenate([p.error for p in pulls]),
+            zero=np.asarray(block_diag(*[p.zero_effect for p in pulls])),
+            zero_error=np.concatenate([p.zero_error for p in pulls]),
+            rests=np.concatenate([np.full(len(p.zero_error), float(p.rests)) for p in pulls]),
+            pull=tuple(p.name for p in pulls for _ in p.places),
+            place=tuple(f"{Path(p.file).name}, {place}" for p in pulls for place in p.places),
+            running=tuple(names for p in pulls for names in p.running),
+        )
+
+    def zero_columns(self, sigma: float) -> Array:
+        """Columns (n, m) of one standard deviation each of the tares' errors.
+
+        A plateau at rest repeats no better than the others, so that the scatter ``sigma`` in N of the points
+        about the curve, over the root of the number of rests, is the least that a tare may err by.
+        """
+        per_newton = np.abs(self.zero).max(axis=0, initial=0.0)
+        repeated = sigma / np.maximum(per_newton, 1e-12) / np.sqrt(np.maximum(self.rests, 1.0))
+        own = np.maximum(self.zero_error, repeated)
+        return np.asarray(self.zero * np.where(self.rests > 0.0, own, 0.0))

@@ -1,0 +1,1 @@
+"""The campaign file, its parameters, its trials and its variants."""

@@ -1,0 +1,492 @@
+"""Campaign: a vehicle, its trials and the stages of its identification, checked and ready to run.
+
+The trials of a campaign, each read from its file when it is first asked for.
+
+The bench test that a campaign names: of the same vehicle, evaluated once for all variants of the campaign.
+
+Held by ``test_a_bench_record_that_changes_is_read_again`` and tests/base/test_bad_input.py.
+
+What a run rests on, for the file that says so in every run directory.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import platform
+import threading
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial import _core
+from seatrial.base.errors import CampaignError, VehicleError, nearest, reason
+from seatrial.base.toml_file import file_path, is_path
+from seatrial.campaign.file import (
+    CampaignFile,
+    Environment,
+    Input,
+    Places,
+    Stage,
+    TrialSource,
+    in_order,
+    parse,
+)
+from seatrial.campaign.parameters import Parameter, names, parameters
+from seatrial.campaign.tuning_table import Budget
+from seatrial.campaign.variants import LockedAxes, locked
+from seatrial.trial.sensor_position import refuse_far
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.bench_test.result import BenchTest
+    from seatrial.trial.trial import Trial
+
+__all__ = ["Campaign", "TrialsOfCampaign", "bench_test", "run_facts"]
+
+
+class TrialsOfCampaign(Mapping[str, "Trial"]):
+    """Trials by name, read when first asked for."""
+
+    def __init__(self, campaign: Campaign, sources: Mapping[str, TrialSource]) -> None:
+        self._campaign, self._sources = campaign, sources
+        self._read: dict[str, Trial] = {}
+        self._lock = threading.Lock()
+
+    def __getitem__(self, name: str) -> Trial:
+        if name not in self._sources:
+            raise KeyError(name)
+        with self._lock:
+            if name not in self._read:
+                self._read[name] = self._campaign.read(name)
+            return self._read[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._sources  # without reading the trial
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sources)
+
+    def __len__(self) -> int:
+        return len(self._sources)
+
+
+class Campaign:
+    """A checked campaign: vehicle, trials (read when first asked for), stages in the order of their run.
+
+    Made by `load` or `from_toml`. ``vehicle`` is the vehicle as the bench test left it, ``bench`` that test
+    (`seatrial.bench_test.result.BenchTest`, None without one).
+
+    Parameters
+    ----------
+    file : CampaignFile
+        What the file says.
+    text, source : str
+        Its text, kept with the results, and what to call it in messages.
+    folder : Path
+        Where paths in the file begin.
+    trials : mapping, optional
+        Trial name to path or frame, instead of the file's own.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> campaign = st.Campaign.from_toml('''
+    ... format = 1
+    ... name = "dive"
+    ... vehicle = "cwolf"
+    ... [trials.dive]
+    ... file = "dive.csv"
+    ... [[stages]]
+    ... name = "heave"
+    ... trials = ["dive"]
+    ... axes = { free = "Z" }
+    ... [stages.coefficients]
+    ... Z_ww = [-1000.0, -50.0]
+    ... ''')
+    >>> campaign.parameters["heave"][0].lower
+    -1000.0
+    """
+
+    def __init__(
+        self,
+        file: CampaignFile,
+        *,
+        text: str,
+        source: str,
+        folder: Path,
+        trials: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.file = file
+        self.text = text
+        self.source = source
+        self.folder = folder
+        self.bench = self._bench_test()
+        self.vehicle = self._load_vehicle() if self.bench is None else self.bench.vehicle
+        self._sources, self._data = self._trial_sources(dict(trials or {}))
+        self.trials: Mapping[str, Trial] = TrialsOfCampaign(self, self._sources)
+        self.stages = in_order(file.stages, source)
+        self.parameters: dict[str, tuple[Parameter, ...]] = {
+            stage.name: parameters(stage, self.vehicle, self.place(stage)) for stage in self.stages
+        }
+        self._check_trial_names()
+        self._check_places()
+        self._check_side_by_side()
+
+    @classmethod
+    def load(cls, path: str | Path, trials: Mapping[str, Any] | None = None) -> Campaign:
+        """Campaign from a TOML file.
+
+        Parameters
+        ----------
+        path : str or Path
+        trials : mapping, optional
+            Trial name to path (or polars or pandas frame), instead of the file's own. A name that the file
+            does not have becomes a hold-out trial, read with the campaign's common column map.
+
+        Raises
+        ------
+        CampaignError
+            The file is missing, not TOML, has unknown keys or asks for what cannot be done.
+        VehicleError
+            The vehicle cannot be loaded.
+        """
+        path = Path(path)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise CampaignError(
+                f"{path}: not readable as a campaign file ({reason(error)}); check the path"
+            ) from None
+        return cls(parse(text, str(path)), text=text, source=str(path), folder=path.parent, trials=trials)
+
+    @classmethod
+    def from_toml(
+        cls,
+        text: str,
+        *,
+        folder: str | Path = ".",
+        source: str = "<text>",
+        trials: Mapping[str, Any] | None = None,
+    ) -> Campaign:
+        """Campaign from TOML text; paths in it are relative to the folder.
+
+        Parameters
+        ----------
+        text : str
+        folder : str or Path
+        source : str
+            What to call the text in messages.
+        trials : mapping, optional
+            As in `load`.
+
+        Raises
+        ------
+        CampaignError, VehicleError
+            As in `load`.
+        """
+        return cls(parse(text, source), text=text, source=source, folder=Path(folder), trials=trials)
+
+    def with_locked_axes(self, mode: LockedAxes) -> Campaign:
+        """Campaign with every axis that a stage does not free frozen or replayed; the polish stays.
+
+        Parameters
+        ----------
+        mode : "frozen" or "measured"
+            Frozen axes keep the velocity that they have at the start of a segment, as in the paper; measured
+            ones are replayed from the recording and enter the forces.
+
+        Raises
+        ------
+        CampaignError
+            There is no such mode.
+
+        Examples
+        --------
+        >>> import seatrial as st
+        >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
+        >>> campaign.with_locked_axes("frozen").stages[0].axes.frozen  # doctest: +SKIP
+        'YZKMN'
+        """
+        return locked(self, mode)
+
+    @property
+    def autopilot(self) -> Autopilot:
+        """The autopilot with the start gains: the file's, or the built-in one of the vehicle.
+
+        Raises
+        ------
+        CampaignError
+            The file names none, and there is none built in for the vehicle.
+        VehicleError
+            It cannot be loaded.
+        """
+        from seatrial._core import Autopilot
+
+        named = self.file.autopilot
+        if named is None:
+            if self.file.vehicle in Autopilot.names():
+                return Autopilot.load(self.file.vehicle)
+            raise CampaignError(
+                f"{self.source}: key autopilot: expected the autopilot that is tuned or verified, found none;"
+                " make one with `seatrial autopilot VEHICLE --out autopilot.toml` and name it here"
+            )
+        return Autopilot.load(self.beside(named, "autopilot") if is_path(named) else named)
+
+    def beside(self, path: str, key: str) -> Path:
+        """Path of a file that the campaign names, which begins in the campaign's folder.
+
+        Parameters
+        ----------
+        path : str
+        key : str
+            Of the campaign file, for messages.
+
+        Raises
+        ------
+        CampaignError
+            An environment variable in the path is not set.
+        """
+        return self._path(path, f"key {key}")
+
+    @property
+    def name(self) -> str:
+        """Name of the campaign."""
+        return self.file.name
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random number of a run."""
+        return self.file.seed
+
+    def place(self, stage: Stage) -> str:
+        """Words for messages: file and stage."""
+        return f"{self.source}: stage {stage.name!r}"
+
+    def before(self, stage: Stage) -> list[str]:
+        """Names of the stages that a stage runs after, directly or not, in the order of their run."""
+        names = set(stage.after)
+        for earlier in reversed(self.stages):
+            if earlier.name in names:
+                names |= set(earlier.after)
+        return [earlier.name for earlier in self.stages if earlier.name in names]
+
+    def budget(self, stage: Stage) -> Budget:
+        """Budget of a stage: its own, then the campaign's."""
+        return stage.budget.over(self.file.budget)
+
+    def source_of(self, trial: str) -> TrialSource:
+        """What the campaign says about a trial."""
+        return self._sources[trial]
+
+    def input_of(self, trial: str) -> Input:
+        """What drives the model in a trial: "commands", "tau" or "measured"."""
+        return self._sources[trial].input or self.file.input
+
+    def environment_of(self, trial: str) -> Environment:
+        """Water and gravity of a trial, None where the vehicle's own hold."""
+        own, common = self._sources[trial].environment, self.file.environment
+        return Environment(**(common.model_dump(exclude_none=True) | own.model_dump(exclude_none=True)))
+
+    def held_out(self, trial: str) -> NDArray[np.bool_]:
+        """Mask (n,): True where a sample of the trial is held out of the fit."""
+        source, t = self._sources[trial], self.trials[trial].t
+        mask = np.full(len(t), source.hold_out)
+        for start, stop in source.hold_out_s:
+            mask |= (t >= start) & (t < stop)
+            if stop <= t[0] or start > t[-1]:
+                raise CampaignError(
+                    f"{self.source}: trial {trial!r}, key hold_out_s: [{start:g}, {stop:g}] lies outside the"
+                    f" recording, which runs from {t[0]:g} to {t[-1]:g} s; use the trial's own time"
+                )
+        return mask
+
+    def path_of(self, trial: str) -> Path | None:
+        """Path of a trial's file, None for a frame.
+
+        Raises
+        ------
+        CampaignError
+            An environment variable in the path is not set.
+        """
+        data = self._data.get(trial)
+        if data is None:
+            return self._path(self._sources[trial].file, f"trial {trial!r}, key file")
+        return Path(data) if isinstance(data, str | Path) else None
+
+    def read(self, trial: str) -> Trial:
+        """Trial read from its file; `trials` reads each only once.
+
+        Parameters
+        ----------
+        trial : str
+            Its name in the campaign.
+
+        Raises
+        ------
+        CampaignError
+            There is no such file.
+        TrialError
+            The recording or its column map cannot be used.
+        """
+        from seatrial.trial.trial import Trial
+
+        source, environment = self._sources[trial], self.environment_of(trial)
+        path = self.path_of(trial)
+        if path is not None and not path.exists():
+            raise CampaignError(
+                f"{self.source}: trial {trial!r}, key file: there is no file {path}; correct the path or give"
+                f" another one with trials={{{trial!r}: path}}"
+            )
+        return Trial.read(
+            self._data[trial] if path is None else path,
+            reader=source.reader or self.file.reader,
+            columns=self.file.columns | source.columns or None,
+            name=trial,
+            rate_hz=source.rate_hz or self.file.rate_hz,
+            places=source.places.over(self.file.places),
+            rho=environment.rho_kg_m3,
+            g=environment.g_m_s2,
+        )
+
+    def file_hash(self, trial: str) -> str | None:
+        """SHA-256 of a trial's file, None for a frame."""
+        path = self.path_of(trial)
+        if path is None:
+            return None
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+
+    def _load_vehicle(self) -> Vehicle:
+        from seatrial._core import Vehicle
+
+        name = self.file.vehicle
+        try:
+            return Vehicle.load(str(self._path(name, "key vehicle")) if is_path(name) else name)
+        except VehicleError as error:
+            raise VehicleError(f"{self.source}: key vehicle: {error}") from None
+
+    def _bench_test(self) -> BenchTest | None:
+        """Bench test of the vehicle, where the file names one."""
+        if self.file.bench is None:
+            return None
+
+        path = self._path(self.file.bench, "key bench")
+        return bench_test(path, self._load_vehicle(), f"{self.source}: key bench")
+
+    def _path(self, text: str, where: str) -> Path:
+        """Path relative to the campaign file, ``${VARIABLE}`` replaced by the environment's value."""
+        return file_path(text, self.folder, f"{self.source}: {where}")
+
+    def _trial_sources(self, given: dict[str, Any]) -> tuple[dict[str, TrialSource], dict[str, Any]]:
+        sources = dict(self.file.trials)
+        for name in given:
+            if name not in sources:
+                sources[name] = TrialSource(file="<given>", hold_out=True)
+        return sources, given
+
+    def _check_trial_names(self) -> None:
+        for stage in self.stages:
+            for name in stage.trials:
+                if name not in self._sources:
+                    raise CampaignError(
+                        f"{self.place(stage)}, key trials: unknown trial {name!r}"
+                        + nearest(name, self._sources)
+                    )
+                if self._sources[name].hold_out:
+                    raise CampaignError(
+                        f"{self.place(stage)}, key trials: trial {name!r} is held out as a whole;"
+                        " remove it from the stage or its hold_out"
+                    )
+
+    def _check_places(self) -> None:
+        length = self.vehicle.geometry().get("length")
+        refuse_far(self.file.places.over(Places()), length, f"{self.source}: places")
+        for name, trial in self.file.trials.items():
+            refuse_far(trial.places.over(Places()), length, f"{self.source}: trials, {name}, places")
+
+    def _check_side_by_side(self) -> None:
+        """Refuse two stages that set one coefficient with no order between them."""
+        for i, stage in enumerate(self.stages):
+            for other in self.stages[:i]:
+                shared = set(names(self.parameters[stage.name])) & set(names(self.parameters[other.name]))
+                if shared and other.name not in self.before(stage):
+                    raise CampaignError(
+                        f"{self.place(stage)}: coefficient {min(shared)!r} is also freed by stage"
+                        f" {other.name!r} and neither runs after the other; set after = [{other.name!r}]"
+                    )
+
+
+def bench_test(path: Path, vehicle: Vehicle, where: str) -> BenchTest:
+    """Bench test of a campaign's vehicle from its file; the same records are evaluated once.
+
+    Parameters
+    ----------
+    path : Path
+        Bench file.
+    vehicle : Vehicle
+        The campaign's, before the test.
+    where : str
+        Beginning of messages.
+
+    Raises
+    ------
+    CampaignError
+        There is no such file, or it tests another vehicle.
+    """
+    from seatrial.bench_test.evaluate import fingerprint, vehicle_of
+
+    if not path.is_file():
+        raise CampaignError(f"{where}: there is no file {path}; correct the path or remove the key")
+    tested = vehicle_of(path)
+    if tested.name != vehicle.name:
+        raise CampaignError(
+            f"{where}: {path} tests the vehicle {tested.name}, and the campaign"
+            f" identifies {vehicle.name}; name the same vehicle in both"
+        )
+    return _benched(str(path.resolve()), fingerprint(path), vehicle.to_toml())
+
+
+@functools.lru_cache(maxsize=4)
+def _benched(path: str, _fingerprint: str, vehicle: str) -> BenchTest:
+    from seatrial._core import Vehicle
+    from seatrial.bench_test.evaluate import bench
+
+    return bench(path, vehicle=Vehicle.from_toml(vehicle, path))
+
+
+def run_facts(campaign: Campaign, *, trials: bool = True) -> dict[str, Any]:
+    """What a run rests on: versions, machine, seed, SIMD level, hashes of the inputs.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    trials : bool, optional
+        Whether the recordings are among the inputs.
+    """
+    return {
+        "campaign": campaign.name,
+        "seed": campaign.seed,
+        "simd": _core.simd_level(),
+        "versions": {name: version(name) for name in ("seatrial", "numpy", "scipy", "cma", "polars")}
+        | {"python": platform.python_version()},
+        "platform": platform.platform(),
+        "sha256": {
+            "campaign": hashlib.sha256(campaign.text.encode()).hexdigest(),
+            "vehicle": hashlib.sha256(campaign.vehicle.to_toml().encode()).hexdigest(),
+        }
+        | _bench_hashes(campaign)
+        | {f"trial {name}": campaign.file_hash(name) for name in (campaign.trials if trials else ())},
+    }
+
+
+def _bench_hashes(campaign: Campaign) -> dict[str, str]:
+    """SHA-256 of the bench file and of what it reads."""
+    if campaign.bench is None:
+        return {}
+    facts = campaign.bench.facts
+    return {"bench": facts["bench_sha256"]} | {f"bench {k}": v for k, v in facts["inputs_sha256"].items()}

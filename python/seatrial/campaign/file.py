@@ -1,0 +1,370 @@
+"""The campaign file's format: which keys it has, what they mean, what they may hold.
+
+These models are the only owner of the format; unknown keys are refused with the nearest known name.
+
+The order in which the stages of a campaign run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.toml_file import (
+    Count,
+    FolderName,
+    Interval,
+    Name,
+    Number,
+    Positive,
+    Section,
+    checked,
+    tables,
+)
+from seatrial.campaign.tuning_table import Budget, TuningTable
+from seatrial.campaign.verification_table import VerificationTable
+
+__all__ = [
+    "Anchor",
+    "Axes",
+    "Ballast",
+    "Bollard",
+    "CampaignFile",
+    "Coefficient",
+    "DryMass",
+    "Environment",
+    "Input",
+    "Nuisance",
+    "Place",
+    "Places",
+    "Polish",
+    "Stage",
+    "Tie",
+    "TrialSource",
+    "in_order",
+    "parse",
+]
+
+Input = Literal["commands", "tau", "measured"]
+
+
+class Environment(Section):
+    """Water and gravity."""
+
+    rho_kg_m3: Positive | None = None
+    g_m_s2: Positive | None = None
+
+
+Place = tuple[Number, Number, Number]
+
+
+class Places(Section):
+    """Where sensors sit, m forward, starboard and down of O."""
+
+    velocity_m: Place | None = None
+    position_m: Place | None = None
+    depth_m: Place | None = None
+
+    def over(self, other: Places) -> dict[str, Place]:
+        """Places by sensor, with what is absent here taken from the other ones."""
+        found = other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)
+        return {key.removesuffix("_m"): place for key, place in found.items()}
+
+
+class TrialSource(Section):
+    """One recording: where it is, how it is read, what of it is held out."""
+
+    file: Name
+    reader: str | None = None
+    columns: dict[str, Any] = Field(default_factory=dict)
+    rate_hz: Positive | None = None
+    environment: Environment = Environment()
+    places: Places = Places()
+    hold_out: bool = False
+    hold_out_s: tuple[Interval, ...] = ()
+    input: Input | None = None
+
+    @model_validator(mode="after")
+    def _intervals_run_forwards(self) -> TrialSource:
+        for start, stop in self.hold_out_s:
+            if start >= stop:
+                raise ValueError(f"hold_out_s holds [start, stop] with start < stop, found [{start}, {stop}]")
+        return self
+
+
+class Axes(Section):
+    """Modes of the axes by letter; an axis that is not mentioned is frozen."""
+
+    free: str = ""
+    measured: str = ""
+    frozen: str = ""
+
+    @model_validator(mode="after")
+    def _each_axis_once(self) -> Axes:
+        for mode, letters in (("free", self.free), ("measured", self.measured), ("frozen", self.frozen)):
+            for letter in letters:
+                if letter not in AXES:
+                    raise ValueError(f"{mode} holds letters of {AXES}, found {letter!r}")
+        letters = self.free + self.measured + self.frozen
+        for letter in letters:
+            if letters.count(letter) > 1:
+                raise ValueError(f"axis {letter} has two modes; name it once in free, measured or frozen")
+        return self
+
+
+def _short_tie(entry: Any) -> Any:
+    return {"name": entry} if isinstance(entry, str) else entry
+
+
+class Tie(Section):
+    """A coefficient that follows another one by a factor (symmetry)."""
+
+    name: Name
+    factor: Number = 1.0
+
+
+def _short_coefficient(entry: Any) -> Any:
+    if entry == "default":
+        return {}
+    if isinstance(entry, str):
+        raise ValueError(f'expected [lower, upper], "default" or a table, found {entry!r}')
+    return {"bounds": entry} if isinstance(entry, list | tuple) else entry
+
+
+class Coefficient(Section):
+    """A free coefficient: bounds, start value and those tied to it."""
+
+    advice: ClassVar[str] = '. A name with a dot needs quotes: "stern.gain" = [0.5, 2.0].'
+
+    bounds: Interval | None = None
+    start: Number | None = None
+    relative: bool = False
+    tie: tuple[Annotated[Tie, BeforeValidator(_short_tie)], ...] = ()
+
+    @model_validator(mode="after")
+    def _bounds_in_order(self) -> Coefficient:
+        if self.bounds is not None:
+            lower, upper = self.bounds
+            if lower >= upper:
+                raise ValueError(f"bounds are [lower, upper] with lower < upper, found [{lower}, {upper}]")
+        elif self.relative:
+            raise ValueError("relative = true needs bounds: two factors of the vehicle's value")
+        return self
+
+
+class Stage(Section):
+    """One step of the identification: these coefficients from those trials."""
+
+    name: Name
+    trials: Annotated[tuple[Name, ...], Field(min_length=1)]
+    axes: Axes
+    coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = Field(
+        default_factory=dict
+    )
+    after: tuple[Name, ...] = ()
+    segment_s: Positive = 10.0
+    overlap_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    channels: dict[str, Positive] = Field(default_factory=dict)
+    loss: Literal["absolute", "squared", "huber"] = "absolute"
+    knee: Positive = 1.8
+    start: Literal["smoothed", "estimated"] = "smoothed"
+    budget: Budget = Budget()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Stage:
+        for channel in self.channels:
+            if channel not in CHANNELS:
+                raise ValueError(f"unknown channel {channel!r}{nearest(channel, CHANNELS)}")
+        if self.overlap_s >= self.segment_s:
+            raise ValueError(
+                f"overlap_s = {self.overlap_s} must be shorter than segment_s = {self.segment_s}"
+            )
+        if not self.axes.free:
+            raise ValueError('frees no axis, so nothing can be identified; set axes = { free = "X", ... }')
+        if not self.coefficients:
+            raise ValueError("frees no coefficient; list at least one under [stages.coefficients]")
+        return self
+
+    def weights(self) -> dict[str, float]:
+        """Weight per channel; by default 1 for the velocity of every free axis."""
+        if self.channels:
+            return dict(self.channels)
+        return {CHANNELS[AXES.index(axis)]: 1.0 for axis in sorted(self.axes.free, key=AXES.index)}
+
+
+def _short_nuisance(entry: Any) -> Any:
+    if entry == "default":
+        return {}
+    return {"sd": entry} if isinstance(entry, int | float) else entry
+
+
+class Nuisance(Section):
+    """A nuisance parameter: how far it may plausibly lie from zero, and whether all trials share it."""
+
+    sd: Positive | None = None
+    shared: bool | None = None
+    trials: tuple[Name, ...] = ()
+
+
+class Polish(Section):
+    """The joint estimate after the stages: every coefficient, trial and nuisance parameter at once."""
+
+    trials: tuple[Name, ...] = ()
+    axes: Axes | None = None
+    coefficients: dict[str, Annotated[Coefficient, BeforeValidator(_short_coefficient)]] = Field(
+        default_factory=dict
+    )
+    fixed: tuple[Name, ...] = ()
+    nuisances: dict[str, Annotated[Nuisance, BeforeValidator(_short_nuisance)]] = Field(default_factory=dict)
+    channels: dict[str, Positive] = Field(default_factory=dict)
+    segment_s: Positive = 20.0
+    loss: Literal["squared", "huber"] = "huber"
+    knee: Positive = 3.0
+    start: Literal["smoothed", "estimated"] = "estimated"
+    starts: Count = 1
+    rounds: Annotated[int, Field(strict=True, ge=0)] = 10
+
+    @model_validator(mode="after")
+    def _known_channels(self) -> Polish:
+        for channel in self.channels:
+            if channel not in CHANNELS:
+                raise ValueError(f"unknown channel {channel!r}{nearest(channel, CHANNELS)}")
+        return self
+
+
+def _as_list(entry: Any) -> Any:
+    return [entry] if isinstance(entry, Mapping) else entry
+
+
+class DryMass(Section):
+    """Mass on the scales and the water carried along; ``added`` is added mass over both, [least, most]."""
+
+    mass_kg: Positive
+    water_kg: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    axis: Literal["X", "Y", "Z"] = "X"
+    added: tuple[Positive, Positive] | None = None
+    sd_percent: Positive | None = None
+
+
+class Bollard(Section):
+    """Force measured at rest under steady commands of actuators or groups."""
+
+    commands: Annotated[dict[str, Number], Field(min_length=1)]
+    force_n: Number
+    axis: Literal["X", "Y", "Z"] = "X"
+    voltage_v: Positive | None = None
+    sd_percent: Positive | None = None
+
+
+class Ballast(Section):
+    """A known ballast and one answer to it: steady sinking, an angle at rest or commands that hold depth."""
+
+    mass_kg: Positive
+    volume_m3: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    sink_m_s: Number | None = None
+    roll_deg: Number | None = None
+    pitch_deg: Number | None = None
+    position_m: tuple[Number, Number, Number] | None = None
+    commands: dict[str, Number] = Field(default_factory=dict)
+    voltage_v: Positive | None = None
+    sd_percent: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_answer(self) -> Ballast:
+        angles = [key for key in ("roll_deg", "pitch_deg") if getattr(self, key) is not None]
+        given = [*angles, *(["sink_m_s"] if self.sink_m_s is not None else [])]
+        given += ["commands"] if self.commands else []
+        if len(given) != 1:
+            raise ValueError(
+                "give one answer to the ballast: sink_m_s, roll_deg, pitch_deg or commands; found"
+                f" {' and '.join(given) or 'none'}"
+            )
+        if angles and self.position_m is None:
+            raise ValueError(f"{angles[0]} needs position_m, where the ballast hangs")
+        return self
+
+
+class Anchor(Section):
+    """What fixes the scale of all forces, of which trials tell ratios only."""
+
+    dry_mass: DryMass | None = None
+    bollard: Annotated[tuple[Bollard, ...], BeforeValidator(_as_list)] = ()
+    ballast: Annotated[tuple[Ballast, ...], BeforeValidator(_as_list)] = ()
+
+
+class CampaignFile(Section):
+    """The whole file."""
+
+    format: Literal[1]
+    name: FolderName
+    vehicle: Name
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    description: str = ""
+    bench: Name | None = None
+    environment: Environment = Environment()
+    places: Places = Places()
+    reader: str | None = None
+    rate_hz: Positive | None = None
+    input: Input = "commands"
+    columns: dict[str, Any] = Field(default_factory=dict)
+    budget: Budget = Budget()
+    trials: dict[str, TrialSource] = Field(default_factory=dict)
+    stages: tuple[Stage, ...] = ()
+    polish: Polish | None = None
+    anchor: Anchor = Anchor()
+    autopilot: Name | None = None
+    tuning: TuningTable | None = None
+    verification: VerificationTable | None = None
+
+    @model_validator(mode="after")
+    def _something_to_do(self) -> CampaignFile:
+        alone = self.tuning is not None or self.verification is not None
+        for key, given in (("trials", self.trials), ("stages", self.stages)):
+            if not given and not alone:
+                table = "[trials]" if key == "trials" else "[[stages]]"
+                raise ValueError(
+                    f"{key} is missing; add {table} to identify a vehicle, or [tuning] or [verification] to"
+                    " tune or verify an autopilot"
+                )
+        return self
+
+
+def parse(text: str, source: str) -> CampaignFile:
+    """Campaign file from its text.
+
+    Raises
+    ------
+    CampaignError
+        Not TOML, an unknown key, a missing key or a value that a key may not hold; all of them are listed.
+    """
+    return checked(CampaignFile, tables(text, source), source)
+
+
+def in_order(stages: tuple[Stage, ...], source: str) -> tuple[Stage, ...]:
+    """Stages so that each comes after those it names, otherwise as in the file."""
+    known = [stage.name for stage in stages]
+    for stage in stages:
+        if known.count(stage.name) > 1:
+            raise CampaignError(f"{source}: two stages are called {stage.name!r}; rename one")
+        for name in stage.after:
+            if name not in known:
+                raise CampaignError(
+                    f"{source}: stage {stage.name!r}, key after: unknown stage {name!r}{nearest(name, known)}"
+                )
+    ordered: list[Stage] = []
+    waiting = list(stages)
+    while waiting:
+        done = {stage.name for stage in ordered}
+        ready = next((stage for stage in waiting if done.issuperset(stage.after)), None)
+        if ready is None:
+            circle = ", ".join(repr(stage.name) for stage in waiting)
+            raise CampaignError(
+                f"{source}: the stages {circle} wait for one another; remove one of their after"
+            )
+        ordered.append(ready)
+        waiting.remove(ready)
+    return tuple(ordered)

@@ -1,0 +1,166 @@
+"""Free parameters of a stage: coefficients, bounds, start values, and what is tied to them.
+
+A parameter is one number of the search. It sets one coefficient or several: those of an actuator group
+(``stern.gain``: every actuator of the group) and those tied by symmetry (``Z_ww`` follows ``Y_vv``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.campaign.file import Coefficient, Stage
+from seatrial.vehicle.actuators import actuator_groups
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["VELOCITIES", "Parameter", "coefficients", "names", "parameters", "spread"]
+
+VELOCITIES = "uvwpqr"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of the search, in the unit of its first coefficient.
+
+    ``members`` are the coefficients that it sets, each with its factor.
+    """
+
+    name: str
+    members: tuple[tuple[str, float], ...]
+    unit: str
+    start: float
+    lower: float
+    upper: float
+    start_given: bool
+
+    def coefficients(self, value: float) -> dict[str, float]:
+        """Coefficients that this value sets."""
+        return {name: factor * value for name, factor in self.members}
+
+
+def parameters(stage: Stage, vehicle: Vehicle, where: str) -> tuple[Parameter, ...]:
+    """Parameters that a stage frees on a vehicle.
+
+    Parameters
+    ----------
+    stage : Stage
+    vehicle : Vehicle
+        The campaign's vehicle: it gives start values, default bounds and the reference of relative bounds.
+    where : str
+        Words for messages: file and stage.
+
+    Raises
+    ------
+    CampaignError
+        An unknown coefficient, a coefficient freed twice, no default bounds, bounds that exclude the start.
+    """
+    found = tuple(
+        _parameter(name, entry, vehicle, f"{where}, coefficient {name!r}")
+        for name, entry in stage.coefficients.items()
+    )
+    owner: dict[str, str] = {}
+    for parameter in found:
+        for member, _ in parameter.members:
+            if member in owner:
+                raise CampaignError(
+                    f"{where}: coefficient {member!r} is set by {owner[member]!r} and by {parameter.name!r};"
+                    " free or tie it once"
+                )
+            owner[member] = parameter.name
+    return found
+
+
+def names(found: Sequence[Parameter]) -> list[str]:
+    """Coefficients that the parameters set, in the order of `spread`."""
+    return [member for parameter in found for member, _ in parameter.members]
+
+
+def spread(found: Sequence[Parameter]) -> Array:
+    """Matrix ``(m, n)``: parameters ``(k, m)`` times it are coefficient values ``(k, n)``."""
+    matrix = np.zeros((len(found), sum(len(parameter.members) for parameter in found)))
+    column = 0
+    for row, parameter in enumerate(found):
+        for _, factor in parameter.members:
+            matrix[row, column] = factor
+            column += 1
+    return matrix
+
+
+def coefficients(found: Sequence[Parameter], values: Sequence[float] | Array) -> dict[str, float]:
+    """Coefficients that the parameters' values set."""
+    return {
+        name: value
+        for parameter, x in zip(found, values, strict=True)
+        for name, value in parameter.coefficients(float(x)).items()
+    }
+
+
+def _expand(name: str, vehicle: Vehicle, where: str) -> list[str]:
+    """Coefficients behind a name: itself, or that of every actuator of a group."""
+    known = vehicle.coefficient_info()
+    for candidate in (name, _transposed(name)):
+        if candidate in known:
+            return [candidate]
+    groups = actuator_groups(vehicle)
+    group, _, suffix = name.partition(".")
+    members = [f"{actuator}.{suffix}" for actuator in groups.get(group, [])]
+    if members and all(member in known for member in members):
+        return members
+    of_groups = [
+        f"{key}.{member.partition('.')[2]}"
+        for key, actuators in groups.items()
+        for member in known
+        if member.startswith(f"{actuators[0]}.")
+    ]
+    raise CampaignError(
+        f"{where}: vehicle {vehicle.name!r} has no such coefficient{nearest(name, [*known, *of_groups])}"
+    )
+
+
+def _transposed(name: str) -> str:
+    """The other name of an added-mass derivative: the matrix is symmetric, so N_vdot is Y_rdot."""
+    force, _, velocity = name.removesuffix("dot").partition("_")
+    if not name.endswith("dot") or force not in AXES or velocity not in VELOCITIES:
+        return name
+    return f"{AXES[VELOCITIES.index(velocity)]}_{VELOCITIES[AXES.index(force)]}dot"
+
+
+def _parameter(name: str, entry: Coefficient, vehicle: Vehicle, where: str) -> Parameter:
+    info, values = vehicle.coefficient_info(), vehicle.coefficients()
+    own = _expand(name, vehicle, where)
+    first = values.get(own[0], 0.0)
+    if entry.relative and any(values.get(member, 0.0) == 0.0 for member in own):
+        raise CampaignError(
+            f"{where}: relative bounds need a value in the vehicle file, but {own[0]!r} is zero;"
+            " give the value there or absolute bounds here"
+        )
+    members = [(member, values[member] / first if entry.relative else 1.0) for member in own]
+    for tie in entry.tie:
+        members += [(member, tie.factor) for member in _expand(tie.name, vehicle, f"{where}, tie")]
+
+    facts: Mapping[str, Any] = info[own[0]]
+    unit = str(facts["unit"])
+    scale = first if entry.relative else 1.0
+    start = first if entry.start is None else scale * entry.start
+    if entry.bounds is None:
+        lower, upper = (math.nan if facts[s] is None else float(facts[s]) for s in ("lower", "upper"))
+        if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+            raise CampaignError(f"{where}: there are no default bounds; give [lower, upper] in {unit}")
+    else:
+        lower, upper = sorted(scale * bound for bound in entry.bounds)
+    if not lower <= start <= upper:
+        origin = "its start value" if entry.start is not None else "the vehicle's value"
+        raise CampaignError(
+            f"{where}: the bounds [{lower:g}, {upper:g}] exclude {origin} {start:g} {unit};"
+            " widen the bounds or set start inside them"
+        )
+    return Parameter(name, tuple(members), unit, start, lower, upper, entry.start is not None)

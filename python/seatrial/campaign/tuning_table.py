@@ -1,0 +1,350 @@
+"""How long a search by evolution strategy and simplex may take: of a stage, or of a group of loops.
+
+The campaign file's `[tuning]`: which keys it has, what they mean, what they may hold.
+
+These models are the only owner of the table; unknown keys are refused with the nearest known name. What is
+absent and depends on the vehicle (steps, corridors, supporting speeds) is None here and filled by the tuner.
+Held by tests/campaign/test_tuning_file.py.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from seatrial.base.toml_file import Count, Interval, Name, NotNegative, Number, Positive, Section
+from seatrial.campaign.corridor import Corridor
+
+__all__ = [
+    "BESIDE",
+    "LOOPS",
+    "Beside",
+    "Budget",
+    "CorridorTable",
+    "LeastMargins",
+    "Loop",
+    "LoopTable",
+    "Loops",
+    "Margins",
+    "TuningTable",
+    "Weights",
+    "default_steps",
+]
+
+
+class Budget(Section):
+    """How long a search takes. What is absent is chosen from the number of its parameters."""
+
+    population: Annotated[int, Field(strict=True, ge=2)] | None = None
+    generations: Count | None = None
+    simplex_rounds: Count | None = None
+    tolerance: Positive | None = None
+
+    def over(self, other: Budget) -> Budget:
+        """Budget with what is absent here taken from the other one."""
+        return Budget(**(other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)))
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A loop or path that is tuned: channel of its response, unit of its steps in the file and in SI.
+
+    ``largest`` bounds a step in the file's unit: angles are compared the shorter way round, so that beyond
+    180 deg an overshoot would count as a shortfall. ``usual`` is the step where the file gives none, in that
+    unit, or as a share of the top speed where ``of_top`` holds.
+    """
+
+    channel: str
+    unit: str
+    to_si: float
+    largest: float
+    usual: float
+    of_top: bool = False
+
+
+_DEG = math.pi / 180.0
+
+LOOPS = {
+    "surge": Loop("u", "m/s", 1.0, math.inf, 0.15, of_top=True),
+    "sway": Loop("v", "m/s", 1.0, math.inf, 0.15, of_top=True),
+    "heave": Loop("z", "m", 1.0, math.inf, 1.0),
+    "roll": Loop("roll", "deg", _DEG, 90.0, 15.0),
+    "pitch": Loop("pitch", "deg", _DEG, 90.0, 15.0),
+    "heading": Loop("yaw", "deg", _DEG, 120.0, 20.0),
+    "depth": Loop("z", "m", 1.0, math.inf, 1.0),
+    "cross_track": Loop("cross_track", "m", 1.0, math.inf, 2.0),
+}
+"""Loops of the autopilot, and the paths over them: the depth by pitch, the cross-track error by heading."""
+
+BESIDE = {
+    "surge_m_s": ("u", 1.0),
+    "sway_m_s": ("v", 1.0),
+    "depth_m": ("z", 1.0),
+    "roll_deg": ("roll", _DEG),
+    "pitch_deg": ("pitch", _DEG),
+    "heading_deg": ("yaw", _DEG),
+    "cross_track_m": ("cross_track", 1.0),
+    "vertical_error_m": ("vertical_error", 1.0),
+}
+"""Channel and factor to SI of every key of `Beside`."""
+
+
+def default_steps(loop: str, *, top_m_s: float) -> tuple[float, float]:
+    """Steps of a loop in both directions where the file gives none, in the file's unit (m/s, m, deg).
+
+    About half of what may just ask for the largest demand (`seatrial.control_design.loop_gains.USUAL_ERROR`),
+    so that the limits are near but do not decide.
+
+    Parameters
+    ----------
+    loop : str
+        Key of `LOOPS`.
+    top_m_s : float
+        Largest steady speed of the loop's channel, m/s; of it a speed loop steps a share.
+
+    Examples
+    --------
+    >>> default_steps("surge", top_m_s=3.0)
+    (0.45, -0.45)
+    >>> default_steps("heading", top_m_s=3.0)
+    (20.0, -20.0)
+    """
+    entry = LOOPS[loop]
+    size = float(f"{entry.usual * top_m_s:.2g}") if entry.of_top else entry.usual
+    return size, -size
+
+
+class Weights(Section):
+    """Weights of leaving a corridor downwards and upwards."""
+
+    lower: NotNegative = 1.0
+    upper: NotNegative = 1.0
+
+    @model_validator(mode="after")
+    def _one_counts(self) -> Weights:
+        if self.lower == self.upper == 0.0:
+            raise ValueError(
+                "both weights are 0, so no violation counts; give lower or upper a weight above 0"
+            )
+        return self
+
+
+def _point(entry: Any) -> Any:
+    if isinstance(entry, list | tuple) and len(entry) != 2:
+        raise ValueError(f"expected a point [time in s, share of the step], found {list(entry)}")
+    return entry
+
+
+Point = Annotated[Interval, BeforeValidator(_point)]
+
+
+class CorridorTable(Section):
+    """A corridor by its figures, or by the points of its bounds (time since the step in s, share of it)."""
+
+    rise_s: Positive | None = None
+    overshoot: NotNegative | None = None
+    settling_s: Positive | None = None
+    settled: Positive | None = None
+    steady: Positive | None = None
+    until_s: Positive | None = None
+    undershoot: NotNegative | None = None
+    dead_s: NotNegative | None = None
+    lower: tuple[Point, ...] = ()
+    upper: tuple[Point, ...] = ()
+
+    @model_validator(mode="after")
+    def _figures_or_points(self) -> CorridorTable:
+        figures = [key for key, value in self._figures().items() if value is not None]
+        if (self.lower or self.upper) and figures:
+            raise ValueError(
+                f"gives figures ({', '.join(figures)}) and points (lower, upper); give one or the other"
+            )
+        if not (self.lower or self.upper) and self.rise_s is None:
+            raise ValueError("expected rise_s, or points as lower and upper; found neither; add one")
+        self.corridor(Weights())
+        return self
+
+    def corridor(self, weights: Weights) -> Corridor:
+        """The corridor, with a weight per side.
+
+        Parameters
+        ----------
+        weights : Weights
+        """
+        sides = {"weight_lower": weights.lower, "weight_upper": weights.upper}
+        if self.lower or self.upper:
+            return _of_a_step(Corridor(self.lower, self.upper, **sides))
+        given = {key: value for key, value in self._figures().items() if value is not None}
+        return Corridor.from_figures(**given, **sides)
+
+    def _figures(self) -> dict[str, Any]:
+        return self.model_dump(exclude={"lower", "upper"})
+
+
+def _of_a_step(corridor: Corridor) -> Corridor:
+    """The corridor, unless even a response that begins at 0 and ends at 1 is outside."""
+    for at, place, value in ((0.0, "begins", 0.0), (corridor.until_s, "ends", 1.0)):
+        lower, upper = (float(side[0]) for side in corridor.sampled([at]))
+        if not lower <= value <= upper:
+            raise ValueError(
+                f"a response {place} at {value:g}, which lies outside at {at:g} s: lower is {lower:g}, upper"
+                f" {upper:g} there; let the bounds enclose it"
+            )
+    return corridor
+
+
+class Beside(Section):
+    """What the other channels may do meanwhile: half-widths about their set points."""
+
+    surge_m_s: Positive | None = None
+    sway_m_s: Positive | None = None
+    depth_m: Positive | None = None
+    roll_deg: Positive | None = None
+    pitch_deg: Positive | None = None
+    heading_deg: Positive | None = None
+    cross_track_m: Positive | None = None
+    vertical_error_m: Positive | None = None
+
+    def half_widths(self) -> dict[str, float]:
+        """Half-width in SI (m/s, m, rad) of every channel that is bounded.
+
+        Examples
+        --------
+        >>> Beside(depth_m=0.5).half_widths()
+        {'z': 0.5}
+        """
+        given = self.model_dump(exclude_none=True)
+        return {BESIDE[key][0]: BESIDE[key][1] * value for key, value in given.items()}
+
+
+class LoopTable(Section):
+    """Set-point steps of a loop, and the corridor that the responses shall keep to."""
+
+    steps: Annotated[tuple[Number, ...], Field(min_length=1)] | None = None
+    speeds_m_s: Annotated[tuple[Number, ...], Field(min_length=1)] | None = None
+    corridor: CorridorTable | None = None
+    weights: Weights = Weights()
+    beside: Beside = Beside()
+
+    @model_validator(mode="after")
+    def _steps_move(self) -> LoopTable:
+        if self.steps and 0.0 in self.steps:
+            raise ValueError(
+                f"steps holds 0 as entry {self.steps.index(0.0) + 1}: the set point stays; remove it"
+            )
+        for key in ("steps", "speeds_m_s"):
+            values = getattr(self, key) or ()
+            for k, value in enumerate(values):
+                if value in values[:k]:
+                    raise ValueError(f"{key} holds {value:g} twice; name it once")
+        return self
+
+
+class Loops(Section):
+    """Tables of the loops that are tuned, by name."""
+
+    surge: LoopTable | None = None
+    sway: LoopTable | None = None
+    heave: LoopTable | None = None
+    roll: LoopTable | None = None
+    pitch: LoopTable | None = None
+    heading: LoopTable | None = None
+    depth: LoopTable | None = None
+    cross_track: LoopTable | None = None
+
+    @model_validator(mode="after")
+    def _fit_their_loop(self) -> Loops:
+        for name, table in self.given().items():
+            loop = LOOPS[name]
+            for step in table.steps or ():
+                if abs(step) >= loop.largest:
+                    raise ValueError(
+                        f"steps of {name}: expected angles between -{loop.largest:g} and {loop.largest:g}"
+                        f" {loop.unit}, found {step:g}; choose a smaller step"
+                    )
+            for key in table.beside.model_fields_set:
+                if BESIDE[key][0] == loop.channel:
+                    raise ValueError(
+                        f"beside of {name} bounds {key}, the response of the loop itself; its corridor does"
+                        " that, so remove the key"
+                    )
+        return self
+
+    def given(self) -> dict[str, LoopTable]:
+        """Tables that the file holds, by loop, in the order of `LOOPS`."""
+        return {name: table for name in LOOPS if (table := getattr(self, name)) is not None}
+
+
+class LeastMargins(Section):
+    """Least margins of the linearised loop; 0 asks for none, but an unstable motion falls short still."""
+
+    phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = 30.0
+    gain_db: NotNegative = 6.0
+    delay_s: NotNegative = 0.2
+
+    @property
+    def any(self) -> bool:
+        """Whether a margin is asked for."""
+        return bool(self.phase_deg or self.gain_db or self.delay_s)
+
+
+class Margins(LeastMargins):
+    """Least margins at every supporting point, and others astern, where many a hull is unstable."""
+
+    astern: LeastMargins | None = None
+
+    @property
+    def any_at_all(self) -> bool:
+        """Whether a margin is asked for at some speed."""
+        return self.any or (self.astern is not None and self.astern.any)
+
+    def at(self, speed_m_s: float) -> LeastMargins:
+        """Those at a speed.
+
+        Parameters
+        ----------
+        speed_m_s : float
+            Desired, m/s; negative is astern.
+        """
+        return self.astern if speed_m_s < 0.0 and self.astern is not None else self
+
+
+def _quantile(entry: Any) -> Any:
+    number = isinstance(entry, int | float) and not isinstance(entry, bool)
+    if entry == "worst" or (number and 0.0 <= entry <= 1.0):
+        return entry
+    raise ValueError(
+        f'expected "worst" or a quantile over the samples from 0 to 1, found {entry!r}; correct the value'
+    )
+
+
+def _factors(entry: Any) -> Any:
+    if isinstance(entry, list | tuple) and len(entry) == 2:
+        lower, upper = entry
+        if all(isinstance(x, int | float) and math.isfinite(x) for x in entry) and not (
+            0.0 < lower <= 1.0 <= upper and lower < upper
+        ):
+            raise ValueError(
+                "bounds are [lower, upper], factors on the start gains with 0 < lower <= 1 <= upper and"
+                f" lower < upper, found [{lower:g}, {upper:g}]"
+            )
+    return entry
+
+
+class TuningTable(Section):
+    """How gains are searched, and what the closed loop shall do with them."""
+
+    loops: Loops = Loops()
+    samples: Annotated[int, Field(strict=True, ge=0)] = 3
+    robust: Annotated[Literal["worst"] | float, BeforeValidator(_quantile)] = "worst"
+    current_m_s: NotNegative | None = None
+    sensors: Name = "typical"
+    margins: Margins = Margins()
+    smoothness: NotNegative = 0.05
+    bounds: Annotated[Interval, BeforeValidator(_factors)] = (0.1, 10.0)
+    settle_s: Positive | None = None
+    voltage_v: Positive | None = None
+    budget: Budget = Budget()

@@ -1,0 +1,409 @@
+"""The table ``[verification]`` of a campaign: what a tuned autopilot has to stand, and what it must hold.
+
+These models are the only owner of its keys; unknown ones are refused with the nearest known name. Every key
+but ``missions`` has a default that suits every vehicle; where one depends on vehicle or mission it is None
+here and chosen in `seatrial.verification.draws`.
+
+Tests: ``tests/campaign/test_verification_file.py``.
+
+Distributions that people write: a number, an interval, or one named in a table, and their quantiles.
+
+========================  ===============================================================
+in the file             meaning
+========================  ===============================================================
+``0.3``                   always this
+``[0.1, 0.4]``            uniform between them
+``{ uniform = [a, b] }``  the same
+``{ normal = [m, s] }``   normal, mean and standard deviation; a speed or a time is cut at zero
+``{ rayleigh = s }``      speed of two normal components of s each (mean 1.25 s)
+``{ weibull = [s, k] }``  scale and shape, the usual fit to measured current speeds
+========================  ===============================================================
+
+Values are quantiles of given uniform numbers, so that a draw is a function of its number alone
+(`seatrial.statistics.draws`).
+
+Tests: ``tests/verification/test_draws.py``, ``tests/campaign/test_verification_file.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import nearest
+from seatrial.base.toml_file import (
+    Count,
+    Interval,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Section,
+    checked,
+    tables,
+)
+
+__all__ = [
+    "Current",
+    "Direction",
+    "Distribution",
+    "DistributionTable",
+    "FaultTable",
+    "MissionTable",
+    "Obstacle",
+    "OutageTable",
+    "PositiveDistribution",
+    "RequirementTable",
+    "Seabed",
+    "Start",
+    "Turn",
+    "VerificationTable",
+    "parse_verification",
+]
+
+
+class DistributionTable(Section):
+    """One distribution by its name."""
+
+    fixed: Number | None = None
+    uniform: Interval | None = None
+    normal: tuple[Number, Positive] | None = None
+    rayleigh: Positive | None = None
+    weibull: tuple[Positive, Positive] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> DistributionTable:
+        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                "expected a number, [from, to], or one of uniform, normal, rayleigh, weibull; found "
+                + (" and ".join(given) or "none")
+            )
+        if self.uniform is not None and self.uniform[0] > self.uniform[1]:
+            raise ValueError(
+                f"uniform holds [from, to] with from <= to, found [{self.uniform[0]:g}, {self.uniform[1]:g}]"
+            )
+        return self
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether every draw is the same."""
+        return self.fixed is not None or (self.uniform is not None and self.uniform[0] == self.uniform[1])
+
+    @property
+    def least(self) -> float:
+        """Lower end of what it can hold; minus infinity for a normal one."""
+        if self.uniform is not None:
+            return self.uniform[0]
+        if self.normal is not None:
+            return -math.inf
+        return 0.0 if self.fixed is None else self.fixed
+
+    def quantiles(self, u: Array, *, above_zero: bool = False) -> Array:
+        """Values at probabilities u, each strictly between 0 and 1; of the shape of u.
+
+        Parameters
+        ----------
+        u : array
+        above_zero : bool
+            Whether a normal distribution is cut at zero.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> DistributionTable(uniform=(1.0, 3.0)).quantiles(np.array([0.25, 0.5]))
+        array([1.5, 2. ])
+        """
+        from scipy.special import ndtr, ndtri
+
+        if self.uniform is not None:
+            return np.asarray(self.uniform[0] + (self.uniform[1] - self.uniform[0]) * u)
+        if self.normal is not None:
+            mean, sd = self.normal
+            below = float(ndtr(-mean / sd)) if above_zero else 0.0
+            found = mean + sd * ndtri(below + (1.0 - below) * u)
+            return np.asarray(np.maximum(found, 0.0) if above_zero else found)
+        if self.rayleigh is not None:
+            return np.asarray(self.rayleigh * np.sqrt(-2.0 * np.log1p(-u)))
+        if self.weibull is not None:
+            scale, shape = self.weibull
+            return np.asarray(scale * (-np.log1p(-u)) ** (1.0 / shape))
+        assert self.fixed is not None
+        return np.full(np.shape(u), self.fixed)
+
+
+def _short(entry: Any) -> Any:
+    if isinstance(entry, bool | str):
+        raise ValueError(
+            "expected a number, [from, to], or one of uniform, normal, rayleigh, weibull; found"
+            f" {str(entry).lower() if isinstance(entry, bool) else repr(entry)}"
+        )
+    if isinstance(entry, int | float):
+        return {"fixed": entry}
+    return {"uniform": entry} if isinstance(entry, list | tuple) else entry
+
+
+def _not_below_zero(table: DistributionTable) -> DistributionTable:
+    if table.normal is not None and table.normal[0] < 0.0:
+        raise ValueError(f"expected a mean from 0 on, found {table.normal[0]:g}")
+    if table.normal is None and table.least < 0.0:
+        raise ValueError(f"expected values from 0 on, found {table.least:g}")
+    return table
+
+
+def _direction(entry: Any) -> Any:
+    if isinstance(entry, str):
+        if entry != "any":
+            raise ValueError(f'expected degrees, [from, to] or "any", found {entry!r}')
+        return {"uniform": (0.0, 360.0)}
+    return _short(entry)
+
+
+def _turn(entry: Any) -> Any:
+    """A number is the standard deviation of a turn away from where it should point."""
+    if isinstance(entry, str):
+        if entry != "any":
+            raise ValueError(f'expected a standard deviation in degrees or "any", found {entry!r}')
+        return {"uniform": (-180.0, 180.0)}
+    if isinstance(entry, int | float) and not isinstance(entry, bool):
+        if entry < 0:
+            raise ValueError(f"expected a standard deviation from 0 on, found {entry:g}")
+        return {"normal": (0.0, entry)} if entry else {"fixed": 0.0}
+    return _short(entry)
+
+
+def _an_angle(table: DistributionTable) -> DistributionTable:
+    if table.rayleigh is not None or table.weibull is not None:
+        raise ValueError("an angle is a number, uniform or normal, in degrees")
+    return table
+
+
+Distribution = Annotated[DistributionTable, BeforeValidator(_short)]
+
+PositiveDistribution = Annotated[DistributionTable, BeforeValidator(_short), AfterValidator(_not_below_zero)]
+
+Direction = Annotated[DistributionTable, BeforeValidator(_direction), AfterValidator(_an_angle)]
+
+Turn = Annotated[DistributionTable, BeforeValidator(_turn), AfterValidator(_an_angle)]
+
+Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
+
+Share = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1)]
+
+Between = tuple[NotNegative, NotNegative]
+
+
+def _as_list(entry: Any) -> Any:
+    return [entry] if isinstance(entry, str | Mapping) else entry
+
+
+def _short_mission(entry: Any) -> Any:
+    return {"file": entry} if isinstance(entry, str) else entry
+
+
+def _coefficients(entry: Any) -> Any:
+    expected = 'expected "covariance", "nominal" or a table of percent, { "*_uu" = 10.0 }'
+    if isinstance(entry, str) and entry not in ("covariance", "nominal"):
+        raise ValueError(f"{expected}, found {entry!r}{nearest(entry, ('covariance', 'nominal'))}")
+    if not isinstance(entry, str | Mapping):
+        raise ValueError(f"{expected}, found {entry!r}")
+    for name, percent in {} if isinstance(entry, str) else entry.items():
+        number = isinstance(percent, int | float) and not isinstance(percent, bool)
+        if not number or not 0.0 < percent < 100.0:
+            raise ValueError(f"{name!r}: expected percent above 0 and below 100, found {percent!r}")
+    return entry
+
+
+def _short_seabed(entry: Any) -> Any:
+    return {"depth_m": entry} if isinstance(entry, int | float) else entry
+
+
+def _in_order(between: Between | None) -> None:
+    if between is not None and between[0] > between[1]:
+        raise ValueError(
+            f"between_s holds [from, to] with from <= to, found [{between[0]:g}, {between[1]:g}]"
+        )
+
+
+class MissionTable(Section):
+    """A mission that is flown, and how often beside the others."""
+
+    file: Name
+    name: str = ""
+    weight: Positive = 1.0
+
+    @property
+    def title(self) -> str:
+        """Its name, by default that of the file without its ending."""
+        return self.name or PurePath(self.file).stem
+
+
+class Current(Section):
+    """Water that moves: steady, towards a direction in degrees from north over east, and turbulent about it.
+
+    By default the speed is uniform from zero to a quarter of the slowest speed of the missions, and the
+    turbulence a tenth of the speed. ``vertical_m_s`` and ``turbulence_m_s`` are standard deviations.
+    """
+
+    speed_m_s: PositiveDistribution | None = None
+    direction_deg: Direction = DistributionTable(uniform=(0.0, 360.0))
+    vertical_m_s: NotNegative = 0.0
+    turbulence_m_s: PositiveDistribution | None = None
+    turbulence_times_s: tuple[Positive, Positive] = (60.0, 2.0)
+
+
+class FaultTable(Section):
+    """An actuator that fails in some missions: one that is named, one of a group, or any.
+
+    Without a command a stuck one stays where it is.
+    """
+
+    actuator: Name = "any"
+    kind: Literal["dead", "stuck"] = "dead"
+    command: Number | None = None
+    probability: Probability
+    between_s: Between | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> FaultTable:
+        _in_order(self.between_s)
+        if self.command is not None and self.kind == "dead":
+            raise ValueError('command is where a stuck actuator stays; add kind = "stuck" or leave it out')
+        return self
+
+
+class OutageTable(Section):
+    """A group of channels, or the sensor that tells them, silent for a while in some missions."""
+
+    sensor: Name
+    probability: Probability
+    duration_s: PositiveDistribution
+    between_s: Between | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> OutageTable:
+        _in_order(self.between_s)
+        return self
+
+
+class Start(Section):
+    """How far the start lies from that of the mission: standard deviations, and the speed through the water.
+
+    ``position_m`` is that of north and of east; a heading of "any" points anywhere.
+    """
+
+    position_m: NotNegative = 1.0
+    depth_m: NotNegative = 0.2
+    heading_deg: Turn = DistributionTable(normal=(0.0, 10.0))
+    speed_m_s: PositiveDistribution | None = None
+
+
+class Seabed(Section):
+    """A plane bottom: its depth below the origin, and by how much it deepens per metre."""
+
+    depth_m: Number
+    slope_north: Number = 0.0
+    slope_east: Number = 0.0
+
+
+class Obstacle(Section):
+    """A round thing in the water, or with ``from_mission`` the farms that the mission goes about."""
+
+    north_m: Number | None = None
+    east_m: Number | None = None
+    radius_m: NotNegative | None = None
+    from_mission: bool = False
+
+    @model_validator(mode="after")
+    def _either(self) -> Obstacle:
+        given = [key for key in ("north_m", "east_m", "radius_m") if getattr(self, key) is not None]
+        if self.from_mission and given:
+            raise ValueError(f"from_mission = true stands alone, found {given[0]} beside it; leave one out")
+        if not self.from_mission and len(given) < 3:
+            raise ValueError(
+                "expected north_m, east_m and radius_m, or from_mission = true; found "
+                + (" and ".join(given) or "none")
+            )
+        return self
+
+
+class RequirementTable(Section):
+    """What must hold in at least a share of all missions."""
+
+    name: Name
+    holds: Name
+    probability: Share = 0.95
+
+
+class VerificationTable(Section):
+    """The whole table.
+
+    ``coefficients`` is "covariance" (that of the identification), "nominal", or a table of further standard
+    deviations in percent, ``{ "*_uu" = 10.0 }``.
+    """
+
+    missions: Annotated[
+        tuple[Annotated[MissionTable, BeforeValidator(_short_mission)], ...],
+        BeforeValidator(_as_list),
+        Field(min_length=1),
+    ]
+    runs: Count = 1000
+    sensors: Name = "typical"
+    confidence: Share = 0.95
+    keep_worst: Annotated[int, Field(strict=True, ge=0)] = 5
+    coefficients: Annotated[str | dict[str, float], BeforeValidator(_coefficients)] = "covariance"
+    current: Current = Current()
+    faults: Annotated[tuple[FaultTable, ...], BeforeValidator(_as_list)] = ()
+    outages: Annotated[tuple[OutageTable, ...], BeforeValidator(_as_list)] = ()
+    start: Start = Start()
+    seabed: Annotated[Seabed | None, BeforeValidator(_short_seabed)] = None
+    obstacles: Annotated[tuple[Obstacle, ...], BeforeValidator(_as_list)] = (Obstacle(from_mission=True),)
+    voltage_v: Positive | None = None
+    max_time_s: Positive | None = None
+    requirements: Annotated[tuple[RequirementTable, ...], BeforeValidator(_as_list)] = ()
+
+    @model_validator(mode="after")
+    def _names_once(self) -> VerificationTable:
+        for what, given in (
+            ("missions", [one.title for one in self.missions]),
+            ("requirements", [one.name for one in self.requirements]),
+        ):
+            for name in given:
+                if given.count(name) > 1:
+                    raise ValueError(f"{what}: the name {name!r} stands twice; give each its own name")
+        return self
+
+
+def parse_verification(text: str, source: str) -> VerificationTable:
+    r"""Table ``[verification]`` of a TOML text that holds it.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        What to call it in messages.
+
+    Raises
+    ------
+    CampaignError
+        Not TOML, no such table, an unknown key, a missing key or a value that a key may not hold.
+
+    Examples
+    --------
+    >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
+    >>> table.runs, table.missions[0].title
+    (1000, 'farm')
+    """
+
+    class File(Section):
+        verification: VerificationTable
+
+    return checked(
+        File, {k: v for k, v in tables(text, source).items() if k == "verification"}, source
+    ).verification

@@ -1,0 +1,394 @@
+"""What can be said about a vehicle before it is believed: signs, speeds, stability, implausible numbers.
+
+What to say about course and pitch stability: a warning where a value is doubtful, a note where usual.
+
+A slender hull without enough lift behind is driven round by the Munk moment (Fossen 2011, chapter 12), which
+is a warning. A vehicle that is hardly longer than wide has no stable course either, and thrusters hold it.
+Held by tests/check/test_check_fins.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.vehicle.actuators import NOMINAL_V, Push, beyond_tables, pushes
+from seatrial.vehicle.plausibility import commanded_rows, implausible, unused_rows
+from seatrial.vehicle.stability import Statics, damping_gain, growth, statics
+from seatrial.vehicle.steady_state import (
+    KNOT_M_S,
+    TURN_SHARES,
+    Speed,
+    Turn,
+    cruise,
+    drivers,
+    round_speeds_kn,
+    speeds,
+    turn_kinds,
+    turning_senses,
+    turns,
+)
+from seatrial.vehicle.turning import FinTurn, fin_turn, rudders
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["VehicleCheck", "check_vehicle", "stability_sentences"]
+
+_GROWS = 1e-3  # 1/s; what grows more slowly than in ten minutes is as good as stable
+
+_SLENDER = 3.0  # length over the larger of diameter and height
+
+_LIFT = {"course": "N_uv, N_ur, Y_uv, Y_ur", "pitch": "M_uw, M_uq, Z_uw, Z_uq"}
+
+_MOMENT = {"course": ("N", 5), "pitch": ("M", 4)}
+
+
+def stability_sentences(
+    vehicle: Vehicle, running: Sequence[float], able: Collection[str]
+) -> tuple[list[str], list[str]]:
+    """Notes and warnings on course and pitch stability at half and top speed, ahead and astern.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    running : sequence of float
+        Steady speeds ahead, rising, m/s.
+    able : collection of str
+        Rows of the wrench that the actuators command independently.
+    """
+    middle, top = running[len(running) // 2], running[-1]
+    notes, warnings = [], []
+    for plane in _LIFT:
+        worst, rate = max(((s, growth(vehicle, s, plane)) for s in (middle, top)), key=lambda pair: pair[1])
+        held = ", fins at neutral" if _fins(vehicle, plane) else ""
+        if rate <= _GROWS:
+            time = np.log(2.0) / max(-rate, 1e-9)
+            notes.append(
+                f"{plane.capitalize()} stable ahead{held}: a disturbance halves in {_time(time)} or less"
+            )
+        else:
+            doubles = f"unstable at {worst:.2f} m/s{held}: without control a disturbance doubles in"
+            doubles += f" {_time(np.log(2.0) / rate)}"
+            if _MOMENT[plane][0] in able and not _slender(vehicle) and not held:
+                notes.append(
+                    f"{plane.capitalize()} {doubles}; usual for a hull that is not slender, and its actuators"
+                    " can hold it"
+                )
+            else:
+                warnings.append(f"{plane} {doubles}. {_cure(vehicle, plane)}")
+        astern = growth(vehicle, -0.5 * middle, plane)
+        if astern > _GROWS:
+            notes.append(
+                f"{plane.capitalize()} unstable astern: at {0.5 * middle:.2f} m/s a disturbance doubles in"
+                f" {_time(np.log(2.0) / astern)}"
+            )
+    return notes, warnings
+
+
+def _cure(vehicle: Vehicle, plane: str) -> str:
+    lift = _LIFT[plane]
+    fins = _fins(vehicle, plane)
+    if not fins:
+        return (
+            f"Lift of hull and fixed fins ({lift}) balances the Munk moment of a slender hull; give it where"
+            " the vehicle has fins"
+        )
+    return (
+        f"Too little lift behind against the Munk moment; if it is not so at sea, look at {lift} of the hull"
+        f" and at area and C_L_alpha of {' and '.join(fins)}"
+    )
+
+
+def _fins(vehicle: Vehicle, plane: str) -> list[str]:
+    """Movable fins that steer in the plane, by group where they have one."""
+    matrix, row = np.asarray(vehicle.allocation_matrix()), _MOMENT[plane][1]
+    facts = vehicle.actuator_info()
+    names = [
+        str(facts[name]["group"] or name)
+        for k, name in enumerate(vehicle.actuators)
+        if facts[name]["kind"] == "fin" and abs(matrix[row, k]) > 0.1 * np.abs(matrix[3:, k]).max()
+    ]
+    return list(dict.fromkeys(names))
+
+
+def _slender(vehicle: Vehicle) -> bool:
+    """Whether the hull is slender; one without measures is taken for slender."""
+    box = vehicle.geometry()
+    return not box or box["length"] > _SLENDER * max(box["diameter"], box["height"])
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds / 60.0:.0f} min"
+
+
+_FASTEST_M_S = 15.0
+
+_NO_POWER = {"direct": "thrust commanded in newtons", "table": "a table of thrust"}
+
+_FINE = tuple(
+    0.05 * k for k in range(1, 21)
+)  # shares of the largest command among which the farthest is sought
+
+
+@dataclass(frozen=True)
+class VehicleCheck:
+    """What was found about a vehicle; printed, a page of sentences.
+
+    Attributes
+    ----------
+    name, description
+        Of the vehicle.
+    pushes
+        What each actuator does, ahead, and astern where it can.
+    speeds, turns
+        Steady motion by simulation, at shares of the largest command.
+    cruises
+        What it takes to run ahead at given speeds.
+    statics
+        Buoyancy and natural periods.
+    rows
+        Rows of the wrench that can be commanded.
+    notes, warnings
+        Sentences about what is worth knowing, and about what is probably wrong.
+    """
+
+    name: str
+    description: str
+    pushes: tuple[Push, ...]
+    speeds: tuple[Speed, ...]
+    cruises: tuple[Speed, ...]
+    turns: tuple[Turn, ...]
+    statics: Statics
+    rows: tuple[str, ...]
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The check as plain data for JSON."""
+        data = asdict(self)
+        data["pushes"] = [asdict(push) | {"sentence": str(push)} for push in self.pushes]
+        for key, rows in (("speeds", self.speeds), ("cruises", self.cruises)):
+            data[key] = [asdict(row) | {"speed_kn": row.speed_kn, "range_km": row.range_km} for row in rows]
+        data["statics"]["net_n"] = self.statics.net_n
+        return data
+
+    def sentences(self) -> list[str]:
+        """A sentence per actuator, its directions in one."""
+        return [
+            " | ".join([str(first), *(f"{push.step:+g}: {push.words}" for push in others)])
+            for first, *others in self.by_actuator()
+        ]
+
+    def by_actuator(self) -> list[list[Push]]:
+        """The pushes of every actuator: ahead, and astern where it can."""
+        found: dict[str, list[Push]] = {}
+        for push in self.pushes:
+            found.setdefault(push.actuator, []).append(push)
+        return list(found.values())
+
+    def __str__(self) -> str:
+        parts = [f"{self.name}: {self.description}", *self.sentences(), *self.notes]
+        return "\n".join([*parts, *(f"WARNING {text}" for text in self.warnings)])
+
+
+def check_vehicle(
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, speeds_kn: Sequence[float] | None = None
+) -> VehicleCheck:
+    """Check of a vehicle: every actuator's force in words, speeds, turns, statics, stability, warnings.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+    speeds_kn : sequence of float, optional
+        Speeds through the water at which revolutions, power, endurance and range are told, kn; round ones up
+        to the top speed when missing.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> print(check_vehicle(st.Vehicle.load("cwolf")).pushes[0])
+    +1000 rpm on SbU: 19 N ahead, bow to port, bow down; also 5.2 N to starboard, 5.3 N up
+    """
+    rows = speeds(vehicle, voltage_v=voltage_v)
+    cruises, missed = _cruises(vehicle, rows, speeds_kn, voltage_v)
+    turning = turns(vehicle, voltage_v=voltage_v)
+    rest = statics(vehicle)
+    able = tuple(commanded_rows(vehicle))
+    running = [row.speed_m_s for row in rows if row.speed_m_s > 1e-3]
+    notes = [
+        *_statics_notes(rest),
+        *beyond_tables(vehicle, voltage_v),
+        *_speed_notes(vehicle, rows, voltage_v),
+        *missed,
+        *_turn_notes(vehicle, turning),
+        *_fin_turn_notes(vehicle, voltage_v),
+        _row_note(able),
+        *unused_rows(vehicle, able),
+    ]
+    warnings = [*_static_warnings(rest), *implausible(vehicle)]
+    if running:
+        motion, unstable = stability_sentences(vehicle, running, able)
+        notes, warnings = notes + motion, warnings + unstable
+    gain = damping_gain(vehicle, [s for speed in (running or [1.0]) for s in (speed, -speed)])
+    if gain is not None:
+        warnings.append(
+            f"{_forces(vehicle)} add energy: at {gain.speed_m_s:+.2f} m/s along x a disturbance of"
+            f" {gain.words} receives {gain.power_w:.3g} W; check signs and sizes of the off-diagonal and lift"
+            " coefficients"
+        )
+    if running and max(running) > _FASTEST_M_S:
+        warnings.append(
+            f"top speed {max(running):.3g} m/s is not that of an underwater vehicle; check X_u, X_uu and the"
+            " thrust"
+        )
+    return VehicleCheck(
+        name=vehicle.name,
+        description=vehicle.description,
+        pushes=pushes(vehicle, voltage_v=voltage_v),
+        speeds=rows,
+        cruises=cruises,
+        turns=turning,
+        statics=rest,
+        rows=able,
+        notes=tuple(notes),
+        warnings=tuple(warnings),
+    )
+
+
+def _forces(vehicle: Vehicle) -> str:
+    """What takes energy from a vehicle."""
+    fins = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
+    return "damping, lift and fins at neutral" if fins else "damping and lift"
+
+
+def _statics_notes(rest: Statics) -> list[str]:
+    share = 100.0 * rest.net_n / rest.weight_n
+    kind, motion = ("buoyant", "rises") if rest.net_n > 0.0 else ("heavy", "sinks")
+    buoyancy = (
+        "neutrally buoyant"
+        if abs(share) < 0.01
+        else f"{abs(rest.net_n):.3g} N {kind} ({share:+.2g} % of its weight): it {motion} with motors stopped"
+    )
+    notes = [f"Buoyancy: {buoyancy}"]
+    periods = [("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)]
+    spoken = ", ".join(f"{name} {period:.3g} s" for name, period in periods if period is not None)
+    if spoken:
+        notes.append(
+            f"Natural periods: {spoken} (centre of buoyancy {1e3 * rest.b_over_g_m:.3g} mm above gravity)"
+        )
+    return notes
+
+
+def _static_warnings(rest: Statics) -> list[str]:
+    found = []
+    if unstable := [
+        n for n, p in (("roll", rest.roll_period_s), ("pitch", rest.pitch_period_s)) if p is None
+    ]:
+        found.append(
+            f"{' and '.join(unstable)} not stable at rest: the centre of buoyancy is"
+            f" {1e3 * rest.b_over_g_m:.3g} mm above the centre of gravity; z is down, so z_b < z_g is meant"
+        )
+    if abs(rest.net_n) > 0.05 * rest.weight_n:
+        found.append(
+            f"B - m g = {rest.net_n:+.4g} N is {100.0 * rest.net_n / rest.weight_n:+.2g} % of the weight; a"
+            " submerged vehicle is trimmed to a few tenths of a per cent. Is B in N?"
+        )
+    return found
+
+
+def _cruises(
+    vehicle: Vehicle, rows: tuple[Speed, ...], speeds_kn: Sequence[float] | None, voltage_v: float
+) -> tuple[tuple[Speed, ...], list[str]]:
+    """Cruises at the speeds asked for, and a sentence for each that cannot be held."""
+    if not rows:
+        return (), []
+    top = rows[-1].speed_kn
+    asked = round_speeds_kn(top) if speeds_kn is None else speeds_kn
+    found, missed = [], []
+    for speed in asked:
+        row = cruise(vehicle, speed * KNOT_M_S, voltage_v=voltage_v)
+        if row is not None:
+            found.append(row)
+        elif speeds_kn is not None:
+            limit = f"more than its top speed of {top:.1f} kn"
+            slow = "less than the slowest that its motors hold"
+            missed.append(f"Speed: {speed:g} kn is {limit if speed > top else slow}")
+    return tuple(found), missed
+
+
+def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) -> list[str]:
+    if not rows:
+        return ["Speed: no actuator drives ahead"]
+    top = rows[-1]
+    notes = [f"Top speed: {top.speed_m_s:.2f} m/s ({top.speed_kn:.1f} kn) at {top.command:.4g} {top.unit}"]
+    if top.endurance_h is not None:
+        fine = speeds(vehicle, voltage_v=voltage_v, shares=_FINE)
+        farthest = max(fine, key=lambda row: row.range_km or 0.0)
+        notes.append(
+            f"Endurance: {top.endurance_h:.2g} h at top speed; farthest at {farthest.speed_m_s:.2f} m/s:"
+            f" {farthest.endurance_h:.2g} h, {farthest.range_km:.0f} km"
+        )
+    elif top.power_w is not None:
+        notes.append("Endurance: not known without [power]: hotel_w and battery_wh")
+    else:
+        facts = vehicle.actuator_info()
+        kinds = {str(facts[name]["characteristic"]) for name in drivers(vehicle)}
+        silent = [words for kind, words in _NO_POWER.items() if kind in kinds]
+        why = " and ".join(silent) or "a characteristic without power_w_s3"
+        notes.append(f"Endurance: not known, {why} tells no power")
+    return notes
+
+
+def _turn_notes(vehicle: Vehicle, turning: tuple[Turn, ...]) -> list[str]:
+    if not drivers(vehicle):
+        return []
+    if not turning_senses(vehicle):
+        if rudders(vehicle):
+            return []
+        return ["Turn: the actuators that drive ahead do not turn it, they lie on no two sides"]
+    missing = len(turn_kinds(vehicle)) * len(TURN_SHARES) - len(turning)
+    notes = [f"Turn: {missing} of the turns tried never become steady and are left out"] if missing else []
+    for turn in turning:
+        if turn.kind == "under way" and turn.share == 0.5:
+            notes.append(
+                f"Turn under way, outer side at {turn.command:.4g} {turn.unit}, inner at half: radius"
+                f" {_radius(turn)}, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s"
+            )
+        elif turn.kind == "on the spot" and turn.share == 0.5:
+            notes.append(
+                f"Turn on the spot, both sides opposed at {turn.command:.4g} {turn.unit}:"
+                f" {abs(turn.rate_deg_s):.1f} deg/s (O moves at {turn.speed_m_s:.2f} m/s)"
+            )
+    return notes
+
+
+def _fin_turn_notes(vehicle: Vehicle, voltage_v: float) -> list[str]:
+    """A turn by movable fins, where there are any that turn it."""
+    steering = rudders(vehicle)
+    if not steering or not drivers(vehicle):
+        return []
+    turn = fin_turn(vehicle, voltage_v=voltage_v)
+    names = " and ".join(dict.fromkeys(str(vehicle.actuator_info()[n]["group"] or n) for n in steering))
+    if turn is None:
+        return [f"Turn by {names}: it never becomes steady"]
+    return [
+        f"Turn by {names} at {turn.fin_deg:.2g} deg, all ahead at {turn.command:.4g} {turn.unit}: radius"
+        f" {_radius(turn)}, {abs(turn.rate_deg_s):.1f} deg/s at {turn.speed_m_s:.2f} m/s, roll and pitch held"
+    ]
+
+
+def _radius(turn: Turn | FinTurn) -> str:
+    return f"{turn.radius_m:.{2 if turn.radius_m < 10.0 else 1}f} m"
+
+
+def _row_note(able: tuple[str, ...]) -> str:
+    lacking = [row for row in "XYZKMN" if row not in able]
+    return f"Commanded independently: {' '.join(able) or 'nothing'}" + (
+        f"; not: {' '.join(lacking)}" if lacking else ""
+    )

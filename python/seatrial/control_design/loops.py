@@ -1,0 +1,415 @@
+"""Margins of open loops from their frequency responses: phase, gain both ways, delay, sensitivity.
+
+A loop L crosses |L| = 1 at a phase margin, which over its frequency is a delay margin, and the negative real
+axis at a gain margin: upwards where |L| < 1, downwards where |L| > 1 (a conditionally stable loop). Crossings
+are placed between two frequencies by the logarithm of L.
+
+Any number of loops at once, 0.2 ms for one and 0.01 ms each in a batch. python-control, which makes the
+report (`seatrial.control_design.margins`) and against which these are held, needs 12 ms per loop for a spline
+and its roots: start gains ask for a hundred, a tuning for a hundred thousand. Source: Åström and Hägglund,
+*Advanced PID Control* (2006), section 4.4. Held by tests/control_design/test_margin_constraint.py.
+
+The vehicle about a trim, sampled, behind its actuators' lag and dead time, and closed by a control law.
+
+State: the ten deviations z, roll, pitch, heading, u, v, w, p, q, r as far as they matter, the lag of each
+commanded row and its past demands, and the integrals of the law. PID and regulator are one matrix K of
+the fifteen `STATES`, tau = -K x. Quadratic damping counts by its secant over a small motion: at rest a
+tangent would have none. Source: Åström and Wittenmark, *Computer-Controlled Systems* (1997), section 2.3.
+Held by tests/control_design/test_control_design.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.control_design.trim import Trim
+from seatrial.vehicle.authority import LOOPS, ROWS, Delay, mixing
+from seatrial.vehicle.stability import neutral_fins
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = [
+    "STATES",
+    "LoopMargins",
+    "Margins",
+    "Plant",
+    "Sampled",
+    "loop_margins",
+    "margins",
+    "plant",
+    "sampled",
+]
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopMargins:
+    """Margins of loops, each array of the loops' shape; inf (phase: 180 deg) where nothing is crossed.
+
+    They are distances from the edge of stability and tell nothing about the side: an unstable loop has
+    margins, too.
+
+    Attributes
+    ----------
+    phase_deg
+        Phase margin, deg: the least angle between -1 and a crossing of the unit circle.
+    gain
+        Gain margin upwards, a factor above one.
+    reduction
+        Gain margin downwards: the factor above one by which the gain may be divided.
+    delay_s
+        Delay margin, s.
+    sensitivity
+        Largest size of 1/(1 + L) over the frequencies.
+    """
+
+    phase_deg: Array
+    gain: Array
+    reduction: Array
+    delay_s: Array
+    sensitivity: Array
+
+
+_REAL = 1e-9  # imaginary part, as a share, that is rounding
+
+_TINY = 1e-300
+
+
+def loop_margins(loops: Complex, omega: Array) -> LoopMargins:
+    """Margins of loops (..., F) from their responses at rising frequencies omega (F,) in rad/s.
+
+    Of sampled loops the last frequency is half the sampling rate, where a real response below zero counts
+    as a crossing of the negative real axis.
+
+    Examples
+    --------
+    >>> omega = np.geomspace(0.1, 10.0, 400)
+    >>> found = loop_margins(1.0 / (1j * omega) * np.exp(-0.5j * omega), omega)
+    >>> round(float(found.phase_deg), 1), round(float(found.gain), 2), round(float(found.delay_s), 2)
+    (61.4, 3.14, 1.07)
+    """
+    shape = loops.shape[:-1]
+    flat = loops.reshape(-1, loops.shape[-1])
+    distance = (1.0 + flat.real) ** 2 + flat.imag**2
+    with np.errstate(divide="ignore"):
+        sensitivity = 1.0 / np.sqrt(distance.min(axis=1))
+    phase, delay = np.full(len(flat), 180.0), np.full(len(flat), np.inf)
+    gain, reduction = np.full(len(flat), np.inf), np.full(len(flat), np.inf)
+
+    loud = flat.real**2 + flat.imag**2 >= 1.0
+    case, at = np.nonzero(loud[:, 1:] != loud[:, :-1])
+    size, angle, change = _steps(flat, case, at)
+    share = size / np.where(change.real == 0.0, 1.0, -change.real)
+    over = angle + share * change.imag  # above -180 deg
+    over = (over + np.pi) % (2.0 * np.pi) - np.pi
+    np.minimum.at(phase, case, np.abs(np.rad2deg(over)))
+    np.minimum.at(delay, case, (over % (2.0 * np.pi)) / (omega[at] * (omega[at + 1] / omega[at]) ** share))
+
+    above = flat.imag >= 0.0
+    case, at = np.nonzero(above[:, 1:] != above[:, :-1])
+    size, angle, change = _steps(flat, case, at)
+    met = (angle < 0.0) != (angle + change.imag < 0.0)
+    case, size, angle, change = case[met], size[met], angle[met], change[met]
+    crossed = size - angle / np.where(change.imag == 0.0, 1.0, change.imag) * change.real
+    np.minimum.at(gain, case[crossed < 0.0], np.exp(-crossed[crossed < 0.0]))
+    np.minimum.at(reduction, case[crossed >= 0.0], np.exp(crossed[crossed >= 0.0]))
+    # A sampled loop is real at half the sampling rate: a pole may leave through z = -1.
+    end = flat[:, -1]
+    at_edge = (np.abs(end.imag) <= _REAL * np.abs(end)) & (end.real < 0.0)
+    size = np.where(at_edge, np.abs(end), 1.0)
+    gain = np.where(at_edge & (size < 1.0), np.minimum(gain, 1.0 / np.maximum(size, _TINY)), gain)
+    reduction = np.where(at_edge & (size >= 1.0), np.minimum(reduction, size), reduction)
+    return LoopMargins(
+        phase_deg=phase.reshape(shape),
+        gain=gain.reshape(shape),
+        reduction=reduction.reshape(shape),
+        delay_s=delay.reshape(shape),
+        sensitivity=np.maximum(sensitivity, 1.0).reshape(shape),
+    )
+
+
+def _steps(loops: Complex, case: NDArray[np.intp], at: NDArray[np.intp]) -> tuple[Array, Array, Complex]:
+    """Logarithm of |L|, angle from the negative real axis, and the change of both to the next frequency."""
+    with np.errstate(divide="ignore"):
+        here, there = np.log(-loops[case, at]), np.log(-loops[case, at + 1])
+    change = there - here
+    change.imag = (change.imag + np.pi) % (2.0 * np.pi) - np.pi
+    return here.real, here.imag, change
+
+
+STATES = ("z", "roll", "pitch", "heading", "u", "v", "w", "p", "q", "r",
+          "int u", "int v", "int z", "int pitch", "int heading")  # fmt: skip
+"""Columns of K: deviations "measured minus desired" in m, rad, m/s, rad/s, then integrals of some of them."""
+
+PLAIN = 10
+
+INTEGRATED = {"surge": (4, 10), "sway": (5, 11), "heave": (0, 12), "pitch": (2, 13), "heading": (3, 14)}
+"""Per loop the state that is integrated and its integral, as columns of K."""
+
+SMALL_MOTION = 0.02
+"""In m/s and rad/s; within the motion that is designed for, a hull that turns about by itself may wander."""
+
+_TANGENT = 1e-5
+
+_FREQUENCIES = 400
+
+
+@dataclass(frozen=True)
+class Plant:
+    """x' = a x + b tau about a trim: a (n, n), b (n, rows); ``states`` (n,) are columns of K."""
+
+    a: Array
+    b: Array
+    states: tuple[int, ...]
+    rows: str
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """One step x+ = phi x + gamma tau of [plant, lags, past demands, integrals].
+
+    ``columns`` (m,) of K are seen, at the places ``seen`` (m,) of the state.
+    """
+
+    phi: Array
+    gamma: Array
+    columns: tuple[int, ...]
+    seen: tuple[int, ...]
+    rows: str
+    period_s: float
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Largest closed-loop |eigenvalue| per step, and the least margins over the rows, each opened alone.
+
+    Phase margin in deg, gain margin upwards as a factor, delay margin in s; ``sensitivity`` is the largest
+    |1/(1 + L)|.
+    """
+
+    radius: float
+    phase_deg: float
+    gain: float
+    delay_s: float
+    sensitivity: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether every motion dies away."""
+        return self.radius < 1.0
+
+
+def plant(vehicle: Vehicle, at: Trim, loops: tuple[str, ...], *, motion: float = SMALL_MOTION) -> Plant:
+    """Linear motion about a trim with the wrench rows of some loops as input.
+
+    Depth and heading are left out where no loop holds them: they act on nothing else. Quadratic damping
+    counts by its secant over a ``motion`` in m/s and rad/s.
+    """
+    a, _ = vehicle.linearize(at.nu, at.attitude, at.tau, form="euler")
+    mass = np.asarray(vehicle.mass_matrix())
+    a = np.asarray(a).copy()
+    tangent = _slope(vehicle, at.nu, np.full(6, _TANGENT))
+    fins = _fin_slope(vehicle, at.nu, motion)
+    a[6:, 6:] += np.linalg.solve(mass, _slope(vehicle, at.nu, np.full(6, motion)) - tangent + fins)
+    rows = "".join(ROWS[LOOPS.index(loop)] for loop in LOOPS if loop in loops)
+    b = np.vstack([np.zeros((6, len(rows))), np.linalg.solve(mass, mixing(vehicle, rows, at.actuators))])
+    dropped = {k for k, loop in ((0, "heave"), (3, "heading")) if loop not in loops}
+    states = tuple(k for k in range(PLAIN) if k not in dropped)
+    places = [k + 2 for k in states]
+    return Plant(a[np.ix_(places, places)], b[places], states, rows)
+
+
+def sampled(of: Plant, delays: Mapping[str, Delay], period_s: float, loops: tuple[str, ...]) -> Sampled:
+    """The plant behind lag and dead time under demands held for a period, with the integrals of the loops."""
+    from scipy.linalg import expm
+
+    n, m = of.b.shape
+    a = np.zeros((n + m, n + m))
+    b = np.zeros((n + m, m))
+    a[:n, :n], a[:n, n:] = of.a, of.b
+    # The ramp of a rate limit is taken as a lag; the bound keeps one that is none finite.
+    lags = [max(delays[row].lag_s + delays[row].ramp_s, 0.02 * period_s) for row in of.rows]
+    a[n:, n:], b[n:] = -np.diag(1.0 / np.array(lags)), np.diag(1.0 / np.array(lags))
+
+    def held(column: int, duration: float) -> tuple[Array, Array]:
+        block = np.zeros((n + m + 1, n + m + 1))
+        block[: n + m, : n + m], block[: n + m, -1] = a, b[:, column]
+        step = expm(block * duration)
+        return step[: n + m, : n + m], step[: n + m, -1]
+
+    past = [int(np.ceil(delays[row].dead_s / period_s - 1e-9)) for row in of.rows]
+    size, integrals = n + m + sum(past), [INTEGRATED[loop] for loop in loops if loop in INTEGRATED]
+    phi = np.zeros((size + len(integrals), size + len(integrals)))
+    gamma = np.zeros((size + len(integrals), m))
+    phi[: n + m, : n + m] = held(0, period_s)[0]
+    place = n + m
+    for k, row in enumerate(of.rows):
+        # Within a step the demand of `past` steps ago holds first, then the one after it.
+        early = delays[row].dead_s - (past[k] - 1) * period_s if past[k] else 0.0
+        late_step, late = held(k, period_s - early)
+        _, first = held(k, early)
+        chain = [place + i for i in range(past[k])]  # youngest first
+        if chain:
+            phi[: n + m, chain[-1]] = late_step @ first
+            for older, younger in zip(chain[1:], chain[:-1], strict=True):
+                phi[older, younger] = 1.0
+            gamma[chain[0], k] = 1.0
+        if past[k] > 1:
+            phi[: n + m, chain[-2]] = late
+        else:
+            gamma[: n + m, k] = late
+        place += past[k]
+    seen, columns = list(range(n)), list(of.states)
+    for k, (state, integral) in enumerate(integrals):
+        phi[size + k, size + k] = 1.0
+        phi[size + k, of.states.index(state)] = period_s
+        seen.append(size + k)
+        columns.append(integral)
+    return Sampled(phi, gamma, tuple(columns), tuple(seen), of.rows, period_s)
+
+
+def feedback(of: Sampled, gain: Array) -> Array:
+    """K (rows, state) of a sampled plant from the law's K (6, 15)."""
+    full = np.zeros(of.gamma.T.shape)
+    full[:, of.seen] = gain[[ROWS.index(row) for row in of.rows]][:, of.columns]
+    return full
+
+
+def closed(of: Sampled, gain: Array) -> Array:
+    """One step of the closed loop, phi - gamma K, of the law's K (6, 15)."""
+    return of.phi - of.gamma @ feedback(of, gain)
+
+
+def restoring_law(vehicle: Vehicle, rows: str) -> Array:
+    """The restoring feed-forward at the measured attitude as a law K (6, 15), for roll and pitch near level.
+
+    It takes the hull's righting stiffness away, as late as the actuators are.
+    """
+    size, full = 1e-5, np.zeros((6, len(STATES)))
+    for column in (1, 2):
+        attitude = np.zeros((2, 3))
+        attitude[:, column - 1] = [size, -size]
+        force = np.asarray(vehicle.forces(np.zeros((2, 6)), attitude)["restoring"])
+        full[:, column] = (force[0] - force[1]) / (2.0 * size)
+    full[[k for k, row in enumerate(ROWS) if row not in rows]] = 0.0
+    return full
+
+
+def with_law(of: Sampled, gain: Array) -> Sampled:
+    """The sampled plant with a law K (6, 15) at work in it."""
+    return replace(of, phi=closed(of, gain))
+
+
+def margins(of: Sampled, gain: Array) -> Margins:
+    """Least margins of the law K (6, 15) over the rows, each opened alone at the vehicle's input."""
+    rows = row_margins(of, gain).values()
+    return Margins(
+        radius=max(row.radius for row in rows),
+        phase_deg=min(row.phase_deg for row in rows),
+        gain=min(row.gain for row in rows),
+        delay_s=min(row.delay_s for row in rows),
+        sensitivity=max(row.sensitivity for row in rows),
+    )
+
+
+def row_margins(of: Sampled, gain: Array) -> dict[str, Margins]:
+    """Margins of the law K (6, 15) per row: opened alone at the vehicle's input, the others closed."""
+    k = feedback(of, gain)
+    radius = float(np.abs(np.linalg.eigvals(of.phi - of.gamma @ k)).max())
+    omega = frequencies(of.period_s, _FREQUENCIES)
+    g = k[:, of.seen] @ responses(of, omega)
+    found = {}
+    for row, name in enumerate(of.rows):
+        others = [i for i in range(len(k)) if i != row]
+        closing = np.eye(len(others)) + g[:, others][:, :, others]
+        through = np.linalg.solve(closing, g[:, others, row][:, :, None])
+        opened = g[:, row, row] - (g[:, row, others][:, None] @ through)[:, 0, 0]
+        of_row = loop_margins(np.asarray(opened, dtype=complex), omega)
+        found[name] = Margins(
+            radius,
+            phase_deg=float(of_row.phase_deg),
+            gain=float(of_row.gain),
+            delay_s=float(of_row.delay_s),
+            sensitivity=float(of_row.sensitivity),
+        )
+    return found
+
+
+def frequencies(period_s: float, count: int) -> Array:
+    """Frequencies (count,) in rad/s, even by their logarithm, from 0.001 rad/s to half the sampling rate."""
+    return np.geomspace(1e-3, np.pi / period_s, count)
+
+
+def responses(of: Sampled, omega: Array) -> NDArray[np.complex128]:
+    """What each row of the wrench moves, (zI - phi)^-1 gamma: (F, seen, rows) at omega (F,) in rad/s."""
+    z = np.exp(1j * omega * of.period_s)[:, None, None]
+    # All rows at once and by solutions: the poles of a chain of delays are defective.
+    moved: NDArray[np.complex128] = np.linalg.solve(
+        z * np.eye(len(of.phi)) - of.phi, of.gamma.astype(complex)
+    )
+    return moved[:, of.seen]
+
+
+def step_response(of: Sampled, gain: Array, loop: str, seconds: float, *, known: float = 0.0) -> Array:
+    """Answer (n,) of a loop's measurement to a unit step of its reference, one sample per period.
+
+    ``known`` is the part of the loop's own gain in K that does not act on the reference, of a feed-forward.
+    """
+    column = {"surge": 4, "sway": 5, "heave": 0, "roll": 1, "pitch": 2, "heading": 3}[loop]
+    k = feedback(of, gain)
+    place = of.seen[of.columns.index(column)]
+    integral = INTEGRATED.get(loop, (0, -1))[1]
+    step, x = of.phi - of.gamma @ k, np.zeros(len(of.phi))
+    drive = of.gamma @ (k[:, place] - known * np.eye(len(k))[of.rows.index(ROWS[LOOPS.index(loop)])])
+    if integral in of.columns:
+        drive[of.seen[of.columns.index(integral)]] -= of.period_s
+    track = []
+    for _ in range(int(seconds / of.period_s)):
+        x = step @ x + drive
+        track.append(x[place])
+    return np.array(track)
+
+
+def reference_drive(
+    of: Sampled, laws: tuple[Array, Array], loop: str, harmonic: tuple[complex, float]
+) -> tuple[Array, NDArray[np.complex128]]:
+    """Closed loop (state, state) and what a filtered reference e^(s t) of a position loop drives (state,).
+
+    ``laws`` are K (6, 15) without and with the feed-forward at the measured attitude; ``harmonic`` is s in
+    1/s and the inertia that is fed forward. Proportional part, rate and acceleration of the reference act.
+    """
+    s, inertia = harmonic
+    own, fed = laws
+    row = LOOPS.index(loop)
+    column, rate = {"heave": (0, 6), "roll": (1, 7), "pitch": (2, 8), "heading": (3, 9)}[loop]
+    demand = own[row, column] + s * own[row, rate] + s * s * inertia
+    drive = of.gamma[:, of.rows.index(ROWS[row])] * demand
+    integral = INTEGRATED.get(loop, (0, -1))[1]
+    if integral in of.columns:
+        drive[of.seen[of.columns.index(integral)]] -= of.period_s
+    return closed(of, fed), drive
+
+
+def _slope(vehicle: Vehicle, nu: Array, size: Array) -> Array:
+    """Slope (6, 6) of damping and lift over a motion of this size about nu."""
+    moved = np.concatenate([nu + np.diag(size), nu - np.diag(size)])
+    terms = vehicle.forces(moved, np.zeros(3))
+    force = np.asarray(terms["damping"]) + np.asarray(terms["lift"])
+    slope: Array = ((force[:6] - force[6:]) / (2.0 * size[:, None])).T
+    return slope
+
+
+def _fin_slope(vehicle: Vehicle, nu: Array, motion: float) -> Array:
+    """Slope (6, 6) of the wrench of the fins at neutral, over a motion of this size."""
+    size = np.full(6, motion)
+    force = neutral_fins(vehicle, np.concatenate([nu + np.diag(size), nu - np.diag(size)]))
+    slope: Array = ((force[:6] - force[6:]) / (2.0 * size[:, None])).T
+    return slope

@@ -1,0 +1,392 @@
+"""Gains of the linear-quadratic regulator with integral action, per mode and supporting speed.
+
+The linear motion about a trim is sampled behind lag and dead time of the actuators (`closed_loop`); the
+cost is
+
+    J = sum (x_i / tolerated_i)^2 + sum (tau_j / (share tau_max_j))^2
+
+over deviations, integrals and wrench. The regulator K of that plant would feed back the actuators' lags
+and past demands, too, which nobody measures. The static gain of what is measured, C x, that comes closest
+to it in the mean square is ``K P C' (C P C')^-1``, with P the covariance of all motions of the regulated
+plant that begin with tolerated deviations.
+
+The margins of every row are then judged on the whole plant: while the phase margin is below 40 deg or
+|1/(1 + L)| above 2, that row of the wrench is made dearer and the gain designed again, so that lag and
+dead time lower the bandwidth instead of eating the margin. A hull that falls over by itself may have no
+such gain; it gets the best of smaller margins (`TARGETS`), or none.
+
+Source: Anderson and Moore, *Optimal Control* (1990), chapters 2 and 3; Bryson and Ho (1975), section 5.2;
+Kosut, IEEE Transactions on Automatic Control 15 (1970), 557-563 (static gain of minimum error
+excitation). Held by tests/control_design/test_control_design_lqr.py.
+
+An autopilot file with the linear-quadratic regulator in place of the PID: same modes, limits, guidance.
+
+The gains are designed for the file's own supporting speeds, modes, actuators at work and largest demands;
+everything else stays as written, comments included. Held by tests/control_design/test_control_design_lqr.py.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.control_design.loops import (
+    STATES,
+    Margins,
+    Sampled,
+    margins,
+    plant,
+    restoring_law,
+    row_margins,
+    sampled,
+    with_law,
+)
+from seatrial.control_design.trim import Trim, trim
+from seatrial.vehicle.authority import LOOPS, ROWS, delays, reach
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["LqrGains", "Tolerances", "design_lqr", "lqr_autopilot", "lqr_tables"]
+
+MOTION = 0.05
+"""Motion in m/s and rad/s that is designed for: over a smaller one no gain holds REMUS with the margins."""
+
+TARGETS = ((40.0, 2.0), (35.0, 2.2), (30.0, 2.5))
+"""Phase margin in deg and largest |1/(1 + L)|, the best that can be had; less is refused."""
+
+_DEARER, _ROUNDS = 1.4, 14
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Deviations that weigh alike (Bryson's rule), and share of tau_max that weighs the same.
+
+    An integral weighs like its deviation, held for ``integral_s``.
+    """
+
+    depth_m: float = 1.0
+    roll_deg: float = 15.0
+    pitch_deg: float = 10.0
+    heading_deg: float = 15.0
+    surge_m_s: float = 0.3
+    sway_m_s: float = 0.3
+    heave_m_s: float = 0.3
+    rate_deg_s: float = 10.0
+    integral_s: float = 15.0
+    wrench_share: float = 0.5
+
+    def of_states(self) -> Array:
+        """Tolerated values (15,) of the states in SI."""
+        roll, pitch, heading, rate = np.deg2rad([
+            self.roll_deg,
+            self.pitch_deg,
+            self.heading_deg,
+            self.rate_deg_s,
+        ])
+        plain = [
+            self.depth_m,
+            roll,
+            pitch,
+            heading,
+            self.surge_m_s,
+            self.sway_m_s,
+            self.heave_m_s,
+            *[rate] * 3,
+        ]
+        integrated = [self.surge_m_s, self.sway_m_s, self.depth_m, pitch, heading]
+        return np.array(plain + [self.integral_s * x for x in integrated])
+
+
+@dataclass(frozen=True)
+class LqrGains:
+    """Gains of one mode: gain (points, 6, 15) and margins per point.
+
+    ``dearness`` says per point and row by how much less wrench was tolerated for the sake of the margins,
+    ``trimmed`` whether there was a trim; without, the gain is of level motion at that speed. Where no gain
+    holds the motion with a margin, that of the nearest speed is ``borrowed``; the margins tell what it does.
+    """
+
+    mode: str
+    loops: tuple[str, ...]
+    speeds_m_s: tuple[float, ...]
+    gain: Array
+    margins: tuple[Margins, ...]
+    dearness: tuple[tuple[float, ...], ...]
+    trimmed: tuple[bool, ...]
+    borrowed: tuple[bool, ...]
+
+
+def design_lqr(
+    vehicle: Vehicle,
+    speeds_m_s: Sequence[float],
+    modes: Mapping[str, Sequence[str]],
+    *,
+    actuators: Mapping[str, Sequence[str]] | None = None,
+    tau_max: Mapping[str, float] | None = None,
+    tolerances: Tolerances | None = None,
+    restoring: bool = True,
+    period_s: float = 0.1,
+) -> dict[str, LqrGains]:
+    """Gains of the regulator per mode, at the supporting speeds.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    speeds_m_s : sequence of float
+        Supporting speeds, m/s.
+    modes : {name: loops}
+        Names of the loops at work in each mode: surge, sway, heave, roll, pitch, heading.
+    actuators : {name: names}
+        Those at work in a mode; all where it is missing.
+    tau_max : {loop: float}
+        Largest demand per loop, N or N m; by default half of what the actuators reach at the fastest speed.
+    tolerances : Tolerances
+        Weights of the cost in physical units.
+    restoring : bool
+        Whether the autopilot feeds weight and buoyancy forward at the measured attitude.
+    period_s : float
+        Control period, s.
+
+    Raises
+    ------
+    ValueError
+        A mode with an unknown loop or one without reach, or one that no gain makes stable at any speed.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> modes = {"cruise": ["surge", "pitch", "heading"]}
+    >>> gains = design_lqr(st.Vehicle.load("cwolf"), [1.0, 2.0], modes)["cruise"]
+    >>> gains.gain.shape, all(m.stable and m.phase_deg > 40.0 for m in gains.margins)
+    ((2, 6, 15), True)
+    """
+    chosen = tolerances or Tolerances()
+    found = {}
+    for name, wanted in modes.items():
+        unknown = [loop for loop in wanted if loop not in LOOPS]
+        if unknown or not wanted:
+            raise ValueError(
+                f"modes[{name!r}]: expected names among {', '.join(LOOPS)}, found {list(wanted)}"
+            )
+        loops = tuple(loop for loop in LOOPS if loop in wanted)
+        rows = "".join(ROWS[LOOPS.index(loop)] for loop in loops)
+        late = delays(vehicle, rows)
+        limits = _limits(vehicle, max(speeds_m_s, key=abs), rows, tau_max)
+        known = restoring_law(vehicle, rows) if restoring else np.zeros((6, len(STATES)))
+        systems, trimmed = [], []
+        working = tuple(actuators[name]) if actuators and name in actuators else None
+        for u in speeds_m_s:
+            flight = trim(vehicle, u, rows, working)
+            nu = np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0])
+            level = Trim(u, rows, np.zeros(3), nu, np.zeros(6), working)
+            systems.append(
+                sampled(plant(vehicle, flight or level, loops, motion=MOTION), late, period_s, loops)
+            )
+            trimmed.append(flight is not None)
+        results: dict[int, tuple[Array, Margins, tuple[float, ...]]] = {}
+        refusals = []
+        for k, system in enumerate(systems):
+            try:
+                results[k] = _safe_gain(system, known, (chosen, limits))
+            except (np.linalg.LinAlgError, ValueError) as error:
+                refusals.append(f"{speeds_m_s[k]:g} m/s: {error}")
+        if not results:
+            raise ValueError(
+                f"modes[{name!r}]: no gain makes the motion stable with a margin ({'; '.join(refusals)});"
+                " choose other speeds, or control more loops"
+            )
+        designed = list(results)
+        distance = np.abs(np.subtract.outer(np.array(speeds_m_s), np.array(speeds_m_s)[designed]))
+        own = [designed[int(j)] for j in distance.argmin(axis=1)]
+        found[name] = LqrGains(
+            mode=name,
+            loops=loops,
+            speeds_m_s=tuple(speeds_m_s),
+            gain=np.stack([results[j][0] for j in own]),
+            margins=tuple(margins(of, results[j][0] + known) for of, j in zip(systems, own, strict=True)),
+            dearness=tuple(results[j][2] for j in own),
+            trimmed=tuple(trimmed),
+            borrowed=tuple(j != k for k, j in enumerate(own)),
+        )
+    return found
+
+
+def lqr_tables(gains: Mapping[str, LqrGains], *, tracking_s: float = 5.0) -> list[dict[str, Any]]:
+    """The tables [[lqr]] of the autopilot file, one for each mode, with five digits."""
+    return [
+        {
+            "mode": name,
+            "tracking_s": tracking_s,
+            "gain": [[[float(f"{x:.5g}") for x in row] for row in point] for point in _of_rates(of_mode)],
+        }
+        for name, of_mode in gains.items()
+    ]
+
+
+def _of_rates(gains: LqrGains) -> Array:
+    """Gain (points, 6, 15) as the autopilot uses it: where heave is held, w stands for the rate of the depth.
+
+    That is ``w - u pitch``, so that the rest of what the gain makes of w goes to the pitch.
+    """
+    told = gains.gain.copy()
+    if "heave" in gains.loops:
+        told[:, :, 2] += np.array(gains.speeds_m_s)[:, None] * told[:, :, 6]
+    return told
+
+
+def _safe_gain(
+    system: Sampled, known: Array, weights: tuple[Tolerances, Array]
+) -> tuple[Array, Margins, tuple[float, ...]]:
+    """Gain (6, 15) with the margins asked for, the margins, and how dear each row had to be.
+
+    ``known`` is the feed-forward as a law; the margins are those of both together. A hull that falls over by
+    itself needs a gain of some size: where no dearness brings the margins, smaller ones must do.
+    """
+    tolerances, limits = weights
+    fed = with_law(system, known)
+    tried, dearness = [], np.ones(len(limits))
+    for _ in range(_ROUNDS):
+        gain = _gain(fed, tolerances, limits * tolerances.wrench_share / dearness)
+        reached = margins(system, gain + known)
+        tried.append((gain, reached, tuple(map(float, dearness))))
+        if _holds(reached, TARGETS[0]):
+            break
+        rows = row_margins(system, gain + known).values()
+        short = np.array([not _holds(row, TARGETS[0]) for row in rows])
+        dearness = dearness * np.where(short, _DEARER, 1.0)
+    for target in TARGETS:
+        for found in tried:
+            if _holds(found[1], target):
+                return found
+    most = max((of.phase_deg for _, of, _ in tried if of.stable), default=None)
+    raise ValueError("none is stable" if most is None else f"phase margin {most:.0f} deg at most")
+
+
+def _holds(reached: Margins, target: tuple[float, float]) -> bool:
+    phase, sensitivity = target
+    return reached.stable and reached.phase_deg >= phase and reached.sensitivity <= sensitivity
+
+
+def _gain(system: Sampled, tolerances: Tolerances, wrench: Array) -> Array:
+    """Static gain (6, 15) of the regulator for these tolerances and tolerated wrench (rows,)."""
+    from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
+
+    size = len(system.phi)
+    pairs = [
+        pair for pair in zip(system.columns, system.seen, strict=True) if pair[0] not in _drifting(system)
+    ]
+    columns, seen = [column for column, _ in pairs], [place for _, place in pairs]
+    tolerated = tolerances.of_states()[columns]
+    weight = np.zeros(size)
+    weight[seen] = tolerated**-2.0
+    cost = np.diag(wrench**-2.0)
+    p = solve_discrete_are(system.phi, system.gamma, np.diag(weight), cost)
+    full = np.linalg.solve(cost + system.gamma.T @ p @ system.gamma, system.gamma.T @ p @ system.phi)
+    # Motions from tolerated deviations, uncorrelated, under the full gain.
+    begin = np.zeros(size)
+    begin[seen] = tolerated**2.0
+    motion = solve_discrete_lyapunov(system.phi - system.gamma @ full, np.diag(begin))
+    static = np.linalg.solve(motion[np.ix_(seen, seen)].T, (full @ motion[:, seen]).T).T
+    gain = np.zeros((6, len(STATES)))
+    gain[np.ix_([ROWS.index(row) for row in system.rows], columns)] = static
+    return gain
+
+
+def _drifting(system: Sampled) -> tuple[int, ...]:
+    """Columns that a current moves although nothing is amiss: sway and heave over ground that no loop holds.
+
+    Of a hull that rolls in its turns, a current across shows in both.
+    """
+    return tuple(column for column, row in ((5, "Y"), (6, "Z")) if row not in system.rows)
+
+
+def _limits(vehicle: Vehicle, fastest: float, rows: str, tau_max: Mapping[str, float] | None) -> Array:
+    """Largest demand (rows,) in N or N m."""
+    if tau_max is not None:
+        missing = [LOOPS[ROWS.index(row)] for row in rows if LOOPS[ROWS.index(row)] not in tau_max]
+        if missing:
+            raise ValueError(
+                f"tau_max: expected a largest demand for {', '.join(missing)}, found none; add it"
+            )
+        return np.array([tau_max[LOOPS[ROWS.index(row)]] for row in rows])
+    reached = {row: 0.5 * float(np.abs(limit).min()) for row, limit in reach(vehicle, fastest, rows).items()}
+    reached |= {
+        row: 0.5 * float(np.abs(reach(vehicle, fastest, rows)[row]).max()) for row in rows if row == "X"
+    }
+    idle = [row for row, limit in reached.items() if limit < 1e-6]
+    if idle:
+        raise ValueError(
+            f"modes: expected rows with a reach, found {', '.join(idle)} without; leave them out"
+        )
+    return np.array([reached[row] for row in rows])
+
+
+def lqr_autopilot(
+    vehicle: Vehicle, text: str, *, tolerances: Tolerances | None = None, tracking_s: float = 5.0
+) -> str:
+    """TOML text of an autopilot file with `control = "lqr"` and its gains, from one with PID loops.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The autopilot's model of the vehicle.
+    text : str
+        TOML text of an autopilot file.
+    tolerances : Tolerances
+        Weights of the cost in physical units.
+    tracking_s : float
+        Time constant of the anti-windup, s.
+
+    Raises
+    ------
+    ValueError
+        The file has gains of a regulator already, or a mode that no gain makes stable.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.control_design import start_autopilot
+    >>> lauv = st.Vehicle.load("lauv")
+    >>> autopilot = st.Autopilot.from_toml(lqr_autopilot(lauv, start_autopilot(lauv)))
+    >>> 'control = "lqr"' in autopilot.to_toml()
+    True
+    """
+    import tomlkit
+
+    file = tomllib.loads(text)
+    if "lqr" in file:
+        raise ValueError(
+            "lqr: expected an autopilot file without gains of a regulator, found some; remove [[lqr]]"
+        )
+    gains = design_lqr(
+        vehicle,
+        file["schedule"]["speeds_m_s"],
+        {mode["name"]: mode["loops"] for mode in file["modes"]},
+        actuators={
+            mode["name"]: _actuators(vehicle, mode["actuators"])
+            for mode in file["modes"]
+            if "actuators" in mode
+        },
+        tau_max={name: loop["tau_max"] for name, loop in file["loops"].items()},
+        tolerances=tolerances,
+        restoring=file.get("feed_forward", {}).get("restoring", True),
+        period_s=file["period_s"],
+    )
+    switched, found = re.subn(r"(?m)^control\s*=.*$", 'control = "lqr"', text, count=1)
+    if not found:
+        switched = re.sub(r"(?m)^period_s", 'control = "lqr"\nperiod_s', text, count=1)
+    tables = tomlkit.dumps({"lqr": lqr_tables(gains, tracking_s=tracking_s)})
+    return f"{switched.rstrip()}\n\n{tables}"
+
+
+def _actuators(vehicle: Vehicle, names: list[str]) -> tuple[str, ...]:
+    """Actuators of names and groups."""
+    facts = vehicle.actuator_info()
+    return tuple(name for name in vehicle.actuators if name in names or facts[name]["group"] in names)

@@ -1,0 +1,314 @@
+"""Margins of thousands of candidate gains at once, and by how much they fall short of their limits.
+
+What the laws see of the linear motion, (zI - Phi)^-1 Gamma, does not depend on the gains: it is solved once
+per supporting point and mode (`seatrial.control_design.loops`). A candidate is then a weighted sum over
+K_P, K_I, K_D and the restoring feed-forward; each row of the wrench is opened alone, the others closed,
+L_i = 1/[(I + L)^-1]_ii - 1. Stability comes from the eigenvalues of Phi - Gamma K. Sensors are a dead time
+(`seatrial.control_design.margins`).
+
+The shortfall of a loop at a point is the largest of 1 - margin/limit over its margins, 0 where all hold and 1
+where one is used up, which is the edge of stability. That of a point is the largest of its loops, or 1 + 10 s
+times sigma where a motion grows with the rate sigma in 1/s, and 0.3 of the others'; that of a candidate is
+the sum over the points. Held by tests/control_design/test_margin_constraint.py, tests/control_design/test_margin_shortfall.py.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.control_design.margins import reachable_points, working_points
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.campaign.tuning_table import Margins
+    from seatrial.control_design.loops import LoopMargins
+    from seatrial.control_design.margins import ModeLoop
+    from seatrial.sensors.sensor import Sensor
+
+__all__ = ["MarginConstraint", "PointMargins", "decibel", "refuse_other_laws"]
+
+Complex = NDArray[np.complex128]
+
+Gains = Mapping[str, ArrayLike]
+
+_KEYS = ("K_P", "K_I", "K_D")
+
+_FREQUENCIES = 180  # 12 per octave: within 1 % of python-control on four times as many
+
+_TOGETHER = 64  # candidates whose responses lie in the cache at once
+
+_GROWTH_S = 10.0  # a motion that grows e-fold in this time counts as much as a margin that is used up
+
+_OTHERS = 0.3  # of the shortfalls beside the largest
+
+
+@dataclass(frozen=True, eq=False)
+class PointMargins:
+    """Margins of k candidates in a mode at a desired speed in m/s, per loop.
+
+    Attributes
+    ----------
+    mode, speed_m_s, loops
+        The point and its n loops.
+    of
+        Margins of each loop opened alone, (k, n) each; distances from the edge, on whichever side.
+    growth_per_s
+        Rate at which the fastest motion grows, (k,) in 1/s; 0 where none does.
+    """
+
+    mode: str
+    speed_m_s: float
+    loops: tuple[str, ...]
+    of: LoopMargins
+    growth_per_s: Array
+
+    def shortfall(self, limits: Margins) -> Array:
+        """By how much the margins fall short (k,): 0 where the limits hold or are 0, above 1 unstable."""
+        asked = limits.at(self.speed_m_s)
+        if not asked.any:
+            return np.zeros(len(self.growth_per_s))
+        worst = np.zeros(self.of.phase_deg.shape)
+        for margin, limit in (
+            (self.of.phase_deg, asked.phase_deg),
+            (decibel(self.of.gain), asked.gain_db),
+            (decibel(self.of.reduction), asked.gain_db),
+            (self.of.delay_s, asked.delay_s),
+        ):
+            if limit > 0.0:
+                worst = np.maximum(worst, 1.0 - margin / limit)
+        # The others count, too: behind one that is short another one could give its own away.
+        largest = worst.max(axis=1)
+        others = _OTHERS * (worst.sum(axis=1) - largest)
+        grown = np.where(self.growth_per_s > 0.0, 1.0 + _GROWTH_S * self.growth_per_s, largest)
+        return np.asarray(grown + others)
+
+
+def refuse_other_laws(autopilot: Autopilot) -> None:
+    """Refuse an autopilot whose gains are not those of PID loops.
+
+    Raises
+    ------
+    CampaignError
+        Its control is another one.
+    """
+    control = tomllib.loads(autopilot.to_toml())["control"]
+    if control != "pid":
+        raise CampaignError(
+            f'{autopilot.name}: expected control = "pid", whose gains can be tuned, found "{control}";'
+            " begin with an autopilot of PID loops"
+        )
+
+
+class MarginConstraint:
+    """Limits on the margins of an autopilot's loops, for many candidates of its gains at once.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The model that the margins are of.
+    autopilot : Autopilot
+        Modes, supporting points, feed-forward, and the gains that a candidate does not name.
+    speeds_m_s : sequence of float, optional
+        Desired speeds, m/s; the supporting points that the vehicle reaches when missing. Every mode that can
+        work at a speed counts, and between the slowest and the fastest every switching speed with both modes.
+    limits : Margins, optional
+        Least margins; those of a campaign that gives none when missing.
+    sensors : mapping of str to Sensor, "typical" or a file, optional
+        Whose latency and interval the loops bear; perfect ones when missing.
+
+    Raises
+    ------
+    CampaignError
+        A regulator in place of PID loops, or no speed.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> constraint = MarginConstraint(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"), [0.881, 3.021])
+    >>> constraint.points
+    [('hover', 0.881), ('hover', 1.11), ('cruise', 1.11), ('cruise', 3.021)]
+    >>> constraint.shortfall({"heading.K_P.4": [32.0, 3200.0]}) > 0.0
+    array([False,  True])
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        autopilot: Autopilot,
+        speeds_m_s: Sequence[float] | None = None,
+        *,
+        limits: Margins | None = None,
+        sensors: Mapping[str, Sensor] | str | Path | None = None,
+    ) -> None:
+        from seatrial.campaign.tuning_table import Margins
+        from seatrial.control_design.margins import measurement_delays, mode_loop
+
+        tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
+        refuse_other_laws(autopilot)
+        if speeds_m_s is None:
+            reached = reachable_points(vehicle, autopilot)
+            speeds_m_s = [u for u, hit in zip(autopilot.speeds_m_s, reached, strict=True) if hit]
+        if not len(speeds_m_s):
+            raise CampaignError(
+                f"{autopilot.name}: expected supporting points that {vehicle.name} reaches, found none;"
+                " give schedule.speeds_m_s between its top speeds"
+            )
+        self.limits = limits or Margins()
+        self.points = working_points(tables, speeds_m_s)
+        self._gains = {name: float(value) for name, value in autopilot.gains().items()}
+        late = measurement_delays(sensors, vehicle)
+        self._systems = [
+            _Point(mode_loop(vehicle, tables, *point, measured_late_s=late), tables) for point in self.points
+        ]
+
+    def margins(self, gains: Gains) -> list[PointMargins]:
+        """Margins of k candidates, per point.
+
+        Parameters
+        ----------
+        gains : mapping of str to array-like
+            Values (k,) or one for all, by the names of `Autopilot.gains`; others keep those of the autopilot.
+
+        Raises
+        ------
+        CampaignError
+            A gain that the autopilot does not have, or arrays of different lengths.
+        """
+        return [point.margins(weights) for point, weights in self._weighed(gains)]
+
+    def open_loops(self, gains: Gains) -> list[tuple[Array, Complex]]:
+        """Per point the frequencies (F,) in rad/s and each loop opened alone, the others closed, (k, n, F).
+
+        Takes and raises what `margins` does.
+        """
+        return [(point.omega, point.opened(weights)) for point, weights in self._weighed(gains)]
+
+    def shortfall(self, gains: Gains) -> Array:
+        """By how much k candidates fall short of the limits, (k,): 0 where all hold.
+
+        Takes and raises what `margins` does.
+        """
+        total = np.zeros(self._count(gains))
+        for point in self.margins(gains):
+            total += point.shortfall(self.limits)
+        return total
+
+    def _weighed(self, gains: Gains) -> list[tuple[_Point, Array]]:
+        """Per point its K_P, K_I, K_D of every loop, (k, n, 3)."""
+        count = self._count(gains)
+
+        def values(name: str) -> Array:
+            return np.broadcast_to(np.asarray(gains.get(name, self._gains[name]), dtype=float), count)
+
+        found = []
+        for point in self._systems:
+            points = range(1, len(point.shares) + 1)
+            given = np.array([
+                [[values(f"{loop}.{key}.{i}") for i in points] for key in _KEYS] for loop in point.at.loops
+            ])
+            found.append((point, np.einsum("nbsk,s->knb", given, point.shares)))
+        return found
+
+    def _count(self, gains: Gains) -> int:
+        lengths = {}
+        for name, values in gains.items():
+            if name not in self._gains:
+                raise CampaignError(f'no gain "{name}"{nearest(name, self._gains)}')
+            if np.ndim(values):
+                lengths[name] = len(np.asarray(values))
+        if len(set(lengths.values())) > 1:
+            raise CampaignError(f"expected as many values of each gain, found {lengths}")
+        return next(iter(lengths.values()), 1)
+
+
+class _Point:
+    """A mode at a speed: what each gain adds to the loops and to the step of the closed loop."""
+
+    def __init__(self, at: ModeLoop, tables: dict[str, Any]) -> None:
+        from seatrial.control_design.loop_gains import LoopGain, law
+        from seatrial.control_design.loops import closed, feedback, frequencies, responses
+        from seatrial.control_design.margins import neutral_radius
+        from seatrial.vehicle.authority import LOOPS, ROWS
+
+        self.at, of = at, at.system
+        points = tables["schedule"]["speeds_m_s"]
+        self.shares = np.array([np.interp(at.speed_m_s, points, unit) for unit in np.eye(len(points))])
+        self.omega = frequencies(of.period_s, _FREQUENCIES)
+        seen = responses(of, self.omega)
+        self.known = feedback(of, at.known)[:, of.seen] @ seen  # (F, n, n)
+        self.step = closed(of, at.known)
+        self.neutral = np.log(neutral_radius(of.period_s)) / of.period_s
+        loops, steps = [], []
+        for loop in at.loops:
+            row = of.rows.index(ROWS[LOOPS.index(loop)])
+            for unit in np.eye(len(_KEYS)):
+                gain = LoopGain(float(unit[0]), float(unit[1]), float(unit[2]), np.nan)
+                own = feedback(of, law({loop: gain}, at.speed_m_s))
+                loops.append((own[row, of.seen] @ seen).T)
+                steps.append(np.outer(of.gamma[:, row], own[row]))
+        shape = (len(at.loops), len(_KEYS), -1)
+        self.loops = np.ascontiguousarray(loops).reshape(shape)  # each row's own gains: (n, 3, n F)
+        self.steps = np.array(steps).reshape(len(steps), -1)
+
+    def margins(self, weights: Array) -> PointMargins:
+        """Margins of candidates with the gains weights (k, n, 3)."""
+        from seatrial.control_design.loops import LoopMargins, loop_margins
+
+        parts = []
+        for begin in range(0, len(weights), _TOGETHER):
+            parts.append(loop_margins(self.opened(weights[begin : begin + _TOGETHER]), self.omega))
+        joined = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in LoopMargins.__dataclass_fields__
+        }
+        return PointMargins(
+            self.at.mode, self.at.speed_m_s, self.at.loops, LoopMargins(**joined), self._growth(weights)
+        )
+
+    def opened(self, weights: Array) -> Complex:
+        """Each row's loop with the others closed, (k, n, F)."""
+        count, n = weights.shape[:2]
+        whole = np.empty((n, n, count, len(self.omega)), dtype=complex)
+        for row in range(n):
+            # A real product: the weights are.
+            parts = (weights[:, row] @ self.loops[row].view(float)).view(complex)
+            whole[row] = parts.reshape(count, n, -1).swapaxes(0, 1) + self.known[:, row].T[:, None]
+        whole[range(n), range(n)] += 1.0
+        opened = 1.0 / _diagonal_of_inverse(whole) - 1.0
+        return np.ascontiguousarray(opened.swapaxes(0, 1))
+
+    def _growth(self, weights: Array) -> Array:
+        """Rate of growth (k,) in 1/s of the fastest motion, 0 where none grows."""
+        closed = self.step - (weights.reshape(len(weights), -1) @ self.steps).reshape(-1, *self.step.shape)
+        radius = np.abs(np.linalg.eigvals(closed)).max(axis=1)
+        growth: Array = np.maximum(np.log(radius) / self.at.system.period_s - self.neutral, 0.0)
+        return growth
+
+
+def _diagonal_of_inverse(matrices: Complex) -> Complex:
+    """Diagonals (n, ...) of the inverses of matrices (n, n, ...), by Gauss and Jordan in place."""
+    n = len(matrices)
+    for pivot in range(n):
+        inverse = 1.0 / matrices[pivot, pivot]
+        matrices[pivot, pivot] = 1.0
+        matrices[pivot] *= inverse
+        for row in range(n):
+            if row != pivot:
+                factor = matrices[row, pivot].copy()
+                matrices[row, pivot] = 0.0
+                matrices[row] -= factor * matrices[pivot]
+    return matrices[range(n), range(n)]
+
+
+def decibel(factor: ArrayLike) -> Array:
+    """A factor in dB, 20 log10; inf stays inf."""
+    return np.asarray(20.0 * np.log10(factor), dtype=float)

@@ -1,0 +1,1 @@
+"""Diagnosis of an estimate: uncertainty, identifiability, residual analysis, missing terms, advice."""

@@ -1,0 +1,458 @@
+"""Which motion excites which coefficient: what its name says, and the manoeuvre that makes it act.
+
+A name says which force the coefficient makes and what must move for that force to act: ``N_uv`` is a yaw
+moment that needs forward and sideways speed, ``K_pdot`` a roll moment that needs roll acceleration,
+``stern.p1_astern`` a thrust that needs revolutions astern. Names behind a dot are parts of an actuator, or
+of a group of actuators as campaigns free them. The manoeuvres are those of sea trials (ITTC 7.5-04-02-01,
+full-scale manoeuvring trials) and of the tank: free decay, bollard pull, inclining test.
+
+Sentences about what the data cannot tell, and the manoeuvre or measurement that would tell it.
+
+What `seatrial.diagnosis.identifiability` finds as numbers is said here in words, by physics alone: from the
+coefficients' names (`seatrial.diagnosis.advice`), for any vehicle.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+
+__all__ = [
+    "AXES",
+    "BOTH_WAYS",
+    "FORCES",
+    "INCLINE",
+    "PITCH_DECAY",
+    "ROLL_DECAY",
+    "VELOCITIES",
+    "WEIGH",
+    "Role",
+    "absorbed",
+    "anchor",
+    "axis",
+    "inseparable",
+    "join",
+    "manoeuvre",
+    "role",
+    "scaled",
+    "unexcited",
+]
+
+FORCES, VELOCITIES = "XYZKMN", "uvwpqr"
+
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+
+ROLL_DECAY = "record a free decay in roll (heel the vehicle by hand by 20 to 30 deg, motors stopped, let go)"
+
+PITCH_DECAY = "record a free decay in pitch (trim it by hand by 10 to 20 deg, motors stopped, let go)"
+
+INCLINE = "do an inclining test (shift or hang on a known ballast and record the angle at rest)"
+
+WEIGH = "weigh the vehicle in air, with the water of its free-flooding spaces, for m"
+
+BOTH_WAYS = "run the same straight legs in opposite directions, and lie at rest"
+
+_PARTS = {
+    "gain": "thrust",
+    "p1_ahead": "thrust",
+    "p1_astern": "thrust",
+    "p2": "inflow",
+    "w": "inflow",
+    "t": "inflow",
+    "q1": "torque",
+    "q2": "torque",
+    "K_V": "motor",
+    "T_1": "motor",
+    "T_t": "motor",
+    "n_acc": "motor",
+    "n_dec": "motor",
+    "lever_K": "lever",
+    "lever_M": "lever",
+    "lever_N": "lever",
+    "astern_ratio": "ratio",
+    "loss": "wash",
+}
+
+_DERIVATIVES = (
+    (re.compile(r"([XYZKMN])_([uvwpqr])dot"), "added mass"),
+    (re.compile(r"([XYZKMN])_([uvwpqr])"), "linear"),
+    (re.compile(r"([XYZKMN])_([uvwpqr])\2"), "quadratic"),
+    (re.compile(r"([YZMN])_(u[vwqr])"), "lift"),
+    (re.compile(r"([XYZKMN])_()0"), "bias"),
+)
+
+_DAMPING = {
+    "u": "run a staircase of speeds, slow to fast, ahead and astern, with a coast-down after each step",
+    "v": "push the vehicle sideways at several levels, or run turning circles and zigzags with sway free",
+    "w": "dive and rise with the vertical thrusters at several levels, and let it rise or sink freely",
+    "p": ROLL_DECAY,
+    "q": f"run pitch dives with several trim moments, or {PITCH_DECAY}",
+    "r": "run turning circles to both sides at several rates of turn, some on the spot",
+}
+
+_ACCELERATION = {
+    "u": "run steps of thrust from rest, reversals and coast-downs",
+    "v": "run steps or a multisine of side force with sway free",
+    "w": "run steps or a multisine of vertical thrust",
+    "p": ROLL_DECAY,
+    "q": f"run pitch doublets, or {PITCH_DECAY}",
+    "r": "run zigzags with quick reversals, or a multisine of yaw moment",
+}
+
+_LIFT = {
+    "v": "run turning circles and zigzags with sway free at two forward speeds or more",
+    "w": "dive with the vertical thrusters under way, at two forward speeds or more",
+    "q": "run pitch doublets under way, at two forward speeds or more",
+    "r": "run zigzags with quick reversals and turning circles at two forward speeds or more",
+}
+
+_STATIC = {
+    "mass": WEIGH,
+    "buoyancy": "let it rise or sink freely, or weigh it in the water with a known ballast",
+    "gravity": INCLINE,
+    "buoyancy centre": INCLINE,
+    "bias": BOTH_WAYS,
+}
+
+
+@dataclass(frozen=True)
+class Role:
+    """What a coefficient is: ``kind``, ``force`` letters that it makes, ``velocities`` that must move.
+
+    ``kind`` is mass, inertia, added mass, gravity (its centre), buoyancy, buoyancy centre, linear, quadratic,
+    lift, bias, thrust, inflow, torque, motor, lever, ratio, wash or other; ``part`` is the name behind the
+    ``actuator``.
+    """
+
+    name: str
+    kind: str
+    force: str = ""
+    velocities: str = ""
+    actuator: str = ""
+    part: str = ""
+
+    @property
+    def rates(self) -> str:
+        """Velocities whose magnitude the force follows: of a lift ``u`` only multiplies, and is left out."""
+        return self.velocities[1:] if self.kind == "lift" else self.velocities
+
+
+def role(name: str) -> Role:
+    """Role of a coefficient or of a campaign's parameter, from its name.
+
+    Examples
+    --------
+    >>> role("N_uv").kind, role("N_uv").force, role("N_uv").velocities
+    ('lift', 'N', 'uv')
+    >>> role("stern.gain").kind, role("stern.gain").actuator
+    ('thrust', 'stern')
+    """
+    actuator, _, part = name.rpartition(".")
+    if actuator:
+        kind = "thrust" if re.fullmatch(r"a(0|1|11)_(ahead|astern)", part) else _PARTS.get(part, "other")
+        return Role(name, kind, force=part[-1] if kind == "lever" else "", actuator=actuator, part=part)
+    if name in ("m", "B"):
+        return Role(name, "mass" if name == "m" else "buoyancy")
+    if found := re.fullmatch(r"I_([xyz])([xyz])?", name):
+        axes = ["xyz".index(letter) + 3 for letter in found.groups() if letter]
+        return Role(name, "inertia", "".join(FORCES[i] for i in axes), "".join(VELOCITIES[i] for i in axes))
+    if re.fullmatch(r"[xyz]_[gb]", name):
+        return Role(name, "gravity" if name.endswith("g") else "buoyancy centre")
+    for pattern, kind in _DERIVATIVES:
+        if found := pattern.fullmatch(name):
+            return Role(name, kind, found[1], found[2])
+    return Role(name, "other")
+
+
+def manoeuvre(one: Role) -> str:
+    """Manoeuvre that excites a coefficient, as an imperative.
+
+    Examples
+    --------
+    >>> manoeuvre(role("Z_uw"))
+    'dive with the vertical thrusters under way, at two forward speeds or more'
+    """
+    if one.kind in ("linear", "quadratic"):
+        return _DAMPING[one.velocities]
+    if one.kind == "lift":
+        return _LIFT[one.rates]
+    if one.kind in ("added mass", "inertia"):
+        return _ACCELERATION[one.velocities[0]]
+    if one.kind in _STATIC:
+        return _STATIC[one.kind]
+    who = one.actuator
+    if one.kind == "thrust":
+        _, _, side = one.part.partition("_")
+        return f"run {who} {side or 'both ways'} in steps over its range, or on the bench (bollard test)"
+    if one.kind == "ratio":
+        return f"run {who} ahead and astern in the same steps"
+    if one.kind == "wash":
+        return f"run steps of {who} with the other groups at rest and at work"
+    if one.kind == "inflow":
+        return f"run steps of revolutions of {who} at several speeds through the water"
+    if one.kind == "torque":
+        return f"run steps of {who} alone with roll free, or measure its torque on the bench"
+    if one.kind == "motor":
+        return f"run steps of {who} with its revolutions logged, at 20 Hz or more"
+    if one.kind == "lever":
+        return f"run steps of {who} alone with {axis(one.force)} free, or measure the lever with a tape"
+    return "add a trial in which it acts"
+
+
+def axis(letter: str) -> str:
+    """Word for the axis of a force or velocity letter.
+
+    Examples
+    --------
+    >>> axis("N"), axis("r")
+    ('yaw', 'yaw')
+    """
+    return AXES[(FORCES if letter in FORCES else VELOCITIES).index(letter)]
+
+
+_SWING = "swing the vehicle in air (bifilar pendulum) for"
+
+_VERBS = ("surges", "sways", "heaves", "rolls", "pitches", "yaws")
+
+# What a bench, scales or a tape measure gives without a trial, the surest first.
+_BENCH = ("mass", "inertia", "lever", "thrust", "buoyancy", "gravity", "buoyancy centre", "inflow")
+
+
+def anchor(names: Sequence[str]) -> str | None:
+    """Member of a combination that a bench, scales or a tape measure gives; None where none does.
+
+    Examples
+    --------
+    >>> anchor(["M_qdot", "I_y"])
+    'I_y'
+    """
+    kinds = {role(name).kind: name for name in reversed(names)}
+    return next((kinds[kind] for kind in _BENCH if kind in kinds), None)
+
+
+def unexcited(
+    names: Sequence[str], *, moving: Collection[str], silent: Collection[str], seen: Collection[str]
+) -> dict[tuple[str, ...], str]:
+    """Sentences, by names, about coefficients that the data would not show even if all others were known.
+
+    Parameters
+    ----------
+    names : sequence of str
+    moving : collection of str
+        Velocities among u v w p q r that move in the trials.
+    silent : collection of str
+        Those of the names that change no channel at all.
+    seen : collection of str
+        Coefficients that the data do show.
+    """
+    groups: dict[tuple[str, str], list[str]] = {}
+    for name in names:
+        one = role(name)
+        groups.setdefault((_why(one, moving, name in silent), manoeuvre(one)), []).append(name)
+    return {
+        tuple(members): f"{join(members)}: {why} {what}{_cross_flow(members, seen)}"
+        for (why, what), members in groups.items()
+    }
+
+
+def absorbed(names: Sequence[str], nuisance: str) -> str:
+    """Sentence about coefficients that a nuisance parameter of a trial hides.
+
+    Examples
+    --------
+    >>> absorbed(["T_t"], "turn: latency_r")
+    "T_t: not to be told from latency_r of turn; add sharp steps, or measure the channel's latency on the
+    bench"
+    """
+    trial, _, what = nuisance.rpartition(": ")
+    remedy = {
+        "current": "run the same leg in opposite directions, or a full circle",
+        "tilt": "record a minute at rest in trim",
+        "lever": "measure the sensor's place with a tape",
+        "latency": "add sharp steps, or measure the channel's latency on the bench",
+        "bias": "record a minute at rest, or calibrate the sensor",
+    }.get(what.partition("_")[0], f"take {what} from another source")
+    return f"{join(names)}: not to be told from {what}{f' of {trial}' if trial else ''}; {remedy}"
+
+
+def scaled(names: Sequence[str], factor_sd: float) -> str:
+    """Sentence about coefficients that scale together: the homogeneous direction.
+
+    Parameters
+    ----------
+    names : sequence of str
+    factor_sd : float
+        Standard deviation of their common factor.
+    """
+    only = "the motion fixes only their ratios"
+    if factor_sd < 1.0:
+        only += f" (the common factor to {_percent(factor_sd)} at best, through what is held fixed)"
+    if any(role(name).actuator for name in names):
+        how = "thrust scale comes from a bench (bollard) test only; until then fix one of them"
+    else:
+        how = f"the absolute scale comes from a known weight: {INCLINE}"
+    return f"all of {', '.join(names)} scale together, {only}: {how}"
+
+
+def inseparable(names: Sequence[str]) -> str:
+    """Sentence about coefficients of which the data show only a combination, and what would separate them.
+
+    Examples
+    --------
+    >>> inseparable(["X_u", "X_uu"])
+    'X_u and X_uu: surge speed varies too little to tell them apart; run a staircase of speeds, slow to fast,
+    ahead and astern, with a coast-down after each step'
+    """
+    roles = [role(name) for name in names]
+    for rule in _RULES:
+        if told := rule(roles):
+            return f"{join(names)}: {told[0]}; {told[1]}"
+    return f"{join(names)}: only a combination of them acts on this data; {_ways(roles)}"
+
+
+def join(names: Sequence[str]) -> str:
+    """Names as in a sentence: a, b and c."""
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
+
+
+def _why(one: Role, moving: Collection[str], silent: bool) -> str:
+    still = dict.fromkeys(v for v in one.velocities if v not in moving)
+    if still:
+        return f"nothing {join([_VERBS[VELOCITIES.index(v)] for v in still])} in these trials;"
+    if not silent:
+        return "excited too weakly; do more of it, longer or larger:"
+    if one.force:
+        letters = dict.fromkeys(one.force)
+        words, keys = join([axis(f) for f in letters]), join(list(letters))
+        return f"not excited, no trial lets the vehicle answer in {words}; free {keys} and"
+    return "these trials do not run it;" if one.kind == "thrust" else "not excited;"
+
+
+def _cross_flow(members: Collection[str], seen: Collection[str]) -> str:
+    """Strip theory: one drag coefficient makes Y_vv and, times C_Dr, N_rr (Taubert et al. 2014, 27 to 30)."""
+    for force, moment, product in (("Y_vv", "N_rr", "C_Dy C_Dr"), ("Z_ww", "M_qq", "C_Dz C_Dq")):
+        if force in members and moment in seen:
+            return f" (of the cross-flow drag only the product {product} shows, as {moment})"
+    return ""
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.2g} %"
+
+
+_Told = tuple[str, str] | None
+
+
+def _inertia(roles: Sequence[Role]) -> _Told:
+    """Rigid body and added mass: M_RB + M_A acts, and C(nu) is made of the same sums."""
+    added = [one for one in roles if one.kind == "added mass"]
+    rigid = [one for one in roles if one.kind in ("mass", "inertia")]
+    weight = [one for one in roles if one.kind == "buoyancy"]
+    if not added or len(added) + len(rigid) + len(weight) < len(roles):
+        return None
+    if not rigid and len({one.force for one in added}) == 1:
+        return "their accelerations keep one proportion", _ways(added)
+    sums = [f"{a.name} {_sign(a)} {b.name}" for a in rigid for b in added if _same_entry(a, b)]
+    if not sums:
+        return None
+    sums += ["the net weight m g - B" for one in rigid if weight and one.kind == "mass"]
+    ways = [WEIGH if one.kind == "mass" else f"{_SWING} {one.name}" for one in rigid]
+    only = f"only their sum {sums[0]} acts" if len(sums) == 1 else f"only {join(sums)} act"
+    return f"{only} on this data", "; ".join(ways)
+
+
+def _same_entry(rigid: Role, added: Role) -> bool:
+    """Whether both stand in one entry of the mass matrix."""
+    row, column = FORCES.index(added.force), VELOCITIES.index(added.velocities)
+    if rigid.kind == "mass":
+        return row == column < 3
+    axes = sorted(FORCES.index(letter) for letter in rigid.force)
+    return sorted((row, column)) == (axes * 2 if len(axes) == 1 else axes)
+
+
+def _sign(rigid: Role) -> str:
+    """M_A is minus the derivatives; products of inertia enter I_O with a minus too."""
+    return "+" if len(rigid.force) == 2 else "-"
+
+
+def _munk(roles: Sequence[Role]) -> _Told:
+    """Lift and the Munk moment of added mass are the same product of velocities under way."""
+    names = {one.name for one in roles}
+    for lift, masses, total in (
+        ("N_uv", {"X_udot", "Y_vdot"}, "N_uv + Y_vdot - X_udot"),
+        ("M_uw", {"X_udot", "Z_wdot"}, "M_uw + X_udot - Z_wdot"),
+    ):
+        if lift in names and names - {lift} and names <= masses | {lift}:
+            added = [one for one in roles if one.name != lift]
+            return f"only the sum of lift and Munk moment, {total}, acts on this data", _ways(added)
+    return None
+
+
+def _static(roles: Sequence[Role]) -> _Told:
+    kinds = {one.kind for one in roles}
+    if not kinds <= {"mass", "buoyancy", "gravity", "buoyancy centre", "bias"}:
+        return None
+    if kinds == {"mass", "buoyancy"}:
+        return "only the net weight m g - B acts on this data", f"{WEIGH}, and in the water for B"
+    if "bias" in kinds:
+        return "they act alike at the attitudes of these trials", f"pitch and roll further, or {INCLINE}"
+    return "only their common moment of weight and buoyancy acts on this data", INCLINE
+
+
+def _actuators(roles: Sequence[Role]) -> _Told:
+    kinds, who = {one.kind for one in roles}, sorted({one.actuator for one in roles})
+    if not all(who):
+        return None
+    if len(who) > 1:
+        return "they push in one proportion in these trials", f"run steps of each of {join(who)} alone"
+    if kinds == {"motor"}:
+        return "lag, dead time and rate limits look alike in these trials", manoeuvre(roles[0])
+    if "lever" in kinds:
+        return "only their product acts on this data", f"measure the lever of {who[0]} with a tape"
+    if any(one.part == "K_V" for one in roles):
+        return "only the thrust that results acts on this data", f"log the revolutions of {who[0]}"
+    if "inflow" in kinds:
+        way = f"take p1 of {who[0]} from a bench (bollard) test and {manoeuvre(roles[0])}"
+        return "revolutions and speed through the water keep one proportion", way
+    return "only their product acts on this data", "free one of them and take the others from the bench test"
+
+
+def _thrust_and_hull(roles: Sequence[Role]) -> _Told:
+    thrust = [one for one in roles if one.actuator]
+    hull = [one for one in roles if not one.actuator]
+    if not thrust or not hull:
+        return None
+    who = join(sorted({one.actuator for one in thrust}))
+    way = f"do a bench (bollard) test of {who}, or {manoeuvre(hull[0])}"
+    return "only the ratio of thrust to the hull's force acts on this data", way
+
+
+def _one_force(roles: Sequence[Role]) -> _Told:
+    """Derivatives of one force: one must vary without the other."""
+    hull = {"added mass", "linear", "quadratic", "lift", "bias"}
+    if len({one.force for one in roles}) > 1 or not {one.kind for one in roles} <= hull:
+        return None
+    kinds = {one.kind for one in roles}
+    rates = sorted({one.rates for one in roles if one.rates})
+    if "bias" in kinds:
+        return "a constant force and drag look alike in one direction of motion", BOTH_WAYS
+    if len(rates) > 1:
+        return f"{join(rates)} move in one proportion in these trials", _ways(roles)
+    if "added mass" in kinds:
+        moved = [one for one in roles if one.kind == "added mass"]
+        return "too little acceleration to tell inertia from drag", _ways(moved)
+    lifts = [one for one in roles if one.kind == "lift"]
+    if lifts:
+        way = f"{manoeuvre(lifts[0])}, and the same without way"
+        return "forward speed varies too little to tell them apart", way
+    return f"{axis(rates[0])} speed varies too little to tell them apart", _ways(roles)
+
+
+_RULES: tuple[Callable[[Sequence[Role]], _Told], ...]
+
+_RULES = (_inertia, _munk, _static, _actuators, _thrust_and_hull, _one_force)
+
+
+def _ways(roles: Sequence[Role]) -> str:
+    return "; ".join(dict.fromkeys(manoeuvre(one) for one in roles))

@@ -1,0 +1,188 @@
+"""How sure an identification is: joint estimate, intervals, what the data tell and what the model lacks.
+
+With ``[polish]`` in the campaign the stages' result is polished first; without it, it is judged where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.errors import CampaignError
+from seatrial.base.progress import Step
+from seatrial.campaign.parameters import Parameter
+from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
+from seatrial.diagnosis.residual_analysis import Criticism, criticise_joint
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.joint_estimate import Polished, linearise, polish
+from seatrial.statistics.information import InformationCriteria, information_criteria
+from seatrial.statistics.linearisation import Unknown
+from seatrial.statistics.uncertainty import Uncertainty, covariance
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.campaign.campaign import Campaign
+
+__all__ = ["Certainty", "certainty", "conditioning"]
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """How sure an identification is.
+
+    Attributes
+    ----------
+    vehicle
+        With the joint estimate.
+    parameters
+        Parameters of the campaign that were estimated jointly.
+    unknowns
+        The same and the nuisance parameters.
+    polished
+        How the joint polish went; its ``rounds`` are zero where the campaign asks for none.
+    uncertainty
+        Standard deviations, 95 % intervals, correlations, block length.
+    identifiability
+        Verdict per coefficient, singular values, and a sentence per combination that the data cannot tell.
+    criteria
+        AIC and BIC, for the choice between models.
+    criticism
+        Autocorrelation of the residuals, missing terms, signals that the residuals follow.
+    """
+
+    vehicle: Vehicle
+    parameters: tuple[Parameter, ...]
+    unknowns: tuple[Unknown, ...]
+    polished: Polished
+    uncertainty: Uncertainty
+    identifiability: Identifiability
+    criteria: InformationCriteria
+    criticism: Criticism
+
+    def of(self, name: str) -> Mapping[str, Any] | None:
+        """Estimate, sigma, 95 % interval and verdict of a parameter; None if it is not in the estimate."""
+        if name not in self.uncertainty.names:
+            return None
+        place = self.uncertainty.names.index(name)
+        return {
+            "estimate": float(self.uncertainty.estimate[place]),
+            "sigma": float(self.uncertainty.sigma[place]),
+            "lower": float(self.uncertainty.lower[place]),
+            "upper": float(self.uncertainty.upper[place]),
+            "verdict": self.identifiability.verdicts.get(name),
+        }
+
+    def nuisances(self) -> list[dict[str, Any]]:
+        """Name, unit, estimate and sigma of every nuisance parameter."""
+        return [
+            {
+                "name": unknown.name,
+                "unit": unknown.unit,
+                "estimate": float(self.uncertainty.estimate[place]),
+                "sigma": float(self.uncertainty.sigma[place]),
+            }
+            for place, unknown in enumerate(self.unknowns)
+            if unknown.kind == "nuisance"
+        ]
+
+    def sentences(self) -> list[str]:
+        """What to know before the numbers are used, the gravest first."""
+        lines = []
+        if not self.polished.converged and self.polished.rounds:
+            lines.append(
+                f"the joint polish stopped after {self.polished.rounds} rounds before it had converged:"
+                " raise rounds under [polish]"
+            )
+        if len(self.polished.costs) > 1:
+            lines.append(self._starts())
+        if self.criticism.warning:
+            lines.append(self.criticism.warning)
+        lines += self.identifiability.sentences
+        lines += [one.sentence for one in self.criticism.suggestions]
+        lines += [one.sentence for one in self.criticism.signals]
+        return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain numbers, texts and lists."""
+        return {
+            "polish": self.polished.to_dict([unknown.name for unknown in self.unknowns]),
+            "nuisances": self.nuisances(),
+            "uncertainty": self.uncertainty.to_dict(),
+            "identifiability": self.identifiability.to_dict(),
+            "information_criteria": self.criteria.to_dict(),
+            "criticism": self.criticism.to_dict(),
+            "sentences": self.sentences(),
+        }
+
+    def _starts(self) -> str:
+        """Where the starts of the polish ended."""
+        costs = self.polished.costs
+        same = int((costs < costs.min() + 1.0).sum())
+        if same == len(costs):
+            return f"all {same} starts of the joint polish found the same optimum"
+        return (
+            f"{same} of {len(costs)} starts of the joint polish found the best optimum, the rest lesser ones"
+        )
+
+
+def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]:
+    """Sentences on what the campaign's data cannot tell, judged at its start values before any search.
+
+    Raises
+    ------
+    CampaignError, TrialError
+        As for `seatrial.estimation.joint.Joint`.
+    """
+    joint = Joint(campaign, threads=threads)
+    return warnings_before(linearise(joint, joint.start))
+
+
+def certainty(
+    campaign: Campaign,
+    vehicle: Vehicle,
+    *,
+    watch: Callable[[Step], None] | None = None,
+    threads: int | None = None,
+) -> Certainty:
+    """How sure the campaign's coefficients are, polished jointly where the campaign asks for it.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    vehicle : Vehicle
+        With the stages' estimates.
+    watch : callable, optional
+        Called after every round of the polish; it may raise KeyboardInterrupt.
+    threads : int, optional
+        Threads of the core; the result does not depend on it.
+
+    Raises
+    ------
+    CampaignError, TrialError
+        The joint estimate asks for what cannot be done, or a trial's channels do not move.
+    """
+    joint = Joint(campaign, vehicle, threads=threads)
+    rounds = None if campaign.file.polish is not None else 0
+    polished = polish(joint, rounds=rounds, watch=watch)
+    lin = linearise(joint, polished.values, initial=polished.initial, noise=polished.noise)
+    if not any(np.isfinite(piece.residual).all() for piece in lin.pieces):
+        raise CampaignError(
+            f"{campaign.source}: polish: the model diverges on every segment; check the bounds"
+        )
+    found = covariance(lin)
+    sigma = dict(zip(found.names, found.sigma.tolist(), strict=True))
+    return Certainty(
+        vehicle=joint.identified(polished.values),
+        parameters=joint.parameters,
+        unknowns=joint.unknowns,
+        polished=polished,
+        uncertainty=found,
+        identifiability=judge(lin, sigma),
+        criteria=information_criteria(lin),
+        criticism=criticise_joint(
+            joint, polished.values, initial=polished.initial, noise=polished.noise, refits=0
+        ),
+    )

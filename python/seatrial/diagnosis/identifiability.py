@@ -1,0 +1,352 @@
+"""Identifiability: what the data tell, what only in combination, and what would tell it apart.
+
+The information of all samples on the coefficients, with the nuisance parameters unknown (Schur complement),
+is judged on two scales. Over the width of the bounds it gives singular values and vectors: a singular value
+s says that the data fix its direction to 1/s of the bounds. Over each coefficient's natural size it gives
+the verdict:
+
+    natural size = |value|, at least a tenth of the width of the bounds, at most their width / sqrt(12)
+
+A tenth, because a coefficient that is small beside its bounds need not be known to a part of itself;
+1/sqrt(12), because that is the standard deviation of a number somewhere inside the bounds: data that tell
+less add nothing. With a standard deviation above `WEAK` of it a coefficient is weak, from `ABSENT` on not
+identifiable.
+
+What is not identifiable is described by its smallest combinations (`seatrial.diagnosis.weak_combination`)
+in one sentence each (`seatrial.diagnosis.identifiability`). All of it is local: it holds for the linearised
+model at one point, and for a model of the right structure.
+
+What a linearised estimate leaves undetermined, and the sentence that says what would determine it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.diagnosis.advice import VELOCITIES, absorbed, inseparable, role, scaled, unexcited
+from seatrial.diagnosis.weak_combination import ABSENT, WEAK, Group, weak_groups
+from seatrial.statistics.information import correlation, covariance, eliminate, inflation, singular
+from seatrial.statistics.linearisation import Linearisation, Unknown
+
+__all__ = [
+    "ILL_CONDITIONED",
+    "ROUNDING",
+    "Identifiability",
+    "Judgement",
+    "Undetermined",
+    "judge",
+    "undetermined",
+    "warnings_before",
+]
+
+ROUNDING = 1e3
+"""Standard deviation over natural size from which rounding speaks, not the data."""
+
+_STILL = (0.02, 0.02, 0.02, 0.01, 0.01, 0.01)  # m/s and rad/s: noise of a Doppler log and of a small gyro
+
+_HIDDEN = 2.0  # ratio of standard deviations with the nuisance parameters unknown and known
+
+
+@dataclass(frozen=True)
+class Undetermined:
+    """Coefficients that the data cannot tell, and the sentence that says what would.
+
+    ``kind`` is "unexcited" (not even if all others were known), "nuisance" (hidden by a nuisance parameter),
+    "scale" (all forces together) or "combination". ``relative`` is the largest standard deviation among them
+    over its natural size, infinite if the data tell nothing; of a scale that of the common factor.
+    """
+
+    kind: Literal["unexcited", "nuisance", "scale", "combination"]
+    names: tuple[str, ...]
+    relative: float
+    sentence: str
+
+
+def undetermined(
+    lin: Linearisation, information: Array, *, relative: Mapping[str, float], size: Array, widening: Array
+) -> tuple[Undetermined, ...]:
+    """What is undetermined, each weak coefficient at least once; what nothing excites comes first.
+
+    Parameters
+    ----------
+    lin : Linearisation
+    information : ndarray, shape (k, k)
+        On the coefficients, nuisance parameters unknown.
+    relative : mapping
+        Standard deviation of every coefficient over its natural size, in the order of the information.
+    size, widening : ndarray, shape (k,)
+        Natural sizes, and by how much the memory of the residuals widens each standard deviation.
+    """
+    names = tuple(relative)
+    natural = size / widening
+    inside = [i for i, one in enumerate(lin.unknowns) if one.kind == "coefficient"]
+    sized = information * np.outer(natural, natural)
+    groups = list(weak_groups(sized, [role(name) for name in names], lin.values[inside] / natural))
+    told = {i for group in groups for i in group.places}
+    groups += [
+        Group("unexcited", (i,), relative[name])
+        for i, name in enumerate(names)
+        if relative[name] > WEAK and i not in told
+    ]
+    total = lin.information()
+    found: list[Undetermined] = []
+    single: list[str] = []
+    for group in groups:
+        members = tuple(names[i] for i in group.places)
+        hidden = _hidden(lin, total, group, natural)
+        if hidden:
+            found.append(Undetermined("nuisance", members, _capped(group.sd), absorbed(members, hidden)))
+        elif group.kind == "scale":
+            factor_sd = _capped(group.sd * float(np.median(widening[list(group.places)])))
+            found.append(Undetermined("scale", members, factor_sd, scaled(members, factor_sd)))
+        elif group.kind == "combination":
+            found.append(Undetermined("combination", members, _capped(group.sd), inseparable(members)))
+        else:
+            single += members
+    blind = {name for name, value in zip(names, np.diag(sized), strict=True) if value * ROUNDING**2 < 1.0}
+    return (*_unexcited(lin, [name for name in names if name in single], blind, relative), *found)
+
+
+def _unexcited(
+    lin: Linearisation, single: Sequence[str], blind: set[str], relative: Mapping[str, float]
+) -> list[Undetermined]:
+    moving = _moving(lin)
+    silent = blind.intersection(single)
+    locked = {role(name).force for name in silent if moving.issuperset(role(name).velocities)} - {""}
+    sentences = unexcited(
+        single,
+        moving=moving,
+        silent=silent | {name for name in single if role(name).force in locked},
+        seen={name for name, value in relative.items() if value <= WEAK},
+    )
+    return [
+        Undetermined("unexcited", members, max(relative[name] for name in members), sentence)
+        for members, sentence in sentences.items()
+    ]
+
+
+def _hidden(lin: Linearisation, total: Array, group: Group, natural: Array) -> str | None:
+    """Nuisance parameter that hides a group which the data would tell if all of these were known."""
+    outside = [i for i, one in enumerate(lin.unknowns) if one.kind == "nuisance"]
+    inside = [i for i, one in enumerate(lin.unknowns) if one.kind == "coefficient"]
+    if not outside:
+        return None
+    chosen, sizes = [inside[i] for i in group.places], natural[list(group.places)]
+    scale = np.outer(sizes, sizes)
+    known = np.sqrt(np.diag(covariance(total[np.ix_(chosen, chosen)] * scale)))
+    told = eliminate(total, chosen, outside) * scale
+    unknown = np.sqrt(np.diag(covariance(told)))
+    worst = int(unknown.argmax())
+    if known.max() > WEAK or unknown[worst] < _HIDDEN * known[worst]:
+        return None
+    _, directions = np.linalg.eigh(told)
+    along = directions[:, 0] * sizes
+    own = np.diag(total)[outside]
+    shared = (along @ total[np.ix_(chosen, outside)]) ** 2 / np.where(own > 0, own, np.inf)
+    return lin.unknowns[outside[int(shared.argmax())]].name
+
+
+def _moving(lin: Linearisation) -> set[str]:
+    """Velocities whose root mean square in some segment is above what instruments show of a still vehicle."""
+    rms = np.zeros(6)
+    for piece in lin.pieces:
+        rms = np.fmax(rms, np.sqrt(np.mean(piece.nu**2, axis=0)))
+    return {letter for letter, value, still in zip(VELOCITIES, rms, _STILL, strict=True) if value > still}
+
+
+def _capped(sd: float) -> float:
+    return sd if sd <= ROUNDING else math.inf
+
+
+ILL_CONDITIONED = 1e4
+"""Condition number from which a warning is due: the information's is its square, half of double precision."""
+
+_SMALL = 0.1  # of the width of the bounds; default bounds of damping are four to ten times the value wide
+
+_UNIFORM = 12.0**-0.5
+
+_PART = 0.1  # component of a singular vector that is worth a name
+
+_COLOURED = 1e3  # most that the memory of residuals may widen a standard deviation
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Verdict on one coefficient.
+
+    ``sd`` is its standard deviation in ``unit``, ``relative`` that over its natural size (infinite where the
+    data tell nothing), ``correlation`` the multiple correlation coefficient with all others, ``inflation``
+    the variance inflation factor ``1/(1 - correlation^2)``.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sd: float
+    relative: float
+    verdict: Literal["identifiable", "weak", "not identifiable"]
+    correlation: float
+    inflation: float
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What the data tell of the coefficients.
+
+    Attributes
+    ----------
+    names
+        Coefficients (k), in the order of all arrays.
+    singular_values
+        Of the sensitivities scaled by the width of the bounds (k,), largest first.
+    vectors
+        Right singular vectors (k, k), a row each, in widths of the bounds.
+    condition
+        Largest over smallest singular value; infinite where the smallest is rounding.
+    correlation
+        Matrix (k, k); zero beside coefficients without any information.
+    coefficients
+        A `Judgement` per coefficient.
+    combinations
+        An `Undetermined` for everything that is weak or not identifiable.
+    """
+
+    names: tuple[str, ...]
+    singular_values: Array
+    vectors: Array
+    condition: float
+    correlation: Array
+    coefficients: tuple[Judgement, ...]
+    combinations: tuple[Undetermined, ...]
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """One sentence per combination."""
+        return tuple(one.sentence for one in self.combinations)
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """Verdict by coefficient."""
+        return {one.name: one.verdict for one in self.coefficients}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers, texts, lists and dicts; an infinite number is None."""
+        return {
+            "singular_values": self.singular_values.tolist(),
+            "vectors": self.vectors.tolist(),
+            "condition": _finite(self.condition),
+            "correlation": self.correlation.tolist(),
+            "coefficients": [_plain(one) for one in self.coefficients],
+            "combinations": [_plain(one) for one in self.combinations],
+        }
+
+
+def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Identifiability:
+    """What a linearised estimate tells of its coefficients.
+
+    Parameters
+    ----------
+    lin : Linearisation
+        At the estimate, or at the start values before it. Priors count as information.
+    sigma : mapping, optional
+        Standard deviations by name that allow for residuals with a memory
+        (`seatrial.statistics.uncertainty`). Of these and those of the information alone the larger counts;
+        the correlations are those of the information.
+    """
+    inside = [i for i, one in enumerate(lin.unknowns) if one.kind == "coefficient"]
+    outside = [i for i, one in enumerate(lin.unknowns) if one.kind == "nuisance"]
+    unknowns = [lin.unknowns[i] for i in inside]
+    names = tuple(one.name for one in unknowns)
+    values = np.asarray(lin.values, dtype=float)[inside]
+    information = eliminate(lin.information(), inside, outside)
+    width, size = _sizes(unknowns, values)
+    inverse = covariance(information)
+    sd = np.sqrt(np.diag(inverse))
+    given = np.array([math.nan if sigma is None else sigma.get(name, math.nan) for name in names])
+    known = np.isfinite(given) & np.isfinite(sd)
+    widening = (np.where(known, given, 1.0) / np.where(known, sd, 1.0)).clip(1.0, _COLOURED)
+    relative = np.fmax(sd, given) / size
+    relative = np.where(relative > ROUNDING, np.inf, relative)
+    factors = inflation(information, inverse)
+    judged = tuple(
+        Judgement(
+            name=one.name,
+            unit=one.unit,
+            value=float(values[i]),
+            sd=float(relative[i] * size[i]),
+            relative=float(relative[i]),
+            verdict=_verdict(float(relative[i])),
+            correlation=math.sqrt(1.0 - 1.0 / float(factors[i])),
+            inflation=float(factors[i]),
+        )
+        for i, one in enumerate(unknowns)
+    )
+    spectrum, vectors, condition = singular(information * np.outer(width, width))
+    return Identifiability(
+        names=names,
+        singular_values=spectrum,
+        vectors=vectors,
+        condition=condition,
+        correlation=correlation(inverse),
+        coefficients=judged,
+        combinations=undetermined(
+            lin,
+            information,
+            relative={one.name: one.relative for one in judged},
+            size=size,
+            widening=widening,
+        ),
+    )
+
+
+def warnings_before(lin: Linearisation) -> list[str]:
+    """Sentences to print before optimising: ill-conditioning, and what the data will not tell; or none.
+
+    Parameters
+    ----------
+    lin : Linearisation
+        At the start values.
+    """
+    found = judge(lin)
+    if found.condition <= ILL_CONDITIONED:
+        return list(found.sentences)
+    astray = found.singular_values * ILL_CONDITIONED < found.singular_values[0]
+    part = np.abs(found.vectors[astray]).max(axis=0)
+    along = ", ".join(name for name, share in zip(found.names, part, strict=True) if share > _PART)
+    size = f"{found.condition:.1e}" if math.isfinite(found.condition) else "infinite"
+    return [
+        f"ill-conditioned: the condition number of the scaled sensitivities is {size}, at most"
+        f" {ILL_CONDITIONED:.0e} is sound; the search will wander along {along}",
+        *found.sentences,
+    ]
+
+
+def _sizes(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
+    """Widths of the bounds and natural sizes (k,); without bounds the value is both, or one."""
+    bounded = np.array([math.isfinite(one.scale) and one.scale > 0 for one in unknowns], dtype=bool)
+    width = np.where(bounded, [one.scale for one in unknowns], np.abs(values))
+    width = np.where(width > 0, width, 1.0)
+    size = np.minimum(np.maximum(np.abs(values), _SMALL * width), _UNIFORM * width)
+    return width, np.where(bounded, size, width)
+
+
+def _verdict(relative: float) -> Literal["identifiable", "weak", "not identifiable"]:
+    if relative <= WEAK:
+        return "identifiable"
+    return "weak" if relative < ABSENT else "not identifiable"
+
+
+def _plain(one: Judgement | Undetermined) -> dict[str, Any]:
+    return {
+        key: list(value) if isinstance(value, tuple) else _finite(value) for key, value in asdict(one).items()
+    }
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,389 @@
+"""Candidates of missing terms: coefficients that an estimate holds and that act on a free axis.
+
+Missing terms: coefficients that the campaign holds and the residuals ask for, ranked, with alternatives.
+
+Every coefficient that is not estimated is tried by an exact score test (`seatrial.statistics.score_test`),
+at a false discovery rate over all that are tried. Among the significant ones that of the largest gain
+leads; one that adds nothing beside it, and beside which it adds nothing, is an alternative that these data
+cannot tell from it ("free Y_ur or Y_rdot"). Then the leader counts as fitted and the rest is tried again.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES
+from seatrial.campaign.parameters import VELOCITIES
+from seatrial.diagnosis.residual_analysis import autocorrelations, block_length, block_numbers
+from seatrial.statistics.linearisation import Linearisation
+from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests, unexplained
+from seatrial.vehicle.actuators import actuator_groups
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.estimation.joint import Joint
+
+__all__ = [
+    "OF_AN_AXIS",
+    "Candidate",
+    "Suggestion",
+    "candidates",
+    "columns_of",
+    "fitted_places",
+    "independent_blocks",
+    "members",
+    "missing_terms",
+    "signal_of",
+    "strongest",
+    "worded",
+]
+
+OF_AN_AXIS = re.compile(rf"([{AXES}])_(0|[{VELOCITIES}]dot|[{VELOCITIES}]{{1,2}})")
+"""A coefficient of a force: the force's letter, and what it is proportional to."""
+
+_AT_ONCE = 3e7
+
+_STRONGEST = 40
+
+_COARSE = 40
+
+_OF_ONE = re.compile(r".+\.(gain|lever_[KMN])")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A coefficient that might be missing; of an actuator group, the coefficients that it sets together."""
+
+    name: str
+    members: tuple[str, ...]
+
+
+def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tuple[Candidate, ...]:
+    """Coefficients of a vehicle that are not estimated and act on a free axis.
+
+    Of an actuator group those of all its actuators together where they are equal, and of each actuator its
+    gain and levers.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    estimated : iterable of str
+        Coefficients that the fit sets.
+    free : str
+        Letters of the free axes.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> found = candidates(st.Vehicle.load("cwolf"), ["X_u", "X_uu"], free="X")
+    >>> [c.name for c in found if c.name.startswith("X_u")]
+    ['X_udot']
+    """
+    fixed = set(estimated)
+    known = vehicle.coefficient_info()
+    groups = actuator_groups(vehicle)
+    actuators, present = set(vehicle.actuators), vehicle.coefficients()
+    found = []
+    for name in known:
+        axis = OF_AN_AXIS.fullmatch(name)
+        if name in fixed or (axis and axis[1] not in free):
+            continue
+        if name.partition(".")[0] not in actuators or _OF_ONE.fullmatch(name):
+            found.append(Candidate(name, (name,)))
+    for group, own_actuators in groups.items():
+        of_first = [name.partition(".")[2] for name in known if name.startswith(f"{own_actuators[0]}.")]
+        for suffix in (suffix for suffix in of_first if not suffix.startswith("lever_")):
+            own = tuple(f"{member}.{suffix}" for member in own_actuators)
+            single = len(own) == 1 and _OF_ONE.fullmatch(own[0])
+            equal = len({present.get(name, 0.0) for name in own}) == 1
+            if equal and not single and all(name in known and name not in fixed for name in own):
+                found.append(Candidate(own[0] if len(own) == 1 else f"{group}.{suffix}", own))
+    return tuple(found)
+
+
+def columns_of(lin: Linearisation, tried: Sequence[Candidate]) -> list[Array]:
+    """Columns (n, C, k) per segment of the candidates, whose coefficients are among the unknowns."""
+    place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
+    mix = np.zeros((len(lin.unknowns), len(tried)))
+    for column, candidate in enumerate(tried):
+        for member in candidate.members:
+            mix[place[member], column] = 1.0
+    return [np.asarray(piece.jacobian @ mix) for piece in lin.pieces]
+
+
+def members(tried: Iterable[Candidate]) -> list[str]:
+    """Coefficients of the candidates, each once."""
+    return list(dict.fromkeys(member for candidate in tried for member in candidate.members))
+
+
+def fitted_places(lin: Linearisation, tried: Sequence[Candidate]) -> list[int]:
+    """Places of the unknowns that are no candidate's."""
+    held = {member for candidate in tried for member in candidate.members}
+    return [i for i, unknown in enumerate(lin.unknowns) if unknown.name not in held]
+
+
+def strongest(
+    joint: Joint, values: Array, tried: tuple[Candidate, ...], *, initial: Array | None, noise: Array | None
+) -> tuple[Candidate, ...]:
+    """The candidates of the largest gains, all if the derivatives by all of them fit into memory.
+
+    Parameters
+    ----------
+    joint : Joint
+    values : ndarray, shape (m,)
+        The estimate.
+    tried : tuple of Candidate
+    initial, noise : ndarray, optional
+        As for `seatrial.estimation.joint_estimate.linearise`.
+    """
+    from seatrial.estimation.joint_estimate import linearise
+
+    rows = joint.data.samples * len(joint.channels)
+    fits = max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
+    if len(tried) <= fits:
+        return tried
+    gains = np.zeros(len(tried))
+    for first in range(0, len(tried), fits):
+        part = tried[first : first + fits]
+        lin = linearise(joint, values, initial=initial, noise=noise, extra=members(part))
+        block = block_numbers(lin, rows * lin.dt / len(joint.channels) / _COARSE)
+        tests = score_tests(lin, columns_of(lin, part), fitted=fitted_places(lin, part), block=block)
+        gains[first : first + len(part)] = tests.results().gain
+    return tuple(tried[place] for place in np.argsort(-gains, kind="stable")[:_STRONGEST])
+
+
+def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) -> str:
+    """The signal that a coefficient multiplies, in words.
+
+    Examples
+    --------
+    >>> [signal_of(name) for name in ("Y_ur", "Y_rdot", "N_rr", "K_v", "Z_0")]
+    ['u r', 'dr/dt', '|r| r', 'v', 'a constant']
+    """
+    axis = OF_AN_AXIS.fullmatch(name)
+    if axis is None:
+        words = (info or {}).get(name, {}).get("description")
+        return f"the {words}" if words and "." not in name else name
+    what = axis[2]
+    if what == "0":
+        return "a constant"
+    if what.endswith("dot"):
+        return f"d{what[0]}/dt"
+    if len(what) == 1:
+        return what
+    return f"|{what[0]}| {what[0]}" if what[0] == what[1] else f"{what[0]} {what[1]}"
+
+
+_APART = 0.05
+
+_NAMED = 3
+
+_EXPLAINING = 3
+
+_FAIR_PART = 0.2
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A coefficient to free.
+
+    Attributes
+    ----------
+    name, unit
+        The coefficient as a campaign file names it.
+    alternatives
+        Coefficients that these data cannot tell from it.
+    channel, follows
+        The channel whose residual it explains most, and the signal that this residual follows.
+    present, value, sigma
+        Value that it is held at, first-order estimate of its value, standard deviation.
+    gain
+        Fall of the cost in percent when it is freed (of the first: alone; of the next: after those before).
+    p
+        P-value adjusted for all coefficients that were tried.
+    sentence
+        All of it in words.
+    """
+
+    name: str
+    unit: str
+    alternatives: tuple[str, ...]
+    channel: str
+    follows: str
+    present: float
+    value: float
+    sigma: float
+    gain: float
+    p: float
+    sentence: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """The suggestion as plain data."""
+        return asdict(self)
+
+
+def missing_terms(
+    lin: Linearisation,
+    tried: Sequence[Candidate],
+    *,
+    block: Sequence[NDArray[np.intp]],
+    info: Mapping[str, Mapping[str, Any]] | None = None,
+    tested: int | None = None,
+    level: float = 0.05,
+    least_gain: float = 0.25,
+    most: int = 5,
+) -> tuple[Suggestion, ...]:
+    """Suggestions of coefficients to free, the one with the largest gain first.
+
+    Parameters
+    ----------
+    lin : Linearisation
+        Its unknowns include the candidates' coefficients, which count as not fitted.
+    tried : sequence of Candidate
+    block : sequence of ndarray, shape (n,)
+        Block of each sample of each segment, of `independent_blocks`.
+    info : mapping, optional
+        ``Vehicle.coefficient_info()``: descriptions for the words.
+    tested : int, optional
+        Number of coefficients tried in all, if more than are given here.
+    level : float
+        False discovery rate: the chance of any suggestion where nothing is missing.
+    least_gain : float
+        Percent of the cost that a suggestion gains at least: less may be significant but moves no prediction.
+    most : int
+        Suggestions at most.
+    """
+    if not tried:
+        return ()
+    columns, fitted = columns_of(lin, tried), fitted_places(lin, tried)
+    tests = score_tests(lin, columns, fitted=fitted, block=block)
+    count = max(tested or 0, int(tests.testable.sum()))
+    open_ = tests.testable.copy()
+    place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
+    leaders: list[int] = []
+    found: list[Suggestion] = []
+    while len(found) < most:
+        results = tests.results()
+        adjusted = np.ones(len(tried))
+        adjusted[open_] = false_discovery(results.p[open_], count)
+        significant = np.flatnonzero((adjusted < level) & (results.gain >= least_gain / 100.0))
+        if not len(significant):
+            break
+        best = int(significant[np.argmax(results.gain[significant])])
+        rivals = np.flatnonzero(open_ & (results.p < _APART))
+        group = sorted([best, *_alternatives(tests, best, rivals)], key=lambda rival: -results.gain[rival])
+        leader = group[0]
+        channel = _channel(
+            lin, columns, fitted=fitted, leaders=leaders, leader=leader, name=tried[leader].name
+        )
+        own = place[tried[leader].members[0]]
+        present = float(lin.values[own])
+        suggestion = Suggestion(
+            name=tried[leader].name,
+            unit=lin.unknowns[own].unit,
+            alternatives=tuple(tried[rival].name for rival in group[1:]),
+            channel=channel,
+            follows=signal_of(tried[leader].name, info),
+            present=present,
+            value=present + float(results.step[leader]),
+            sigma=float(results.sigma[leader]),
+            gain=100.0 * float(results.gain[leader]),
+            p=float(adjusted[group].min()),
+            sentence="",
+        )
+        found.append(worded(suggestion))
+        open_[group] = False
+        leaders.append(leader)
+        tests = tests.beside(leader)
+    return tuple(found)
+
+
+def independent_blocks(
+    lin: Linearisation, tried: Sequence[Candidate]
+) -> tuple[list[NDArray[np.intp]], float]:
+    """Block of each sample (n,) per segment, and the blocks' length in s, for tests of the candidates.
+
+    The blocks outlast the memory of the residual that the best candidates leave: what a missing term makes
+    the residual remember is no noise.
+    """
+    duration = sum(len(piece.t) for piece in lin.pieces) * lin.dt
+    number = block_numbers(lin, max(duration / _COARSE, lin.dt))
+    left = lin
+    if tried:
+        columns, fitted = columns_of(lin, tried), fitted_places(lin, tried)
+        tests = score_tests(lin, columns, fitted=fitted, block=number)
+        best: list[int] = []
+        for _ in range(_EXPLAINING):
+            best.append(int(np.argmax(np.where(tests.testable, tests.results().gain, 0.0))))
+            tests = tests.beside(best[-1])
+        explaining = _explaining(lin, columns, fitted=fitted, places=best)
+        residual = unexplained(lin, explaining, [piece.residual for piece in lin.pieces])
+        pieces = (replace(p, residual=r) for p, r in zip(lin.pieces, residual, strict=True))
+        left = replace(lin, pieces=tuple(pieces))
+    length = block_length(autocorrelations(left), duration)
+    return block_numbers(lin, length), length
+
+
+def _explaining(
+    lin: Linearisation, columns: Sequence[Array], *, fitted: Sequence[int], places: Sequence[int]
+) -> list[Array]:
+    """Columns (n, C, k) per segment of what is fitted and of some candidates."""
+    return [
+        np.concatenate([piece.jacobian[:, :, list(fitted)], own[:, :, list(places)]], axis=2)
+        for piece, own in zip(lin.pieces, columns, strict=True)
+    ]
+
+
+def _alternatives(tests: ScoreTests, leader: int, rivals: NDArray[np.intp]) -> list[int]:
+    """Rivals that add nothing beside the leader and beside which the leader adds nothing."""
+    left = tests.beside(leader).results().p
+    found = [int(rival) for rival in rivals if rival != leader and left[rival] >= _APART]
+    return [rival for rival in found if tests.beside(rival).results().p[leader] >= _APART]
+
+
+def _channel(
+    lin: Linearisation,
+    columns: Sequence[Array],
+    *,
+    fitted: Sequence[int],
+    leaders: Sequence[int],
+    leader: int,
+    name: str,
+) -> str:
+    """The channel, a velocity where there is one, in which a candidate shows most beside what is fitted.
+
+    That of the force's own axis goes first where it shows a fair part.
+    """
+    explaining = _explaining(lin, columns, fitted=fitted, places=leaders)
+    left = unexplained(lin, explaining, [own[:, :, leader] for own in columns])
+    energy = np.sum(
+        [(p.weight * p.counted * one**2).sum(axis=0) for p, one in zip(lin.pieces, left, strict=True)], axis=0
+    )
+    velocity = np.array([channel in VELOCITIES for channel in lin.channels])
+    energy = np.where(velocity, energy, 0.0) if velocity.any() else energy
+    axis = OF_AN_AXIS.fullmatch(name)
+    if axis and (own := VELOCITIES[AXES.index(axis[1])]) in lin.channels:
+        energy[lin.channels.index(own)] /= _FAIR_PART
+    return lin.channels[int(np.argmax(energy))]
+
+
+def worded(one: Suggestion) -> Suggestion:
+    """The suggestion with the sentence that its numbers make."""
+    names = (one.name, *one.alternatives)
+    choice = " or ".join(names[:_NAMED])
+    if len(names) > _NAMED:
+        choice += f" (or one of {len(names) - _NAMED} more that look alike)"
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    chance = "p < 1e-6" if one.p < 1e-6 else f"p = {one.p:.1g}"
+    sentence = (
+        f"{one.channel} residual follows {one.follows}: free {choice}; {one.name} would be {one.value:.3g} ±"
+        f" {one.sigma:.2g}{unit}, the cost would fall by {one.gain:.2g} % ({chance})"
+    )
+    return replace(one, sentence=sentence)

@@ -1,0 +1,192 @@
+"""Refits: the joint estimate with a suggested coefficient free, for values that are not of first order.
+
+Where the fitted coefficients have bent far to stand for a missing term, its derivative there says little:
+what is left looks like a lag of the motors rather than the lift that is missing. A few candidates are
+therefore freed in turn and everything is estimated again; that of the largest gain is kept, and the rest is
+tried beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.campaign.campaign import Campaign
+from seatrial.campaign.file import Coefficient, Polish
+from seatrial.diagnosis.missing_terms import (
+    Candidate,
+    Suggestion,
+    fitted_places,
+    independent_blocks,
+    members,
+    missing_terms,
+    worded,
+)
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.joint_estimate import Polished, linearise, polish
+from seatrial.statistics.linearisation import Linearisation
+from seatrial.statistics.score_test import score_tests
+
+if TYPE_CHECKING:
+    pass
+
+__all__ = ["Refitted", "refitted", "suggested_bounds"]
+
+_SIGMAS = 4.0
+
+
+def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]) -> tuple[float, float]:
+    """Bounds for a suggested coefficient, in its unit; ``info`` is that of ``Vehicle.coefficient_info()``.
+
+    They hold the present value and the estimate, and beyond either four sigma or the distance between the
+    two, whichever is more: the estimate is of first order. The vehicle's default bounds cut them where both
+    values lie inside, so that damping keeps its sign. Rounded outwards to two digits.
+    """
+    present, value = suggestion.present, suggestion.value
+    room = max(_SIGMAS * suggestion.sigma, abs(value - present))
+    lower, upper = _outwards(min(present, value) - room, -1), _outwards(max(present, value) + room, 1)
+    facts = info.get(suggestion.name, {})
+    least, most = facts.get("lower"), facts.get("upper")
+    if least is not None and most is not None and least <= min(present, value) <= max(present, value) <= most:
+        lower, upper = max(lower, float(least)), min(upper, float(most))
+    return lower + 0.0, upper + 0.0
+
+
+def _outwards(number: float, direction: int) -> float:
+    """Number rounded to two digits, up (1) or down (-1)."""
+    if number == 0.0:
+        return 0.0
+    unit = 10.0 ** (math.floor(math.log10(abs(number))) - 1)
+    rounded = (math.ceil if direction > 0 else math.floor)(number / unit - direction * 1e-9) * unit
+    return float(f"{rounded:.6g}")
+
+
+_BESIDE = 4
+
+_ROUNDS = 5
+"""Rounds of a refit at most: it starts where all but one coefficient are at their best."""
+
+
+@dataclass(frozen=True)
+class Refitted:
+    """Suggestions, of which the first is refitted, and the linearisation with it free.
+
+    ``tried`` are the candidates that are still held there.
+    """
+
+    suggestions: tuple[Suggestion, ...]
+    lin: Linearisation
+    tried: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True)
+class _Fit:
+    joint: Joint
+    polished: Polished
+
+    @property
+    def samples(self) -> float:
+        return float(sum(self.joint.data.counts[channel] for channel in self.joint.used))
+
+    @property
+    def cost(self) -> float:
+        """Negative log-likelihood."""
+        return float(self.polished.costs.min())
+
+
+def refitted(
+    joint: Joint,
+    start: Array,
+    suggestions: Sequence[Suggestion],
+    tried: Sequence[Candidate],
+    *,
+    tested: int,
+    level: float,
+    refits: int,
+    least_gain: float = 0.25,
+) -> Refitted:
+    """Suggestions after refits: of the first few the one that gains most, then those beside it.
+
+    Parameters
+    ----------
+    joint : Joint
+    start : ndarray, shape (m,)
+        The estimate without any of them.
+    suggestions : sequence of Suggestion
+        Of first order, at that estimate.
+    tried : sequence of Candidate
+        All that may be suggested.
+    tested : int
+        Number of coefficients tried in all.
+    level : float
+        False discovery rate.
+    refits : int
+        Suggestions that are refitted.
+    least_gain : float
+        Percent of the mean square that it gains at least; otherwise none is suggested.
+    """
+    here = _fit(joint, {}, start)
+    fits = [_freed(here, one) for one in suggestions[:refits]]
+    best = int(np.argmin([fit.cost for fit in fits]))
+    gain = -100.0 * math.expm1(2.0 * (fits[best].cost - here.cost) / here.samples)
+    if gain < least_gain:
+        return Refitted((), _linearised(here, tried), tuple(tried))
+    chosen, here = suggestions[best], fits[best]
+    taken = set(next(c.members for c in tried if c.name == chosen.name))
+    left = tuple(c for c in tried if not taken & set(c.members))
+    lin = _linearised(here, left)
+    block, _ = independent_blocks(lin, left)
+    info = joint.vehicle.coefficient_info()
+    beside = missing_terms(lin, left, block=block, info=info, tested=tested, level=level, most=_BESIDE)
+    return Refitted((_exact(lin, left, chosen, gain=gain), *beside), lin, left)
+
+
+def _fit(joint: Joint, freed: Mapping[str, Coefficient], start: Array) -> _Fit:
+    """The joint estimate with further coefficients free, from one start."""
+    campaign = joint.campaign
+    section = campaign.file.polish or Polish()
+    section = section.model_copy(update={"starts": 1, "coefficients": {**section.coefficients, **freed}})
+    other = Campaign(
+        campaign.file.model_copy(update={"polish": section}),
+        text=campaign.text,
+        source=campaign.source,
+        folder=campaign.folder,
+        trials=campaign._data,
+    )
+    other.trials = campaign.trials  # read once
+    grown = Joint(other, joint.vehicle, threads=joint.threads)
+    polished = polish(grown, start=start, rounds=_ROUNDS)
+    if polished.interrupted:
+        raise KeyboardInterrupt
+    return _Fit(grown, polished)
+
+
+def _freed(here: _Fit, one: Suggestion) -> _Fit:
+    """The estimate with a suggested coefficient free, from where it is."""
+    info = here.joint.vehicle.coefficient_info()
+    entry = Coefficient(bounds=suggested_bounds(one, info), start=one.present)
+    place = len(here.joint.parameters)
+    return _fit(here.joint, {one.name: entry}, np.insert(here.polished.values, place, one.present))
+
+
+def _linearised(here: _Fit, left: Sequence[Candidate]) -> Linearisation:
+    polished = here.polished
+    return linearise(
+        here.joint, polished.values, initial=polished.initial, noise=polished.noise, extra=members(left)
+    )
+
+
+def _exact(lin: Linearisation, left: Sequence[Candidate], one: Suggestion, *, gain: float) -> Suggestion:
+    """The suggestion with value, standard deviation and gain of the refit."""
+    place = [unknown.name for unknown in lin.unknowns].index(one.name)
+    others = [i for i in fitted_places(lin, left) if i != place]
+    block, _ = independent_blocks(lin, ())
+    column = [piece.jacobian[:, :, [place]] for piece in lin.pieces]
+    sigma = float(score_tests(lin, column, fitted=others, block=block).results().sigma[0])
+    value = float(lin.values[place])
+    return worded(replace(one, value=value, sigma=sigma, gain=gain))

@@ -1,0 +1,482 @@
+"""Residuals as they are: autocorrelation, the share that is not white, how many samples count as independent.
+
+A model inside its class leaves the sensors' noise; a missing term leaves a residual that remembers. Memory
+makes n samples tell as much as ``n dt / tau`` independent ones, with the correlation time
+``tau = dt (1 + 2 sum rho_k)`` (Bartlett 1946); a test that ignores it finds structure in every log.
+
+Sources: Box & Jenkins, *Time Series Analysis* (1970); Ljung & Box, Biometrika 65 (1978).
+
+Model criticism: what the residuals say against the model, and what to do about it.
+
+Three questions. Do the residuals look like the sensors' noise (`seatrial.diagnosis.residual_analysis`)? Which
+coefficient that is held should be free (`seatrial.diagnosis.missing_terms`)? Which other signal do they
+follow beside all that (`seatrial.diagnosis.residual_signals`)? A model that leaves structure is not true,
+so its intervals are about the best model in its class; whether a suggested term is worth having is for the
+hold-out score to say (`seatrial.identification.suggestion`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.campaign.parameters import names
+from seatrial.diagnosis.missing_terms import (
+    Candidate,
+    Suggestion,
+    candidates,
+    columns_of,
+    fitted_places,
+    independent_blocks,
+    members,
+    missing_terms,
+    strongest,
+)
+from seatrial.diagnosis.residual_signals import (
+    FollowedSignal,
+    followed_signals,
+    motion_signals,
+    recorded_signals,
+    with_predicted_velocity,
+)
+from seatrial.statistics.blocks import autocorrelation
+from seatrial.statistics.linearisation import Linearisation
+from seatrial.statistics.score_test import score_tests
+
+if TYPE_CHECKING:
+    from seatrial.estimation.joint import Joint
+
+__all__ = [
+    "LONGEST_S",
+    "Autocorrelation",
+    "Criticism",
+    "autocorrelations",
+    "block_length",
+    "block_numbers",
+    "criticise",
+    "criticise_joint",
+]
+
+LONGEST_S = 10.0
+"""Longest lag of an autocorrelation, s."""
+
+_LAGS_TESTED = 20
+
+_BLOCK = 4.0
+
+_SHORTEST_S = 2.0
+
+_FEWEST = 24
+
+_MOST = 240
+
+
+@dataclass(frozen=True)
+class Autocorrelation:
+    """Autocorrelation of one channel's residual, pooled over the trials.
+
+    Attributes
+    ----------
+    channel
+        Its name.
+    lag_s, rho
+        Lags in s and autocorrelations, both (lags,), from one sample on.
+    band
+        White residuals stay within plus and minus this in 95 of 100 lags: ``1.96 / sqrt(samples)``.
+    outside
+        Share of the lags outside the band; 0.05 for white residuals.
+    p
+        Probability that white residuals correlate as much (Ljung-Box over the first lags).
+    samples, effective
+        Samples that count, and how many independent ones they are worth.
+    correlation_s
+        Correlation time, s.
+    rms
+        Root mean square of the residual, SI.
+    noise
+        Noise of the sensor, SI: as given, otherwise the white part of the residual (second differences).
+    """
+
+    channel: str
+    lag_s: Array
+    rho: Array
+    band: float
+    outside: float
+    p: float
+    samples: int
+    effective: float
+    correlation_s: float
+    rms: float
+    noise: float
+
+    @property
+    def excess(self) -> float:
+        """Residual over noise: 1 where the model leaves nothing but the sensor's noise."""
+        return self.rms / self.noise if self.noise > 0.0 else float("inf")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The autocorrelation as plain data."""
+        return {
+            "channel": self.channel,
+            "lag_s": self.lag_s.tolist(),
+            "rho": self.rho.tolist(),
+            "band": self.band,
+            "outside": self.outside,
+            "p": self.p,
+            "samples": self.samples,
+            "effective_samples": self.effective,
+            "correlation_s": self.correlation_s,
+            "rms": self.rms,
+            "noise": self.noise,
+            "excess": self.excess,
+        }
+
+
+def autocorrelations(
+    lin: Linearisation, *, longest_s: float = LONGEST_S, sensor_noise: Mapping[str, float] | None = None
+) -> tuple[Autocorrelation, ...]:
+    """Autocorrelation of the residual of every channel that has samples.
+
+    What the robust loss weighs less counts less.
+
+    Parameters
+    ----------
+    lin : Linearisation
+    longest_s : float
+        Longest lag, s; at most a quarter of the data.
+    sensor_noise : mapping, optional
+        Standard deviation per channel, SI, where it is known.
+    """
+    samples = sum(len(piece.t) for piece in lin.pieces)
+    count = max(1, min(round(longest_s / lin.dt), samples // 4))
+    rho = autocorrelation(lin, count)[:, 1:]
+    found = [
+        _channel(lin, column, rho[column], known_noise=(sensor_noise or {}).get(channel))
+        for column, channel in enumerate(lin.channels)
+    ]
+    return tuple(one for one in found if one is not None)
+
+
+def block_length(found: tuple[Autocorrelation, ...], duration_s: float) -> float:
+    """Length in s of blocks that are as good as independent: four times the longest correlation time.
+
+    At least two seconds, and such that there are between two dozen blocks, without which there is no
+    variance, and ten times as many, beyond which they tell nothing more.
+
+    Examples
+    --------
+    >>> block_length((), 1200.0)
+    5.0
+    """
+    memory = max((one.correlation_s for one in found), default=0.0)
+    shortest = max(_SHORTEST_S, duration_s / _MOST)
+    return float(max(shortest, min(_BLOCK * memory, duration_s / _FEWEST)))
+
+
+def block_numbers(lin: Linearisation, length_s: float) -> list[NDArray[np.intp]]:
+    """Block that each sample belongs to, per segment (n,), from 0 on.
+
+    The blocks of a trial are equally long, about `length_s`, and cross the limits of its segments.
+    """
+    totals: dict[str, int] = {}
+    for piece in lin.pieces:
+        totals[piece.trial] = totals.get(piece.trial, 0) + len(piece.t)
+    left: dict[str, NDArray[np.intp]] = {}
+    first = 0
+    for trial, total in totals.items():
+        own = min(total, max(1, round(total * lin.dt / length_s)))
+        left[trial] = first + np.arange(total) * own // total
+        first += own
+    found = []
+    for piece in lin.pieces:
+        found.append(left[piece.trial][: len(piece.t)])
+        left[piece.trial] = left[piece.trial][len(piece.t) :]
+    return found
+
+
+def _channel(
+    lin: Linearisation, column: int, rho: Array, *, known_noise: float | None
+) -> Autocorrelation | None:
+    """The autocorrelation of one channel from its values (lags,); None without samples."""
+    from scipy.stats import chi2
+
+    power, samples, curvature, triples = 0.0, 0, 0.0, 0
+    for piece in lin.pieces:
+        mask = piece.counted[:, column]
+        held = np.where(mask, piece.weight[:, column] * piece.residual[:, column], 0.0)
+        power, samples = power + float(held @ held), samples + int(mask.sum())
+        bend = (held[:-2] - 2.0 * held[1:-1] + held[2:])[mask[:-2] & mask[1:-1] & mask[2:]]
+        curvature, triples = curvature + float(bend @ bend), triples + len(bend)
+    if samples == 0:
+        return None
+    band = 1.96 / float(np.sqrt(samples))
+    inside = np.flatnonzero(rho < band)
+    memory = rho[: inside[0]] if len(inside) else rho
+    correlation_s = lin.dt * (1.0 + 2.0 * float(memory.sum()))
+    lags = np.arange(1, min(_LAGS_TESTED, len(rho), samples - 1) + 1)
+    statistic = samples * (samples + 2) * float((rho[: len(lags)] ** 2 / (samples - lags)).sum())
+    rms = float(lin.noise[column] * np.sqrt(power / samples))
+    white = float(lin.noise[column] * np.sqrt(curvature / triples / 6.0)) if triples else rms
+    return Autocorrelation(
+        channel=lin.channels[column],
+        lag_s=np.asarray(lin.dt * np.arange(1, len(rho) + 1)),
+        rho=rho,
+        band=band,
+        outside=float(np.mean(np.abs(rho) > band)),
+        p=float(chi2.sf(statistic, len(lags))) if len(lags) else 1.0,
+        samples=samples,
+        effective=samples * lin.dt / correlation_s,
+        correlation_s=correlation_s,
+        rms=rms,
+        noise=white if known_noise is None else known_noise,
+    )
+
+
+_EXCESS = 1.5
+
+_UNLIKELY = 0.01
+
+_INTERVALS = (
+    "intervals are about the best model in the class, and whether a change is for the better is for the"
+    " hold-out score alone to judge"
+)
+
+
+@dataclass(frozen=True)
+class Criticism:
+    """What the residuals say against the model; printed, sentences.
+
+    Attributes
+    ----------
+    autocorrelations
+        An `Autocorrelation` per channel.
+    suggestions
+        Coefficients to free, the one that gains most first; follow one at a time.
+    signals
+        Signals that the residuals follow beside what is fitted and suggested.
+    tested
+        Number of coefficients that were tried.
+    indistinguishable
+        Coefficients that could not be tried: the data cannot tell them from what is fitted, or do not show
+        them at all.
+    block_s
+        Length of the blocks behind the standard deviations, s.
+    structural
+        Whether a term or signal was found, so that the truth lies outside the model class.
+    warning
+        The sentence that says so; None where the residuals look like noise.
+    """
+
+    autocorrelations: tuple[Autocorrelation, ...]
+    suggestions: tuple[Suggestion, ...]
+    signals: tuple[FollowedSignal, ...]
+    tested: int
+    indistinguishable: tuple[str, ...]
+    block_s: float
+    structural: bool
+    warning: str | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers, texts, lists and dicts."""
+        return {
+            "warning": self.warning,
+            "structural": self.structural,
+            "suggestions": [one.to_dict() for one in self.suggestions],
+            "signals": [one.to_dict() for one in self.signals],
+            "tested": self.tested,
+            "indistinguishable": list(self.indistinguishable),
+            "block_s": self.block_s,
+            "autocorrelations": [one.to_dict() for one in self.autocorrelations],
+        }
+
+    def __str__(self) -> str:
+        lines = [] if self.warning is None else [self.warning]
+        lines += [f"{rank}. {one.sentence}" for rank, one in enumerate(self.suggestions, 1)]
+        lines += [one.sentence for one in self.signals]
+        if not self.suggestions:
+            lines.append(f"None of the {self.tested} coefficients that were tried is missing")
+        return "\n".join(lines)
+
+
+def criticise(
+    lin: Linearisation,
+    *,
+    tried: Sequence[Candidate] = (),
+    signals: Mapping[str, Sequence[Array]] | None = None,
+    info: Mapping[str, Mapping[str, Any]] | None = None,
+    sensor_noise: Mapping[str, float] | None = None,
+    tested: int | None = None,
+    level: float = 0.05,
+) -> Criticism:
+    """Criticism of a model by its residuals.
+
+    Parameters
+    ----------
+    lin : Linearisation
+        At the estimate; its unknowns include the coefficients that are tried, which count as not fitted.
+    tried : sequence of Candidate
+        Coefficients that might be missing (`seatrial.diagnosis.missing_terms.candidates`).
+    signals : mapping, optional
+        Name to one array (n,) per segment: recorded signals besides those of the motion.
+    info : mapping, optional
+        ``Vehicle.coefficient_info()``: what the vehicle knows, for the words.
+    sensor_noise : mapping, optional
+        Standard deviation per channel, SI, where it is known; otherwise the white part of the residual.
+    tested : int, optional
+        Number of coefficients tried in all, if more than are given here.
+    level : float
+        False discovery rate of suggestions, and of signals.
+    """
+    first = _first(lin, tried, info=info, tested=tested, level=level)
+    by_name = {candidate.name: candidate.members for candidate in tried}
+    suggested = {member for one in first.suggestions for member in by_name[one.name]}
+    found = followed_signals(
+        lin,
+        motion_signals(lin) | dict(signals or {}),
+        fitted=[i for i, u in enumerate(lin.unknowns) if i in first.fitted or u.name in suggested],
+        block=first.block,
+        known=info or (),
+        level=level,
+    )
+    correlations = autocorrelations(lin, sensor_noise=sensor_noise)
+    return _criticism(first, correlations, first.suggestions, found)
+
+
+def criticise_joint(
+    joint: Joint,
+    values: Array,
+    *,
+    initial: Array | None = None,
+    noise: Array | None = None,
+    sensor_noise: Mapping[str, float] | None = None,
+    level: float = 0.05,
+    refits: int = 3,
+) -> Criticism:
+    """Criticism of a joint estimate: every coefficient of the vehicle is tried, and every recorded signal.
+
+    Parameters
+    ----------
+    joint : Joint
+    values : ndarray, shape (m,)
+        The estimate.
+    initial : ndarray, shape (segments, 12), optional
+        Initial conditions of the segments; by default they are found.
+    noise : ndarray, shape (C,), optional
+        Standard deviations of the channels' residuals; by default they are estimated.
+    sensor_noise, level
+        As in `criticise`.
+    refits : int
+        The first suggestions that are freed in turn and estimated again before one leads
+        (`seatrial.diagnosis.refitting`); each takes some rounds of a polish. With zero all numbers are of
+        first order.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.estimation.joint import Joint
+    >>> from seatrial.estimation.joint_estimate import polish
+    >>> joint = Joint(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
+    >>> print(criticise_joint(joint, polish(joint).values))  # doctest: +SKIP
+    """
+    from seatrial.diagnosis.refitting import refitted
+    from seatrial.estimation.joint_estimate import linearise
+
+    info = joint.vehicle.coefficient_info()
+    trials = {name: joint.campaign.trials[name] for name in joint.data.names}
+    tried = candidates(joint.vehicle, names(joint.parameters), free=joint.stage.axes.free)
+    held = strongest(joint, values, tried, initial=initial, noise=noise)
+    lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
+    first = _first(lin, held, info=info, tested=len(tried), level=level)
+    suggestions, last = first.suggestions, lin
+    if suggestions and refits:
+        followed = refitted(joint, values, suggestions, held, tested=len(tried), level=level, refits=refits)
+        suggestions, last, held = followed.suggestions, followed.lin, followed.tried
+    freed = {member for one in suggestions for c in held if c.name == one.name for member in c.members}
+    fitted = set(fitted_places(last, held)) | {i for i, u in enumerate(last.unknowns) if u.name in freed}
+    last = with_predicted_velocity(last, trials)
+    found = followed_signals(
+        last,
+        motion_signals(last) | recorded_signals(last, trials),
+        fitted=sorted(fitted),
+        block=first.block,
+        known=info,
+        level=level,
+    )
+    return _criticism(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
+
+
+@dataclass(frozen=True)
+class _First:
+    """Suggestions of first order and what they rest on."""
+
+    suggestions: tuple[Suggestion, ...]
+    fitted: tuple[int, ...]
+    block: Sequence[NDArray[np.intp]]
+    block_s: float
+    tested: int
+    indistinguishable: tuple[str, ...]
+
+
+def _first(
+    lin: Linearisation,
+    tried: Sequence[Candidate],
+    *,
+    info: Mapping[str, Mapping[str, Any]] | None,
+    tested: int | None,
+    level: float,
+) -> _First:
+    block, length = independent_blocks(lin, tried)
+    fitted = fitted_places(lin, tried)
+    alike: tuple[str, ...] = ()
+    if tried:
+        testable = score_tests(lin, columns_of(lin, tried), fitted=fitted, block=block).testable
+        alike = tuple(one.name for one, good in zip(tried, testable, strict=True) if not good)
+    count = max(tested or 0, len(tried)) - len(alike)
+    suggestions = missing_terms(lin, tried, block=block, info=info, tested=count, level=level)
+    return _First(suggestions, tuple(fitted), block, length, count, alike)
+
+
+def _criticism(
+    first: _First,
+    correlations: tuple[Autocorrelation, ...],
+    suggestions: tuple[Suggestion, ...],
+    signals: tuple[FollowedSignal, ...],
+) -> Criticism:
+    return Criticism(
+        autocorrelations=correlations,
+        suggestions=suggestions,
+        signals=signals,
+        tested=first.tested,
+        indistinguishable=first.indistinguishable,
+        block_s=first.block_s,
+        structural=bool(suggestions or signals),
+        warning=_warning(correlations, suggestions, signals),
+    )
+
+
+def _warning(
+    correlations: Sequence[Autocorrelation],
+    suggestions: Sequence[Suggestion],
+    signals: Sequence[FollowedSignal],
+) -> str | None:
+    """Sentence about a truth outside the model class, None where the residuals look like noise."""
+    coloured = [one for one in correlations if one.excess > _EXCESS and one.p < _UNLIKELY]
+    if not (coloured or suggestions or signals):
+        return None
+    evidence = [
+        f"{one.channel} residual {one.excess:.2g} times the noise, remembered for {one.correlation_s:.2g} s"
+        for one in coloured
+    ]
+    if suggestions:
+        evidence.append(f"missing {', '.join(one.name for one in suggestions)}")
+    followed = [f"{one.channel} follows {one.signal}" for one in signals]
+    evidence += followed[:3]
+    where = "The truth lies outside the model class"
+    if not (suggestions or signals):
+        where += " or the sensors' noise is not white"
+    return f"{where} ({'; '.join(evidence)}): {_INTERVALS}"

@@ -1,0 +1,295 @@
+"""Signals that residuals follow although no coefficient has their form: products of states, commands, time.
+
+The residual of each velocity channel is regressed on every signal, taken as it is (what a sensor does: a
+lever, a scale, a late channel) and through a first-order lag (what a force does: the velocity follows it as
+slowly as the vehicle is heavy). Every column is tested beside all that is fitted
+(`seatrial.statistics.score_test`), at a false discovery rate over all channels, signals and lags.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES
+from seatrial.campaign.parameters import VELOCITIES
+from seatrial.statistics.linearisation import Linearisation, Piece
+from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests
+
+if TYPE_CHECKING:
+    from seatrial.trial.trial import Trial
+
+__all__ = [
+    "LAGS_S",
+    "FollowedSignal",
+    "followed_signals",
+    "motion_signals",
+    "recorded_signals",
+    "with_predicted_velocity",
+]
+
+LAGS_S = (0.0, 2.0, 10.0, math.inf)
+"""Lags tried, s: 0 is the signal itself, infinity its integral."""
+
+_LEVERS = {
+    ("u", "q"): "z",
+    ("u", "r"): "y",
+    ("v", "p"): "z",
+    ("v", "r"): "x",
+    ("w", "p"): "y",
+    ("w", "q"): "x",
+}
+
+
+@dataclass(frozen=True)
+class FollowedSignal:
+    """A signal that a channel's residual follows.
+
+    Attributes
+    ----------
+    channel, signal
+        Names.
+    lag_s
+        Lag between them, s: 0 for what a sensor does, infinite for an integral.
+    r2
+        Share of the channel's squared residual that it explains beside all that is fitted.
+    p
+        P-value adjusted for all signals, lags and channels.
+    sentence
+        What it means and what to do.
+    """
+
+    channel: str
+    signal: str
+    lag_s: float
+    r2: float
+    p: float
+    sentence: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """The finding as plain data; an integral has no lag."""
+        return asdict(self) | {"lag_s": self.lag_s if math.isfinite(self.lag_s) else None}
+
+
+def with_predicted_velocity(lin: Linearisation, trials: Mapping[str, Trial]) -> Linearisation:
+    """The linearisation with the model's own velocity in the channels that it shows.
+
+    A measured velocity carries the noise of the very sensor whose residual is to follow it.
+    """
+    pieces = []
+    for piece in lin.pieces:
+        observed, nu = trials[piece.trial].observed[_samples(piece, trials)], piece.nu.copy()
+        for place, channel in enumerate(lin.channels):
+            if channel in VELOCITIES:
+                axis = VELOCITIES.index(channel)
+                shown = observed[:, axis] - lin.noise[place] * piece.residual[:, place]
+                nu[:, axis] = np.where(piece.counted[:, place], shown, nu[:, axis])
+        pieces.append(replace(piece, nu=nu))
+    return replace(lin, pieces=tuple(pieces))
+
+
+def motion_signals(lin: Linearisation) -> dict[str, list[Array]]:
+    """Per name the signal (n,) of each segment: velocities, their rates, moduli and products, SI."""
+    nu = [piece.nu for piece in lin.pieces]
+    found = {"a constant": [np.ones(len(one)) for one in nu]}
+    for i, name in enumerate(VELOCITIES):
+        found[name] = [one[:, i] for one in nu]
+        found[f"|{name}| {name}"] = [np.abs(one[:, i]) * one[:, i] for one in nu]
+        found[f"d{name}/dt"] = [np.gradient(one[:, i], lin.dt) for one in nu]
+    for i, j in combinations(range(len(VELOCITIES)), 2):
+        found[f"{VELOCITIES[i]} {VELOCITIES[j]}"] = [one[:, i] * one[:, j] for one in nu]
+    return found
+
+
+def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[str, list[Array]]:
+    """Per name the signal (n,) of each segment, about its mean: commands, voltage and time.
+
+    Zero where it is not recorded.
+    """
+    raw: dict[str, list[Array]] = {}
+    for index, piece in enumerate(lin.pieces):
+        trial = trials[piece.trial]
+        at = _samples(piece, trials)
+        own = {f"command {name}": signal for name, signal in trial.commands.items()}
+        if trial.voltage is not None:
+            own["voltage"] = trial.voltage
+        own["time"] = trial.t - trial.t.mean()
+        for name, signal in own.items():
+            raw.setdefault(name, [np.full(len(p.t), np.nan) for p in lin.pieces])[index] = signal[at]
+    found = {}
+    for name, signals in raw.items():
+        level = float(np.nanmean(np.concatenate(signals)))
+        found[name] = [np.nan_to_num(signal - level) for signal in signals]
+    return found
+
+
+def followed_signals(
+    lin: Linearisation,
+    signals: Mapping[str, Sequence[Array]],
+    *,
+    fitted: Sequence[int],
+    block: Sequence[NDArray[np.intp]],
+    known: Collection[str] = (),
+    level: float = 0.05,
+    least_r2: float = 0.02,
+    most: int = 2,
+) -> tuple[FollowedSignal, ...]:
+    """Signals that the residuals follow, the one that explains most of its channel first.
+
+    Parameters
+    ----------
+    lin : Linearisation
+    signals : mapping
+        Name to one array (n,) per segment.
+    fitted : sequence of int
+        Places of the fitted unknowns.
+    block : sequence of ndarray, shape (n,)
+        Block of each sample of each segment.
+    known : collection of str
+        Coefficients that the vehicle knows, for the advice.
+    level : float
+        False discovery rate.
+    least_r2 : float
+        Share of the channel's squared residual that a signal explains at least.
+    most : int
+        Signals per channel at most.
+    """
+    tests: dict[str, tuple[list[tuple[str, float]], ScoreTests]] = {}
+    for channel in (channel for channel in lin.channels if channel in VELOCITIES):
+        labels, columns = _columns(lin, signals, channel)
+        tests[channel] = labels, score_tests(lin, columns, fitted=fitted, block=block)
+    count = sum(int(one.testable.sum()) for _, one in tests.values())
+    power = _power(lin)
+    estimated = {lin.unknowns[i].name for i in fitted}
+    found: list[FollowedSignal] = []
+    open_ = {channel: one.testable.copy() for channel, (_, one) in tests.items()}
+    for _ in range(most):
+        leaders = _leaders(tests, open_, power=power, count=count, level=level, least_r2=least_r2)
+        for channel, (place, r2, p) in leaders.items():
+            labels, test = tests[channel]
+            name, lag = labels[place]
+            sentence = _sentence(channel, name, lag, r2=r2, estimated=estimated, known=known)
+            found.append(FollowedSignal(channel, name, lag, r2, p, sentence))
+            open_[channel] &= np.array([label[0] != name for label in labels])
+            tests[channel] = labels, test.beside(place)
+    return tuple(sorted(found, key=lambda one: -one.r2))
+
+
+def _leaders(
+    tests: Mapping[str, tuple[list[tuple[str, float]], ScoreTests]],
+    open_: Mapping[str, NDArray[np.bool_]],
+    *,
+    power: Mapping[str, float],
+    count: int,
+    level: float,
+    least_r2: float,
+) -> dict[str, tuple[int, float, float]]:
+    """Per channel the place, R2 and adjusted p of the significant column that explains most."""
+    results = {channel: one.results() for channel, (_, one) in tests.items()}
+    joined = np.concatenate([results[channel].p[open_[channel]] for channel in tests] or [np.zeros(0)])
+    adjusted, at = false_discovery(joined, count), 0
+    found = {}
+    for channel, (_, one) in tests.items():
+        p = np.ones(len(open_[channel]))
+        size = int(open_[channel].sum())
+        p[open_[channel]], at = adjusted[at : at + size], at + size
+        r2 = results[channel].gain * one.cost / power[channel]
+        good = (p < level) & (r2 >= least_r2)
+        if good.any():
+            place = int(np.argmax(np.where(good, r2, 0.0)))
+            found[channel] = (place, float(r2[place]), float(p[place]))
+    return found
+
+
+def _columns(
+    lin: Linearisation, signals: Mapping[str, Sequence[Array]], channel: str
+) -> tuple[list[tuple[str, float]], list[Array]]:
+    """Signals and lags (k,) and what the channel would show of them, (n, C, k) per segment."""
+    place, labels = lin.channels.index(channel), [(name, lag) for lag in LAGS_S for name in signals]
+    found = []
+    for index, piece in enumerate(lin.pieces):
+        counted = piece.counted[:, place]
+        values = np.stack([np.asarray(of[index], dtype=float) for of in signals.values()], axis=1)
+        shown = [_lagged(values, lag, lin.dt, counted) if lag > 0.0 else values for lag in LAGS_S]
+        column = np.zeros((len(piece.t), len(lin.channels), len(labels)))
+        column[:, place] = np.where(counted[:, None], np.concatenate(shown, axis=1), 0.0)
+        found.append(column)
+    return labels, found
+
+
+def _lagged(signal: Array, lag: float, dt: float, counted: NDArray[np.bool_]) -> Array:
+    """Signals (n, k) through a first-order lag, without the decay from any initial value, which is free."""
+    from scipy.signal import lfilter
+
+    kept = math.exp(-dt / lag)
+    driven = np.zeros_like(signal)
+    driven[1:] = 0.5 * dt * (signal[1:] + signal[:-1])
+    response = lfilter([1.0], [1.0, -kept], driven, axis=0)
+    decay = kept ** np.arange(len(signal))
+    size = float(decay[counted] @ decay[counted])
+    if size > 0.0:
+        response = response - np.outer(decay, decay[counted] @ response[counted] / size)
+    return np.asarray(response)
+
+
+def _samples(piece: Piece, trials: Mapping[str, Trial]) -> NDArray[np.intp]:
+    """Places of a segment's samples in its trial."""
+    trial = trials[piece.trial]
+    places = np.round((piece.t - trial.t[0]) / trial.dt).astype(np.intp)
+    return np.asarray(np.clip(places, 0, len(trial.t) - 1), dtype=np.intp)
+
+
+def _power(lin: Linearisation) -> dict[str, float]:
+    """Weighted sum of the squared residual per channel."""
+    total = np.sum([(p.weight * p.counted * p.residual**2).sum(axis=0) for p in lin.pieces], axis=0)
+    return {channel: max(float(value), 1e-300) for channel, value in zip(lin.channels, total, strict=True)}
+
+
+def _sentence(
+    channel: str, signal: str, lag: float, *, r2: float, estimated: Collection[str], known: Collection[str]
+) -> str:
+    words = f"{channel} residual follows {signal} (R2 {r2:.2g}), "
+    if lag == 0.0:
+        return words + "as it is: " + _sensor_advice(channel, signal)
+    after = "its integral" if math.isinf(lag) else f"a lag of {lag:g} s"
+    return words + f"with {after}: " + _force_advice(channel, signal, estimated, known)
+
+
+def _sensor_advice(channel: str, signal: str) -> str:
+    if signal == "a constant":
+        return f"free the nuisance parameter bias_{channel}"
+    if signal == f"d{channel}/dt":
+        return f"the channel is late or early, free the nuisance parameter latency_{channel}"
+    if (channel, signal) in _LEVERS:
+        return f"the sensor sits off the origin, free the nuisance parameter lever_{_LEVERS[channel, signal]}"
+    if signal == "time":
+        return "the sensor drifts, or the water does; free its bias per trial or use shorter trials"
+    return "check the sensor's scale and alignment; a force that is answered at once looks the same"
+
+
+def _force_advice(channel: str, signal: str, estimated: Collection[str], known: Collection[str]) -> str:
+    axis = AXES[VELOCITIES.index(channel)]
+    if signal.startswith("command "):
+        name = signal.removeprefix("command ")
+        return f"free {name}'s gain, levers or lag, or measure its characteristic"
+    if signal == "voltage":
+        return "the thrust depends on the supply voltage, give a characteristic with the voltage"
+    if signal == "time":
+        return "something drifts (battery, trim, current), free a bias or a current per trial"
+    letters = signal.replace("|", "").split()
+    suffix = "0" if signal == "a constant" else "".join(letters)
+    if signal.startswith("d"):
+        suffix = f"{signal[1]}dot"
+    name = f"{axis}_{suffix}"
+    if name in estimated:
+        return f"{name} is estimated and does not suffice, its form or that of a neighbour is wrong"
+    if name in known:
+        return f"free {name}"
+    return "no coefficient has this form, free one that comes near or accept it; the hold-out judges"

@@ -1,0 +1,1 @@
+"""Estimation of coefficients: stages, global search, joint estimate, scale of the forces."""

@@ -1,0 +1,242 @@
+"""A Gauss-Newton round of the joint polish: differentiate all segments, eliminate their starts, take a step.
+
+The initial conditions of a segment touch nothing else, so that they are eliminated segment by segment (Schur
+complement, as in bundle adjustment); what is left goes to SciPy's trust-region solver with the bounds. Within
+a round the derivatives are held: it costs one differentiated flight and a few plain ones.
+
+Source: Triggs et al., *Bundle Adjustment: A Modern Synthesis* (2000), section 6; Huber (1964).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial import _core
+from seatrial.base.arrays import Array
+from seatrial.estimation.joint import Joint
+from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+
+__all__ = ["INITIALS", "GaussNewton"]
+
+INITIALS: tuple[str, ...] = tuple(_core.initial_names())
+"""Initial conditions of a segment in the core's order."""
+
+_TRIALS = 6
+
+_NOISE_FLOOR = 1e-3
+
+
+@dataclass(frozen=True)
+class _Local:
+    """A segment at the point of a round; ``jacobian`` without what its initial conditions explain."""
+
+    places: NDArray[np.intp]
+    weight: Array
+    jacobian: Array
+    toward: Array
+    follow: Array
+
+
+class GaussNewton:
+    """Workspace of one polish.
+
+    Parameters
+    ----------
+    joint : Joint
+    fixed : frozenset of int
+        Places of unknowns that keep their value.
+    """
+
+    def __init__(self, joint: Joint, fixed: frozenset[int] = frozenset()) -> None:
+        self.joint = joint
+        self.noise = joint.noise.copy()
+        self.unknowns = joint.unknowns
+        self.free = np.array([i for i in range(len(self.unknowns)) if i not in fixed], dtype=np.intp)
+        self.lower = np.array([u.lower for u in self.unknowns])
+        self.upper = np.array([u.upper for u in self.unknowns])
+        self.scale = np.array([u.scale for u in self.unknowns])
+        # A bound's width is a weak prior: what the data cannot tell stays where it was.
+        self.prior_sd = np.minimum([u.prior_sd for u in self.unknowns], self.scale)
+        self.initial_places = [INITIALS.index(name) for name in joint.initials]
+        self.evaluations = 0
+
+    def round(self, values: Array, initial: Array, centre: Array) -> tuple[Array, Array, float]:
+        """Better values and initial conditions, and the promised gain in twice the log-likelihood."""
+        from scipy.linalg import cholesky, solve_triangular
+        from scipy.optimize import least_squares
+
+        locals_, information, gradient = self.differentiated(values, initial)
+        precision = self.prior_sd**-2.0
+        information = information + np.diag(precision)
+        gradient = gradient - precision * (values - centre)
+        free = self.free
+        scaled = information[np.ix_(free, free)] * np.outer(self.scale[free], self.scale[free])
+        size = np.sqrt(np.diag(scaled))
+        factor = cholesky(scaled / np.outer(size, size) + 1e-12 * np.eye(len(free)), lower=False) * size
+        at = values.copy()
+
+        def moved(z: Array) -> tuple[Array, Array]:
+            new = at.copy()
+            new[free] = z * self.scale[free]
+            return new, self.followed(locals_, initial, new - at)
+
+        def reduced(z: Array) -> Array:
+            """A vector of the cost's size whose derivative at the start is the factor, below it zero."""
+            new, begun = moved(z)
+            residuals = self.joint.residuals(new, begun)
+            self.evaluations += 1
+            twice = 2.0 * self.cost(new, begun, centre, residuals)
+            if not math.isfinite(twice):
+                return np.full(len(free) + 1, np.inf)
+            pull = self.pull(locals_, residuals) - precision * (new - centre)
+            head = -solve_triangular(factor, pull[free] * self.scale[free], trans="T")
+            return np.append(head, math.sqrt(max(twice - head @ head, 0.0)))
+
+        held = np.vstack([factor, np.zeros(len(free))])
+        z = at[free] / self.scale[free]
+        lower, upper = self.lower[free] / self.scale[free], self.upper[free] / self.scale[free]
+        found = least_squares(
+            reduced,
+            np.clip(z, lower, upper),
+            jac=lambda _: held,
+            bounds=(lower, upper),
+            max_nfev=_TRIALS,
+            ftol=1e-10,
+            xtol=1e-10,
+            gtol=1e-12,
+        )
+        new, begun = moved(found.x)
+        step = (new - at)[free]
+        promised = float(step @ information[np.ix_(free, free)] @ step)
+        return new, begun, promised
+
+    def differentiated(self, values: Array, initial: Array) -> tuple[list[_Local], Array, Array]:
+        """Segments at a point, the information (m, m) and the downhill gradient (m,) of what they tell."""
+        size = len(self.unknowns)
+        information, gradient, locals_ = np.zeros((size, size)), np.zeros(size), []
+        for index, (error, by_unknown, by_initial, places) in enumerate(self.joint.slopes(values, initial)):
+            local, one, downhill = self._eliminated(error, by_unknown, by_initial, places, initial[index])
+            information[np.ix_(places, places)] += one
+            gradient[places] += downhill
+            locals_.append(local)
+        return locals_, information, gradient
+
+    def _eliminated(
+        self, error: Array, by_unknown: Array, by_initial: Array, places: NDArray[np.intp], initial: Array
+    ) -> tuple[_Local, Array, Array]:
+        """A segment without its initial conditions, its information and gradient."""
+        residual = error / self.noise
+        weight = self.weight(residual).ravel()
+        flat = residual.ravel()
+        rows = (by_unknown / self.noise[:, None]).reshape(len(flat), -1)
+        own = (by_initial / self.noise[:, None]).reshape(len(flat), -1)
+        weighted = weight[:, None] * own
+        inside = initial[self.initial_places]
+        precision = self.joint.initial_sd**-2.0
+        normal = own.T @ weighted + np.diag(precision)
+        follow: Array = np.asarray(np.linalg.solve(normal, weighted.T @ rows), dtype=float)
+        toward: Array = np.asarray(
+            np.linalg.solve(normal, weighted.T @ flat - precision * inside), dtype=float
+        )
+        left = rows - own @ follow
+        weighted_rows = weight[:, None] * rows
+        downhill = weighted_rows.T @ flat - (weighted_rows.T @ own) @ toward
+        return _Local(places, weight, left, toward, follow), left.T @ weighted_rows, downhill
+
+    def pull(self, locals_: Sequence[_Local], residuals: Sequence[Array]) -> Array:
+        """Downhill gradient (m,) with derivatives and weights held."""
+        total = np.zeros(len(self.unknowns))
+        for local, error in zip(locals_, residuals, strict=True):
+            total[local.places] += local.jacobian.T @ (local.weight * (error / self.noise).ravel())
+        return total
+
+    def followed(self, locals_: Sequence[_Local], initial: Array, step: Array) -> Array:
+        """Initial conditions (segments, 12) that go with a step (m,) of the unknowns."""
+        moved = initial.copy()
+        for index, local in enumerate(locals_):
+            moved[index, self.initial_places] += local.toward - local.follow @ step[local.places]
+        return moved
+
+    def settled(self, values: Array, initial: Array) -> Array:
+        """Change (segments, 12) towards better initial conditions at fixed values."""
+        slopes = self.joint.slopes(values, initial, starts_only=True)
+        locals_ = [self._eliminated(*found, initial[index])[0] for index, found in enumerate(slopes)]
+        return self.followed(locals_, np.zeros_like(initial), np.zeros(len(self.unknowns)))
+
+    def weight(self, residual: Array) -> Array:
+        """Weight in (0, 1] of residuals in standard deviations."""
+        if self.joint.polish.loss == "squared":
+            return np.ones_like(residual)
+        return np.asarray(self.joint.polish.knee / np.maximum(np.abs(residual), self.joint.polish.knee))
+
+    def cost(
+        self, values: Array, initial: Array, centre: Array, residuals: Sequence[Array] | None = None
+    ) -> float:
+        """Half the robust sum of squares, priors included."""
+        found = self.joint.residuals(values, initial) if residuals is None else residuals
+        knee = math.inf if self.joint.polish.loss == "squared" else self.joint.polish.knee
+        total = 0.0
+        for error in found:
+            size = np.abs(error / self.noise)
+            inner = np.minimum(size, knee)
+            total += float((inner * (size - 0.5 * inner)).sum())
+        inside = initial[:, self.initial_places] / self.joint.initial_sd
+        return total + 0.5 * float((inside**2).sum() + (((values - centre) / self.prior_sd) ** 2).sum())
+
+    def estimate_noise(self, residuals: Sequence[Array]) -> None:
+        """Set the noise to the residuals' standard deviation, with Huber's loss by their median size."""
+        data, squared = self.joint.data, self.joint.polish.loss == "squared"
+        for column, channel in enumerate(self.joint.used):
+            counted = [self.joint.counted(i)[:, column] for i in range(len(residuals))]
+            sizes = np.concatenate([np.abs(r[c, column]) for r, c in zip(residuals, counted, strict=True)])
+            sizes = sizes[np.isfinite(sizes)]
+            if not len(sizes):
+                noise = math.inf
+            elif squared:
+                noise = math.sqrt(float(np.mean(sizes**2)))
+            else:
+                noise = 1.4826 * float(np.median(sizes))
+            floor = _NOISE_FLOOR * data.scale[channel]
+            self.noise[column] = max(noise, floor) / math.sqrt(data.weights[channel])
+
+    def linearisation(self, values: Array, initial: Array, extra: Sequence[str]) -> Linearisation:
+        """Linearisation at a point."""
+        joint, pieces = self.joint, []
+        info = joint.vehicle.coefficient_info()
+        present = joint.vehicle.coefficients()
+        size = len(self.unknowns) + len(extra)
+        slopes = joint.slopes(values, initial, extra=extra)
+        for index, (error, by_unknown, by_initial, places) in enumerate(slopes):
+            local, _, _ = self._eliminated(error, by_unknown, by_initial, places, initial[index])
+            segment = joint.data.segments[index]
+            trial = joint.data.trials[segment.trial]
+            full = np.zeros((*error.shape, size))
+            full[:, :, places] = local.jacobian.reshape(*error.shape, -1)
+            pieces.append(
+                Piece(
+                    trial=joint.data.names[segment.trial],
+                    t=trial.t[segment.start : segment.stop],
+                    residual=error / self.noise,
+                    counted=joint.counted(index),
+                    weight=local.weight.reshape(error.shape),
+                    jacobian=full,
+                    nu=trial.smooth_nu(trial.t[segment.start : segment.stop])[0],
+                )
+            )
+        added = tuple(
+            Unknown(name, "coefficient", info[name]["unit"], -math.inf, math.inf, math.inf, 0.0, math.inf)
+            for name in extra
+        )
+        return Linearisation(
+            unknowns=(*joint.unknowns, *added),
+            values=np.append(values, [present.get(name, 0.0) for name in extra]),
+            channels=joint.channels,
+            noise=self.noise.copy(),
+            dt=joint.data.dt,
+            pieces=tuple(pieces),
+        )

@@ -1,0 +1,372 @@
+"""Joint estimate: all coefficients and nuisance parameters of a campaign on the segments of its trials.
+
+Nuisance parameters: what a trial adds to its record, estimated lest the coefficients absorb it.
+
+A current, a motion-capture frame that was not levelled, the place of the velocity sensor, a late channel, a
+biased one. The core applies them (``observation.rs``); here stands how far each may plausibly lie from zero,
+which trials it belongs to and whether they share it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial import _core
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.rotation import shorter
+from seatrial.campaign.file import Axes, Coefficient, Polish, Stage
+from seatrial.campaign.parameters import coefficients, names, parameters, spread
+from seatrial.estimation.criterion import velocity_noise
+from seatrial.estimation.segments import Segment, cut, stage_step
+from seatrial.statistics.linearisation import Unknown
+
+if TYPE_CHECKING:
+    from seatrial.campaign.campaign import Campaign
+
+__all__ = ["NAMES", "Joint", "Nuisance", "joint_stage", "nuisances", "rows"]
+
+NAMES: tuple[str, ...] = tuple(_core.nuisance_names())
+"""Names in the core's order."""
+
+_SPREAD = {
+    "current": (0.3, "m/s", False),
+    "tilt": (0.05, "rad", False),
+    "lever": (0.3, "m", True),
+    "latency": (0.1, "s", True),
+}
+
+_BIAS = {"uvw": (0.02, "m/s"), "pqr": (0.01, "rad/s"), "xyz": (0.2, "m"), "angles": (0.05, "rad")}
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One nuisance parameter: its column in the core's row, the trials that it belongs to, its prior.
+
+    The prior is centred at zero; ``sd`` is in ``unit``.
+    """
+
+    name: str
+    key: str
+    column: int
+    trials: tuple[int, ...]
+    unit: str
+    sd: float
+
+
+def nuisances(polish: Polish, trials: Sequence[str], where: str) -> tuple[Nuisance, ...]:
+    """Nuisance parameters that a campaign asks for on its trials.
+
+    Parameters
+    ----------
+    polish : Polish
+    trials : sequence of str
+        The trials of the joint estimate, in its order.
+    where : str
+        Words for messages.
+
+    Raises
+    ------
+    CampaignError
+        An unknown nuisance parameter or trial.
+    """
+    found = []
+    for key, entry in polish.nuisances.items():
+        if key not in NAMES:
+            raise CampaignError(
+                f"{where}, key nuisances: unknown nuisance parameter {key!r}{nearest(key, NAMES)};"
+                f" there are {', '.join(NAMES)}"
+            )
+        for name in entry.trials:
+            if name not in trials:
+                raise CampaignError(
+                    f"{where}, key nuisances, {key}: trial {name!r} is not in the joint estimate"
+                    + nearest(name, trials)
+                )
+        sd, unit, shared = _prior(key)
+        chosen = [index for index, name in enumerate(trials) if not entry.trials or name in entry.trials]
+        together = shared if entry.shared is None else entry.shared
+        for group in [tuple(chosen)] if together else [(index,) for index in chosen]:
+            label = key if len(group) == len(trials) else f"{', '.join(trials[i] for i in group)}: {key}"
+            found.append(Nuisance(label, key, NAMES.index(key), group, unit, entry.sd or sd))
+    return tuple(found)
+
+
+def rows(found: Sequence[Nuisance], values: Array, trials: int) -> Array:
+    """Core's rows (trials, 32) of the values of nuisance parameters."""
+    table = np.zeros((trials, len(NAMES)))
+    for nuisance, value in zip(found, values, strict=True):
+        table[list(nuisance.trials), nuisance.column] = value
+    return table
+
+
+def _prior(key: str) -> tuple[float, str, bool]:
+    """Standard deviation, unit, and whether all trials share it, unless the campaign says otherwise."""
+    kind, _, channel = key.partition("_")
+    if kind in _SPREAD:
+        return _SPREAD[kind]
+    sd, unit = next((entry for channels, entry in _BIAS.items() if channel in channels), _BIAS["angles"])
+    return sd, unit, False
+
+
+_WIDE = 3.0  # initial velocities are free within three times the sensor's noise
+
+_ANGLE_SD = 0.02  # rad
+
+_PLACE_SD = 0.5  # m
+
+
+def joint_stage(campaign: Campaign) -> Stage:
+    """The joint estimate as one stage: by default all that the stages free, on all of their trials.
+
+    Raises
+    ------
+    CampaignError
+        ``[polish]`` names an unknown coefficient or trial.
+    """
+    polish, where = campaign.file.polish or Polish(), f"{campaign.source}: polish"
+    coefficients: dict[str, Coefficient] = {}
+    for stage in campaign.stages:
+        coefficients |= stage.coefficients
+    for name in polish.fixed:
+        if coefficients.pop(name, None) is None:
+            raise CampaignError(f"{where}, key fixed: no stage frees {name!r}{nearest(name, coefficients)}")
+    coefficients |= polish.coefficients
+    used = tuple(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
+    trials = polish.trials or used
+    for name in trials:
+        if name not in campaign.trials:
+            raise CampaignError(
+                f"{where}, key trials: unknown trial {name!r}{nearest(name, campaign.trials)}"
+            )
+    axes = polish.axes
+    if axes is None:
+        free = {letter for stage in campaign.stages for letter in stage.axes.free}
+        replayed = {letter for stage in campaign.stages for letter in stage.axes.measured}
+        axes = Axes(
+            free="".join(letter for letter in AXES if letter in free),
+            measured="".join(letter for letter in AXES if letter in replayed - free),
+        )
+    channels = dict(polish.channels)
+    if not channels:
+        wanted = [CHANNELS[AXES.index(letter)] for letter in axes.free]
+        wanted += [c for stage in campaign.stages for c in stage.channels if c not in wanted]
+        known = [c for c in wanted if all(c in campaign.trials[name].channels for name in trials)]
+        channels = dict.fromkeys(dict.fromkeys(known), 1.0)
+    return Stage(
+        name="polish",
+        trials=trials,
+        axes=axes,
+        coefficients=coefficients,
+        segment_s=polish.segment_s,
+        channels=channels,
+    )
+
+
+class Joint:
+    """What is estimated jointly: coefficients and nuisance parameters over the segments of all trials.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    vehicle : Vehicle, optional
+        Gives the start values and what is not estimated; by default the campaign's.
+    threads : int, optional
+        Threads of the core; results do not depend on it.
+
+    Attributes
+    ----------
+    unknowns
+        Coefficients first, in the campaign's order, then nuisance parameters.
+    start
+        Their start values (m,).
+    noise
+        Standard deviation (C,) of each channel's residual, SI; the fit refines it.
+
+    Raises
+    ------
+    CampaignError, TrialError
+        The campaign asks for what cannot be done.
+    """
+
+    def __init__(
+        self, campaign: Campaign, vehicle: _core.Vehicle | None = None, *, threads: int | None = None
+    ) -> None:
+        self.campaign, self.threads = campaign, threads
+        self.vehicle = campaign.vehicle if vehicle is None else vehicle
+        self.polish = campaign.file.polish or Polish()
+        self.stage = joint_stage(campaign)
+        where = f"{campaign.source}: polish"
+        self.parameters = parameters(self.stage, campaign.vehicle, where)
+        self.data = cut(campaign, self.stage)
+        self.nuisances = nuisances(self.polish, self.data.names, where)
+        self.unknowns = (
+            *(
+                Unknown(p.name, "coefficient", p.unit, p.lower, p.upper, p.upper - p.lower, p.start, math.inf)
+                for p in self.parameters
+            ),
+            *(
+                Unknown(n.name, "nuisance", n.unit, -math.inf, math.inf, n.sd, 0.0, n.sd)
+                for n in self.nuisances
+            ),
+        )
+        self.start = np.array([*self._start_coefficients(), *np.zeros(len(self.nuisances))])
+        self.used = [i for i, weight in enumerate(self.data.weights) if weight > 0]
+        self.channels = tuple(CHANNELS[i] for i in self.used)
+        self.noise = 0.1 * self.data.scale[self.used]
+        started = self.vehicle.with_coefficients(self.coefficients(self.start))
+        self.substeps = stage_step(
+            started,
+            (),
+            free=self.stage.axes.free,
+            speeds=self.data.largest_speeds(),
+            dt=self.data.dt,
+            where=where,
+        ).substeps
+        self.records = [
+            trial.record(weight=mask.astype(float), substeps=self.substeps, input=campaign.input_of(name))
+            for name, trial, mask in zip(self.data.names, self.data.trials, self.data.counted, strict=True)
+        ]
+        self.initials, self.initial_sd = self._initial_conditions()
+        self._observed = [self._measured(piece) for piece in self.data.segments]
+        self._loops: dict[tuple[str, ...], _core.OpenLoop] = {}
+
+    def coefficients(self, values: Array) -> dict[str, float]:
+        """Coefficients that the values (m,) of the unknowns set."""
+        return coefficients(self.parameters, values[: len(self.parameters)])
+
+    def identified(self, values: Array) -> _core.Vehicle:
+        """The vehicle with the values (m,) of the unknowns."""
+        return self.vehicle.with_coefficients(self.coefficients(values))
+
+    def residuals(self, values: Array, initial: Array) -> list[Array]:
+        """Measured minus shown (n, C) per segment, SI, zero where not counted.
+
+        Parameters
+        ----------
+        values : ndarray, shape (m,)
+        initial : ndarray, shape (segments, 12)
+            Initial conditions, added to the smoothed ones.
+        """
+        inside = len(self.parameters)
+        shown = self._loop(()).predict(
+            values[:inside] @ spread(self.parameters),
+            nuisance=rows(self.nuisances, values[inside:], len(self.records)),
+            initial=initial,
+            threads=self.threads,
+        )
+        return [self._apart(index, rows_) for index, rows_ in enumerate(shown)]
+
+    def slopes(
+        self, values: Array, initial: Array, *, extra: Sequence[str] = (), starts_only: bool = False
+    ) -> list[tuple[Array, Array, Array, NDArray[np.intp]]]:
+        """Per segment: residuals (n, C), derivatives (n, C, k) by unknowns and by initial conditions, SI.
+
+        The fourth entry holds the places (k,) of those unknowns among all; coefficients that are ``extra``
+        come last. With ``starts_only`` there are none (k = 0), which saves most of the work.
+        """
+        count, matrix = len(self.parameters), spread(self.parameters)
+        inside = 0 if starts_only else count
+        directions = np.zeros((inside + len(extra), matrix.shape[1] + len(extra)))
+        directions[:inside, : matrix.shape[1]] = matrix[:inside]
+        directions[inside:, matrix.shape[1] :] = np.eye(len(extra))
+        fixed = self.vehicle.coefficients()
+        sought = () if starts_only else self.nuisances
+        keys = tuple(dict.fromkeys(nuisance.key for nuisance in sought))
+        found = self._loop(tuple(extra)).sensitivities(
+            [*(values[:count] @ matrix), *(fixed.get(name, 0.0) for name in extra)],
+            directions,
+            nuisances=keys,
+            initials=self.initials,
+            channels=self.channels,
+            nuisance=rows(self.nuisances, values[count:], len(self.records)),
+            initial=initial,
+            threads=self.threads,
+        )
+        last = len(self.unknowns)
+        result = []
+        for index, (shown, jacobian) in enumerate(found):
+            trial = self.data.segments[index].trial
+            owner = {n.key: count + at for at, n in enumerate(sought) if trial in n.trials}
+            columns = [*range(inside), *(inside + len(extra) + keys.index(key) for key in owner)]
+            places = [*range(inside), *owner.values()]
+            columns += range(inside, inside + len(extra))
+            places += range(last, last + len(extra))
+            split = inside + len(extra) + len(keys)
+            counted = self._observed[index][1][:, :, None]
+            result.append((
+                self._apart(index, shown),
+                np.where(counted, jacobian[:, :, columns], 0.0),
+                np.where(counted, jacobian[:, :, split:], 0.0),
+                np.array(places, dtype=np.intp),
+            ))
+        return result
+
+    def _start_coefficients(self) -> list[float]:
+        """Values of the vehicle for what a stage estimated, the campaign's start for the rest."""
+        present = self.vehicle.coefficients()
+        staged = {name for stage in self.campaign.stages for name in stage.coefficients}
+        values = []
+        for parameter in self.parameters:
+            name, factor = parameter.members[0]
+            value = present.get(name, 0.0) / factor if parameter.name in staged else parameter.start
+            values.append(float(np.clip(value, parameter.lower, parameter.upper)))
+        return values
+
+    def _initial_conditions(self) -> tuple[tuple[str, ...], Array]:
+        """Names of the initial conditions that are estimated and their prior standard deviations."""
+        if self.polish.start == "smoothed":
+            return (), np.zeros(0)
+        free, sd = self.stage.axes.free, {}
+        noise = velocity_noise(self.data)
+        for letter in free:
+            axis = AXES.index(letter)
+            sd[f"initial_{CHANNELS[axis]}"] = _WIDE * noise[axis]
+        turning = set("KMN") & set(free)
+        for channel in ("roll", "pitch", "yaw"):
+            if turning and (channel != "yaw" or channel in self.channels):
+                sd[f"initial_{channel}"] = _ANGLE_SD
+        for channel in ("x", "y", "z"):
+            if channel in self.channels:
+                sd[f"initial_{channel}"] = _PLACE_SD
+        return tuple(sd), np.array(list(sd.values()))
+
+    def _measured(self, piece: Segment) -> tuple[Array, NDArray[np.bool_]]:
+        part = slice(piece.start, piece.stop)
+        counted = self.data.counted[piece.trial][part][:, self.used].copy()
+        if not self.initials:
+            counted[0] = False  # the smoothed start is made of the first samples
+        observed = self.data.trials[piece.trial].observed[part][:, self.used]
+        return np.where(counted, observed, 0.0), counted
+
+    def _apart(self, index: int, shown: Array) -> Array:
+        observed, counted = self._observed[index]
+        error = observed - shown[:, self.used]
+        for column, channel in enumerate(self.used):
+            if channel >= 9:
+                error[:, column] = shorter(error[:, column])
+        return np.where(counted, error, 0.0)
+
+    def counted(self, index: int) -> NDArray[np.bool_]:
+        """Mask (n, C) of the samples of a segment that count."""
+        return self._observed[index][1]
+
+    def _loop(self, extra: tuple[str, ...]) -> _core.OpenLoop:
+        if extra not in self._loops:
+            self._loops[extra] = _core.OpenLoop(
+                self.vehicle,
+                self.records,
+                [(s.trial, s.start, s.stop, s.position, s.attitude, s.nu) for s in self.data.segments],
+                free=self.stage.axes.free,
+                measured=self.stage.axes.measured,
+                substeps=self.substeps,
+                names=[*names(self.parameters), *extra],
+            )
+        return self._loops[extra]

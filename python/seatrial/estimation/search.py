@@ -1,0 +1,486 @@
+"""What a bounded search keeps: candidates and costs, the best distinct ones, history and elapsed time.
+
+Bounded minimisation of a batch criterion: evolution strategy, then simplexes abreast.
+
+The objective takes a whole batch of candidates ``(k, m)`` and gives ``(k,)`` costs, because the core
+integrates eight candidates for the price of one. The evolution strategy (Hansen 2016, arXiv:1604.00772,
+package ``cma``) asks for its population at once; simplexes start from its best distinct points.
+
+Candidates are searched in the unit box: bounds map to 0 and 1. A cost that is not finite is a diverged
+candidate; it ranks last and never stops the search. Ctrl-C ends the search and keeps the best candidate.
+
+Simplex searches (Nelder & Mead 1965, ``scipy``) abreast: one candidate of each in every batch.
+
+A simplex is sequential by nature. Each search runs in its own thread and waits there for the cost of its
+candidate, while the caller's thread gathers one request of each into a batch. A round answers every living
+search once, so that the course of a search depends on its start alone.
+"""
+
+from __future__ import annotations
+
+import math
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.arrays import Array
+from seatrial.base.progress import Step, Watch
+
+__all__ = [
+    "DIVERGED",
+    "LANES",
+    "Ledger",
+    "Objective",
+    "Optimum",
+    "batch_size",
+    "evolve",
+    "join",
+    "minimize",
+    "refine",
+    "refine_rounds",
+    "simplexes_abreast",
+]
+
+Objective = Callable[[Array], ArrayLike]
+
+LANES = 8
+"""Candidates that the core integrates abreast: batches are multiples of it."""
+
+_DISTINCT = 0.02
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Best candidate of a search, in the objective's own units.
+
+    ``elite`` (j, m) holds the best candidates that differ by at least 2 % of the box, the best first.
+    """
+
+    x: Array
+    cost: float
+    start_cost: float
+    elite: Array
+    evaluations: int
+    history: tuple[Step, ...]
+    interrupted: bool
+
+
+def join(first: Optimum, second: Optimum) -> Optimum:
+    """Optimum of two searches of the same parameters, one after the other: histories joined, the last best.
+
+    The last one counts even where its cost is higher, because the objective may have changed in between.
+    """
+    return replace(
+        second,
+        start_cost=first.start_cost,
+        evaluations=first.evaluations + second.evaluations,
+        history=first.history
+        + tuple(replace(s, evaluations=s.evaluations + first.evaluations) for s in second.history),
+    )
+
+
+class Ledger:
+    """Workspace of one search: evaluates, remembers every candidate, keeps the history."""
+
+    def __init__(
+        self,
+        objective: Objective,
+        lower: ArrayLike,
+        upper: ArrayLike,
+        phase: str,
+        generations: int,
+        watch: Watch | None,
+    ) -> None:
+        self.lower = np.atleast_1d(np.asarray(lower, dtype=float))
+        self.width = np.atleast_1d(np.asarray(upper, dtype=float)) - self.lower
+        if not (np.isfinite(self.lower).all() and (self.width > 0).all() and np.isfinite(self.width).all()):
+            raise ValueError("bounds must be finite and every upper one above its lower one")
+        self.objective, self.phase, self.generations, self.watch = objective, phase, generations, watch
+        self.generation = 0
+        self.start_cost = math.inf
+        self.best_cost = math.inf
+        self.candidates: list[Array] = []
+        self.candidate_costs: list[Array] = []
+        self.history: list[Step] = []
+        self.began = time.monotonic()
+
+    def to_box(self, x: ArrayLike) -> Array:
+        """Candidate in the unit box, moved to its edge where it lies outside."""
+        scaled = (np.atleast_1d(np.asarray(x, dtype=float)) - self.lower) / self.width
+        return np.asarray(np.clip(scaled, 0.0, 1.0))
+
+    def from_box(self, z: Array) -> Array:
+        """Candidates in the objective's own units."""
+        return np.asarray(self.lower + self.width * z)
+
+    def costs(self, z: Array) -> Array:
+        """Costs ``(k,)`` of candidates in the unit box, infinite where not finite; both are kept."""
+        costs = np.asarray(self.objective(self.from_box(z)), dtype=float)
+        costs = np.where(np.isfinite(costs), costs, math.inf)
+        self.candidates.append(z)
+        self.candidate_costs.append(costs)
+        self.best_cost = min(self.best_cost, float(costs.min()))
+        return costs
+
+    def close_generation(self) -> None:
+        """Append a `Step` to the history and show it to the watch."""
+        self.generation += 1
+        evaluations = sum(len(costs) for costs in self.candidate_costs)
+        elapsed = time.monotonic() - self.began
+        step = Step(self.phase, self.generation, self.generations, evaluations, self.best_cost, elapsed)
+        self.history.append(step)
+        if self.watch is not None:
+            self.watch(step)
+
+    def stalled(self, patience: int, tolerance: float) -> bool:
+        """Whether the last generations gained less than the tolerance, a fraction of the cost."""
+        if len(self.history) <= patience:
+            return False
+        before = self.history[-1 - patience].best
+        return not before - self.best_cost > tolerance * abs(before)
+
+    def elite(self) -> Array:
+        """Best distinct candidates in the unit box, the best first."""
+        candidates, costs = np.concatenate(self.candidates), np.concatenate(self.candidate_costs)
+        chosen: list[Array] = []
+        for index in np.argsort(costs, kind="stable"):
+            point = candidates[index]
+            if all(np.abs(point - other).max() >= _DISTINCT for other in chosen):
+                chosen.append(point)
+            if len(chosen) == LANES:
+                break
+        return np.array(chosen)
+
+    def run(self, search: Callable[[], None]) -> Optimum:
+        """Optimum after the search has run or was interrupted."""
+        interrupted = False
+        try:
+            search()
+        except KeyboardInterrupt:
+            if not self.candidates:
+                raise
+            interrupted = True
+        elite = self.elite()
+        return Optimum(
+            x=self.from_box(elite[0]),
+            cost=self.best_cost,
+            start_cost=self.start_cost,
+            elite=self.from_box(elite),
+            evaluations=sum(len(costs) for costs in self.candidate_costs),
+            history=tuple(self.history),
+            interrupted=interrupted,
+        )
+
+
+DIVERGED = 1e30
+"""Cost that stands for an infinite one where the arithmetic of a search needs a number."""
+
+_SIZES = (0.08, 0.04, 0.02)
+
+
+def simplexes_abreast(
+    score: Callable[[Array], Array], starts: Array, *, rounds: int, tolerance: float
+) -> None:
+    """Ask for the costs of simplex searches in the unit box, one per start, until all have collapsed.
+
+    Parameters
+    ----------
+    score : callable
+        Costs ``(k,)`` of candidates ``(k, m)`` in the unit box; it keeps what it has seen.
+    starts : ndarray, shape (k, m)
+        First corner of every simplex. Their sizes differ.
+    rounds : int
+        Number of batches at most.
+    tolerance : float
+        Spread of the costs at which a simplex has collapsed; its extent must be below 1e-4 as well.
+    """
+    from scipy.optimize import minimize
+
+    requests: queue.SimpleQueue[tuple[int, Array | BaseException | None]] = queue.SimpleQueue()
+    answers: list[queue.SimpleQueue[float | None]] = [queue.SimpleQueue() for _ in starts]
+
+    def search(index: int) -> None:
+        def cost(z: Array) -> float:
+            requests.put((index, z.copy()))
+            answer = answers[index].get()
+            if answer is None:
+                raise _Halted
+            return answer
+
+        options = {
+            "initial_simplex": _simplex(starts[index], _SIZES[index % len(_SIZES)]),
+            "xatol": 1e-4,
+            "fatol": max(tolerance, 1e-13),
+            "maxfev": rounds,
+            "maxiter": rounds,
+            "adaptive": True,
+        }
+        box = [(0.0, 1.0)] * len(starts[index])
+        end: BaseException | None = None
+        try:
+            minimize(cost, starts[index], method="Nelder-Mead", bounds=box, options=options)
+        except _Halted:
+            pass
+        except BaseException as error:  # raised again in the caller's thread
+            end = error
+        requests.put((index, end))
+
+    threads = [threading.Thread(target=search, args=(i,), daemon=True) for i in range(len(starts))]
+    living = set(range(len(starts)))
+    for thread in threads:
+        thread.start()
+    try:
+        while living:
+            pending: dict[int, Array] = {}
+            while len(pending) < len(living):
+                index, request = requests.get()
+                if isinstance(request, np.ndarray):
+                    pending[index] = request
+                else:
+                    living.discard(index)
+                    if request is not None:
+                        raise request
+            if pending:
+                order = sorted(pending)
+                costs = score(np.array([pending[index] for index in order]))
+                for index, value in zip(order, costs, strict=True):
+                    answers[index].put(float(value) if math.isfinite(value) else DIVERGED)
+    finally:
+        for index in living:
+            answers[index].put(None)
+        for thread in threads:
+            thread.join()
+
+
+class _Halted(Exception):
+    """Ends a search from outside."""
+
+
+def _simplex(corner: Array, size: float) -> Array:
+    """Vertices ``(m + 1, m)``: the corner and one step along every axis, inside the unit box."""
+    steps = np.where(corner + size <= 1.0, size, -size)
+    return np.asarray(np.vstack([corner, corner + np.diag(steps)]), dtype=float)
+
+
+def evolve(
+    objective: Objective,
+    start: ArrayLike,
+    *,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    seed: int = 0,
+    population: int | None = None,
+    generations: int = 200,
+    spread: float = 0.25,
+    tolerance: float = 1e-4,
+    watch: Watch | None = None,
+) -> Optimum:
+    """Optimum of a global search inside the bounds by an evolution strategy (CMA-ES).
+
+    Parameters
+    ----------
+    objective : callable
+        Costs ``(k,)`` of candidates ``(k, m)``.
+    start : array_like, shape (m,)
+        Centre of the first population.
+    lower, upper : array_like, shape (m,)
+        Bounds; no candidate lies outside.
+    seed : int
+        The same seed gives the same result.
+    population : int, optional
+        Candidates per generation; by default enough for m, rounded up to full lanes.
+    generations : int
+        Budget of generations.
+    spread : float
+        Standard deviation of the first population, a share of the box: small where the start is good already.
+    tolerance : float
+        Stop when the best cost has not improved by this fraction over the last generations.
+    watch : callable, optional
+        Called with a `Step` after every generation; a KeyboardInterrupt that it raises ends the search.
+
+    Returns
+    -------
+    Optimum
+
+    Examples
+    --------
+    >>> from seatrial.estimation.search import evolve
+    >>> best = evolve(lambda x: ((x - 0.3) ** 2).sum(axis=1), [0.9, 0.9], lower=[0, 0], upper=[1, 1])
+    >>> bool(abs(best.x - 0.3).max() < 0.02)
+    True
+    """
+    import cma
+
+    ledger = Ledger(objective, lower, upper, "evolution", generations, watch)
+    first = ledger.to_box(start)
+    size = batch_size(len(first), population)
+    # The package does not search one dimension: a second one without effect takes its place.
+    padded = np.append(first, 0.5) if len(first) == 1 else first
+    generator = np.random.default_rng(seed)
+    options: dict[str, Any] = {
+        "bounds": [0.0, 1.0],
+        "popsize": size,
+        "seed": np.nan,  # leaves NumPy's global generator alone, which other threads may use
+        "randn": lambda *shape: generator.standard_normal(shape),
+        "tolflatfitness": 10,
+        "verbose": -9,
+        "verb_log": 0,
+        "verb_disp": 0,
+        "signals_filename": "",
+    }
+    patience = 10 + math.ceil(30 * len(first) / size)
+
+    def search() -> None:
+        ledger.start_cost = float(ledger.costs(first[None, :])[0])
+        strategy = cma.CMAEvolutionStrategy(padded, spread, options)
+        while ledger.generation < generations and not strategy.stop():
+            candidates = strategy.ask()
+            costs = ledger.costs(np.array(candidates)[:, : len(first)])
+            strategy.tell(candidates, np.where(np.isfinite(costs), costs, DIVERGED))
+            ledger.close_generation()
+            if ledger.stalled(patience, tolerance):
+                break
+
+    return ledger.run(search)
+
+
+def refine(
+    objective: Objective,
+    starts: ArrayLike,
+    *,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    rounds: int | None = None,
+    tolerance: float = 1e-4,
+    watch: Watch | None = None,
+) -> Optimum:
+    """Optimum of a fine search by simplexes (Nelder-Mead) abreast, one from each start.
+
+    Every round evaluates one candidate of each simplex in a single batch. When all have collapsed, they start
+    again around the best points. The search ends when 5 (m + 1) rounds gain less than the tolerance, a
+    fraction of the cost, or the rounds are used up.
+
+    Parameters
+    ----------
+    objective, lower, upper, tolerance, watch
+        As for `evolve`.
+    starts : array_like, shape (k, m)
+        Start points, the best first; more than eight are ignored.
+    rounds : int, optional
+        Budget of batches, by default 80 (m + 1), at most 500.
+
+    Returns
+    -------
+    Optimum
+
+    Examples
+    --------
+    >>> from seatrial.estimation.search import refine
+    >>> best = refine(lambda x: abs(x - 0.3).sum(axis=1), [[0.2, 0.4]], lower=[0, 0], upper=[1, 1])
+    >>> bool(abs(best.x - 0.3).max() < 1e-3)
+    True
+    """
+    points = np.atleast_2d(np.asarray(starts, dtype=float))
+    budget = refine_rounds(points.shape[1]) if rounds is None else rounds
+    ledger = Ledger(objective, lower, upper, "simplex", budget, watch)
+    corners = np.array([ledger.to_box(point) for point in points[:LANES]])
+
+    patience = 5 * (points.shape[1] + 1)
+
+    def score(candidates: Array) -> Array:
+        costs = ledger.costs(candidates)
+        ledger.close_generation()
+        if ledger.stalled(patience, tolerance):
+            raise _Stalled
+        return costs
+
+    def search() -> None:
+        nonlocal corners
+        ledger.start_cost = float(ledger.costs(corners)[0])
+        while ledger.generation < budget:
+            before = ledger.best_cost
+            try:
+                simplexes_abreast(
+                    score, corners, rounds=budget - ledger.generation, tolerance=tolerance * abs(before)
+                )
+            except _Stalled:
+                break
+            if not before - ledger.best_cost > tolerance * abs(before):
+                break
+            corners = ledger.elite()
+
+    return ledger.run(search)
+
+
+def minimize(
+    objective: Objective,
+    start: ArrayLike,
+    *,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    seed: int = 0,
+    population: int | None = None,
+    generations: int = 200,
+    rounds: int | None = None,
+    tolerance: float = 1e-4,
+    watch: Watch | None = None,
+) -> Optimum:
+    """Optimum inside the bounds: `evolve`, then `refine` from its best distinct candidates.
+
+    Parameters
+    ----------
+    objective, start, lower, upper, seed, population, generations, tolerance, watch
+        As for `evolve`.
+    rounds : int, optional
+        As for `refine`.
+
+    Returns
+    -------
+    Optimum
+
+    Examples
+    --------
+    >>> from seatrial.estimation.search import minimize
+    >>> valley = lambda x: 100 * (x[:, 1] - x[:, 0] ** 2) ** 2 + (1 - x[:, 0]) ** 2
+    >>> best = minimize(valley, [-1, 2], lower=[-2, -2], upper=[2, 2])
+    >>> bool(abs(best.x - 1).max() < 1e-2)
+    True
+    """
+    coarse = evolve(
+        objective,
+        start,
+        lower=lower,
+        upper=upper,
+        seed=seed,
+        population=population,
+        generations=generations,
+        tolerance=tolerance,
+        watch=watch,
+    )
+    if coarse.interrupted:
+        return coarse
+    fine = refine(
+        objective, coarse.elite, lower=lower, upper=upper, rounds=rounds, tolerance=tolerance, watch=watch
+    )
+    return join(coarse, fine)
+
+
+class _Stalled(Exception):
+    """Ends simplexes that gain nothing any more."""
+
+
+def batch_size(parameters: int, population: int | None = None) -> int:
+    """Candidates per generation: the asked number or one that suits the parameters, in full lanes."""
+    wanted = 4 + 3 * math.log(parameters) if population is None else population
+    return LANES * math.ceil(wanted / LANES)
+
+
+def refine_rounds(parameters: int) -> int:
+    """Budget of rounds: a simplex of few parameters collapses about twice; many are left to `evolve`."""
+    return min(80 * (parameters + 1), 500)

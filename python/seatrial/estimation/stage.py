@@ -1,0 +1,295 @@
+"""One stage of an identification: its plan, its search, its result."""
+
+from __future__ import annotations
+
+import math
+import time
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError, SimulationError
+from seatrial.base.progress import Step
+from seatrial.campaign.file import Stage
+from seatrial.campaign.parameters import Parameter, coefficients
+from seatrial.estimation.criterion import Criterion, estimate_initial_velocities
+from seatrial.estimation.descent import descend
+from seatrial.estimation.search import LANES, batch_size, evolve, join, refine, refine_rounds
+from seatrial.estimation.segments import StageData, StageStep, around, cut, stage_step
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.campaign.campaign import Campaign
+
+__all__ = ["StagePlan", "StageResult", "plan", "run_stage"]
+
+_TOLERANCE = 1e-4
+
+_COARSE = 0.1
+"""Gain at which the global search ends: what is left in its valley is found by descent and simplex."""
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """What a stage will do, known before its search: data, step, budget."""
+
+    stage: Stage
+    parameters: tuple[Parameter, ...]
+    data: StageData
+    step: StageStep
+    seed: int
+    population: int
+    generations: int
+    rounds: int
+    tolerance: float
+
+    @property
+    def work(self) -> float:
+        """Eight-candidate steps of the core if the whole budget is used."""
+        return self._batches * self._search + self.rounds * self._fine
+
+    def done(self, step: Step) -> float:
+        """Part of the work that is done after a step."""
+        if step.phase == "evolution":
+            return self._batches * self._search * step.generation / self.generations
+        refined = step.generation if step.phase == "simplex" else 0  # the descent between takes no time
+        return self._batches * self._search + self._fine * refined
+
+    @property
+    def _batches(self) -> float:
+        """Batches of eight in the global search."""
+        return self.generations * self.population / LANES
+
+    @property
+    def _search(self) -> float:
+        """Steps of a batch in the global search."""
+        return float(self.data.samples * self.step.search)
+
+    @property
+    def _fine(self) -> float:
+        """Steps of a batch in the fine search."""
+        return float(self.data.samples * self.step.substeps)
+
+
+@dataclass(frozen=True)
+class StageResult:
+    """What a stage found.
+
+    ``estimates`` maps the campaign's parameter names to values, ``coefficients`` every coefficient that they
+    set. Costs are mean weighted errors per sample in standard deviations; ``history`` has a row per batch.
+    ``inputs`` is the SHA-256 of all that the result depends on.
+    """
+
+    name: str
+    trials: tuple[str, ...]
+    starts: dict[str, float]
+    estimates: dict[str, float]
+    coefficients: dict[str, float]
+    start_cost: float
+    cost: float
+    evaluations: int
+    history: tuple[Step, ...]
+    segments: int
+    samples: int
+    substeps: int
+    step_s: float
+    rate: float
+    wall_s: float
+    inputs: str
+    interrupted: bool
+    reused: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """Result as plain numbers, texts, lists and dicts."""
+        return asdict(self) | {"trials": list(self.trials), "history": [asdict(s) for s in self.history]}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> StageResult:
+        """Result from what `to_dict` gave."""
+        plain = dict(data)
+        plain["trials"] = tuple(plain["trials"])
+        plain["start_cost"] = _number(plain["start_cost"])
+        plain["history"] = tuple(Step(**row | {"best": _number(row["best"])}) for row in plain["history"])
+        return cls(**plain)
+
+
+def plan(campaign: Campaign) -> tuple[StagePlan, ...]:
+    """Plans of all stages in the order of their run; everything that can be refused is refused here.
+
+    Raises
+    ------
+    CampaignError, TrialError
+        A trial cannot be read or does not suit its stage.
+    """
+    plans: dict[str, StagePlan] = {}
+    roaming: dict[str, tuple[Parameter, ...]] = {}
+    for stage in campaign.stages:
+        data = cut(campaign, stage)
+        own = campaign.parameters[stage.name]
+        earlier = {p.name: p for name in stage.after for p in roaming[name]}
+        roaming[stage.name] = (*(earlier | {p.name: p for p in own}).values(),)
+        step = stage_step(
+            campaign.vehicle,
+            roaming[stage.name],
+            free=stage.axes.free,
+            speeds=data.largest_speeds(),
+            dt=data.dt,
+            where=campaign.place(stage),
+        )
+        budget = campaign.budget(stage)
+        plans[stage.name] = StagePlan(
+            stage=stage,
+            parameters=own,
+            data=data,
+            step=step,
+            seed=campaign.seed << 32 | zlib.crc32(stage.name.encode()),
+            population=batch_size(len(own), budget.population),
+            generations=budget.generations or 100 + 15 * len(own),
+            rounds=budget.simplex_rounds or refine_rounds(len(own)),
+            tolerance=budget.tolerance or _TOLERANCE,
+        )
+    return tuple(plans.values())
+
+
+def run_stage(
+    campaign: Campaign,
+    plan: StagePlan,
+    *,
+    vehicle: Vehicle,
+    found: Mapping[str, float],
+    inputs: str,
+    watch: Callable[[Step], None],
+    threads: int | None = None,
+) -> StageResult:
+    """Result of a stage: global search, initial velocities where they are estimated, descent, fine search.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    plan : StagePlan
+    vehicle : Vehicle
+        With the estimates of the stages before.
+    found : mapping
+        Those estimates: they replace the vehicle file's values as start values.
+    inputs : str
+        Hash of all that the result depends on, kept with it.
+    watch : callable
+        Called after every batch of candidates; it may raise KeyboardInterrupt.
+    threads : int, optional
+        Threads of the core.
+    """
+    began = time.monotonic()
+    stage, chosen = plan.stage, plan.parameters
+    start = np.array([_start(parameter, found) for parameter in chosen])
+
+    def stepped(substeps: int) -> Criterion:
+        return Criterion(
+            campaign,
+            stage,
+            vehicle=vehicle,
+            parameters=chosen,
+            data=plan.data,
+            substeps=substeps,
+            threads=threads,
+        )
+
+    criterion = stepped(plan.step.search)
+    box: dict[str, Any] = {
+        "lower": [parameter.lower for parameter in chosen],
+        "upper": [parameter.upper for parameter in chosen],
+        "tolerance": plan.tolerance,
+        "watch": watch,
+    }
+    _check_influence(criterion, chosen, start, campaign.place(stage))
+    best = evolve(
+        criterion,
+        start,
+        seed=plan.seed,
+        population=plan.population,
+        generations=plan.generations,
+        **box | {"tolerance": max(plan.tolerance, _COARSE)},
+    )
+    step = _fine_step(plan, vehicle, best.elite, campaign.place(stage))
+    if step.substeps != plan.step.search:
+        criterion = stepped(step.substeps)
+    estimated = stage.start == "estimated"
+    smoothed = criterion.nu
+    shares = (plan.rounds // 2, plan.rounds - plan.rounds // 2) if estimated else (plan.rounds,)
+    for rounds in shares:
+        if best.interrupted or not math.isfinite(best.cost):
+            break
+        if estimated:
+            estimate_initial_velocities(criterion, best.x, smoothed)
+        elite = best.elite
+        best = join(best, descend(criterion, criterion.linearised, best.x, **box))
+        if not best.interrupted:
+            best = join(best, refine(criterion, np.vstack([best.x, elite]), rounds=max(rounds, 1), **box))
+    if not math.isfinite(best.cost) and not best.interrupted:
+        raise SimulationError(
+            f"{campaign.place(stage)}: every one of {best.evaluations} candidates diverged; check the units"
+            " and signs of the commands, the vehicle's masses and the bounds"
+        )
+    return StageResult(
+        name=stage.name,
+        trials=stage.trials,
+        starts={p.name: float(x) for p, x in zip(chosen, start, strict=True)},
+        estimates={p.name: float(x) for p, x in zip(chosen, best.x, strict=True)},
+        coefficients=coefficients(chosen, best.x),
+        start_cost=best.start_cost,
+        cost=best.cost,
+        evaluations=best.evaluations,
+        history=best.history,
+        segments=len(plan.data.segments),
+        samples=plan.data.samples,
+        substeps=step.substeps,
+        step_s=plan.data.dt / step.substeps,
+        rate=step.rate,
+        wall_s=time.monotonic() - began,
+        inputs=inputs,
+        interrupted=best.interrupted,
+    )
+
+
+def _fine_step(plan: StagePlan, vehicle: Vehicle, elite: Array, where: str) -> StageStep:
+    """Step of the fine search, from a bound around what the global search found."""
+    step = stage_step(
+        vehicle,
+        around(plan.parameters, elite),
+        free=plan.stage.axes.free,
+        speeds=plan.data.largest_speeds(),
+        dt=plan.data.dt,
+        where=where,
+    )
+    return replace(step, substeps=max(step.substeps, plan.step.search))
+
+
+def _check_influence(criterion: Criterion, chosen: tuple[Parameter, ...], start: Array, where: str) -> None:
+    """Refuse a parameter that changes nothing: its estimate would be arbitrary."""
+    ends = np.tile(start, (2 * len(chosen), 1))
+    for i, parameter in enumerate(chosen):
+        ends[2 * i, i], ends[2 * i + 1, i] = parameter.lower, parameter.upper
+    costs = criterion(ends)
+    for i, parameter in enumerate(chosen):
+        lower, upper = costs[2 * i], costs[2 * i + 1]
+        if math.isfinite(lower) and lower == upper:
+            raise CampaignError(
+                f"{where}: coefficient {parameter.name!r} changes nothing in this stage, so it cannot be"
+                " identified here; free an axis that it acts on, use a trial that excites it, or remove it"
+            )
+
+
+def _number(value: float | None) -> float:
+    """A cost from JSON, which has no infinity."""
+    return math.inf if value is None else value
+
+
+def _start(parameter: Parameter, found: Mapping[str, float]) -> float:
+    """Start value: the campaign's own, else an earlier stage's estimate in the bounds, else the vehicle's."""
+    member, factor = parameter.members[0]
+    if parameter.start_given or member not in found:
+        return parameter.start
+    return min(max(found[member] / factor, parameter.lower), parameter.upper)

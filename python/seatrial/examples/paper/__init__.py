@@ -1,0 +1,1 @@
+"""Figures and block diagrams as in a paper about a vehicle."""

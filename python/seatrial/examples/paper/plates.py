@@ -1,0 +1,272 @@
+"""Plates of the gallery: what each figure shows, which data it is from, and how it is drawn.
+
+A plate is drawn when it is asked for, so that a gallery holds one figure in memory at a time. What cannot
+be drawn stands there too, with the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from seatrial.base.channels import AXES
+from seatrial.report.plot.flight_errors import drives, motors
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from seatrial._core import Vehicle
+    from seatrial.bench_test.file import Pull, Steps
+    from seatrial.bench_test.result import BenchTest
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.identification.identification import Identification
+
+__all__ = [
+    "Plate",
+    "bench_plates",
+    "campaign_plates",
+    "is_generated",
+    "modes_of",
+    "thrust_plates",
+    "vehicle_plates",
+]
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A figure to be drawn: file name without number and ending, caption, and what draws it.
+
+    ``draw`` is None where there is nothing to draw; the caption then says why.
+    """
+
+    name: str
+    caption: str
+    draw: Callable[[], Figure] | None
+
+
+def vehicle_plates(vehicle: Vehicle, *, data: str, modes: str = "") -> Iterator[Plate]:
+    """Plates of a vehicle: views, block diagrams, motors.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    data : str
+        Words on where the vehicle's numbers are from, at the end of a caption.
+    modes : str
+        Which axes are free, where a campaign says so.
+    """
+    from seatrial.examples.paper.actuators import actuator_diagram, rate_limiting, static_transfer
+    from seatrial.examples.paper.model import model_diagram
+    from seatrial.report.plot.vehicle import three_views
+
+    yield Plate(
+        "vehicle",
+        f"Outline of {vehicle.name}: hull, centres of gravity and buoyancy, actuators and the direction of"
+        f" their positive thrust. {data}",
+        partial(three_views, vehicle),
+    )
+    words = {"modes": modes} if modes else {}
+    yield Plate(
+        "model",
+        f"Block diagram of the model of {vehicle.name}: terms of the equation of motion with their signs, the"
+        f" coefficients that the vehicle has, and the kinematics. {data}",
+        partial(model_diagram, vehicle, **words),
+    )
+    if not vehicle.actuators:
+        yield Plate("actuators", f"{vehicle.name} has no actuators, so none of their figures is drawn", None)
+        return
+    groups = ", ".join(dict.fromkeys(motor.group for motor in motors(vehicle)))
+    yield Plate(
+        "actuators",
+        f"Block diagram of the actuators of {vehicle.name}, from the desired command to the wrench, per"
+        f" group of like actuators ({groups}). {data}",
+        partial(actuator_diagram, vehicle),
+    )
+    if any(motor.limited for _, motor in drives(vehicle)):
+        yield Plate(
+            "static_transfer",
+            f"Static transfer of the motor controllers of {vehicle.name}: actual over desired signal with"
+            " their limits; the inset shows the neighbourhood of zero. Settled response of the model."
+            f" {data}",
+            partial(static_transfer, vehicle),
+        )
+    else:
+        yield Plate("static_transfer", f"no motor of {vehicle.name} has a static limit", None)
+    if any(motor.delayed for _, motor in drives(vehicle)):
+        yield Plate(
+            "rate_limiting",
+            f"Dynamic limiting of increase and decrease at {vehicle.name}: steps ahead, astern and to"
+            f" rest, behind the rate limit, and behind dead time and lag. Response of the model. {data}",
+            partial(rate_limiting, vehicle),
+        )
+    else:
+        yield Plate("rate_limiting", f"every motor of {vehicle.name} follows its command at once", None)
+
+
+def thrust_plates(vehicle: Vehicle, *, data: str) -> Iterator[Plate]:
+    """Plates of what the thrust does: characteristics, and the performance where something drives ahead."""
+    from seatrial.report.plot.performance import characteristic, performance
+
+    if any(facts["kind"] == "thruster" for facts in vehicle.actuator_info().values()):
+        yield Plate(
+            "characteristic",
+            f"Characteristics of the actuators of {vehicle.name}: thrust over command, at rest and under"
+            f" way or at several supply voltages. {data}",
+            partial(characteristic, vehicle),
+        )
+    figure = performance(vehicle) if vehicle.actuators else None
+    if figure is None:
+        yield Plate("performance", f"nothing drives {vehicle.name} ahead, so no speeds are drawn", None)
+    else:
+        yield Plate(
+            "performance",
+            f"Performance of {vehicle.name}: speed, power and range over the command, and turning circles,"
+            f" from the model in steady motion. {data}",
+            lambda: figure,
+        )
+
+
+def bench_plates(bench: BenchTest | None) -> Iterator[Plate]:
+    """Plates of a bench test: step responses of the motors, characteristics with their regression."""
+    if bench is None or not bench.motors:
+        yield Plate("motor_step", f"no recorded motor step: {_wanted(bench, 'steps')}", None)
+    else:
+        from seatrial.report.plot.bench import motor_step
+
+        for unit, motor in bench.motors.items():
+            record = bench.step_records[unit][0]
+            yield Plate(
+                f"motor_step_{unit}",
+                f"Modelled and measured step response of {unit}: command, measurement, model and residual"
+                f" of record {record.name}, and single steps with the dead time and the time constant."
+                f" {_tested(bench, bench.file.steps)}",
+                partial(motor_step, motor, record),
+            )
+    if bench is None or not bench.pulls:
+        yield Plate("bollard_test", f"no bollard test: {_wanted(bench, 'pulls')}", None)
+    else:
+        from seatrial.report.plot.bench import bollard_test
+
+        for unit in bench.pulls:
+            yield Plate(
+                f"bollard_test_{unit}",
+                f"Characteristic of {unit} by regression: operating points of a single actuator, fitted"
+                f" curve ahead and astern with its 95 % band, residuals. {_tested(bench, bench.file.pulls)}",
+                partial(bollard_test, bench, groups=[unit]),
+            )
+
+
+def campaign_plates(fit: Identification) -> Iterator[Plate]:
+    """Plates of an identification: schema, stages, convergence, certainty, held-out trials."""
+    from seatrial.examples.paper.model import optimisation_diagram
+    from seatrial.report.plot.identification import convergence, intervals, model_criticism, trial_figure
+    from seatrial.report.plot.stage import stage_result
+
+    campaign = fit.campaign
+    yield Plate(
+        "optimisation",
+        "Schema of the parameter optimisation: recorded inputs drive vehicle and model, the criterion Q"
+        " judges the error, the searches move the coefficients within their bounds; below, the stages of"
+        f" the campaign {campaign.name} in the order of their run, with Q at their start and at their"
+        " optimum.",
+        partial(optimisation_diagram, campaign, results=fit.stages),
+    )
+    for result in fit.stages:
+        stage = next(one for one in campaign.stages if one.name == result.name)
+        polish = (
+            ", at the joint polish" if fit.certainty is not None and fit.certainty.polished.rounds else ""
+        )
+        yield Plate(
+            f"stage_{_safe(result.name)}",
+            f"Optimisation of {result.name}: measured and modelled channels at the start values, at the"
+            f" optimum of the stage{polish}, restarted every {stage.segment_s:g} s from the smoothed"
+            " measurement, and their errors; inputs; coefficients within their bounds."
+            f" {_data(campaign, stage.trials)}",
+            partial(stage_result, fit, result),
+        )
+    if fit.stages:
+        yield Plate(
+            "convergence",
+            "Convergence of the searches, stage by stage: how far the best criterion lies above the"
+            " optimum, in per cent of it, over the candidates tried; the lines at the foot have reached it.",
+            partial(convergence, fit.stages),
+        )
+    if (sure := fit.certainty) is not None:
+        yield Plate(
+            "intervals",
+            "How sure the coefficients are: standard deviations in per cent of the estimate, and"
+            " correlations of the joint estimate.",
+            partial(intervals, sure),
+        )
+        yield Plate(
+            "criticism",
+            "What the residuals say against the model: their autocorrelation, and what would explain it.",
+            partial(model_criticism, sure.criticism),
+        )
+    for trial in campaign.trials:
+        if campaign.source_of(trial).hold_out:
+            yield Plate(
+                f"held_out_{_safe(trial)}",
+                f"Prediction of trial {trial}, which no stage has seen: measured and simulated ten seconds"
+                f" ahead, with residuals. {_data(campaign, (trial,))}",
+                partial(trial_figure, fit, trial),
+            )
+
+
+def modes_of(campaign: Campaign) -> str:
+    """Which axes the stages of a campaign free, in words for the diagram of the model."""
+    free = ", ".join(dict.fromkeys(stage.axes.free for stage in campaign.stages))
+    rest = {
+        mode
+        for stage in campaign.stages
+        for mode in ("measured", "frozen")
+        if (
+            set(stage.axes.measured)
+            if mode == "measured"
+            else set(AXES) - set(stage.axes.free + stage.axes.measured)
+        )
+    }
+    others = f"; the rest {' or '.join(sorted(rest))}" if rest else ""
+    return f"free {free}{others}"
+
+
+def is_generated(campaign: Campaign, trial: str) -> bool:
+    """Whether a trial is a generated recipe rather than a recording."""
+    path, reader = campaign.path_of(trial), campaign.source_of(trial).reader or campaign.file.reader
+    return path is not None and _is_recipe(reader, path)
+
+
+def _data(campaign: Campaign, trials: tuple[str, ...]) -> str:
+    """Which trials a figure is from, and that they are generated where they are."""
+    made = [trial for trial in trials if is_generated(campaign, trial)]
+    real = [trial for trial in trials if trial not in made]
+    parts = [f"generated (recipe) {', '.join(made)}"] if made else []
+    parts += [f"recorded {', '.join(real)}"] if real else []
+    return f"Data: {'; '.join(parts)}."
+
+
+def _tested(bench: BenchTest, records: Sequence[Pull | Steps]) -> str:
+    """Which bench test a figure is from, and that its records are generated where they are."""
+    readers = [(one.reader or bench.file.reader, one.file) for one in records]
+    made = [file for reader, file in readers if _is_recipe(reader, Path(file))]
+    kind = "generated (recipe) " if made and len(made) == len(readers) else ""
+    some = f" (generated: {', '.join(made)})" if made and not kind else ""
+    return f"Data: {kind}bench test {bench.file.name}{some}."
+
+
+def _is_recipe(reader: str | None, path: Path) -> bool:
+    return reader == "generated" or (reader is None and path.suffix == ".toml")
+
+
+def _wanted(bench: BenchTest | None, key: str) -> str:
+    """What would give a bench figure."""
+    if bench is None:
+        return f"give a bench file with [[{key}]]"
+    return f"the bench test {bench.file.name} has no [[{key}]] with a result"
+
+
+def _safe(name: str) -> str:
+    return "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")

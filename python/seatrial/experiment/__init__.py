@@ -1,0 +1,1 @@
+"""Design of experiments: manoeuvres, the plan of the next trial, coverage of intervals."""

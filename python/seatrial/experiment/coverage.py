@@ -1,0 +1,440 @@
+"""Coverage: how often intervals hold the truth, over many repetitions of generated trials.
+
+A 95 % interval is a promise about repetitions: sail the same trials again, with other noise and other
+biases of the sensors, and 95 of 100 intervals hold the right value. For recordings nobody can check it;
+for generated trials (`seatrial.trial.generated`) the right value is known. The start values and the bounds are
+the campaign's: nothing of the truth enters the estimate.
+
+A coefficient that is called identifiable passes when 44 of 50 intervals hold its truth: fewer would be
+bad luck in one case of eighty (binomial distribution, other numbers of repetitions alike). A coefficient
+that is called not identifiable is held at a value a quarter of its bounds' width away while all others
+are estimated again: the data must not contradict it. Where the truth lies outside the model class there
+is no right value to hold; such a campaign is judged by its hold-out, and by whether the model criticism
+warns.
+
+Tested by ``tests/experiment/test_coverage.py``.
+
+What a coverage run found: a row per unknown, what was held at wrong values, who passes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.errors import CampaignError
+from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.estimation.joint import Joint
+from seatrial.experiment.repetition import Draw, Held, Resailing, draw, hold
+
+if TYPE_CHECKING:
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.trial.truth import Truth
+
+__all__ = ["Coverage", "CoverageProgress", "CoverageRow", "coverage", "rows"]
+
+LEVEL = 0.95
+"""Probability with which an interval promises to hold the truth."""
+
+RISK = 0.0125
+"""Largest probability with which honest intervals may fail: 44 of 50 must hold the truth."""
+
+IDENTIFIABLE = "identifiable"
+
+
+@dataclass(frozen=True)
+class CoverageRow:
+    """One unknown over all repetitions, in its unit.
+
+    Attributes
+    ----------
+    name, unit, kind
+        The unknown; the biases of a channel, drawn anew for every trial and seed, share a row.
+    truth
+        Right value; NaN where it is drawn anew or there is none.
+    mean
+        Mean estimate.
+    bias
+        Mean of estimate minus truth.
+    bias_t
+        ``bias`` over its standard error: about two and more is no chance.
+    sigma
+        Root mean square of the standard deviations that the estimates state.
+    scatter
+        Standard deviation of estimate minus truth.
+    inside, n
+        Intervals that hold the truth, of how many.
+    verdicts
+        How often each verdict was given.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    truth: float
+    mean: float
+    bias: float
+    bias_t: float
+    sigma: float
+    scatter: float
+    inside: int
+    n: int
+    verdicts: dict[str, int]
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether that is the most frequent verdict."""
+        return self.verdict == IDENTIFIABLE
+
+    @property
+    def required(self) -> int:
+        """Intervals that must hold the truth."""
+        return required(self.n)
+
+    @property
+    def verdict(self) -> str:
+        """The most frequent verdict."""
+        return max(self.verdicts, key=lambda word: self.verdicts[word])
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What a coverage run found; made by `coverage`.
+
+    Attributes
+    ----------
+    campaign, truth
+        Names of the campaign and of the truth vehicle's description.
+    rows
+        A `CoverageRow` per unknown.
+    held
+        Coefficients called not identifiable, held at wrong values.
+    outside
+        Coefficients that the truth has otherwise than the estimate can: assumed and true value.
+    draws
+        The repetitions.
+    asked
+        How many were asked for.
+    interrupted
+        Whether Ctrl-C ended the run early.
+    """
+
+    campaign: str
+    truth: str
+    rows: tuple[CoverageRow, ...]
+    held: tuple[Held, ...]
+    outside: dict[str, tuple[float, float]]
+    draws: tuple[Draw, ...]
+    asked: int
+    interrupted: bool
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Sentences about what breaks a promise; none if the truth is outside the model class."""
+        if self.outside:
+            return ()
+        said = [
+            f"{row.name}: {row.inside} of {row.n} intervals hold the truth, at least {row.required} must"
+            for row in self.rows
+            if row.identifiable and row.inside < row.required
+        ]
+        said += [
+            f"{one.name}: called not identifiable, but the data contradict {one.value:.4g} {one.unit}"
+            f" (log-likelihood ratio {2.0 * one.rise:.1f})"
+            for one in self.held
+            if one.contradicted
+        ]
+        return tuple(said)
+
+    @property
+    def criticised(self) -> int:
+        """Repetitions in which the model criticism was asked."""
+        return sum(one.criticism is not None for one in self.draws)
+
+    @property
+    def warned(self) -> int:
+        """Repetitions in which it warns."""
+        return sum(bool(one.criticism) for one in self.draws)
+
+    def hold_out(self) -> dict[str, dict[str, float]]:
+        """Mean R2 on the held-out trials by vehicle ("start", "estimate", "truth") and channel."""
+        if not self.draws:
+            return {}
+        return {
+            vehicle: {
+                channel: float(np.mean([one.hold_out[vehicle][channel] for one in self.draws]))
+                for channel in of
+            }
+            for vehicle, of in self.draws[0].hold_out.items()
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers, texts, lists and dicts."""
+        return {
+            "campaign": self.campaign,
+            "truth": self.truth,
+            "asked": self.asked,
+            "interrupted": self.interrupted,
+            "outside": {name: list(pair) for name, pair in self.outside.items()},
+            "failures": list(self.failures),
+            "criticised": self.criticised,
+            "warned": self.warned,
+            "rows": [
+                asdict(row) | {"required": row.required, "identifiable": row.identifiable}
+                for row in self.rows
+            ],
+            "held": [one.to_dict() | {"contradicted": one.contradicted} for one in self.held],
+            "hold_out": self.hold_out(),
+            "draws": [one.to_dict() for one in self.draws],
+        }
+
+
+def required(n: int) -> int:
+    """Intervals of n that must hold the truth: fewer would be bad luck in at most one case of eighty.
+
+    Examples
+    --------
+    >>> required(50), required(8)
+    (44, 6)
+    """
+    below = 0.0
+    for k in range(n + 1):
+        below += math.comb(n, k) * LEVEL**k * (1.0 - LEVEL) ** (n - k)
+        if below > RISK:
+            return k
+    return n
+
+
+def rows(draws: Sequence[Draw]) -> tuple[CoverageRow, ...]:
+    """A row per unknown of the repetitions; biases of one channel are pooled over trials.
+
+    Unknowns without a right value keep their row, with no interval that holds it.
+    """
+    if not draws:
+        return ()
+    one = draws[0]
+    table = {name: np.array([getattr(d, name) for d in draws]) for name in ("truth", "estimate", "sigma")}
+    inside = np.array([
+        [a <= x <= b for a, x, b in zip(d.lower, d.truth, d.upper, strict=True)] for d in draws
+    ])
+    groups: dict[str, list[int]] = {}
+    for index, (name, kind) in enumerate(zip(one.names, one.kinds, strict=True)):
+        drawn = kind == "nuisance" and np.ptp(table["truth"][:, index]) > 0
+        label = name.rpartition(": ")[2] if drawn else name
+        groups.setdefault(label, []).append(index)
+    found = []
+    for label, places in groups.items():
+        truth, estimate, sigma = (table[name][:, places].ravel() for name in ("truth", "estimate", "sigma"))
+        error = estimate - truth
+        scatter = float(error.std(ddof=1)) if len(error) > 1 else math.nan
+        bias = float(error.mean())
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = float(np.divide(bias, scatter / np.sqrt(len(error))))
+        found.append(
+            CoverageRow(
+                name=label,
+                unit=one.units[places[0]],
+                kind=one.kinds[places[0]],
+                truth=float(truth[0]) if np.ptp(truth) == 0 else math.nan,
+                mean=float(estimate.mean()),
+                bias=bias,
+                bias_t=t,
+                sigma=float(np.sqrt(np.mean(sigma**2))),
+                scatter=scatter,
+                inside=int(inside[:, places].sum()),
+                n=len(error),
+                verdicts=dict(Counter(d.verdict[place] for d in draws for place in places)),
+            )
+        )
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class CoverageProgress:
+    """State of a coverage run: repetitions done and asked for, what runs, time so far and left in s."""
+
+    done: int
+    asked: int
+    phase: str
+    elapsed_s: float
+    left_s: float
+
+
+def coverage(
+    campaign: Campaign,
+    *,
+    seeds: int = 50,
+    first: int = 1,
+    truth: Truth | None = None,
+    criticised: int = 5,
+    run_dir: str | Path | None = None,
+    progress: Callable[[CoverageProgress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> Coverage:
+    """Coverage of a campaign of generated trials.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Its ``[polish]`` says what is estimated jointly.
+    seeds : int
+        Repetitions.
+    first : int
+        Seed of the first one; the others count on.
+    truth : Truth, optional
+        Sails the trials instead of the recipes' own.
+    criticised : int
+        Repetitions in which the model criticism is asked as well.
+    run_dir : str or Path, optional
+        Folder for the results. Finished repetitions are kept beside it while the run goes on.
+    progress : callable, optional
+        Called after every repetition and every round of a polish.
+    resume : bool
+        Reuse the repetitions that an earlier run in this folder finished from the same inputs.
+    threads : int, optional
+        Threads of the core; by default all. The result does not depend on it.
+
+    Returns
+    -------
+    Coverage
+        After Ctrl-C: that of the repetitions that are done, marked as interrupted.
+
+    Raises
+    ------
+    CampaignError, TrialError, VehicleError
+        A trial is a recording, or the campaign asks for what cannot be done.
+    SeatrialError
+        The run directory cannot be written.
+    """
+    if seeds < 1:
+        raise CampaignError(f"coverage: expected at least one repetition, found seeds = {seeds}")
+    resailing = Resailing(campaign, truth=truth)
+    work = _Run(
+        resailing, seeds, None if run_dir is None else RunDirectory(run_dir), progress, resume, threads
+    )
+    draws: list[Draw] = []
+    held: tuple[Held, ...] = ()
+    outside: dict[str, tuple[float, float]] = {}
+    interrupted = False
+    try:
+        outside = resailing.outside(Joint(resailing.sail(first), threads=threads))
+        for seed in range(first, first + seeds):
+            draws.append(work.draw(seed, criticised=seed < first + criticised))
+        if not outside:
+            held = work.held(first, [row.name for row in rows(draws) if _doubted(row)])
+    except KeyboardInterrupt:
+        interrupted = True
+    found = Coverage(
+        campaign=campaign.name,
+        truth=resailing.truth.description,
+        rows=rows(draws),
+        held=held,
+        outside=outside,
+        draws=tuple(draws),
+        asked=seeds,
+        interrupted=interrupted,
+    )
+    if work.directory is not None and not interrupted:
+        facts = {"coverage": campaign.name, "inputs": work.inputs, "seeds": [first, first + seeds - 1]}
+        work.directory.publish({"coverage.json": to_json(found.to_dict()), RUN_FILE: to_json(facts)})
+    return found
+
+
+def _doubted(row: CoverageRow) -> bool:
+    return row.verdict == "not identifiable"
+
+
+class _Run:
+    """Workspace of a coverage run: what is kept, what time is left."""
+
+    def __init__(
+        self,
+        resailing: Resailing,
+        asked: int,
+        directory: RunDirectory | None,
+        progress: Callable[[CoverageProgress], None] | None,
+        resume: bool,
+        threads: int | None,
+    ) -> None:
+        self.resailing, self.asked, self.directory = resailing, asked, directory
+        self.progress, self.resume, self.threads = progress, resume, threads
+        self.inputs = _inputs(resailing)
+        self.began = time.monotonic()
+        self.done, self.sailed, self.spent = 0, 0, 0.0
+
+    def draw(self, seed: int, *, criticised: bool) -> Draw:
+        """A repetition, or what an earlier run kept of it."""
+        name = f"seed-{seed}"
+        kept = self._kept(name)
+        if kept is not None and not (criticised and kept["criticism"] is None):
+            found = Draw.from_dict(kept)
+        else:
+            found = draw(
+                self.resailing,
+                seed,
+                criticised=criticised,
+                threads=self.threads,
+                watch=lambda _: self._show(name),
+            )
+            self.sailed += 1
+            self.spent += found.wall_s
+        self._keep(name, found.to_dict())
+        self.done += 1
+        self._show(name)
+        return found
+
+    def held(self, seed: int, names: Sequence[str]) -> tuple[Held, ...]:
+        """Coefficients at wrong values."""
+        if not names:
+            return ()
+        self._show(f"holding {', '.join(names)}")
+        name = f"held-{'-'.join(names)}-seed-{seed}"
+        kept = self._kept(name)
+        if kept is not None:
+            found = tuple(Held.from_dict(entry) for entry in kept["held"])
+        else:
+            found = hold(self.resailing, seed, names, threads=self.threads)
+        self._keep(name, {"held": [one.to_dict() for one in found]})
+        return found
+
+    def _kept(self, name: str) -> dict[str, Any] | None:
+        if self.directory is None or not self.resume:
+            return None
+        return self.directory.finished(name, self.inputs)
+
+    def _keep(self, name: str, result: dict[str, Any]) -> None:
+        if self.directory is not None:
+            self.directory.keep(name, result | {"inputs": self.inputs})
+
+    def _show(self, phase: str) -> None:
+        if self.progress is None:
+            return
+        elapsed = time.monotonic() - self.began
+        each = self.spent / self.sailed if self.sailed else math.nan
+        self.progress(
+            CoverageProgress(self.done, self.asked, phase, elapsed, each * (self.asked - self.done))
+        )
+
+
+def _inputs(resailing: Resailing) -> str:
+    """SHA-256 of everything that a repetition depends on besides its seed."""
+    campaign = resailing.campaign
+    described = {
+        "version": metadata.version("seatrial"),
+        "campaign": campaign.text,
+        "vehicle": campaign.vehicle.to_toml(),
+        "truth": resailing.truth.vehicle.to_toml(),
+        "sensors": {kind: asdict(sensor) for kind, sensor in resailing.truth.sensors.items()},
+        "recipes": {name: campaign.file_hash(name) for name in resailing.recipes},
+    }
+    return hashlib.sha256(to_json(described).encode()).hexdigest()

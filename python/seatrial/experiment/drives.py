@@ -1,0 +1,229 @@
+"""Drives: which actuators together push a vehicle along or about one axis, and with which commands.
+
+A drive is the least-norm pattern of thrusts of one actuator group for one row of the wrench,
+``f = pinv(B_controllable) e_i`` (Fossen 2011, section 12.3, with lengths scaled by half the hull); where no
+group alone does it, all actuators together. Patterns add as thrusts; the inverse of each actuator's
+characteristic at rest turns thrusts into commands, so that the limits of the motors hold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES
+from seatrial.base.errors import VehicleError
+from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, command, settling_s, voltage_for
+from seatrial.vehicle.plausibility import commanded_rows
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["AHEAD", "MOTIONS", "Drive", "Thrusters"]
+
+MOTIONS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+"""The motion along or about the axis of each letter."""
+
+AHEAD = {"slow": 0.12, "half": 0.35, "full": 0.75}
+"""Thrust ahead as a share of the largest, by the engine telegraph's words."""
+
+_PURE = 0.5  # a pattern drives an axis if this share of its wrench lies in that row
+
+_PURER = 0.02  # all together are a drive of their own where they push that much purer than a group
+
+_PARALLEL = 0.99
+
+_WEAK = 0.02  # singular values below this share of the largest command nothing in practice
+
+_POINTS, _PER_POINT = 100, 8
+
+_DIGITS = {"rpm": 1, "us": 1, "N": 2}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Thrusts (actuators,) in N of one actuator group for a wrench of one along an axis, N or N m.
+
+    ``group`` is "all" where all actuators work together. ``purity`` is the share of its wrench, with moments
+    taken at half the hull's length, that lies in the axis: one where it pushes nothing else.
+    """
+
+    axis: str
+    group: str
+    thrusts: tuple[float, ...]
+    purity: float
+
+    @property
+    def motion(self) -> str:
+        """The motion that it drives: "surge", "yaw"."""
+        return MOTIONS[self.axis]
+
+
+class Thrusters:
+    """The actuators of a vehicle as manoeuvres use them: drives, limits, commands for thrusts.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+
+    Attributes
+    ----------
+    names
+        Actuators in the vehicle's order.
+    lower, upper
+        Largest thrusts (actuators,) in N against and along their directions.
+    drives
+        One `Drive` per axis and actuator group that can command it.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> thrusters = Thrusters(st.Vehicle.load("cwolf"))
+    >>> [(drive.motion, drive.group) for drive in thrusters.drives]
+    [('surge', 'stern'), ('pitch', 'stern'), ('yaw', 'stern'), ('heave', 'vertical'), ('pitch', 'vertical')]
+    """
+
+    def __init__(self, vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> None:
+        self.vehicle, self.voltage_v = vehicle, voltage_v
+        self.names: tuple[str, ...] = tuple(vehicle.actuators)
+        self._facts = vehicle.actuator_info()
+        self._matrix = np.asarray(vehicle.allocation_matrix(), dtype=float).reshape(6, -1)
+        self._curves = [self._curve(name) for name in self.names]
+        self.lower = np.array([curve[0][0] for curve in self._curves])
+        self.upper = np.array([curve[0][-1] for curve in self._curves])
+        self.drives = _drives(vehicle, self._matrix)
+
+    def drives_of(self, axis: str) -> list[Drive]:
+        """Drives of the axis of this letter, the purest first."""
+        return sorted((drive for drive in self.drives if drive.axis == axis), key=lambda drive: -drive.purity)
+
+    def reach(self, drive: Drive, besides: Array | None = None) -> tuple[float, float]:
+        """Largest wrenches against and along the drive's axis, N or N m, besides thrusts (actuators,)."""
+        pattern = np.array(drive.thrusts)
+        held = np.zeros(len(pattern)) if besides is None else besides
+        return self._room(-pattern, held), self._room(pattern, held)
+
+    def push(self, drive: Drive, level: Array, besides: Array | None = None, *, even: bool = True) -> Array:
+        """Thrusts (n, actuators) in N for levels (n,) from -1 to 1 of what the drive reaches.
+
+        Even, +1 and -1 push equally hard; otherwise each is the largest in its own sense, and a propeller is
+        weaker astern.
+        """
+        against, along = self.reach(drive, besides)
+        if even:
+            against = along = min(against, along)
+        level = np.asarray(level, dtype=float)
+        return np.outer(level * np.where(level > 0.0, along, against), drive.thrusts)
+
+    def ahead(self, word: str) -> Array:
+        """Thrusts (actuators,) in N for a word of the engine telegraph: "slow", "half" or "full" ahead.
+
+        Raises
+        ------
+        VehicleError
+            Another word, or nothing drives the vehicle ahead.
+        """
+        surge = self.drives_of("X")
+        if not surge or word not in AHEAD:
+            reason = f"expected one of {', '.join(AHEAD)}" if surge else "nothing drives this vehicle ahead"
+            raise VehicleError(f"ahead {word!r}: {reason}")
+        return np.asarray(self.push(surge[0], np.array([AHEAD[word]]), even=False)[0])
+
+    def commands(self, thrusts: Array) -> dict[str, Array]:
+        """Commands {actuator: (n,)} in their own units for thrusts (n, actuators), held within the limits."""
+        found: dict[str, Array] = {}
+        for name, (force, values), wanted in zip(self.names, self._curves, thrusts.T, strict=True):
+            neutral = float(self._facts[name]["neutral"])
+            given = np.where(np.abs(wanted) < 1e-9, neutral, np.interp(wanted, force, values))
+            found[name] = np.asarray(
+                np.round(given, _DIGITS.get(str(self._facts[name]["unit"]), 4)), dtype=float
+            )
+        return found
+
+    def trim(self) -> Array:
+        """Thrusts (actuators,) in N that carry the net weight of the level vehicle; zero where none can."""
+        none = np.zeros(len(self.names))
+        heave = self.drives_of("Z")
+        if not heave:
+            return none
+        needed = -float(np.asarray(self.vehicle.forces(np.zeros(6), (0.0, 0.0, 0.0))["restoring"])[2])
+        return none if abs(needed) > 0.5 * min(self.reach(heave[0])) else needed * np.array(heave[0].thrusts)
+
+    def _room(self, pattern: Array, held: Array) -> float:
+        """Largest factor with which a pattern added to thrusts stays inside the limits."""
+        used = np.abs(pattern) > 1e-9
+        ends = (np.where(pattern > 0.0, self.upper, self.lower) - held)[used] / pattern[used]
+        return max(float(ends.min(initial=np.inf)), 0.0)
+
+    def _curve(self, name: str) -> tuple[Array, Array]:
+        """Thrust in N, strictly rising, and the command that gives it, motor settled."""
+        facts = self._facts[name]
+        wrench = np.asarray(facts["wrench"], dtype=float)
+        row = int(np.argmax(np.abs(wrench)))
+        shares = np.linspace(-1.0, 1.0, 2 * _POINTS + 1)
+        # One run with the vehicle held: every command stands until the motor follows it.
+        hold = settling_s(self.vehicle)
+        t = np.arange(_PER_POINT * len(shares)) * hold / _PER_POINT
+        commands = np.array([command(facts, float(share)) for share in shares])
+        run = self.vehicle.simulate(
+            t,
+            {name: np.repeat(commands, _PER_POINT)},
+            free="",
+            voltage=voltage_for(self.vehicle, t, self.voltage_v),
+            max_step=hold,
+        )
+        force = np.asarray(run.tau)[_PER_POINT - 1 :: _PER_POINT, row] / wrench[row]
+        keep = [_POINTS]
+        for order in (range(_POINTS + 1, len(shares)), range(_POINTS - 1, -1, -1)):
+            last = 0.0
+            for k in order:
+                if (k - _POINTS) * force[k] > 0.0 and abs(force[k]) > last + 1e-9:
+                    keep.append(k)
+                    last = abs(float(force[k]))
+        keep.sort()
+        return np.where(np.arange(len(shares)) == _POINTS, 0.0, force)[keep], commands[keep]
+
+
+def _drives(vehicle: Vehicle, matrix: Array) -> tuple[Drive, ...]:
+    """Drives of every group, then of all actuators together for the axes that no group drives."""
+    rows = [row for row in AXES if row in (vehicle.controllable or commanded_rows(vehicle))]
+    if matrix.shape[1] == 0 or not rows:
+        return ()
+    lever = max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)
+    scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
+    scaled = matrix / scale[:, None]
+    places = {name: k for k, name in enumerate(vehicle.actuators)}
+    groups = [(group, [places[name] for name in names]) for group, names in actuator_groups(vehicle).items()]
+    everything = ("all", list(places.values()))
+    found: list[Drive] = []
+    for group, members in [*(groups if len(groups) > 1 else []), everything]:
+        accepted: list[Array] = []
+        tried = [_pattern(scaled, rows, members, axis) for axis in rows]
+        for purity, axis, pattern in sorted(tried, key=lambda entry: (-entry[0], AXES.index(entry[1]))):
+            rival = max((drive.purity for drive in found if drive.axis == axis), default=_PURE)
+            if purity < _PURE or (group == "all" and purity < rival + _PURER):
+                continue
+            unit = pattern / np.linalg.norm(pattern)
+            if any(abs(unit @ other) > _PARALLEL for other in accepted):
+                continue
+            accepted.append(unit)
+            pushed = float(matrix[AXES.index(axis)] @ pattern)
+            found.append(Drive(axis, group, tuple(float(x) for x in pattern / pushed), purity))
+    order = [*(group for group, _ in groups), "all"]
+    return tuple(sorted(found, key=lambda drive: (order.index(drive.group), AXES.index(drive.axis))))
+
+
+def _pattern(scaled: Array, rows: list[str], members: list[int], axis: str) -> tuple[float, str, Array]:
+    """Share of the wrench in the row of the axis, the axis, and thrusts (actuators,) for it."""
+    places = [AXES.index(row) for row in rows]
+    inverse = np.linalg.pinv(scaled[np.ix_(places, members)], rcond=_WEAK)
+    thrusts = np.zeros(scaled.shape[1])
+    thrusts[members] = inverse[:, rows.index(axis)]
+    size = float(np.linalg.norm(scaled[:, members] @ thrusts[members]))
+    along = float(scaled[AXES.index(axis)] @ thrusts)
+    return (along / size if size > 1e-9 else 0.0), axis, thrusts

@@ -1,0 +1,353 @@
+"""What a manoeuvre tells: Fisher information of the sought coefficients from exact sensitivities.
+
+The manoeuvre is flown on the model and cut into segments, each restarted from the simulated state. The rows
+are what the instruments would show, in standard deviations of their noise; the columns are exact derivatives
+(dual numbers). The initial conditions of each segment are unknown and projected out (variable projection,
+Golub & Pereyra 1973), an unknown steady current is eliminated once per run (Schur complement). Errors of a
+model repeat from sample to sample, so that only one sample per correlation time counts.
+
+What is known before the next trial: which coefficients are sought, their bounds, what was recorded.
+
+A bound is weak knowledge: a coefficient may lie anywhere between its bounds, with the standard deviation of
+that uniform distribution, the width over the square root of twelve. What a campaign recorded adds its
+information, one sample per correlation time, nuisance parameters eliminated.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial import _core
+from seatrial.base.arrays import Array
+from seatrial.base.channels import CHANNELS, DEGREE
+from seatrial.base.errors import CampaignError, SimulationError, nearest
+from seatrial.campaign.file import Axes, Coefficient, Stage
+from seatrial.campaign.parameters import Parameter, names, spread
+from seatrial.campaign.parameters import parameters as parsed
+from seatrial.estimation.segments import stage_step
+from seatrial.experiment.forecast import simulated
+from seatrial.sensors.sensor import KINDS
+from seatrial.statistics.autocorrelation import widening
+from seatrial.statistics.information import eliminate
+from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
+
+if TYPE_CHECKING:
+    from seatrial._core import Run, Vehicle
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.experiment.manoeuvre import Manoeuvre
+    from seatrial.statistics.linearisation import Linearisation
+
+__all__ = [
+    "NOISE",
+    "Instruments",
+    "information",
+    "of_campaign",
+    "of_vehicle",
+    "prior_information",
+    "recorded_information",
+    "seen_by",
+]
+
+NOISE = {"dvl": 0.01, "gyro": 0.2, "attitude": 0.5, "depth": 0.02}
+"""Instruments and the standard deviation of their noise, m/s, deg/s, deg and m, unless others are given."""
+
+_POSITION_M = 0.5
+
+_OF_KIND = {
+    "dvl": ("u", "v", "w"),
+    "gyro": ("p", "q", "r"),
+    "attitude": ("roll", "pitch", "yaw"),
+    "depth": ("z",),
+    "position": ("x", "y"),
+}
+
+_CURRENTS = ("current_north", "current_east")
+
+_DEPENDENT = 1e-8  # initial conditions whose singular value is below this share of the largest show nothing
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """What is measured and how well.
+
+    Attributes
+    ----------
+    noise
+        Standard deviation per channel in SI.
+    correlation_s
+        Time over which residuals repeat one another: one sample in that time counts.
+    segment_s
+        Length of the segments, s.
+    current_m_s
+        Standard deviation of an unknown steady current, north and east; 0 if there is none.
+    """
+
+    noise: Mapping[str, float]
+    correlation_s: float = 1.0
+    segment_s: float = 20.0
+    current_m_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        for channel, value in self.noise.items():
+            if channel not in CHANNELS:
+                raise CampaignError(f"noise: {channel!r} is no channel{nearest(channel, CHANNELS)}")
+            if not (np.isfinite(value) and value > 0.0):
+                raise CampaignError(f"noise of {channel!r}: expected a positive number, found {value:g}")
+        if not self.noise:
+            raise CampaignError("nothing is measured; give at least one instrument")
+        for name, least in (("correlation_s", 0.0), ("segment_s", 1.0)):
+            if not getattr(self, name) > least:
+                raise CampaignError(f"{name}: expected more than {least:g}, found {getattr(self, name):g}")
+        if not self.current_m_s >= 0.0:
+            raise CampaignError(f"current_m_s: expected zero or more, found {self.current_m_s:g}")
+
+    @classmethod
+    def on_board(cls, kinds: Mapping[str, float | None] | None = None, **further: float) -> Instruments:
+        """Instruments by kind, each with its noise in its own unit, m/s, deg/s, deg, m; None: the usual.
+
+        Parameters
+        ----------
+        kinds : mapping, optional
+            Kinds of `seatrial.sensors.sensor.KINDS`; by default DVL 0.01 m/s, gyro 0.2 deg/s, attitude 0.5 deg,
+            depth 0.02 m. A position sensor is usually good for 0.5 m.
+        **further : float
+            Attributes of `Instruments`.
+
+        Raises
+        ------
+        CampaignError
+            An unknown kind or a noise that is not positive.
+
+        Examples
+        --------
+        >>> Instruments.on_board({"gyro": 0.1}).noise["p"]
+        0.0017
+        """
+        usual = NOISE | {"position": _POSITION_M}
+        noise: dict[str, float] = {}
+        for kind, value in (NOISE if kinds is None else kinds).items():
+            if kind not in _OF_KIND:
+                raise CampaignError(f"instruments: unknown kind {kind!r}{nearest(kind, _OF_KIND)}")
+            size = usual[kind] if value is None else float(value)
+            factor = DEGREE if KINDS[kind].unit.startswith("deg") else 1.0
+            noise |= dict.fromkeys(_OF_KIND[kind], factor * size)
+        return cls(noise, **further)
+
+
+def information(
+    vehicle: Vehicle,
+    manoeuvre: Manoeuvre,
+    parameters: Sequence[Parameter],
+    instruments: Instruments,
+    *,
+    voltage_v: float = NOMINAL_V,
+    threads: int | None = None,
+) -> Array:
+    """Information (m, m) that one run of a manoeuvre adds about the parameters, one over their units squared.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The derivatives are taken at its coefficients.
+    manoeuvre : Manoeuvre
+    parameters : sequence of Parameter
+    instruments : Instruments
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+    threads : int, optional
+        Threads of the core; the result does not depend on it.
+
+    Raises
+    ------
+    SimulationError
+        The simulation diverges.
+    """
+    run = simulated(vehicle, manoeuvre, voltage_v=voltage_v)
+    if not (np.isfinite(run.nu).all() and np.isfinite(run.position).all()):
+        raise SimulationError(
+            f"{manoeuvre.name}: the simulation diverges; reduce the commands or check the vehicle's masses"
+        )
+    channels = [channel for channel in CHANNELS if channel in instruments.noise]
+    currents = _CURRENTS if instruments.current_m_s > 0.0 else ()
+    segments = _segments(run, manoeuvre, instruments)
+    loop = _core.OpenLoop(
+        vehicle,
+        [
+            _core.Record(
+                manoeuvre.t, dict(manoeuvre.commands), voltage=voltage_for(vehicle, manoeuvre.t, voltage_v)
+            )
+        ],
+        segments,
+        names=names(parameters),
+        substeps=_substeps(vehicle, run, manoeuvre),
+    )
+    values = vehicle.coefficients()
+    matrix = spread(parameters)
+    shown = loop.sensitivities(
+        [values.get(name, 0.0) for name in names(parameters)],
+        matrix,
+        nuisances=currents,
+        initials=_core.initial_names(),
+        channels=channels,
+        threads=threads,
+    )
+    size = len(parameters)
+    total = np.zeros((size + len(currents), size + len(currents)))
+    for rows, slopes in shown:
+        weighted = slopes / _noise(rows, channels, instruments)[:, :, None]
+        flat = weighted[1:].reshape(-1, weighted.shape[2])
+        left = _without(flat[:, total.shape[0] :], flat[:, : total.shape[0]])
+        total += left.T @ left
+    total *= min(manoeuvre.dt / instruments.correlation_s, 1.0)
+    if not currents:
+        return total
+    total[size:, size:] += np.eye(len(currents)) * instruments.current_m_s**-2.0
+    return eliminate(total, range(size), range(size, size + len(currents)))
+
+
+def _segments(
+    run: Run, manoeuvre: Manoeuvre, instruments: Instruments
+) -> list[tuple[int, int, int, Array, Array, Array]]:
+    """Segments of about the same length, each with the simulated state at its start."""
+    last = len(manoeuvre.t) - 1
+    count = max(round(manoeuvre.duration_s / instruments.segment_s), 1)
+    edges = np.round(np.linspace(0, last, count + 1)).astype(int)
+    position, attitude, nu = (np.asarray(part) for part in (run.position, run.attitude, run.nu))
+    return [
+        (0, int(first), int(end) + 1, position[first], attitude[first], nu[first])
+        for first, end in pairwise(edges)
+        if end > first
+    ]
+
+
+def _substeps(vehicle: Vehicle, run: Run, manoeuvre: Manoeuvre) -> int:
+    """Steps per sample that follow the fastest motion."""
+    speeds = np.abs(np.asarray(run.nu)).max(axis=0)
+    return stage_step(
+        vehicle, (), free="XYZKMN", speeds=speeds, dt=manoeuvre.dt, where=manoeuvre.name
+    ).substeps
+
+
+def _noise(rows: Array, channels: Sequence[str], instruments: Instruments) -> Array:
+    """Standard deviation (n, C): that of roll and yaw grows with the trim, near 90 deg without bound."""
+    noise = np.tile([instruments.noise[channel] for channel in channels], (len(rows), 1))
+    upright = np.maximum(np.abs(np.cos(rows[:, CHANNELS.index("pitch")])), 1e-3)
+    for column, channel in enumerate(channels):
+        if channel in ("roll", "yaw"):
+            noise[:, column] /= upright
+    return noise
+
+
+def _without(own: Array, rows: Array) -> Array:
+    """Rows (n, m) without what the columns of the initial conditions (n, 12) can explain."""
+    size = np.linalg.norm(own, axis=0)
+    used = own[:, size > 0.0] / size[size > 0.0]
+    if not used.shape[1]:
+        return rows
+    basis, strength, _ = np.linalg.svd(used, full_matrices=False)
+    basis = basis[:, strength > _DEPENDENT * strength[0]]
+    return np.asarray(rows - basis @ (basis.T @ rows))
+
+
+_HULL = re.compile(r"[XYZKMN]_(?:[uvwpqr]{1,2}|[uvwpqr]dot)$")
+
+_RESTORING = ("B", "z_b")
+
+
+def of_vehicle(vehicle: Vehicle, names: Sequence[str] = ()) -> tuple[Parameter, ...]:
+    """Coefficients of the hull that a vehicle has, buoyancy and its height, and others by name.
+
+    Mass, inertia and thrust are taken as known from scales, tape measure and bench test. The bounds are the
+    default ones, widened where the vehicle's value lies outside.
+
+    Raises
+    ------
+    CampaignError
+        A name is unknown or has no default bounds.
+    """
+    values, info = vehicle.coefficients(), vehicle.coefficient_info()
+    own = [name for name, x in values.items() if x != 0.0 and (_HULL.match(name) or name in _RESTORING)]
+    wanted: dict[str, Coefficient] = {}
+    for name in dict.fromkeys([*sorted(own, key=list(info).index), *names]):
+        facts, value = info.get(name, {}), values.get(name, 0.0)
+        lower, upper = facts.get("lower"), facts.get("upper")
+        if lower is not None and upper is not None:
+            wanted[name] = Coefficient(bounds=(min(float(lower), value), max(float(upper), value)))
+        elif name in names:
+            wanted[name] = Coefficient()
+    if not wanted:
+        raise CampaignError(f"{vehicle.name}: it has no coefficient to plan for; name some")
+    stage = Stage(name="plan", trials=("next",), axes=Axes(free="X"), coefficients=wanted)
+    return parsed(stage, vehicle, "plan")
+
+
+def of_campaign(campaign: Campaign, names: Sequence[str] = ()) -> tuple[Parameter, ...]:
+    """Parameters of all stages of a campaign, with its bounds, and others of the vehicle by name."""
+    found = {
+        parameter.name: parameter
+        for stage in campaign.stages
+        for parameter in campaign.parameters[stage.name]
+    }
+    missing = [name for name in names if name not in found]
+    if missing:
+        found |= {p.name: p for p in of_vehicle(campaign.vehicle, missing) if p.name in missing}
+    return tuple(found.values())
+
+
+def prior_information(parameters: Sequence[Parameter]) -> Array:
+    """Information (m, m) of the bounds."""
+    return np.diag([12.0 / (p.upper - p.lower) ** 2 for p in parameters])
+
+
+def recorded_information(
+    recorded: Linearisation, parameters: Sequence[Parameter], instruments: Instruments
+) -> Array:
+    """Information (m, m) about the parameters in what was recorded; zero for one that was not estimated.
+
+    The noise is that of the instruments where they measure the channel, otherwise that of the linearisation.
+    """
+    size = len(recorded.unknowns)
+    noise = np.array([
+        instruments.noise.get(channel, own)
+        for channel, own in zip(recorded.channels, recorded.noise, strict=True)
+    ])
+    factor = recorded.noise / noise
+    total = np.zeros((size, size))
+    for piece in recorded.pieces:
+        rows = (piece.jacobian * factor[None, :, None]).reshape(-1, size)
+        total += rows.T @ rows
+    total *= min(recorded.dt / instruments.correlation_s, 1.0)
+    total += np.diag([unknown.prior_sd**-2.0 for unknown in recorded.unknowns])
+    places = {unknown.name: place for place, unknown in enumerate(recorded.unknowns)}
+    shared = [index for index, parameter in enumerate(parameters) if parameter.name in places]
+    keep = [places[parameters[index].name] for index in shared]
+    # Coefficients that were estimated but are not sought stay unknown; their bounds hold for them too.
+    drop = [place for place in range(size) if place not in keep]
+    for place in drop:
+        unknown = recorded.unknowns[place]
+        if unknown.kind == "coefficient" and math.isfinite(unknown.scale):
+            total[place, place] += 12.0 / unknown.scale**2
+    found = np.zeros((len(parameters), len(parameters)))
+    found[np.ix_(shared, shared)] = eliminate(total, keep, drop)
+    return found
+
+
+def seen_by(recorded: Linearisation) -> Instruments:
+    """Instruments as good as the residuals of what was recorded: noise and correlation time from them."""
+    power, lagged = 0.0, 0.0
+    for piece in recorded.pieces:
+        error = np.where(piece.counted, piece.residual, 0.0)
+        power += float((error[1:] ** 2).sum())
+        lagged += float((error[1:] * error[:-1]).sum())
+    r = min(max(lagged / power, 0.0), 0.99) if power > 0.0 else 0.0
+    return Instruments(
+        dict(zip(recorded.channels, map(float, recorded.noise), strict=True)),
+        correlation_s=recorded.dt * widening(r),
+    )

@@ -1,0 +1,364 @@
+"""Forecast of a manoeuvre: how deep, how far, how tilted it goes, and where it goes when all is not even.
+
+It is sailed twice on the model: as planned, and by a vehicle whose sides push a little unevenly and that
+starts a little tilted. Open loop, the second one drifts off; room is needed for both. The model knows no
+surface, so the depth at the start follows from how far the vehicle rises.
+
+Proposals: the repertoire at the amplitudes and durations that fit into given limits.
+
+Each manoeuvre is tried at full amplitude and then at less until it fits; where the area or the depth is too
+small for the whole duration, shorter ones are tried too, which are sailed several times instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial._core import Vehicle
+from seatrial.base.errors import VehicleError
+from seatrial.experiment import manoeuvre
+from seatrial.experiment.drives import AHEAD, Drive, Thrusters
+from seatrial.experiment.manoeuvre import Manoeuvre, free_decay
+from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
+from seatrial.vehicle.stability import statics
+
+if TYPE_CHECKING:
+    from seatrial._core import Run
+
+__all__ = ["Forecast", "Limits", "Proposal", "forecast", "proposals", "simulated", "uneven"]
+
+UNEVEN = 0.03
+"""How much the sides of the uneven vehicle push more and less, of their thrust."""
+
+START_TILT_DEG = 1.0
+"""How much it is heeled and trimmed at the start besides."""
+
+_STEEP_DEG = 45.0
+
+_HEAVY_NM = 60.0
+
+_MAX_STEP_S = 0.05
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Room for a manoeuvre: greatest depth, m; area, m x m; greatest heel and trim, deg. None is no limit."""
+
+    depth_m: float | None = None
+    area_m: tuple[float, float] | None = None
+    tilt_deg: float = 60.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("depth", self.depth_m), ("tilt", self.tilt_deg)):
+            if value is not None and not value > 0.0:
+                raise VehicleError(f"limits: expected a positive {name}, found {value:g}")
+        if self.area_m is not None and not min(self.area_m) > 0.0:
+            raise VehicleError(f"limits: expected an area of two positive lengths, found {self.area_m}")
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a manoeuvre takes, for both vehicles together.
+
+    Attributes
+    ----------
+    along_m, across_m
+        Room along the course at the start and across it, hull included, m.
+    start_depth_m, deepest_m
+        Least depth of O to start at, and the greatest reached from there, m.
+    roll_deg, pitch_deg, speed_m_s
+        Largest heel, trim and speed.
+    drift_m
+        Largest distance between the two.
+    warnings
+        Sentences.
+    excess
+        Why it does not fit the limits; None if it does.
+    """
+
+    along_m: float
+    across_m: float
+    start_depth_m: float
+    deepest_m: float
+    roll_deg: float
+    pitch_deg: float
+    speed_m_s: float
+    drift_m: float
+    warnings: tuple[str, ...]
+    excess: str | None
+
+
+def simulated(
+    vehicle: Vehicle, manoeuvre: Manoeuvre, *, voltage_v: float = NOMINAL_V, tilt_deg: float = 0.0
+) -> Run:
+    """Run of a manoeuvre from position zero; it starts heeled and trimmed by `tilt_deg` more."""
+    from seatrial._core import State
+
+    start, t = manoeuvre.start, manoeuvre.t
+    state = State(
+        attitude=np.deg2rad([start.roll_deg + tilt_deg, start.pitch_deg + tilt_deg, 0.0]),
+        nu=[start.surge_m_s, 0.0, 0.0, 0.0, 0.0, 0.0],
+        actuators={name: float(values[0]) for name, values in manoeuvre.commands.items()},
+    )
+    return vehicle.simulate(
+        t, dict(manoeuvre.commands), state, voltage=voltage_for(vehicle, t, voltage_v), max_step=_MAX_STEP_S
+    )
+
+
+def uneven(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with thrusters that push some per cent more on one side than on the other."""
+    known = vehicle.coefficient_info()
+    matrix = np.asarray(vehicle.allocation_matrix()).reshape(6, -1)
+    gains = {}
+    for k, name in enumerate(vehicle.actuators):
+        if f"{name}.gain" not in known:
+            continue
+        # Yaw first: port against starboard; what does not turn the vehicle may pitch or heel it.
+        turns = next((float(m) for m in (matrix[5, k], matrix[4, k], matrix[3, k]) if abs(m) > 1e-3), 1.0)
+        gains[f"{name}.gain"] = vehicle.coefficients()[f"{name}.gain"] * (1.0 + UNEVEN * np.sign(turns))
+    return vehicle.with_coefficients(gains)
+
+
+def forecast(
+    manoeuvre: Manoeuvre,
+    vehicle: Vehicle,
+    other: Vehicle,
+    *,
+    limits: Limits | None = None,
+    voltage_v: float = NOMINAL_V,
+) -> Forecast:
+    """Forecast of a manoeuvre for a vehicle and its `uneven` other.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.manoeuvre import Thrusters, staircase
+    >>> vehicle = st.Vehicle.load("cwolf")
+    >>> thrusters = Thrusters(vehicle)
+    >>> ahead = staircase(thrusters, thrusters.drives_of("X")[0], duration_s=60.0, both=False)
+    >>> print(forecast(ahead, vehicle, uneven(vehicle), limits=Limits(area_m=(50.0, 20.0))).excess)
+    it needs 99 m x 19 m
+    """
+    limits = limits or Limits()
+    runs = [
+        simulated(vehicle, manoeuvre, voltage_v=voltage_v),
+        simulated(other, manoeuvre, voltage_v=voltage_v, tilt_deg=START_TILT_DEG),
+    ]
+    position = np.array([run.position for run in runs])
+    euler = np.rad2deg([run.euler for run in runs])
+    nu = np.array([run.nu for run in runs])
+    if not (np.isfinite(position).all() and np.isfinite(nu).all()):
+        none = float("nan")
+        return Forecast(none, none, none, none, none, none, none, none, (), "the simulation diverges")
+    hull, clearance = _sizes(vehicle)
+    along, across = (float(np.ptp(position[:, :, axis])) + hull for axis in (0, 1))
+    start_depth = clearance - float(position[:, :, 2].min())
+    deepest = start_depth + float(position[:, :, 2].max())
+    roll, pitch = (float(np.abs(euler[:, :, axis]).max()) for axis in (0, 1))
+    drift = float(np.linalg.norm(position[0] - position[1], axis=1).max())
+    path = float(np.linalg.norm(np.diff(position[0], axis=0), axis=1).sum())
+    warnings = [*_tilted("heel", roll), *_tilted("trim", pitch)]
+    if drift > max(2.0 * hull, 0.1 * path):
+        warnings.append(
+            f"open loop: thrust {100 * UNEVEN:.0f} % uneven and {START_TILT_DEG:g} deg of tilt at the start"
+            f" end {drift:.0f} m off the plan"
+        )
+    if manoeuvre.start.roll_deg or manoeuvre.start.pitch_deg:
+        warnings.append("hands or lines at the vehicle before each release" + _heavy(vehicle, manoeuvre))
+    return Forecast(
+        along_m=along,
+        across_m=across,
+        start_depth_m=start_depth,
+        deepest_m=deepest,
+        roll_deg=roll,
+        pitch_deg=pitch,
+        speed_m_s=float(np.linalg.norm(nu[0, :, :3], axis=1).max()),
+        drift_m=drift,
+        warnings=tuple(warnings),
+        excess=_excess(limits, (along, across), deepest, max(roll, pitch)),
+    )
+
+
+def _excess(limits: Limits, area: tuple[float, float], deepest: float, tilt: float) -> str | None:
+    """Why something does not fit, None if it does."""
+    if tilt > limits.tilt_deg:
+        return f"it tilts by {tilt:.0f} deg"
+    if limits.depth_m is not None and deepest > limits.depth_m:
+        return f"it needs {deepest:.0f} m of depth"
+    if limits.area_m is not None and any(
+        wanted > given for wanted, given in zip(sorted(area), sorted(limits.area_m), strict=True)
+    ):
+        return f"it needs {area[0]:.0f} m x {area[1]:.0f} m"
+    return None
+
+
+def _tilted(word: str, angle: float) -> list[str]:
+    return [f"{word} above {_STEEP_DEG:g} deg: {angle:.0f} deg"] if angle > _STEEP_DEG else []
+
+
+def _heavy(vehicle: Vehicle, manoeuvre: Manoeuvre) -> str:
+    """What it takes to tilt a vehicle that is heavy to tilt."""
+    start = manoeuvre.start
+    attitude = np.deg2rad([start.roll_deg, start.pitch_deg, 0.0])
+    moments = np.asarray(vehicle.forces(np.zeros(6), attitude)["restoring"])[3:]
+    size = float(np.linalg.norm(moments))
+    return f", {size:.0f} N m: a line to a boat or shifted ballast" if size > _HEAVY_NM else ""
+
+
+def _sizes(vehicle: Vehicle) -> tuple[float, float]:
+    """Length of the hull, and the least depth of O that keeps it clear of the surface: two diameters, m."""
+    measures = vehicle.geometry()
+    length = measures.get("length", 1.0)
+    return length, 2.0 * max(measures.get("diameter", 0.25), measures.get("height", 0.0))
+
+
+_AMPLITUDES = (0.9, 0.65, 0.45, 0.3, 0.2, 0.14, 0.1, 0.07, 0.05)
+
+_SMALL = 0.4  # of the largest amplitude that fits: the second one proposed
+
+_PARTS = (1, 2, 4)
+
+_SHORTEST_S = 20.0
+
+_ANGLES_DEG = (30.0, 20.0, 10.0)
+
+_PERIODS, _LEAST_DECAY_S, _LONGEST_DECAY_S = 6.0, 15.0, 90.0
+
+_RISE_S = 40.0
+
+Build = Callable[[float, float], Manoeuvre]
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A manoeuvre with its forecast and the share of the thrust that it uses; 0 for a free decay."""
+
+    manoeuvre: Manoeuvre
+    forecast: Forecast
+    amplitude: float = 0.0
+
+
+def proposals(
+    vehicle: Vehicle, *, duration_s: float, limits: Limits | None = None, voltage_v: float = NOMINAL_V
+) -> tuple[list[Proposal], dict[str, str]]:
+    """Manoeuvres that fit into the limits, and why the others do not, by name.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    duration_s : float
+        Length of the longest, s.
+    limits : Limits, optional
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> found, refused = proposals(
+    ...     st.Vehicle.load("cwolf"), duration_s=60.0, limits=Limits(depth_m=10.0, area_m=(30.0, 30.0)))
+    >>> max(proposal.forecast.deepest_m for proposal in found) <= 10.0
+    True
+    """
+    limits = limits or Limits()
+    thrusters, other = Thrusters(vehicle, voltage_v=voltage_v), uneven(vehicle)
+    found: list[Proposal] = []
+    refused: dict[str, str] = {}
+    for build in _sketches(thrusters):
+        fitting, reason = _fitted(build, vehicle, other, limits, duration_s, voltage_v)
+        found += fitting
+        if not fitting:
+            refused[build(duration_s, _AMPLITUDES[0]).name] = reason
+    for decay in _decays(thrusters, duration_s, limits):
+        seen = forecast(decay, vehicle, other, limits=limits, voltage_v=voltage_v)
+        if seen.excess is None:
+            found.append(Proposal(decay, seen))
+        else:
+            refused[decay.name] = seen.excess
+    return found, refused
+
+
+def _fitted(
+    build: Build, vehicle: Vehicle, other: Vehicle, limits: Limits, duration_s: float, voltage_v: float
+) -> tuple[list[Proposal], str]:
+    """Versions of a manoeuvre that fit: whole, then shorter, each large and small; or why none does."""
+
+    def tried(span: float, amplitude: float) -> Proposal:
+        manoeuvre = build(span, amplitude)
+        seen = forecast(manoeuvre, vehicle, other, limits=limits, voltage_v=voltage_v)
+        return Proposal(manoeuvre, seen, amplitude)
+
+    found: list[Proposal] = []
+    reason, largest = "", 0.0
+    pause = build(duration_s, _AMPLITUDES[0]).pause_s
+    for parts in _PARTS:
+        span = (duration_s - (parts - 1) * pause) / parts
+        if largest == _AMPLITUDES[0] or (parts > 1 and span < _SHORTEST_S):
+            break
+        fits = tried(span, _AMPLITUDES[0])
+        reason = fits.forecast.excess or reason
+        low, high = 1, len(_AMPLITUDES)
+        while fits.forecast.excess and low < high:  # bisection: what is smaller fits better
+            middle = (low + high) // 2
+            one = tried(span, _AMPLITUDES[middle])
+            reason = one.forecast.excess or reason
+            low, high = (middle + 1, high) if one.forecast.excess else (low, middle)
+            if low == high < len(_AMPLITUDES):
+                fits = tried(span, _AMPLITUDES[low])
+        # What is shorter is only better where it can be larger.
+        if fits.forecast.excess is None and fits.amplitude > largest:
+            largest = fits.amplitude
+            small = tried(span, round(_SMALL * largest, 3))
+            found += [fits, *([small] if small.forecast.excess is None else [])]
+    return found, reason
+
+
+def _sketches(thrusters: Thrusters) -> Iterator[Build]:
+    """Builders by duration and amplitude of all that the vehicle's drives can do."""
+
+    def of(make: Callable[..., Manoeuvre], what: object, **fixed: object) -> Build:
+        return lambda span, size: make(thrusters, what, duration_s=span, amplitude=size, **fixed)
+
+    surge = bool(thrusters.drives_of("X"))
+    for drive in thrusters.drives:
+        yield of(manoeuvre.staircase, drive)
+        if drive.axis == "X":
+            yield of(manoeuvre.staircase, drive, both=False)
+        yield of(manoeuvre.coast_down, drive)
+        yield of(manoeuvre.multisine, [drive])
+        vertical = drive.axis in "ZM"
+        if vertical:
+            yield of(manoeuvre.dive, drive)
+        for ahead in AHEAD if surge and drive.axis != "X" else ():
+            yield of(manoeuvre.dive if vertical else manoeuvre.zigzag, drive, ahead=ahead)
+            if drive.axis == "N":
+                yield of(manoeuvre.spiral, drive, ahead=ahead)
+    together = _one_per_axis(thrusters)
+    if len(together) > 1:
+        yield of(manoeuvre.multisine, together)
+        for ahead in AHEAD if surge else ():
+            yield of(manoeuvre.multisine, together, ahead=ahead)
+
+
+def _one_per_axis(thrusters: Thrusters) -> list[Drive]:
+    """The purest drive of every axis."""
+    return [drives[0] for axis in "XYZKMN" if (drives := thrusters.drives_of(axis))]
+
+
+def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator[Manoeuvre]:
+    """Free decays of what has a righting moment, and of heave where the vehicle rises or sinks."""
+    rest = statics(thrusters.vehicle)
+    ways = (None, "half") if thrusters.drives_of("X") else (None,)
+    angle = max((a for a in _ANGLES_DEG if a <= 0.9 * limits.tilt_deg), default=0.5 * limits.tilt_deg)
+    for axis, period in (("K", rest.roll_period_s), ("M", rest.pitch_period_s)):
+        if period is None:
+            continue
+        span = min(max(_PERIODS * period, _LEAST_DECAY_S), _LONGEST_DECAY_S, duration_s)
+        for ahead in ways:
+            yield free_decay(thrusters, axis, duration_s=span, angle_deg=angle, ahead=ahead)
+    if abs(rest.net_n) > 1e-4 * rest.weight_n:
+        yield free_decay(thrusters, "Z", duration_s=min(_RISE_S, duration_s))

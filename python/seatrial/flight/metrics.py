@@ -1,0 +1,466 @@
+"""The figures of a flight under names that carry their units.
+
+The core sums them while it flies (`closed_loop/tally.rs`). Errors of guidance count on the second half of
+straight legs, where the vehicle has had time to settle, and are those that guidance saw; ``true_...`` is
+where the vehicle really was. Without a settled sample there is none. The depth excursion is how far the
+vehicle leaves the band between the depths of a leg's two ends. The quantiles p50, p95 and p99 are those of
+one flight's error over time; the clearance is the smallest distance to an obstacle's edge, and travel the
+mean rate at which commands move, in shares of an actuator's range.
+
+Held by ``test_figures_of_the_core_are_those_of_the_log`` in ``tests/flight/test_flight.py``.
+
+What became of every leg: was its waypoint reached, how far off the path, how far beyond the depth.
+
+A waypoint is reached when the autopilot saw the vehicle within its radius of acceptance R, and the vehicle
+truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. Errors of guidance are those of
+the second half of a straight leg, where the vehicle has had time to settle. The overshoot in depth counts
+after a change of depth, beyond the new one, until the next change, as a share of the change.
+
+Held by ``tests/flight/test_flight.py``.
+
+How well the control loops and the actuators of a flight did.
+
+The error of a loop is what was desired less what the vehicle really did, over the time in which the loop was
+at work. A demand is saturated where it stands at the loop's limit, or where what the actuators reach differs
+from it by more than a hundredth of that limit.
+
+Held by ``tests/flight/test_flight.py``.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial._core import Flights, autopilot_names, error_edges
+from seatrial.base.arrays import Array
+from seatrial.flight.mission import Route
+
+if TYPE_CHECKING:
+    from seatrial.flight.flight import Flight
+
+__all__ = [
+    "CODED",
+    "DIVERGED",
+    "ActuatorUse",
+    "Leg",
+    "Loop",
+    "actuators_of",
+    "ending_of",
+    "figures_of",
+    "legs_of",
+    "loops_of",
+    "quantile",
+    "switches",
+]
+
+DIVERGED = "diverged"
+
+CODED = ("ending", "alert", "alert_cause", "alert_time_s")
+"""Figures that a single flight tells in words: its ending and its alerts."""
+
+_DEG = 180.0 / math.pi
+
+_NAMES = {
+    "duration": ("duration_s", 1.0),
+    "distance": ("distance_m", 1.0),
+    "energy": ("energy_wh", 1.0 / 3600.0),
+    "cross_track_largest": ("cross_track_largest_m", 1.0),
+    "cross_track_rms": ("cross_track_rms_m", 1.0),
+    "true_cross_track_largest": ("true_cross_track_largest_m", 1.0),
+    "true_cross_track_rms": ("true_cross_track_rms_m", 1.0),
+    "vertical_largest": ("vertical_largest_m", 1.0),
+    "vertical_rms": ("vertical_rms_m", 1.0),
+    "excursion": ("depth_excursion_m", 1.0),
+    "depth_largest": ("depth_largest_m", 1.0),
+    "altitude_smallest": ("altitude_smallest_m", 1.0),
+    "waypoints": ("waypoints_behind", 1.0),
+    "missed_by": ("missed_by_m", 1.0),
+    "switches": ("switches_per_minute", 1.0),
+    "alert_time": ("alert_time_s", 1.0),
+    "roll_largest": ("roll_largest_deg", _DEG),
+    "pitch_largest": ("pitch_largest_deg", _DEG),
+    "clearance": ("clearance_m", 1.0),
+    "travel": ("travel_per_s", 1.0),
+}
+
+_QUANTILES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
+
+
+def figures_of(flights: Flights) -> dict[str, Array]:
+    """Figures of all cases by name, (k,) each; a diverged flight has no duration.
+
+    ``ending``, ``alert`` and ``alert_cause`` are numbers of a list, see `ending_of` and
+    ``seatrial._core.autopilot_names``.
+    """
+    found: dict[str, Array] = {}
+    for name, values in flights.figures.items():
+        renamed, scale = _NAMES.get(name, (name, 1.0))
+        found[renamed] = scale * np.asarray(values)
+    for error in ("cross_track", "true_cross_track", "vertical"):
+        counts = getattr(flights, f"{error}_counts")
+        for name, share in _QUANTILES.items():
+            found[f"{error}_{name}_m"] = quantile(counts, share, largest=found[f"{error}_largest_m"])
+    return found
+
+
+def quantile(counts: Array, share: float, *, largest: Array) -> Array:
+    """Quantile (k,), m, of the magnitude of an error from its counts, log-linear between the thresholds.
+
+    Parameters
+    ----------
+    counts : (k, 1 + edges) ndarray
+        Samples, and those above each of ``seatrial._core.error_edges``.
+    share : float
+        Of the samples that the error is at most the quantile for.
+    largest : (k,) ndarray
+        Largest error, m, which bounds the quantile.
+    """
+    edges = np.log(np.asarray(error_edges()))
+    samples, above = counts[:, :1], counts[:, 1:]
+    exceeding = above / np.maximum(samples, 1.0)
+    found = np.empty(len(counts))
+    for case, row in enumerate(exceeding):
+        # From the rarest threshold down, as np.interp wants rising shares.
+        found[case] = np.exp(np.interp(1.0 - share, row[::-1], edges[::-1]))
+        if row[-1] > 1.0 - share:  # beyond the last threshold only the largest is known
+            found[case] = np.inf
+    return np.where(samples[:, 0] > 0.0, np.minimum(found, largest), np.nan)
+
+
+def ending_of(figures: Mapping[str, Array], case: int = 0) -> str:
+    """How a case ended: complete, surfaced, aborted, out of time or diverged."""
+    if not np.isfinite(figures["duration_s"][case]):
+        return DIVERGED
+    return autopilot_names()["endings"][int(figures["ending"][case])]
+
+
+_LEAST_STEP_M = 0.5  # smaller changes of depth are none
+
+_ROUNDING_M = 1e-6
+
+_TRULY = 1.5  # of the radius, where the sensors show the vehicle within it
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A leg of a flight and the waypoint at its end.
+
+    Attributes
+    ----------
+    label, task
+        Name of the waypoint; "pass", "hold" or "circle".
+    acceptance_m, smallest_m, seen_m, reached
+        Radius; smallest true distance (to a circle: to its circumference), and as the sensors showed it;
+        whether the waypoint was reached.
+    begin_s, time_s
+        When the leg began and how long it took; nan if it was never begun.
+    cross_track_mean_m, cross_track_largest_m
+        On the second half: mean, and largest magnitude; nan where it was not flown straight.
+    vertical_mean_m, vertical_largest_m
+        The same of the vertical error.
+    depth_step_m, depth_overshoot_m, depth_overshoot_percent
+        Change of depth, how far the vehicle went beyond the new depth, and as a share; nan without a change.
+    hold_rms_m, hold_largest_m
+        Distance from the waypoint while station was kept, from the arrival within the radius on; nan where it
+        was not.
+    modes
+        Share of the leg's time in each mode.
+    """
+
+    label: str
+    task: str
+    acceptance_m: float
+    smallest_m: float
+    seen_m: float
+    reached: bool
+    begin_s: float
+    time_s: float
+    cross_track_mean_m: float
+    cross_track_largest_m: float
+    vertical_mean_m: float
+    vertical_largest_m: float
+    depth_step_m: float
+    depth_overshoot_m: float
+    depth_overshoot_percent: float
+    hold_rms_m: float
+    hold_largest_m: float
+    modes: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return asdict(self)
+
+
+class _Rows:
+    """Rows of the log that are under way, leg by leg: many legs share a long log."""
+
+    def __init__(self, flight: Flight) -> None:
+        under_way = np.flatnonzero(flight.under_way)
+        self.rows = under_way[np.argsort(flight.leg[under_way], kind="stable")]
+        self.ends = np.searchsorted(flight.leg[self.rows], np.arange(len(flight.route.stops) + 1))
+
+    def of(self, first: int, last: int) -> NDArray[np.int64]:
+        """Rows of the legs from the first to the last."""
+        return np.asarray(self.rows[self.ends[first] : self.ends[last + 1]])
+
+
+def legs_of(flight: Flight) -> tuple[Leg, ...]:
+    """Legs of a flight, one per waypoint of its mission."""
+    rows = _Rows(flight)
+    told = np.stack([flight.measured[name] for name in ("x", "y", "z")], axis=1)
+    return tuple(_leg(flight, k, rows, told) for k in range(len(flight.route.stops)))
+
+
+def _leg(flight: Flight, k: int, of_legs: _Rows, told: Array) -> Leg:
+    path = flight.route
+    stop = path.stops[k]
+    found = of_legs.of(k, k)
+    if not len(found):
+        return _never(path, k)
+    first, last = int(found.min()), int(found.max())
+    # The row in which guidance goes on to the next leg is the one in which it saw the waypoint reached.
+    switched = min(last + 1, len(flight.t) - 1)
+    part = slice(first, switched + 1)
+    rows = np.zeros(switched + 1 - first, dtype=bool)
+    rows[found - first] = True
+    distance = _distance(flight, k, flight.position[part], flight.altitude[part])
+    shown = _distance(flight, k, told[part], flight.measured["altitude"][part])
+    smallest, seen = float(np.nanmin(distance)), float(np.nanmin(shown))
+    half = 0.5 * path.length(k)
+    holding = flight.holding[part]
+    settled = rows & ~holding & (flight.distance[part] < half) & (stop.task != "circle")
+    across, below = (flight.errors[name][part][settled] for name in ("cross_track", "vertical"))
+    arrived = np.cumsum(rows & (distance <= stop.acceptance)) > 0
+    held = rows & holding & arrived & (stop.task == "hold")
+    step, beyond = _overshoot(flight, k, of_legs)
+    modes = np.bincount(flight.mode[found], minlength=len(flight.modes)) / len(found)
+    return Leg(
+        label=stop.label,
+        task=stop.task,
+        acceptance_m=stop.acceptance,
+        smallest_m=smallest,
+        seen_m=seen,
+        reached=seen <= stop.acceptance + _ROUNDING_M and smallest <= _TRULY * stop.acceptance,
+        begin_s=float(flight.t[first]),
+        time_s=float(flight.t[switched] - flight.t[first]),
+        cross_track_mean_m=_mean(across),
+        cross_track_largest_m=_largest(across),
+        vertical_mean_m=_mean(below),
+        vertical_largest_m=_largest(below),
+        depth_step_m=step,
+        depth_overshoot_m=beyond,
+        depth_overshoot_percent=100.0 * beyond / abs(step),
+        hold_rms_m=math.sqrt(_mean(distance[held] ** 2)),
+        hold_largest_m=_largest(distance[held]),
+        modes={name: float(share) for name, share in zip(flight.modes, modes, strict=True) if share},
+    )
+
+
+def _never(path: Route, k: int) -> Leg:
+    """A leg that was not begun."""
+    stop, nan = path.stops[k], math.nan
+    return Leg(
+        label=stop.label,
+        task=stop.task,
+        acceptance_m=stop.acceptance,
+        smallest_m=math.inf,
+        seen_m=math.inf,
+        reached=False,
+        begin_s=nan,
+        time_s=nan,
+        cross_track_mean_m=nan,
+        cross_track_largest_m=nan,
+        vertical_mean_m=nan,
+        vertical_largest_m=nan,
+        depth_step_m=_step(path, k),
+        depth_overshoot_m=nan,
+        depth_overshoot_percent=nan,
+        hold_rms_m=nan,
+        hold_largest_m=nan,
+        modes={},
+    )
+
+
+def _distance(flight: Flight, k: int, position: Array, altitude: Array) -> Array:
+    """Distance to waypoint `k`, or to its circle, of rows (n, 3) with their altitude (n,), (n,), m."""
+    stop = flight.route.stops[k]
+    aside = np.hypot(*(position[:, :2] - stop.position[:2]).T)
+    third = altitude if stop.vertical == "altitude" else position[:, 2]
+    below = third - stop.position[2]
+    if stop.task == "circle":
+        return np.asarray(np.hypot(aside - stop.radius, below))
+    to_point = np.hypot(aside, below)
+    if stop.task == "hold" and flight.loiter_radius > 0.0:
+        # A vehicle that cannot stop circles the point instead.
+        return np.asarray(np.minimum(to_point, np.hypot(aside - flight.loiter_radius, below)))
+    return np.asarray(to_point)
+
+
+def _step(path: Route, k: int) -> float:
+    """Change of depth along leg `k`, m; nan where there is none or the bottom is followed."""
+    if path.follows_bottom(k):
+        return math.nan
+    step = float(path.stops[k].position[2] - path.before(k)[2])
+    return step if abs(step) >= _LEAST_STEP_M else math.nan
+
+
+def _overshoot(flight: Flight, k: int, of_legs: _Rows) -> tuple[float, float]:
+    """Change of depth on leg `k` and how far beyond it the vehicle went before the next change, m."""
+    path = flight.route
+    step = _step(path, k)
+    if math.isnan(step):
+        return math.nan, math.nan
+    last = k
+    while (
+        last + 1 < len(path.stops) and not path.follows_bottom(last + 1) and math.isnan(_step(path, last + 1))
+    ):
+        last += 1
+    rows = of_legs.of(k, last)
+    beyond = math.copysign(1.0, step) * (flight.position[rows, 2] - path.stops[k].position[2])
+    return step, max(0.0, float(np.max(beyond)))
+
+
+def _mean(values: Array) -> float:
+    return float(np.mean(values)) if len(values) else math.nan
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values))) if len(values) else math.nan
+
+
+_UNITS = (("m/s", "N"), ("m/s", "N"), ("m", "N"), ("deg", "N m"), ("deg", "N m"), ("deg", "N m"))
+
+_AT_LIMIT, _SHORT = 0.999, 0.01
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A control loop over the time in which it was at work.
+
+    Attributes
+    ----------
+    name, time_s
+        Its name and for how long it was at work.
+    error_unit, error_rms, error_largest
+        Desired less true.
+    demand_unit, demand_rms, demand_largest
+        What it asked of the actuators.
+    saturated
+        Share of its time in which the demand was limited, or reached in part only.
+    """
+
+    name: str
+    time_s: float
+    error_unit: str
+    error_rms: float
+    error_largest: float
+    demand_unit: str
+    demand_rms: float
+    demand_largest: float
+    saturated: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class ActuatorUse:
+    """What was asked of an actuator.
+
+    Attributes
+    ----------
+    name, unit
+        Its name and the unit of its command.
+    rms, largest
+        Of the command from neutral.
+    at_limit, running
+        Share of the time at its largest command, and away from neutral.
+    switches_per_minute
+        Starts and stops: how often the command went to or from neutral.
+    """
+
+    name: str
+    unit: str
+    rms: float
+    largest: float
+    at_limit: float
+    running: float
+    switches_per_minute: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return asdict(self)
+
+
+def loops_of(flight: Flight) -> dict[str, Loop]:
+    """Figures of the loops that were at work, by name."""
+    tables = tomllib.loads(flight.autopilot.to_toml())["loops"]
+    found = {}
+    for i, name in enumerate(autopilot_names()["loops"]):
+        rows = flight.active[:, i]
+        if not rows.any():
+            continue
+        error_unit, demand_unit = _UNITS[i]
+        scale = _DEG if error_unit == "deg" else 1.0
+        error, demand = scale * flight.errors[name][rows], flight.demanded[rows, i]
+        reached = flight.achieved[rows, i]
+        limit = float(tables.get(name, {}).get("tau_max", np.max(np.abs(demand))))
+        limited = np.abs(demand) >= _AT_LIMIT * limit
+        short = np.abs(demand - reached) > _SHORT * limit
+        found[name] = Loop(
+            name=name,
+            time_s=float(rows.sum() * flight.period_s),
+            error_unit=error_unit,
+            error_rms=_rms(error),
+            error_largest=float(np.max(np.abs(error))),
+            demand_unit=demand_unit,
+            demand_rms=_rms(demand),
+            demand_largest=float(np.max(np.abs(demand))),
+            saturated=float(np.mean((limited | short) & (limit > 0.0))),
+        )
+    return found
+
+
+def actuators_of(flight: Flight) -> dict[str, ActuatorUse]:
+    """What was asked of every actuator, by name."""
+    facts = flight.vehicle.actuator_info()
+    found = {}
+    minutes = max(float(flight.t[-1] - flight.t[0]), 1e-9) / 60.0
+    for name, commands in flight.commands.items():
+        fact = facts[name]
+        away = commands - float(fact["neutral"])
+        signal = -away if fact["reversed"] else away
+        limit = np.where(signal < 0.0, float(fact["maximum_astern"]), float(fact["maximum_ahead"]))
+        found[name] = ActuatorUse(
+            name=name,
+            unit=str(fact["unit"]),
+            rms=_rms(away),
+            largest=float(np.max(np.abs(away))),
+            at_limit=float(np.mean((np.abs(away) >= _AT_LIMIT * limit) & (limit > 0.0))),
+            running=float(np.mean(running(away))),
+            switches_per_minute=switches(away) / minutes,
+        )
+    return found
+
+
+def running(away: Array) -> NDArray[np.bool_]:
+    """Where a command (n,), from neutral, is none of neutral's."""
+    return np.asarray(np.abs(away) > 1e-9)
+
+
+def switches(away: Array) -> int:
+    """Starts and stops of a command (n,), from neutral."""
+    return int(np.count_nonzero(np.diff(running(away).astype(int))))
+
+
+def _rms(values: Array) -> float:
+    with np.errstate(over="ignore"):  # a flight that diverges ends in numbers without bounds
+        return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,104 @@
+"""Scores of an identified vehicle on what it was fitted to and on what was held out.
+
+The axes that any stage freed are simulated, the others replayed from the trial, so that a vehicle of which
+only surge is known is judged on surge. A trial of a stage is judged on the axes that were freed on it: where
+an axis was not excited, R2 compares the model with noise. Other trials, and all together, are judged on every
+simulated axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.errors import TrialError
+from seatrial.campaign.campaign import Campaign
+from seatrial.trial.score import Score, score
+from seatrial.trial.trial import Trial
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["POOLED", "PartScores", "part_scores"]
+
+POOLED = "all"
+"""Name under which the scores of all trials together stand."""
+
+
+@dataclass(frozen=True)
+class PartScores:
+    """Scores by part ("fit", "hold_out"), kind ("ahead", "free") and trial; and why a part has none."""
+
+    scores: Mapping[str, Mapping[str, Mapping[str, Score]]]
+    missing: tuple[str, ...]
+
+
+def part_scores(campaign: Campaign, vehicle: Vehicle, *, ahead_s: float = 10.0) -> PartScores:
+    """Scores on the fitted and the held-out part of every trial, some seconds ahead and for a free run.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    vehicle : Vehicle
+    ahead_s : float
+        The simulation restarts from the measured state after this time, s.
+    """
+    fitted = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
+    missing: list[str] = []
+    found: dict[str, dict[str, dict[str, Score]]] = {}
+    for part in ("fit", "hold_out"):
+        trials: dict[str, Trial] = {}
+        for name in fitted if part == "fit" else campaign.trials:
+            held_out = campaign.held_out(name)
+            mask = ~held_out if part == "fit" else held_out
+            if mask.any():
+                trial = campaign.trials[name]
+                trials[name] = replace(trial, valid=trial.valid & mask[:, None])
+        if trials:
+            found[part] = {
+                kind: _scores(campaign, vehicle, trials, ahead_s, kind == "free", missing)
+                for kind in ("ahead", "free")
+            }
+    return PartScores(found, tuple(dict.fromkeys(missing)))
+
+
+def _scores(
+    campaign: Campaign,
+    vehicle: Vehicle,
+    trials: Mapping[str, Trial],
+    ahead_s: float,
+    free_run: bool,
+    missing: list[str],
+) -> dict[str, Score]:
+    free = _freed(campaign)
+
+    def scored(names: list[str], axes: str) -> Score:
+        chosen = [trials[name] for name in names]
+        judged = [channel for i, channel in enumerate(CHANNELS) if AXES[i % 6] in axes]
+        return score(
+            vehicle,
+            chosen,
+            ahead_s=ahead_s,
+            channels=[c for c in judged if any(c in trial.channels for trial in chosen)],
+            free_run=free_run,
+            input=campaign.input_of(names[0]),
+            free=free,
+            measured="".join(axis for axis in AXES if axis not in free),
+        )
+
+    found: dict[str, Score] = {}
+    for name in trials:
+        try:
+            found[name] = scored([name], _freed(campaign, name) or free)
+        except TrialError as error:
+            missing.append(f"not scored: {error}")
+    alike = len({campaign.input_of(name) for name in found}) == 1
+    return found | {POOLED: scored(list(found), free)} if len(found) > 1 and alike else found
+
+
+def _freed(campaign: Campaign, trial: str | None = None) -> str:
+    """Letters of the axes that some stage freed, on this trial or on any."""
+    stages = [stage for stage in campaign.stages if trial is None or trial in stage.trials]
+    return "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in stages))

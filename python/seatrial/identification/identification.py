@@ -1,0 +1,422 @@
+"""Identification: what a campaign found, for people, for machines and as files.
+
+An identification in words and tables: what `Identification.summary` prints.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.atomic_write import parquet
+from seatrial.base.channels import CHANNELS
+from seatrial.base.report import text_table
+from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.campaign.parameters import Parameter
+from seatrial.estimation.stage import StageResult
+from seatrial.vehicle.actuators import actuator_groups
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.diagnosis.assessment import Certainty
+    from seatrial.diagnosis.identifiability import Identifiability
+    from seatrial.estimation.scale import ScaleReport
+    from seatrial.identification.fitted import CoefficientCovariance
+    from seatrial.trial.score import Score
+
+__all__ = [
+    "Estimate",
+    "Identification",
+    "advice",
+    "derived",
+    "distinct",
+    "estimates",
+    "plus_minus",
+    "summary",
+]
+
+_AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+
+_AT_BOUND = 0.005
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One coefficient: from where it started, where it may lie, where it came to lie, how sure that is.
+
+    ``at_bound`` is "lower" or "upper" where the estimate lies within 0.5 % of the box at a bound, else None.
+    ``sigma`` is its standard deviation, ``interval`` the 95 % interval, ``verdict`` "identifiable", "weak" or
+    "not identifiable"; None where the coefficient is not in the joint estimate.
+    """
+
+    name: str
+    unit: str
+    start: float
+    estimate: float
+    lower: float
+    upper: float
+    at_bound: str | None
+    stage: str
+    parameter: str
+    sigma: float | None = None
+    interval: tuple[float, float] | None = None
+    verdict: str | None = None
+
+    @property
+    def factor(self) -> float | None:
+        """Estimate over start value, None where that is zero."""
+        return self.estimate / self.start if self.start else None
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The identified vehicle, its coefficients, stages and scores; made by `seatrial.identify`.
+
+    Attributes
+    ----------
+    campaign
+        What was asked for.
+    vehicle
+        The campaign's vehicle with the estimates.
+    coefficients
+        An `Estimate` per coefficient: start value, estimate, bounds, bound hit or not.
+    stages
+        A `StageResult` per stage that ran: costs, history, segments, step.
+    certainty
+        A `Certainty`: joint estimate, standard deviations, what the data tell, what the model lacks; None
+        where the stages were interrupted or the trials cannot be judged jointly.
+    before
+        Sentences on what the data cannot tell, known before the search.
+    scale
+        A `ScaleReport`: what the absolute scale of all forces rests on, and what the anchors say of it.
+    scores
+        "fit" (the training part of every trial in a stage) and, where something is held out, "hold_out";
+        each holds a `Score` per trial and one pooled under "all", for ten seconds ahead ("ahead") and for a
+        free run ("free").
+    notes
+        Sentences about what could not be scored.
+    facts
+        Versions, machine, seed, hashes of the inputs, times.
+    interrupted, not_run
+        Whether Ctrl-C ended the run early, and the stages that it left out.
+    """
+
+    campaign: Campaign
+    vehicle: Vehicle
+    coefficients: tuple[Estimate, ...]
+    stages: tuple[StageResult, ...]
+    certainty: Certainty | None
+    before: tuple[str, ...]
+    scale: ScaleReport
+    scores: Mapping[str, Mapping[str, Mapping[str, Score]]]
+    notes: tuple[str, ...]
+    facts: Mapping[str, Any]
+    interrupted: bool
+    not_run: tuple[str, ...]
+
+    def summary(self) -> str:
+        """Text that a control engineer reads: stages, coefficients, what they mean, scores, advice."""
+        return summary(self)
+
+    @property
+    def stages_vehicle(self) -> Vehicle:
+        """The campaign's vehicle with the estimates of the stages, before the joint polish."""
+        found = {name: value for stage in self.stages for name, value in stage.coefficients.items()}
+        return self.campaign.vehicle.with_coefficients(found)
+
+    @property
+    def identifiability(self) -> Identifiability | None:
+        """What the data tell and what they cannot; None without a joint estimate."""
+        return None if self.certainty is None else self.certainty.identifiability
+
+    @cached_property
+    def covariance(self) -> CoefficientCovariance | None:
+        """Covariance of the coefficients, SI, to draw vehicles with; None without a joint estimate."""
+        from seatrial.identification.fitted import coefficient_covariance
+
+        return coefficient_covariance(self)
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviations of the jointly estimated coefficients, SI; infinite if undetermined."""
+        return {row.name: row.sigma for row in self.coefficients if row.sigma is not None}
+
+    def score_rows(self) -> Iterator[dict[str, Any]]:
+        """A row per part, kind, trial and channel of the scores."""
+        for part, kinds in self.scores.items():
+            for kind, row in kinds.items():
+                for trial, score in row.items():
+                    for channel, one in score.items():
+                        yield {"part": part, "kind": kind, "trial": trial, "channel": channel} | asdict(one)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the trials as plain numbers, texts, lists and dicts."""
+        return {
+            "campaign": self.campaign.name,
+            "vehicle": self.vehicle.name,
+            "interrupted": self.interrupted,
+            "not_run": list(self.not_run),
+            "coefficients": [asdict(row) | {"factor": row.factor} for row in self.coefficients],
+            "derived": derived(self.vehicle),
+            "stages": [stage.to_dict() for stage in self.stages],
+            "before": list(self.before),
+            "scale": self.scale.to_dict(),
+            "certainty": None if self.certainty is None else self.certainty.to_dict(),
+            "covariance": None if self.covariance is None else self.covariance.to_dict(),
+            "scores": {
+                part: {
+                    kind: {name: score.to_dict() for name, score in row.items()} for kind, row in of.items()
+                }
+                for part, of in self.scores.items()
+            },
+            "notes": list(self.notes),
+            "facts": dict(self.facts),
+        }
+
+    def save(self, run_dir: str | Path) -> Path:
+        """Path of a run directory with all results: vehicle file, JSON, Parquet, summary, campaign file.
+
+        Parameters
+        ----------
+        run_dir : str or Path
+            Made when it does not exist; an earlier run's is replaced.
+
+        Raises
+        ------
+        SeatrialError
+            The directory cannot be written; nothing is left half-written.
+        """
+        return self.publish(RunDirectory(run_dir))
+
+    def publish(self, directory: RunDirectory) -> Path:
+        """Path of an opened run directory after the results are in it. See `save`."""
+        import polars as pl
+
+        coefficients = pl.DataFrame(
+            [asdict(row) | {"factor": row.factor} for row in self.coefficients], infer_schema_length=None
+        )
+        history = pl.DataFrame(
+            [{"stage": stage.name} | asdict(step) for stage in self.stages for step in stage.history],
+            infer_schema_length=None,
+        )
+        scores = pl.DataFrame(list(self.score_rows()), infer_schema_length=None)
+        files: dict[str, str | bytes] = {
+            RUN_FILE: to_json(self.facts),
+            "campaign.toml": self.campaign.text,
+            "vehicle.toml": self.vehicle.to_toml(),
+            "vehicle_stages.toml": self.stages_vehicle.to_toml(),
+            "identification.json": to_json(self.to_dict()),
+            "summary.txt": self.summary() + "\n",
+            "coefficients.parquet": parquet(coefficients),
+            "history.parquet": parquet(history),
+            "scores.parquet": parquet(scores),
+        }
+        for stage in self.stages:
+            if not stage.interrupted:
+                files[directory.stage_name(stage.name)] = to_json(stage.to_dict())
+        return directory.publish(files)
+
+
+def derived(vehicle: Vehicle) -> dict[str, float]:
+    """What the coefficients mean: apparent masses and inertias, net buoyancy, gains and lags per group."""
+    values = vehicle.coefficients()
+    mass = vehicle.mass_matrix()
+    found = {
+        f"apparent {'mass' if axis < 3 else 'inertia'} in {name}, {'kg' if axis < 3 else 'kg m2'}": float(
+            mass[axis][axis]
+        )
+        for axis, name in enumerate(_AXES)
+    }
+    found["net buoyancy B - m g, N"] = values.get("B", 0.0) - values["m"] * vehicle.environment()["g"]
+    groups = actuator_groups(vehicle)
+    for suffix, words in (("gain", "thrust gain"), ("T_1", "lag T_1, s"), ("T_t", "dead time T_t, s")):
+        for group, actuators in groups.items():
+            each = {
+                actuator: values[key] for actuator in actuators if (key := f"{actuator}.{suffix}") in values
+            }
+            if len(set(each.values())) == 1:
+                found[f"{group} {words}"] = next(iter(each.values()))
+            else:
+                found |= {f"{actuator} {words}": value for actuator, value in each.items()}
+    return found
+
+
+def estimates(
+    campaign: Campaign, stages: tuple[StageResult, ...], certainty: Certainty | None = None
+) -> tuple[Estimate, ...]:
+    """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it."""
+    rows: dict[str, Estimate] = {}
+    for stage in stages:
+        for parameter in campaign.parameters[stage.name]:
+            value, start = stage.estimates[parameter.name], stage.starts[parameter.name]
+            rows |= _rows(campaign, parameter, value, start=start, stage=stage.name)
+    for parameter in () if certainty is None else certainty.parameters:
+        known = certainty.of(parameter.name) if certainty is not None else None
+        if known is not None:
+            moved = certainty is not None and certainty.polished.rounds > 0
+            before = rows.get(parameter.members[0][0])
+            rows |= _rows(
+                campaign,
+                parameter,
+                known["estimate"],
+                start=parameter.start,
+                stage=before.stage if before is not None and not moved else "joint polish",
+                known=known,
+            )
+    return tuple(rows.values())
+
+
+def _rows(
+    campaign: Campaign,
+    parameter: Parameter,
+    value: float,
+    *,
+    start: float,
+    stage: str,
+    known: Mapping[str, Any] | None = None,
+) -> dict[str, Estimate]:
+    """A row per coefficient that a parameter sets."""
+    initial, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
+    near = _AT_BOUND * (parameter.upper - parameter.lower)
+    rows = {}
+    for member, factor in parameter.members:
+        lower, upper = sorted((factor * parameter.lower, factor * parameter.upper))
+        at_bound = None
+        if value - parameter.lower < near:
+            at_bound = "lower" if factor > 0 else "upper"
+        elif parameter.upper - value < near:
+            at_bound = "upper" if factor > 0 else "lower"
+        interval = None
+        if known is not None:
+            ends = sorted((factor * known["lower"], factor * known["upper"]))
+            interval = (ends[0], ends[1])
+        rows[member] = Estimate(
+            name=member,
+            unit=info[member]["unit"],
+            start=start * factor if parameter.start_given else initial.get(member, 0.0),
+            estimate=factor * value,
+            lower=lower,
+            upper=upper,
+            at_bound=at_bound,
+            stage=stage,
+            parameter=parameter.name,
+            sigma=None if known is None else abs(factor) * known["sigma"],
+            interval=interval,
+            verdict=None if known is None else known["verdict"],
+        )
+    return rows
+
+
+def summary(fit: Identification) -> str:
+    """Text that a control engineer reads: stages, coefficients, what they mean, scores, advice."""
+    parts = [_stage_table(fit), _coefficient_table(fit), _nuisance_table(fit), _meaning(fit)]
+    parts += [_score_table(fit), "\n".join(advice(fit))]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _stage_table(fit: Identification) -> str:
+    rows = [
+        (
+            stage.name + (" (interrupted)" if stage.interrupted else " (kept)" if stage.reused else ""),
+            ", ".join(stage.trials),
+            f"{stage.start_cost:.4g}",
+            f"{stage.cost:.4g}",
+            f"{stage.evaluations}",
+            f"{1e3 * stage.step_s:.3g} ms",
+            f"{stage.wall_s:.1f} s",
+        )
+        for stage in fit.stages
+    ]
+    head = ("Stage", "trials", "cost at start", "best", "candidates", "step", "time")
+    return text_table(head, rows)
+
+
+def _coefficient_table(fit: Identification) -> str:
+    rows = [
+        (
+            row.name,
+            row.unit,
+            f"{row.start:.4g}",
+            plus_minus(row.estimate, row.sigma),
+            row.verdict or "",
+            "" if row.factor is None else f"{row.factor:.3g}",
+            f"[{row.lower + 0.0:.4g}, {row.upper + 0.0:.4g}]"
+            + (f" at {row.at_bound}" if row.at_bound else ""),
+            row.stage,
+        )
+        for row in distinct(fit)
+    ]
+    return text_table(
+        ("Coefficient", "unit", "start", "estimate", "verdict", "factor", "bounds", "stage"), rows
+    )
+
+
+def distinct(fit: Identification) -> tuple[Estimate, ...]:
+    """Rows with one for the equal coefficients of an actuator group, under the group's name."""
+    names = {row.name for row in fit.coefficients}
+    rows: dict[tuple[str, float], Estimate] = {}
+    for row in fit.coefficients:
+        name = row.name if row.parameter in names else row.parameter
+        rows.setdefault((name, row.estimate), replace(row, name=name))
+    return tuple(rows.values())
+
+
+def _meaning(fit: Identification) -> str:
+    return text_table(
+        ("Quantity", "value"), [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
+    )
+
+
+def _score_table(fit: Identification) -> str:
+    titles = {"ahead": "10 s ahead", "free": "free run"}
+    scored = {row["channel"] for row in fit.score_rows()}
+    channels = [channel for channel in CHANNELS if channel in scored]
+    rows = []
+    for part, kinds in fit.scores.items():
+        for kind, per_trial in kinds.items():
+            for trial, score in per_trial.items():
+                cells = (f"{score.r2[c]:.3f}" if c in score.r2 else "" for c in channels)
+                rows.append((f"R2 {part.replace('_', ' ')}, {titles[kind]}", trial, *cells))
+    return text_table(("Score", "trial", *channels), rows) if rows else ""
+
+
+def advice(fit: Identification) -> list[str]:
+    """Sentences: bounds that were hit, what the data cannot tell, what the model lacks, what did not run."""
+    lines = [
+        f"{row.name} lies at its {row.at_bound} bound: widen it if the value makes sense; otherwise the data"
+        " cannot tell this coefficient"
+        for row in distinct(fit)
+        if row.at_bound
+    ]
+    if fit.certainty is not None:
+        lines += fit.certainty.sentences()
+    lines += fit.scale.sentences()
+    lines += fit.notes
+    if fit.interrupted:
+        lines.append(
+            "Interrupted: the best so far is shown"
+            + (f"; not run: {', '.join(fit.not_run)}" if fit.not_run else "")
+            + ". Run again with the same run directory to go on"
+        )
+    return lines
+
+
+def _nuisance_table(fit: Identification) -> str:
+    found = [] if fit.certainty is None else fit.certainty.nuisances()
+    rows = [(row["name"], row["unit"], plus_minus(row["estimate"], row["sigma"])) for row in found]
+    return text_table(("Nuisance parameter", "unit", "estimate"), rows)
+
+
+def plus_minus(estimate: float, sigma: float | None) -> str:
+    """Estimate ± sigma with two digits of sigma; "undetermined" where it is infinite."""
+    if sigma is None:
+        return f"{estimate:.4g}"
+    if not math.isfinite(sigma):
+        return f"{estimate:.4g} (undetermined)"
+    digits = max(1 - math.floor(math.log10(sigma)), 0) if sigma > 0 else 4
+    return f"{estimate:.{digits}f} ± {sigma:.{digits}f}"

@@ -1,0 +1,335 @@
+"""Identification of a campaign: the public function.
+
+The work is in `seatrial.identification.identify`, loaded at the call: `import seatrial` stays light.
+
+The conduct of an identification: data judged, stages searched, result polished, judged and kept.
+
+The stages of an identification: dependent ones in order, independent ones side by side, resumable.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import math
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import astuple, replace
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from seatrial import _core
+from seatrial.base.errors import CampaignError, SeatrialError, TrialError
+from seatrial.base.progress import Progress, Step
+from seatrial.base.run import RunDirectory, StageStore, to_json
+from seatrial.campaign.campaign import Campaign, run_facts
+from seatrial.diagnosis.assessment import Certainty, certainty, conditioning
+from seatrial.estimation.frozen_motion import frozen_sentences
+from seatrial.estimation.scale import judge_scale
+from seatrial.estimation.stage import StagePlan, StageResult, plan, run_stage
+from seatrial.identification.hold_out import part_scores
+from seatrial.identification.identification import Identification, estimates
+
+__all__ = ["StageOrder", "conduct", "identify"]
+
+
+def identify(
+    campaign: Campaign,
+    *,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> Identification:
+    """Identification of the campaign's vehicle from its trials.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    run_dir : str or Path, optional
+        Folder for the results. Finished stages are kept beside it while the run goes on.
+    progress : callable, optional
+        Called in the caller's thread with a `Progress` after every batch of candidates.
+    resume : bool
+        Reuse the stages that an earlier run in this folder finished from the same inputs.
+    threads : int, optional
+        Threads of the core; by default all. The result does not depend on it.
+
+    Returns
+    -------
+    Identification
+        After Ctrl-C: the best so far, marked as interrupted.
+
+    Raises
+    ------
+    CampaignError, TrialError, VehicleError
+        The campaign asks for what cannot be done.
+    SimulationError
+        Every candidate of a stage diverged.
+    SeatrialError
+        The run directory cannot be written.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> fit = st.identify(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
+    >>> print(fit.summary())  # doctest: +SKIP
+    """
+    return conduct(campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
+
+
+class StageOrder:
+    """Workspace of one identification: one thread per running stage, the caller's thread directs them."""
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        plans: tuple[StagePlan, ...],
+        directory: StageStore | None,
+        *,
+        progress: Callable[[Progress], None] | None,
+        resume: bool,
+        threads: int | None,
+    ) -> None:
+        self.campaign, self.plans, self.directory = campaign, plans, directory
+        self.progress, self.resume, self.threads = progress, resume, threads
+        self.stop = threading.Event()
+        self.steps: queue.SimpleQueue[tuple[StagePlan, Step] | None] = queue.SimpleQueue()
+        self.outcomes: dict[str, StageResult | BaseException] = {}
+        self.results: dict[str, StageResult] = {}
+        self.began = time.monotonic()
+
+    def stages(self) -> tuple[StageResult, ...]:
+        """Results of the stages that ran, in the order of the campaign."""
+        waiting = list(self.plans)
+        running: list[StagePlan] = []
+        failure: BaseException | None = None
+        while running or (waiting and not self.stop.is_set()):
+            try:
+                for plan in [plan for plan in waiting if self._ready(plan) and not self.stop.is_set()]:
+                    waiting.remove(plan)
+                    running.append(plan)
+                    threading.Thread(target=self._run, args=(plan,), daemon=True).start()
+                # Outcomes wait in a dict, not in the queue: an interrupt may lose what the queue just gave.
+                with contextlib.suppress(queue.Empty):
+                    step = self.steps.get(timeout=0.5)
+                    if step is not None and self.progress is not None and not self.stop.is_set():
+                        self.progress(self.state(*step))
+                for plan in [plan for plan in running if plan.stage.name in self.outcomes]:
+                    running.remove(plan)
+                    self._finish(self.outcomes[plan.stage.name])
+            except KeyboardInterrupt:
+                if self.stop.is_set() and failure is None:
+                    raise
+                self.stop.set()
+            except BaseException as error:  # raised when the other stages have ended
+                failure = failure or error
+                self.stop.set()
+        if failure is not None:
+            raise failure
+        return tuple(self.results[p.stage.name] for p in self.plans if p.stage.name in self.results)
+
+    def _ready(self, plan: StagePlan) -> bool:
+        return all(name in self.results for name in plan.stage.after)
+
+    def _finish(self, outcome: StageResult | BaseException) -> None:
+        if isinstance(outcome, StageResult):
+            self.results[outcome.name] = outcome
+            if outcome.interrupted:
+                self.stop.set()
+            elif self.directory is not None and not outcome.reused:
+                self.directory.keep(outcome.name, outcome.to_dict())
+        elif not isinstance(outcome, KeyboardInterrupt):
+            raise outcome
+
+    def _run(self, plan: StagePlan) -> None:
+        """One stage, in its own thread."""
+
+        def watch(step: Step) -> None:
+            self.steps.put((plan, step))
+            if self.stop.is_set():
+                raise KeyboardInterrupt
+
+        name = plan.stage.name
+        try:
+            found: dict[str, float] = {}
+            for earlier in self.campaign.before(plan.stage):
+                found |= self.results[earlier].coefficients
+            vehicle = self.campaign.vehicle.with_coefficients(found)
+            inputs = _inputs(self.campaign, plan, vehicle, found)
+            kept = self.directory.finished(name, inputs) if self.directory and self.resume else None
+            if kept is not None:
+                self.outcomes[name] = replace(StageResult.from_dict(kept), reused=True)
+            else:
+                self.outcomes[name] = run_stage(
+                    self.campaign,
+                    plan,
+                    vehicle=vehicle,
+                    found=found,
+                    inputs=inputs,
+                    watch=watch,
+                    threads=self.threads,
+                )
+        except BaseException as error:  # raised again in the caller's thread
+            self.outcomes[name] = error
+        self.steps.put(None)
+
+    def state(self, plan: StagePlan, step: Step | None) -> Progress:
+        """Progress of the whole after a step of a stage, or before the first one."""
+        planned = {p.stage.name: p.work for p in self.plans}
+        for name, result in self.results.items():
+            if result.reused:
+                planned[name] = 0.0
+        done = sum(planned[name] for name in self.results) + (plan.done(step) if step else 0.0)
+        fraction = min(done / max(sum(planned.values()), done, 1.0), 1.0)
+        elapsed = time.monotonic() - self.began
+        return Progress(
+            stage=plan.stage.name,
+            phase=step.phase if step else "starting",
+            generation=step.generation if step else 0,
+            generations=step.generations if step else plan.generations,
+            evaluations=step.evaluations if step else 0,
+            best=step.best if step else math.inf,
+            stages_done=len(self.results),
+            stages=len(self.plans),
+            fraction=fraction,
+            elapsed_s=elapsed,
+            left_s=elapsed * (1.0 - fraction) / max(fraction, 1e-6),
+        )
+
+
+def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: Mapping[str, float]) -> str:
+    """SHA-256 of everything that the result of a stage depends on."""
+    data = plan.data
+    digest = hashlib.sha256()
+    described = {
+        "version": version("seatrial"),
+        "stage": plan.stage.model_dump(),
+        "inputs": [campaign.input_of(name) for name in plan.stage.trials],
+        "vehicle": vehicle.to_toml(),
+        "found": found,
+        "plan": [
+            plan.seed,
+            plan.population,
+            plan.generations,
+            plan.rounds,
+            plan.tolerance,
+            plan.step.substeps,
+            plan.step.search,
+        ],
+        "segments": [astuple(segment) for segment in data.segments],
+        "environment": [(trial.rho, trial.g) for trial in data.trials],
+    }
+    digest.update(to_json(described).encode())
+    for trial, counted in zip(data.trials, data.counted, strict=True):
+        signals = [trial.t, trial.observed, counted, trial.nu, trial.tau, trial.voltage, trial.current]
+        for values in (*signals, *trial.commands.values(), *trial.measured.values()):
+            digest.update(b"-" if values is None else np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
+
+
+def version(package: str) -> str:
+    """Version of an installed package."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def conduct(
+    campaign: Campaign,
+    *,
+    run_dir: str | Path | None,
+    progress: Callable[[Progress], None] | None,
+    resume: bool,
+    threads: int | None,
+) -> Identification:
+    """Identification of the campaign's vehicle: every stage run, the result polished and judged."""
+    began = time.monotonic()
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    if not campaign.stages:
+        raise CampaignError(
+            f"{campaign.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
+            " only tunes or verifies an autopilot"
+        )
+    plans = plan(campaign)  # refuses a bad campaign before a folder appears
+    judge_scale(campaign)  # and a bad anchor
+    before, notes = _before(campaign, threads)
+    before += frozen_sentences(plans)
+    directory = None if run_dir is None else RunDirectory(run_dir)
+    order = StageOrder(campaign, plans, directory, progress=progress, resume=resume, threads=threads)
+    if progress is not None and before:
+        progress(replace(order.state(plans[0], None), notes=before))
+    try:
+        stages = order.stages()
+    except SeatrialError:
+        if directory is not None:
+            directory.abandon()
+        raise
+    vehicle = campaign.vehicle
+    for stage in stages:
+        vehicle = vehicle.with_coefficients(stage.coefficients)
+    sure: Certainty | None = None
+    interrupted = order.stop.is_set()
+    if not interrupted and not notes:
+        sure = certainty(campaign, vehicle, watch=_watch(order, progress), threads=threads)
+        vehicle, interrupted = sure.vehicle, sure.polished.interrupted
+    judged = part_scores(campaign, vehicle)
+    fit = Identification(
+        campaign=campaign,
+        vehicle=vehicle,
+        coefficients=estimates(campaign, stages, sure),
+        stages=stages,
+        certainty=sure,
+        scores=judged.scores,
+        before=before,
+        scale=judge_scale(campaign, vehicle),
+        notes=(*notes, *judged.missing),
+        facts=run_facts(campaign) | {"started_utc": started, "wall_s": time.monotonic() - began},
+        interrupted=interrupted,
+        not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
+    )
+    if directory is not None:
+        fit.publish(directory)
+    return fit
+
+
+def _before(campaign: Campaign, threads: int | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Sentences on what the data cannot tell, and why there can be no joint estimate, if so."""
+    try:
+        return tuple(conditioning(campaign, threads=threads)), ()
+    except (CampaignError, TrialError) as error:
+        if campaign.file.polish is not None:
+            raise
+        return (), (f"no standard deviations: the trials cannot be judged jointly ({error})",)
+
+
+def _watch(order: StageOrder, progress: Callable[[Progress], None] | None) -> Callable[[Step], None] | None:
+    """What the joint polish reports, as progress of the whole."""
+    if progress is None:
+        return None
+
+    def watch(step: Step) -> None:
+        stages = len(order.plans)
+        progress(
+            Progress(
+                stage="joint polish",
+                phase=step.phase,
+                generation=step.generation,
+                generations=step.generations,
+                evaluations=step.evaluations,
+                best=step.best,
+                stages_done=stages,
+                stages=stages + 1,
+                fraction=1.0,
+                elapsed_s=time.monotonic() - order.began,
+                left_s=step.left_s,
+            )
+        )
+
+    return watch

@@ -1,0 +1,455 @@
+"""Random starts: whether the search ends in the same optimum, wherever in the bounds it begins.
+
+Every start draws the start values of all stages uniformly inside their bounds and runs the whole order of the
+stages with random numbers of its own. A stage's end is *at the optimum* where
+
+1. its criterion lies within 0.1 % of the lowest one found, and
+2. every estimate lies within 1 % of its bounds' width of that of the lowest one, or, where its standard
+   deviation is known, within a quarter of that, at most 5 %: closer together than the data can tell.
+
+Ends that meet the first rule alone lie along a direction that the criterion hardly tells; it is the first
+principal axis of their estimates in the box of the bounds, and its coefficients are named.
+
+Held by `test_random_starts_find_the_same_optimum`, `test_an_end_elsewhere_is_named_with_its_cost` and
+`test_a_flat_direction_is_named`.
+
+Ends of random starts, stage by stage: spread, verdict, words and files.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.atomic_write import parquet
+from seatrial.base.errors import CampaignError
+from seatrial.base.progress import Progress, Step
+from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.campaign.parameters import Parameter
+from seatrial.campaign.variants import started
+from seatrial.estimation.stage import StageResult, plan
+from seatrial.identification.identify import StageOrder
+
+if TYPE_CHECKING:
+    from seatrial.campaign.campaign import Campaign
+
+__all__ = ["Restarts", "StageRestarts", "restarts", "start_values"]
+
+Verdict = Literal["same optimum", "flat direction", "several optima"]
+
+COST_TOLERANCE = 1e-3
+"""Part of the lowest criterion by which an end at the optimum may lie above it."""
+
+_WIDTH, _MOST_WIDTH = 0.01, 0.05
+
+_SIGMAS = 0.25
+
+_IN_DIRECTION, _NAMED = 0.3, 4  # of the largest component, and how many are named
+
+
+@dataclass(frozen=True, eq=False)
+class StageRestarts:
+    """One stage from k random starts with m parameters, SI.
+
+    Attributes
+    ----------
+    name, parameters, units
+        Of the stage and of its parameters (m).
+    lower, upper, sigma
+        Bounds (m,) and standard deviations (m,), not a number where unknown.
+    starts, ends
+        Start values and estimates (k, m).
+    start_costs, costs
+        Criterion (k,) at the start and at the end.
+    histories
+        Course of every search.
+    exhausted
+        Whether the global search of a start used all of its generations (k,).
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    lower: Array
+    upper: Array
+    sigma: Array
+    starts: Array
+    ends: Array
+    start_costs: Array
+    costs: Array
+    histories: tuple[tuple[Step, ...], ...]
+    exhausted: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls, results: Sequence[StageResult], parameters: Sequence[Parameter], sigma: Mapping[str, float]
+    ) -> StageRestarts:
+        """Ends of one stage from the results of all starts."""
+        names = [p.name for p in parameters]
+        deviations = [sigma.get(p.members[0][0], math.nan) / abs(p.members[0][1] or 1.0) for p in parameters]
+        evolutions = [[s for s in r.history if s.phase == "evolution"] for r in results]
+        return cls(
+            name=results[0].name,
+            parameters=tuple(names),
+            units=tuple(p.unit for p in parameters),
+            lower=np.array([p.lower for p in parameters]),
+            upper=np.array([p.upper for p in parameters]),
+            sigma=np.array(deviations, dtype=float),
+            starts=np.array([[r.starts[n] for n in names] for r in results]),
+            ends=np.array([[r.estimates[n] for n in names] for r in results]),
+            start_costs=np.array([r.start_cost for r in results]),
+            costs=np.array([r.cost for r in results]),
+            histories=tuple(r.history for r in results),
+            exhausted=np.array([bool(e) and e[-1].generation >= e[-1].generations for e in evolutions]),
+        )
+
+    @property
+    def best(self) -> int:
+        """Place of the start with the lowest criterion."""
+        return int(np.argmin(self.costs))
+
+    @property
+    def excess(self) -> Array:
+        """Criterion (k,) above the lowest one, as a part of it."""
+        lowest = float(self.costs[self.best])
+        return np.asarray((self.costs - lowest) / max(lowest, np.finfo(float).tiny))
+
+    @property
+    def tolerance(self) -> Array:
+        """Distance (m,) from the lowest end up to which an end is the same, SI."""
+        width = self.upper - self.lower
+        known = np.where(np.isfinite(self.sigma), _SIGMAS * self.sigma, 0.0)
+        return np.asarray(np.clip(known, _WIDTH * width, _MOST_WIDTH * width))
+
+    @property
+    def low(self) -> NDArray[np.bool_]:
+        """Starts (k,) whose criterion ends within 0.1 % of the lowest one."""
+        return np.asarray(self.excess <= COST_TOLERANCE)
+
+    @property
+    def at_optimum(self) -> NDArray[np.bool_]:
+        """Starts (k,) that end at the optimum by both rules."""
+        near = np.abs(self.ends - self.ends[self.best]) <= self.tolerance
+        return np.asarray(self.low & near.all(axis=1))
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether all starts end in one optimum, along a flat direction, or some of them elsewhere."""
+        if self.at_optimum.all():
+            return "same optimum"
+        return "flat direction" if self.low.all() else "several optima"
+
+    @property
+    def direction(self) -> dict[str, float]:
+        """Direction in which the low ends scatter: part of the bounds' width by parameter, the four largest.
+
+        The first principal axis, as long as the distance between its outermost ends.
+        """
+        box = ((self.ends - self.lower) / (self.upper - self.lower))[self.low]
+        away = box - box.mean(axis=0)
+        axis = np.linalg.svd(away, full_matrices=False)[2][0]
+        axis = axis * float(np.ptp(away @ axis))
+        largest = float(np.abs(axis).max())
+        named = [i for i in np.argsort(-np.abs(axis)) if abs(axis[i]) >= _IN_DIRECTION * largest > 0.0]
+        return {self.parameters[i]: float(axis[i]) for i in named[:_NAMED]}
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """A row per parameter: estimates of the low ends and their spread."""
+        low = self.ends[self.low]
+        for i, name in enumerate(self.parameters):
+            span, width = float(np.ptp(low[:, i])), float(self.upper[i] - self.lower[i])
+            scatter = float(low[:, i].std(ddof=1)) if len(low) > 1 else 0.0
+            yield {
+                "parameter": name,
+                "unit": self.units[i],
+                "best": float(self.ends[self.best, i]),
+                "least": float(low[:, i].min()),
+                "most": float(low[:, i].max()),
+                "range_percent_of_bounds": 100.0 * span / width,
+                "scatter_in_sigma": scatter / self.sigma[i] if self.sigma[i] > 0.0 else math.nan,
+            }
+
+    def sentence(self) -> str:
+        """The verdict with its figures."""
+        k, low = len(self.costs), int(self.low.sum())
+        if k < 2:
+            return f"{self.name}: one random start was finished, with nothing to compare it with."
+        rows = list(self.rows())
+        widest = max(rows, key=lambda row: row["range_percent_of_bounds"])
+        spread = (
+            f"criterion {self.costs[self.best]:.5g}, at most {100 * self.excess[self.low].max():.2g} % above;"
+            f" estimates within {widest['range_percent_of_bounds']:.2g} % of the bounds' width"
+            f" ({widest['parameter']})"
+        )
+        ratios = [r["scatter_in_sigma"] for r in rows if math.isfinite(r["scatter_in_sigma"])]
+        if ratios:
+            spread += f", scatter at most {max(ratios):.2g} of their standard deviation"
+        if self.verdict == "same optimum":
+            return f"{self.name}: all {k} random starts end in the same optimum: {spread}."
+        flat = ""
+        if not self.at_optimum[self.low].all():
+            axis = " and ".join(f"{name} by {100 * part:+.2g} %" for name, part in self.direction.items())
+            flat = (
+                f" Their estimates differ along a direction that the criterion hardly tells: {axis} of the"
+                " bounds' width."
+            )
+        if self.verdict == "flat direction":
+            return f"{self.name}: all {k} random starts end at the same value: {spread}.{flat}"
+        return f"{self.name}: {low} of {k} random starts end at the lowest value: {spread}.{flat}" + "".join(
+            f" Start {i + 1} ends {100 * self.excess[i]:.2g} % above: "
+            + (
+                "its global search used all of its generations; raise budget.generations."
+                if self.exhausted[i]
+                else "another optimum."
+            )
+            for i in np.flatnonzero(~self.low)
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The stage as plain data."""
+        return {
+            "name": self.name,
+            "verdict": self.verdict,
+            "sentence": self.sentence(),
+            "cost": float(self.costs[self.best]),
+            "costs": self.costs,
+            "start_costs": self.start_costs,
+            "at_optimum": self.at_optimum,
+            "parameters": list(self.rows()),
+            "starts": [dict(zip(self.parameters, row, strict=True)) for row in self.starts.tolist()],
+            "ends": [dict(zip(self.parameters, row, strict=True)) for row in self.ends.tolist()],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Restarts:
+    """Ends of all stages from random starts; printed, a sentence per stage.
+
+    Attributes
+    ----------
+    campaign
+        Its name.
+    stages
+        A `StageRestarts` per stage; none where no start was finished.
+    seed
+        Seed of the starts.
+    interrupted
+        Whether Ctrl-C ended the run before all starts were finished.
+    """
+
+    campaign: str
+    stages: tuple[StageRestarts, ...]
+    seed: int
+    interrupted: bool
+
+    @property
+    def starts(self) -> int:
+        """Number of starts that were finished."""
+        return len(self.stages[0].costs) if self.stages else 0
+
+    @property
+    def same_optimum(self) -> bool:
+        """Whether all starts end in the same optimum in every stage."""
+        return self.starts > 1 and all(stage.verdict == "same optimum" for stage in self.stages)
+
+    def sentences(self) -> tuple[str, ...]:
+        """A sentence per stage."""
+        return tuple(stage.sentence() for stage in self.stages)
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data."""
+        return {
+            "campaign": self.campaign,
+            "seed": self.seed,
+            "starts": self.starts,
+            "interrupted": self.interrupted,
+            "same_optimum": self.same_optimum,
+            "stages": [stage.to_dict() for stage in self.stages],
+        }
+
+    def publish(self, directory: RunDirectory, *, text: str) -> Path:
+        """Path of a run directory after JSON, tables and the campaign's text are in it."""
+        import polars as pl
+
+        return directory.publish({
+            RUN_FILE: to_json({"random_starts": self.campaign, "seed": self.seed, "starts": self.starts}),
+            "random_starts.json": to_json(self.to_dict()),
+            "random_starts.parquet": parquet(pl.DataFrame(list(self._ends()), infer_schema_length=None)),
+            "history.parquet": parquet(pl.DataFrame(list(self._steps()), infer_schema_length=None)),
+            "summary.txt": f"{self}\n",
+            "campaign.toml": text,
+        })
+
+    def _ends(self) -> Iterator[dict[str, Any]]:
+        for stage in self.stages:
+            for i in range(self.starts):
+                for j, name in enumerate(stage.parameters):
+                    yield {
+                        "stage": stage.name,
+                        "start": i + 1,
+                        "parameter": name,
+                        "unit": stage.units[j],
+                        "lower": float(stage.lower[j]),
+                        "upper": float(stage.upper[j]),
+                        "from": float(stage.starts[i, j]),
+                        "to": float(stage.ends[i, j]),
+                        "start_cost": float(stage.start_costs[i]),
+                        "cost": float(stage.costs[i]),
+                        "at_optimum": bool(stage.at_optimum[i]),
+                    }
+
+    def _steps(self) -> Iterator[dict[str, Any]]:
+        for stage in self.stages:
+            for i, history in enumerate(stage.histories):
+                for step in history:
+                    yield {"stage": stage.name, "start": i + 1} | asdict(step)
+
+
+def restarts(
+    campaign: Campaign,
+    *,
+    starts: int = 10,
+    seed: int | None = None,
+    sigma: Mapping[str, float] | None = None,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> Restarts:
+    """Ends of all stages from random starts inside the bounds, and whether they are one optimum.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    starts : int
+        Number of random starts, at least two.
+    seed : int, optional
+        Seed of the starts; by default the campaign's. The same seed gives the same starts and ends, and the
+        first of many starts are those of few.
+    sigma : mapping, optional
+        Standard deviation of coefficients by name, SI, as `Identification.sigma` gives them.
+    run_dir : str or Path, optional
+        Folder for the results. Finished stages of every start are kept beside it while the run goes on.
+    progress : callable, optional
+        Called in the caller's thread with a `Progress` of the whole after every batch of candidates.
+    resume : bool
+        Reuse what an earlier run in this folder finished from the same inputs.
+    threads : int, optional
+        Threads of the core; the result does not depend on it.
+
+    Returns
+    -------
+    Restarts
+        After Ctrl-C: the starts that were finished, marked as interrupted.
+
+    Raises
+    ------
+    CampaignError, TrialError
+        Fewer than two starts, or the campaign asks for what cannot be done.
+    SeatrialError
+        The run directory cannot be written.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.identification.restarts import restarts
+    >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
+    >>> print(restarts(campaign, starts=10))  # doctest: +SKIP
+    """
+    if starts < 2:
+        raise CampaignError(
+            f"random starts: expected two or more, found {starts}; one has nothing to agree with"
+        )
+    seed = campaign.seed if seed is None else seed
+    plan(campaign)  # refuses a bad campaign before a folder appears
+    directory = None if run_dir is None else RunDirectory(run_dir)
+    began = time.monotonic()
+    rows: list[tuple[StageResult, ...]] = []
+    interrupted = False
+    try:
+        for number in range(starts):
+            own = started(campaign, start_values(campaign, seed, number), seed=_stream(seed, number))
+            order = StageOrder(
+                own,
+                plan(own),
+                None if directory is None else directory.part(f"start {number + 1}"),
+                progress=None if progress is None else _whole(progress, number, starts, began),
+                resume=resume,
+                threads=threads,
+            )
+            found = order.stages()
+            if order.stop.is_set():
+                raise KeyboardInterrupt
+            rows.append(found)
+    except KeyboardInterrupt:
+        interrupted = True
+    return _gathered(campaign, rows, seed, sigma or {}, interrupted, directory)
+
+
+def start_values(campaign: Campaign, seed: int, number: int) -> dict[str, dict[str, float]]:
+    """Start values by stage and parameter, SI, of one random start: uniform inside the bounds."""
+    found = {}
+    for stage in campaign.stages:
+        generator = np.random.default_rng([seed, number, zlib.crc32(stage.name.encode())])
+        found[stage.name] = {
+            p.name: float(generator.uniform(p.lower, p.upper)) for p in campaign.parameters[stage.name]
+        }
+    return found
+
+
+def _stream(seed: int, number: int) -> int:
+    """Seed of the search from one start."""
+    return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+
+
+def _whole(
+    progress: Callable[[Progress], None], number: int, starts: int, began: float
+) -> Callable[[Progress], None]:
+    """What one start reports, as progress of all of them."""
+
+    def show(state: Progress) -> None:
+        elapsed = time.monotonic() - began
+        fraction = (number + state.fraction) / starts
+        progress(
+            replace(
+                state,
+                stage=f"start {number + 1} of {starts}, {state.stage}",
+                fraction=fraction,
+                elapsed_s=elapsed,
+                left_s=elapsed * (1.0 - fraction) / max(fraction, 1e-6),
+            )
+        )
+
+    return show
+
+
+def _gathered(
+    campaign: Campaign,
+    rows: list[tuple[StageResult, ...]],
+    seed: int,
+    sigma: Mapping[str, float],
+    interrupted: bool,
+    directory: RunDirectory | None,
+) -> Restarts:
+    """Ends by stage, written where they are wanted."""
+    stages = tuple(
+        StageRestarts.of([row[index] for row in rows], campaign.parameters[stage.name], sigma)
+        for index, stage in enumerate(campaign.stages)
+        if rows
+    )
+    found = Restarts(campaign.name, stages, seed, interrupted)
+    if directory is not None and rows and not interrupted:
+        found.publish(directory, text=campaign.text)
+    return found

@@ -1,0 +1,242 @@
+"""Following a suggestion: the campaign with one coefficient freed, and what the hold-out score says of it.
+
+The campaign's text keeps its comments; one line is added. The residuals of the data that a model was fitted
+to fall with every coefficient; only data held out of the fit tell whether the prediction is better.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from seatrial.base.channels import AXES
+from seatrial.base.errors import CampaignError
+from seatrial.campaign.campaign import Campaign
+from seatrial.diagnosis.missing_terms import Suggestion
+from seatrial.diagnosis.refitting import suggested_bounds
+from seatrial.identification.hold_out import POOLED
+
+if TYPE_CHECKING:
+    from seatrial.base.progress import Progress
+    from seatrial.identification.identification import Identification
+
+__all__ = ["HoldOutChange", "follow", "followed_text", "hold_out_change", "try_suggestion"]
+
+LEAST_CHANGE = 0.02
+"""Differences of R2 below this mean nothing."""
+
+_HEADER = re.compile(r"\s*\[{1,2}([^\[\],]+)\]{1,2}\s*(#.*)?")
+
+
+@dataclass(frozen=True)
+class HoldOutChange:
+    """Scores of two identifications of one campaign on what both held out, ten seconds ahead.
+
+    Attributes
+    ----------
+    r2
+        R2 per channel, (before, after).
+    verdict
+        "keep" (better in a channel, worse in none), "drop" (worse in a channel, better in none), "mixed", or
+        "no difference". Changes below 0.02 do not count.
+    sentence
+        The same in words.
+    """
+
+    r2: Mapping[str, tuple[float, float]]
+    verdict: Literal["keep", "drop", "mixed", "no difference"]
+    sentence: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """The change as plain data."""
+        return {
+            "r2": {channel: list(pair) for channel, pair in self.r2.items()},
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+        }
+
+
+def followed_text(campaign: Campaign, suggestion: Suggestion) -> str:
+    """The campaign file's text with the suggested coefficient freed, comments kept.
+
+    The coefficient goes to ``[polish.coefficients]`` where the file has a ``[polish]``, otherwise to the last
+    stage that frees the axis of its force (the last stage, if it is of no axis), within `suggested_bounds`.
+
+    Raises
+    ------
+    CampaignError
+        The file is laid out such that the line cannot be added safely; the message gives it.
+    """
+    lower, upper = suggested_bounds(suggestion, campaign.vehicle.coefficient_info())
+    name = suggestion.name
+    key = f'"{name}"' if "." in name else name
+    entry = f"{key} = [{lower!r}, {upper!r}]"
+    line = f"{entry} # suggested: {suggestion.channel} residual follows {suggestion.follows}"
+    table, number = (
+        ("polish", None) if campaign.file.polish is not None else ("stages", _stage(campaign, name))
+    )
+    before = tomllib.loads(campaign.text)
+    owner = before[table] if number is None else before[table][number]
+    wanted: dict[str, Any] = {**owner.get("coefficients", {}), name: [lower, upper]}
+    if name not in owner.get("coefficients", {}):
+        for text in _attempts(campaign.text, table, number, line=line, entry=entry):
+            try:
+                after = tomllib.loads(text)
+            except tomllib.TOMLDecodeError:
+                continue
+            changed = after[table] if number is None else after[table][number]
+            if changed.get("coefficients") == wanted and _without(after, table, number) == _without(
+                before, table, number
+            ):
+                return text
+    where = "[polish.coefficients]" if number is None else f"stage {before[table][number]['name']!r}"
+    raise CampaignError(
+        f"{campaign.source}: {where}: the coefficient {name!r} cannot be added to the text without changing"
+        f" more of it; add this line to its coefficients by hand: {entry}"
+    )
+
+
+def follow(campaign: Campaign, suggestion: Suggestion) -> Campaign:
+    """The campaign with the suggested coefficient freed; its ``text`` is that of `followed_text`.
+
+    Raises
+    ------
+    CampaignError
+        As `followed_text`, or the coefficient cannot be freed there.
+    """
+    return Campaign.from_toml(
+        followed_text(campaign, suggestion),
+        folder=campaign.folder,
+        source=campaign.source,
+        trials=campaign._data,
+    )
+
+
+def hold_out_change(before: Identification, after: Identification) -> HoldOutChange:
+    """Change of the hold-out score between two identifications, and what to make of it.
+
+    Raises
+    ------
+    CampaignError
+        Nothing is held out that both could be judged by.
+    """
+    old, new = _held_out(before), _held_out(after)
+    pairs = {channel: (old[channel], new[channel]) for channel in old if channel in new}
+    gained = {channel: after_ - before_ for channel, (before_, after_) in pairs.items()}
+    better = [channel for channel, change in gained.items() if change >= LEAST_CHANGE]
+    worse = [channel for channel, change in gained.items() if change <= -LEAST_CHANGE]
+    verdict: Literal["keep", "drop", "mixed", "no difference"]
+    if better and worse:
+        verdict, advice = "mixed", "keep it if the channels that gain are those that matter"
+    elif better:
+        verdict, advice = "keep", "keep it"
+    elif worse:
+        verdict, advice = "drop", "drop it"
+    else:
+        verdict, advice = "no difference", "no channel changes by 0.02; drop it, the smaller model is as good"
+    told = [f"{c} {pairs[c][0]:.3f} to {pairs[c][1]:.3f}" for c in (*better, *worse)]
+    sentence = f"Hold-out R2 {', '.join(told)}: {advice}" if told else f"Hold-out R2: {advice}"
+    return HoldOutChange(pairs, verdict, sentence)
+
+
+def try_suggestion(
+    campaign: Campaign,
+    suggestion: Suggestion,
+    *,
+    before: Identification | None = None,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    threads: int | None = None,
+) -> tuple[Identification, HoldOutChange]:
+    """Identification with the suggestion followed, and the change of the hold-out score.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    suggestion : Suggestion
+    before : Identification, optional
+        The identification of the campaign as it is; made when not given.
+    run_dir : str or Path, optional
+        Folder for the results of the followed campaign.
+    progress, threads
+        As in `seatrial.identify`.
+
+    Raises
+    ------
+    CampaignError
+        The suggestion cannot be followed, or nothing is held out.
+    """
+    from seatrial.identification.identify import identify
+
+    followed = follow(campaign, suggestion)
+    first = identify(campaign, progress=progress, threads=threads) if before is None else before
+    _held_out(first)  # refuses before the second search
+    second = identify(followed, run_dir=run_dir, progress=progress, threads=threads)
+    return second, hold_out_change(first, second)
+
+
+def _held_out(fit: Identification) -> dict[str, float]:
+    """R2 per channel ten seconds ahead over all that is held out."""
+    trials = fit.scores.get("hold_out", {}).get("ahead", {})
+    score = trials.get(POOLED) or (next(iter(trials.values())) if len(trials) == 1 else None)
+    if score is None:
+        raise CampaignError(
+            f"{fit.campaign.source}: nothing is held out, or no common score of it, so that no one can say"
+            " whether a further coefficient predicts better; set hold_out or hold_out_s of a trial"
+        )
+    return {channel: value for channel, value in score.r2.items() if math.isfinite(value)}
+
+
+def _stage(campaign: Campaign, name: str) -> int:
+    """Place in the file of the last stage that frees the axis of a coefficient's force."""
+    axis = name[0] if name[0] in AXES and name[1:2] == "_" else ""
+    fitting = [stage for stage in campaign.stages if axis in stage.axes.free] or list(campaign.stages)
+    return [stage.name for stage in campaign.file.stages].index(fitting[-1].name)
+
+
+def _attempts(text: str, table: str, number: int | None, *, line: str, entry: str) -> list[str]:
+    """Texts with the line added where it may belong, the likeliest first; not all need be valid."""
+    lines = text.splitlines()
+    headers = [(i, match[1].strip()) for i, row in enumerate(lines) if (match := _HEADER.fullmatch(row))]
+    starts = [i for i, header in headers if header == table]
+    if number is not None:
+        starts = starts[number : number + 1]
+    later = [i for i, header in headers if starts and i > starts[0] and header.split(".")[0] != table]
+    end = later[0] if later else len(lines)
+    if number is not None:
+        following = [i for i, header in headers if starts and i > starts[0] and header == table]
+        end = min([end, *following])
+    found = []
+    for i, header in headers:
+        inside = number is None or (starts and starts[0] < i < end)
+        if header == f"{table}.coefficients" and inside:
+            stop = next((j for j, _ in headers if j > i), len(lines))
+            while stop > i + 1 and (not lines[stop - 1].strip() or lines[stop - 1].lstrip().startswith("#")):
+                stop -= 1
+            found += [[*lines[:stop], line, *lines[stop:]], [*lines[: i + 1], line, *lines[i + 1 :]]]
+    if starts:
+        for i in range(starts[0], end):
+            opened = re.match(r"\s*coefficients\s*=\s*\{", lines[i])
+            if opened:
+                rest = lines[i][opened.end() :]
+                comma = "" if rest.lstrip().startswith("}") else ","
+                found.append([*lines[:i], f"{opened[0]} {entry}{comma}{rest}", *lines[i + 1 :]])
+        stop = next((j for j, _ in headers if j > starts[0]), len(lines))
+        while stop > starts[0] + 1 and not lines[stop - 1].strip():
+            stop -= 1
+        found.append([*lines[:stop], "", f"[{table}.coefficients]", line, *lines[stop:]])
+    return ["\n".join(one) + "\n" for one in found]
+
+
+def _without(data: Mapping[str, Any], table: str, number: int | None) -> Any:
+    """The file's data without the coefficients of one table."""
+    if number is None:
+        return dict(data) | {table: {k: v for k, v in data[table].items() if k != "coefficients"}}
+    rows = list(data[table])
+    rows[number] = {k: v for k, v in rows[number].items() if k != "coefficients"}
+    return dict(data) | {table: rows}

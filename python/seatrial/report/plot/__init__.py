@@ -1,0 +1,1 @@
+"""Figures for paper and screen in one style."""

@@ -1,0 +1,403 @@
+"""Bollard test: measured thrust of a single actuator over its signal, the fitted curve and its 95 % band.
+
+One panel per group with both directions in one pair of axes, as the paper shows the characteristics of stern
+propeller and vertical thruster. Outliers are ringed and named. A table over the supply voltage is a curve per
+voltage, each with its points.
+
+Step test of a motor: commanded, measured and modelled revolutions, their residual, and single steps.
+
+As the figure "Modelled and measured step response of revolution" of Taubert et al. (2014). In a single step
+the dashed line is what the lag follows: the command after limits, rate limit and dead time. At 63 % of the
+step the response lags behind it by T_1, exactly so after a jump and on a ramp that is long against T_1.
+Held by `tests/bench_test/test_motor_dynamics.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.bench_test.characteristic import SIDES
+from seatrial.bench_test.motor_record import StepRecord
+from seatrial.bench_test.result import share
+from seatrial.report.plot.style import (
+    CYCLE,
+    FAINT,
+    MEASURED,
+    RESIDUAL,
+    SECOND,
+    SIMULATED,
+    WIDTH_IN,
+    house_style,
+    new_figure,
+    panel_title,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from seatrial.bench_test.characteristic import UnitFit
+    from seatrial.bench_test.motor_estimate import MotorEstimate
+    from seatrial.bench_test.result import BenchTest
+
+__all__ = ["bollard_test", "motor_step"]
+
+_POINTS = 201
+
+_NAMED = 6
+
+_DENSE = 60
+
+_DASHES = (
+    "-",
+    (0, (6, 1.5)),
+    (0, (3, 1.2)),
+    (0, (1.2, 1.0)),
+    (0, (6, 1.5, 1.2, 1.5)),
+    (0, (3, 1, 1, 1, 1, 1)),
+)
+
+
+def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> Figure:
+    """Figure of the fitted characteristics, with the points behind them and their residuals.
+
+    Parameters
+    ----------
+    result : BenchTest
+    groups : sequence of str, optional
+        Groups to show; all that were pulled by default.
+    """
+    shown = [result.pulls[name] for name in (groups or result.pulls)]
+    with house_style():
+        figure = new_figure(3.9, width_in=min(WIDTH_IN, 3.7 * len(shown)))
+        grid = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3.0, 1.0))
+        for column, fit in enumerate(shown):
+            upper, lower = grid[0][column], grid[1][column]
+            if fit.table is not None and len(fit.table.voltage) > 1:
+                _voltages(upper, lower, fit)
+            else:
+                _curve(upper, lower, fit)
+            for axes in (upper, lower):
+                axes.axhline(0.0, color="#262626", linewidth=0.5)
+                axes.axvline(0.0, color="#262626", linewidth=0.5)
+                axes.locator_params(nbins=6)
+            lower.margins(y=0.15)
+            upper.set_ylabel("thrust of one actuator, N")
+            lower.set_ylabel("residual, N")
+            neutral = float(result.before.actuator_info()[fit.unit.actuators[0]]["neutral"])
+            from_neutral = f" from neutral ({neutral:g})" if neutral else ""
+            what = {"rpm": "revolutions", "us": "pulse width", "N": "commanded force"}[fit.unit.command]
+            lower.set_xlabel(f"{what}{from_neutral}, {fit.unit.command.replace('us', 'µs')}")
+            panel_title(upper, fit.unit.name.replace("_", " "), _scores(fit))
+        figure.align_ylabels(grid[:, 0])
+    return figure
+
+
+def _scores(fit: UnitFit) -> str:
+    if not fit.directions:
+        rms = float(np.sqrt(np.mean(fit.table.residual**2))) if fit.table is not None else np.nan
+        return f"table, residual {rms:.2g} N (rms)"
+    words = ", ".join(f"{share(one.fit.r2, 4)} {side}" for side, one in fit.directions.items())
+    return f"R² {words}"
+
+
+def _curve(upper: Axes, lower: Axes, fit: UnitFit) -> None:
+    points = fit.points
+    outlying = _outlying(fit)
+    for number, side in enumerate(fit.sides):
+        sign = SIDES[side]
+        own = sign * points.signal > 0.0
+        grid = sign * np.linspace(0.0, float(np.abs(points.signal[own]).max()), _POINTS)[1:]
+        thrust = fit.thrust(grid)
+        first = number == 0
+        upper.plot(grid, thrust, color=SIMULATED, label="fit" if first else None, zorder=3)
+        if side in fit.directions and fit.table is None:
+            curve, single = fit.directions[side].fit.bands(np.abs(grid)[:, None])
+            for axes, middle in ((upper, thrust), (lower, 0.0 * thrust)):
+                axes.fill_between(
+                    grid,
+                    middle - single,
+                    middle + single,
+                    color=FAINT,
+                    alpha=0.25,
+                    linewidth=0.0,
+                    label="95 %, single points" if first else None,
+                )
+                axes.fill_between(
+                    grid,
+                    middle - curve,
+                    middle + curve,
+                    color=SIMULATED,
+                    alpha=0.3,
+                    linewidth=0.0,
+                    label="95 %, curve" if first else None,
+                )
+    residual = points.thrust - fit.thrust(points.signal)
+    honest = ~outlying
+    size = 9.0 if len(points.signal) <= _DENSE else 2.0
+    for axes, values in ((upper, points.thrust), (lower, residual)):
+        axes.scatter(
+            points.signal[honest],
+            values[honest],
+            s=size,
+            color=MEASURED,
+            linewidths=0.0,
+            zorder=4 if size > 5.0 else 2,
+            label="measured",
+        )
+        if outlying.any():
+            _ring(axes, points.signal[outlying], values[outlying])
+    _name_outliers(upper, fit, np.flatnonzero(outlying))
+    upper.legend(loc="upper left")
+
+
+def _outlying(fit: UnitFit) -> NDArray[np.bool_]:
+    """Mask (n,) of the points that are outliers."""
+    outlying = np.zeros(len(fit.points.signal), bool)
+    for one in fit.directions.values():
+        outlying[one.outliers] = True
+    return outlying
+
+
+def _ring(axes: Axes, signal: Array, values: Array) -> None:
+    axes.scatter(
+        signal,
+        values,
+        s=26.0,
+        facecolors="none",
+        edgecolors=RESIDUAL,
+        linewidths=1.0,
+        zorder=5,
+        label="outlier",
+    )
+
+
+def _name_outliers(axes: Axes, fit: UnitFit, outlying: NDArray[np.int_]) -> None:
+    """Numbers at the outliers; pull and place of each in the corner below the curve, always empty."""
+    listed = []
+    for number, k in enumerate(sorted(outlying, key=lambda k: fit.points.signal[k])[:_NAMED], 1):
+        left = fit.points.signal[k] < 0.0
+        axes.annotate(
+            str(number),
+            (fit.points.signal[k], fit.points.thrust[k]),
+            xytext=(7.0 if left else -7.0, 5.0 if left else 3.0),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=6.5,
+            color=RESIDUAL,
+        )
+        listed.append(f"{number}  {fit.points.pull[k]}, {fit.points.place[k].split(', ', 1)[-1]}")
+    more = len(outlying) - _NAMED
+    listed += [f"and {more} more"] if more > 0 else []
+    axes.text(
+        0.98,
+        0.03,
+        "\n".join(listed),
+        transform=axes.transAxes,
+        ha="right",
+        va="bottom",
+        fontsize=6.5,
+        color=RESIDUAL,
+        linespacing=1.4,
+    )
+
+
+def _voltages(upper: Axes, lower: Axes, fit: UnitFit) -> None:
+    table = fit.table
+    assert table is not None
+    grid = np.unique(np.concatenate([np.linspace(table.signal[0], table.signal[-1], _POINTS), table.signal]))
+    for row, voltage in enumerate(table.voltage):
+        colour, dashes = CYCLE[row % len(CYCLE)], _DASHES[row % len(_DASHES)]
+        own = table.level == row
+        upper.scatter(
+            fit.points.signal[own], fit.points.thrust[own], s=2.0, color=colour, alpha=0.45, linewidths=0.0
+        )
+        upper.plot(
+            grid,
+            table.at(grid, np.full(len(grid), voltage)),
+            color=colour,
+            linestyle=dashes,
+            linewidth=0.9,
+            label=f"{voltage:.4g} V",
+        )
+        lower.scatter(fit.points.signal[own], table.residual[own], s=2.0, color=colour, linewidths=0.0)
+    outlying = _outlying(fit)
+    if outlying.any():
+        _ring(upper, fit.points.signal[outlying], fit.points.thrust[outlying])
+        _ring(lower, fit.points.signal[outlying], table.residual[outlying])
+        _name_outliers(upper, fit, np.flatnonzero(outlying))
+    upper.legend(loc="upper left", title="supply", title_fontsize=7.5)
+
+
+_SHARE = 1.0 - np.exp(-1.0)
+
+_CLEAR = 8.0  # standard deviations of the noise that a step must exceed to be shown
+
+_FINE = 600
+
+_USUAL = 0.96  # part of the residuals that sets the axis where a few are far beyond
+
+_DARK = "#262626"
+
+
+def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
+    """Figure of a record and the motor that was identified.
+
+    Parameters
+    ----------
+    estimate : MotorEstimate
+    record : StepRecord
+        One of those it was identified from, or any other.
+    """
+    times, measured = record.sampled
+    stamps, commands = record.held
+    unit = estimate.unit
+    modelled = estimate.model.response(record, times)
+    with house_style():
+        figure = new_figure(5.6)
+        grid = figure.add_gridspec(3, 2, height_ratios=[1.5, 0.75, 1.5])
+        above = figure.add_subplot(grid[0, :])
+        below = figure.add_subplot(grid[1, :], sharex=above)
+        end = float(times[-1])
+        seen = stamps < end
+        above.step(
+            np.append(stamps[seen], end),
+            np.append(commands[seen], commands[seen][-1]),
+            where="post",
+            color=SECOND,
+            linewidth=0.9,
+            label="commanded",
+        )
+        above.plot(times, measured, ".", color=MEASURED, markersize=1.8, label="measured")
+        fine = np.linspace(times[0], end, max(4 * len(times), _FINE))
+        above.plot(
+            fine, estimate.model.response(record, fine), color=SIMULATED, linewidth=0.9, label="modelled"
+        )
+        above.set_ylabel(f"revolutions, {unit}")
+        above.set_xlim(times[0], end)
+        above.tick_params(labelbottom=False)
+        above.legend(loc="upper right", ncols=3, bbox_to_anchor=(1.0, 1.17), borderaxespad=0.0)
+        panel_title(above, f"Step test of {record.name}")
+        _residual(below, times, measured, modelled, unit)
+        shown = _steps(estimate, record)
+        for place, (name, k) in enumerate(shown):
+            axes = figure.add_subplot(grid[2, place] if len(shown) > 1 else grid[2, :])
+            _step(axes, estimate, record, k, name)
+            axes.set_ylabel(f"revolutions, {unit}" if place == 0 else "")
+        if shown:
+            figure.axes[-1].legend(loc="best")
+        figure.align_ylabels()
+    return figure
+
+
+def _residual(axes: Axes, times: Array, measured: Array, modelled: Array, unit: str) -> None:
+    """Residual over time; a few values far beyond the others are counted, not drawn."""
+    error = measured - modelled
+    usual = 1.3 * float(np.quantile(np.abs(error), _USUAL))
+    inside = np.abs(error) <= (usual if np.abs(error).max() > 4.0 * usual else np.inf)
+    axes.axhline(0.0, color=_DARK, linewidth=0.5)
+    axes.plot(times[inside], error[inside], color=RESIDUAL, linewidth=0.6)
+    axes.set_ylabel(f"residual, {unit}")
+    axes.set_xlabel("time, s")
+    spread = float(np.sum((measured[inside] - measured[inside].mean()) ** 2))
+    text = f"mean |e| = {np.mean(np.abs(error[inside])):.1f} {unit}"
+    if spread > 0:
+        text += f", R\N{SUPERSCRIPT TWO} = {1.0 - float(np.sum(error[inside] ** 2)) / spread:.5f}"
+    if not inside.all():
+        text += f"; {np.count_nonzero(~inside)} values are off the axis"
+    panel_title(axes, "Measured minus modelled", text)
+
+
+def _steps(estimate: MotorEstimate, record: StepRecord) -> list[tuple[str, int]]:
+    """The largest step away from rest and the smallest clear one, with their places among the commands."""
+    stamps, commands = record.held
+    limits = replace(estimate.model, T_1=0.0, T_t=0.0, n_acc=(np.inf, np.inf), n_dec=(np.inf, np.inf))
+    levels = limits.response(record, stamps)
+    ends = np.append(stamps[1:], record.sampled[0][-1])
+    lasting = ends - stamps > estimate.model.T_t + 3.0 * estimate.model.T_1
+    sizes = np.abs(np.diff(levels, prepend=levels[0]))
+    growing = np.abs(levels) > np.abs(np.roll(levels, 1))
+    fit = lasting & (sizes > _CLEAR * estimate.noise.total)
+    fit[0] = False
+    places = np.flatnonzero(fit)
+    if not len(places):
+        return []
+    preferred = [k for k in places if growing[k]] or list(places)
+    large = int(max(preferred, key=lambda k: (sizes[k], -k)))
+    # Steps into a limit are small for the motor and large on the page.
+    asked = np.abs(np.diff(commands, prepend=commands[0])) * estimate.model.K_V
+    plain = [k for k in places if asked[k] < 1.5 * sizes[k]] or list(places)
+    small = int(min(plain, key=lambda k: (sizes[k], k)))
+    return [("Large step", large)] + ([("Small step", small)] if sizes[small] < 0.5 * sizes[large] else [])
+
+
+def _step(axes: Axes, estimate: MotorEstimate, record: StepRecord, k: int, name: str) -> None:
+    """One step with dead time and time constant."""
+    stamps, commands = record.held
+    times, measured = record.sampled
+    model = estimate.model
+    at = float(stamps[k])
+    until = float(stamps[k + 1]) if k + 1 < len(stamps) else float(times[-1])
+    follow = replace(model, T_1=0.0)
+    fine = np.linspace(at, until, 4 * _FINE)
+    response, led = model.response(record, fine), follow.response(record, fine)
+    before, after = float(response[0]), float(response[-1])
+    passed = (response - before) / (after - before)
+    settled = fine[int(np.argmax(passed > 0.99))] - at
+    first, last = at - 0.45 * settled, min(at + 1.4 * settled, until)
+    fine = np.linspace(first, last, _FINE)
+    rows = (times >= first) & (times <= last)
+    axes.step(
+        [first - at, 0.0, last - at],
+        [float(commands[k - 1]), float(commands[k]), float(commands[k])],
+        where="post",
+        color=SECOND,
+        label="commanded",
+    )
+    axes.plot(
+        fine - at,
+        follow.response(record, fine),
+        "--",
+        color=FAINT,
+        linewidth=0.9,
+        label="limited and delayed",
+    )
+    axes.plot(fine - at, model.response(record, fine), color=SIMULATED, label="modelled")
+    axes.plot(times[rows] - at, measured[rows], "o", color=MEASURED, markersize=2.6, label="measured")
+    inner = np.linspace(at, until, 4 * _FINE) - at
+    share = (led - before) / (after - before)
+    reached = float(inner[int(np.argmax(share >= _SHARE))])
+    level = before + _SHARE * (after - before)
+    low = before + 0.3 * (after - before)
+    _span(axes, (0.0, model.T_t), low, f"$T_t$ = {model.T_t:.3f} s", at=0.0)
+    _span(axes, (reached, reached + model.T_1), level, f"$T_1$ = {model.T_1:.3f} s", at=reached + model.T_1)
+    axes.set_xlim(first - at, last - at)
+    axes.set_xlabel(f"time after the command, s (t = {at:.1f} s)")
+    panel_title(axes, name)
+
+
+def _span(axes: Axes, ends: tuple[float, float], level: float, text: str, *, at: float) -> None:
+    """A time between two bars, with its name beside one of them, away from the other."""
+    left = at == ends[0]
+    for x in ends:
+        axes.plot([x], [level], "|", color=_DARK, markersize=7, markeredgewidth=0.9, zorder=5)
+    axes.plot(ends, [level, level], color=_DARK, linewidth=0.9, zorder=5)
+    axes.annotate(
+        text,
+        (at, level),
+        xytext=(-5 if left else 5, 0),
+        textcoords="offset points",
+        ha="right" if left else "left",
+        va="center",
+        fontsize=7.5,
+        color=_DARK,
+        zorder=6,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6},
+    )

@@ -1,0 +1,548 @@
+"""Set-point responses in their corridors, with the areas that the constraint criterion adds up.
+
+After the figure "Constraint criteria with error areas" of Taubert et al. (2014): response, both bounds, what
+lies below the lower and above the upper one filled. Of a bundle the worst response is drawn strongly and its
+areas are filled. Held by `tests/report/test_corridor_figures.py`.
+
+Responses of a loop to a staircase of set points before and after tuning, in one time course.
+
+After the figure "Speed control optimization with constraint criteria" of Taubert et al. (2014), for any loop
+and any number of vehicles: the first row is the nominal one, the others span a band. Held by
+`tests/report/test_corridor_figures.py`.
+
+The speed over a staircase of set points with the start gains and with the tuned ones.
+
+After the figure "Speed control optimization with constraint criteria" of Taubert et al. (2014): one time
+course in which the set point u_d changes several times, through all modes of the autopilot. Held by
+tests/report/test_tuning_gallery.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import SimulationError
+from seatrial.report.plot.flight import line
+from seatrial.report.plot.style import (
+    COLUMN_IN,
+    FAINT,
+    MEASURED,
+    RESIDUAL,
+    SECOND,
+    SHADE,
+    SIMULATED,
+    THIRD,
+    WIDTH_IN,
+    house_style,
+    new_figure,
+    panel_title,
+)
+from seatrial.tuning.criterion import criterion, time_weighted_error, violations
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from seatrial._core import Autopilot
+    from seatrial.campaign.corridor import Corridor
+    from seatrial.tuning.plan import TuningPlan
+
+__all__ = [
+    "Course",
+    "InCorridor",
+    "SetPointStep",
+    "corridor_figure",
+    "course_of_set_points",
+    "speed_steps",
+    "step_responses",
+    "worst_response",
+]
+
+_HEIGHT_IN = 2.65
+
+_MARGIN, _MOST = 0.12, 0.6  # beyond the bounds, as shares of their range: at least, and at most
+
+_JUST_BEFORE_S = 1e-6
+
+_SMALLEST_S = 0.001  # an area below is told as less than that
+
+_FAINTEST = 60  # responses of a bundle that are drawn, evenly taken from those there are
+
+
+@dataclass(frozen=True, eq=False)
+class InCorridor:
+    """Responses to be drawn in a corridor.
+
+    Parameters
+    ----------
+    name : str
+        Title of the panel: loop, speed, step.
+    corridor : Corridor
+    t : array, shape (n,)
+        Even grid of the control periods, s since the step.
+    responses : array, shape (n,) or (k, n)
+        Normalised responses.
+    remark : str
+        At the right of the title.
+    label : str
+        Of the vertical axis.
+    each : str
+        What one of a bundle is called.
+    """
+
+    name: str
+    corridor: Corridor
+    t: Array
+    responses: Array
+    remark: str = ""
+    label: str = "share of the step"
+    each: str = "responses"
+
+
+def worst_response(shown: InCorridor) -> int:
+    """Index of the response with the largest criterion; among equals, of the largest time-weighted error."""
+    bundle = np.atleast_2d(shown.responses)
+    cost = criterion(shown.t, bundle, shown.corridor)
+    equal = cost == cost.max()
+    late = time_weighted_error(shown.t, bundle, shown.corridor)
+    return int(np.argmax(np.where(equal, late, -1.0)))
+
+
+def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
+    """Figure with a panel per corridor: its bounds, the responses, the areas outside with their sizes.
+
+    Parameters
+    ----------
+    shown : sequence of InCorridor
+        At least one; two stand side by side.
+
+    Raises
+    ------
+    SimulationError
+        There is nothing to draw, or a grid does not fit its responses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from seatrial.campaign.corridor import Corridor
+    >>> t = np.arange(0.0, 40.0, 0.1)
+    >>> one = InCorridor("surge", Corridor.from_figures(rise_s=10.0), t, 1.0 - np.exp(-t / 6.0))
+    >>> len(corridor_figure([one]).axes)
+    1
+    """
+    if not shown:
+        raise SimulationError("no response to draw in a corridor; give at least one")
+    columns = min(len(shown), 2)
+    rows = -(-len(shown) // 2)
+    with house_style():
+        figure = new_figure(_HEIGHT_IN * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for row, panels in enumerate(grid):
+            beside = shown[2 * row : 2 * row + 2]
+            window = _common(beside)
+            for axes, one in zip(panels, beside, strict=False):
+                _panel(axes, one, window)
+        for axes in list(grid.flat)[len(shown) :]:
+            axes.set_axis_off()
+        # The width of tick labels is known after a first layout: without it a panel's label leaves the page.
+        figure.draw_without_rendering()
+    return figure
+
+
+def _common(beside: Sequence[InCorridor]) -> tuple[float, float]:
+    """Vertical limits of panels that stand side by side: the eye compares their heights."""
+    ends = [_window(one.corridor, np.atleast_2d(one.responses)[worst_response(one)]) for one in beside]
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def _panel(axes: Axes, one: InCorridor, window: tuple[float, float]) -> None:
+    bundle = np.atleast_2d(np.asarray(one.responses, dtype=float))
+    worst = worst_response(one)
+    areas = violations(one.t, bundle[worst], one.corridor)
+    period = float(one.t[1] - one.t[0])  # the last sample stands for the period after it
+    end = min(one.corridor.until_s, float(one.t[-1]) + period)
+    low, high = window
+    _excluded(axes, one.corridor, end, low, high)
+    axes.axhline(one.corridor.target, color=FAINT, linewidth=0.7, linestyle=(0, (4, 2)))
+    for k in np.unique(np.linspace(0, len(bundle) - 1, min(len(bundle), _FAINTEST)).astype(int)):
+        if k != worst:
+            axes.plot(one.t, _drawn(bundle[k]), color=SIMULATED, linewidth=0.5, alpha=0.35, zorder=2.2)
+    _areas(axes, one, bundle[worst], areas)
+    label = "response" if len(bundle) == 1 else f"worst of {len(bundle)} {one.each}"
+    label += _beyond(bundle[worst], low, high)
+    axes.plot(one.t, _drawn(bundle[worst]), color=SIMULATED, linewidth=1.4, zorder=3, label=label)
+    axes.set_xlim(min(0.0, float(one.t[0])), end)
+    axes.set_ylim(low, high)
+    axes.set_xlabel("time since the step, s")
+    axes.set_ylabel(one.label)
+    panel_title(axes, one.name, one.remark)
+    handles, labels = axes.get_legend_handles_labels()
+    first = [labels.index(label), labels.index("corridor")]
+    order = [*first, *(k for k in range(len(labels)) if k not in first)]
+    axes.legend(
+        [handles[k] for k in order],
+        [labels[k] for k in order],
+        loc="upper center",
+        bbox_to_anchor=(0.48, -0.23),
+        ncols=2,
+        fontsize=7,
+        columnspacing=1.2,
+        borderaxespad=0.0,
+    )
+
+
+def _excluded(axes: Axes, corridor: Corridor, end: float, low: float, high: float) -> None:
+    """Both bounds, and beyond them a light shade."""
+    grid = _fine(corridor, np.array([0.0, end]))
+    label = "corridor"
+    for bound, edge in zip(corridor.sampled(grid), (low, high), strict=True):
+        if np.isfinite(bound).any():
+            edges = np.where(np.isfinite(bound), bound, np.nan)
+            axes.fill_between(grid, edges, edge, color=SHADE, alpha=0.75, linewidth=0.0, zorder=0.6)
+            axes.plot(grid, edges, color=MEASURED, linewidth=0.9, zorder=2.5, label=label)
+            label = "_"
+
+
+def _areas(axes: Axes, one: InCorridor, response: Array, areas: Array) -> None:
+    """Areas outside the corridor, with their sizes in the legend."""
+    grid = _fine(one.corridor, one.t)
+    y = np.interp(grid, one.t, _drawn(response))
+    sides = (
+        ("below", areas[0], np.minimum, SECOND, "////"),
+        ("above", areas[1], np.maximum, RESIDUAL, "\\\\\\\\"),
+    )
+    weights = one.corridor.weight_lower, one.corridor.weight_upper
+    for bound, weight, (word, area, beyond, colour, hatch) in zip(
+        one.corridor.sampled(grid), weights, sides, strict=True
+    ):
+        edge = np.where(np.isfinite(bound), bound, np.nan)
+        axes.fill_between(
+            grid,
+            edge,
+            beyond(edge, y),
+            facecolor=colour,
+            edgecolor="white",
+            hatch=hatch,
+            linewidth=0.0,
+            alpha=0.85,
+            zorder=2.0,
+            label=f"{word}: {_size(float(area), weight)}",
+        )
+
+
+def _size(area: float, weight: float) -> str:
+    if not math.isfinite(area):
+        return "no end (diverged)"
+    times = "" if weight == 1.0 else f"{weight:g} × "
+    size = f"below {_SMALLEST_S:g}" if area < _SMALLEST_S else f"{area:.3g}" if area < 1e3 else f"{area:.0f}"
+    return f"{times}{size} s" if area > 0.0 else "none"
+
+
+def _beyond(response: Array, low: float, high: float) -> str:
+    """Where a response goes that leaves the panel, for the legend; empty for one that does not."""
+    seen = response[np.isfinite(response)]
+    if not len(seen):
+        return " (diverges at once)"
+    ends = [float(end) for end in (seen.min(), seen.max()) if not low <= end <= high]
+    return f" (to {max(ends, key=abs):.2g})".replace("-", "\N{MINUS SIGN}") if ends else ""
+
+
+def _window(corridor: Corridor, response: Array) -> tuple[float, float]:
+    """Vertical limits: a margin around bounds and response, of which a wild one is cut."""
+    values = np.array([value for points in (corridor.lower, corridor.upper) for _, value in points])
+    ends = np.array([min(values.min(), 0.0), max(values.max(), corridor.target)])
+    span = float(ends[1] - ends[0]) or 1.0
+    seen = response[np.isfinite(response)] if np.isfinite(response).any() else ends
+    low = min(ends[0] - _MARGIN * span, float(seen.min()) - 0.5 * _MARGIN * span)
+    high = max(ends[1] + _MARGIN * span, float(seen.max()) + 0.5 * _MARGIN * span)
+    return max(low, float(ends[0]) - _MOST * span), min(high, float(ends[1]) + _MOST * span)
+
+
+def _fine(corridor: Corridor, t: Array) -> Array:
+    """Grid with the times of all bounds, and just before them, so that jumps are upright."""
+    times = np.array([time for points in (corridor.lower, corridor.upper) for time, _ in points])
+    grid = np.concatenate([t, times, times - _JUST_BEFORE_S])
+    return np.unique(grid[(grid >= t[0]) & (grid <= t[-1])])
+
+
+def _drawn(response: Array) -> Array:
+    """The response without what is not finite: a gap in the line."""
+    return np.where(np.isfinite(response), response, np.nan)
+
+
+_STEP_RESPONSES_HEIGHT_IN, _LEGEND_IN = 2.2, 0.5
+
+_IN_A_COLUMN = 3  # more courses stand in two, and all of them on a page
+
+_PAGE_IN = 9.8
+
+_CORRIDOR = "#DDEBDD"
+
+_STEP_RESPONSES_MARGIN, _STEP_RESPONSES_MOST = (
+    0.08,
+    0.5,
+)  # around what is shown, and how far a wild response may widen it
+
+_PER_STEP = 240  # points of a bound
+
+_ALONE_IN = 0.8  # more height for the only panel
+
+_MOSTLY = 0.4
+
+
+@dataclass(frozen=True)
+class SetPointStep:
+    """A step of the set point: time in s, values before and after in the unit drawn, and its corridor."""
+
+    at_s: float
+    before: float
+    after: float
+    corridor: Corridor
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Time course of one loop.
+
+    Parameters
+    ----------
+    name : str
+        Title of the panel.
+    label : str
+        Of the vertical axis, with the unit.
+    t : array, shape (n,)
+        Time, s.
+    set_point : array, shape (n,)
+        In the unit drawn; blank where there is none.
+    before, after : array, shape (n,) or (k, n)
+        Responses with the start gains and with the tuned ones; the first row is the nominal vehicle.
+    steps : sequence of SetPointStep
+        Steps whose corridors are shaded.
+    down : bool
+        Whether the axis points downwards, as of a depth.
+    remark : str
+        At the right of the title.
+    """
+
+    name: str
+    label: str
+    t: Array
+    set_point: Array
+    before: Array
+    after: Array
+    steps: Sequence[SetPointStep] = ()
+    down: bool = False
+    remark: str = ""
+
+
+def step_responses(courses: Sequence[Course]) -> Figure:
+    """Figure with a panel per loop: set points, corridors, responses before and after tuning.
+
+    Parameters
+    ----------
+    courses : sequence of Course
+        At least one.
+
+    Raises
+    ------
+    SimulationError
+        There is nothing to draw.
+    """
+    if not courses:
+        raise SimulationError("no step responses to draw; give at least one time course")
+    columns = 1 if len(courses) <= _IN_A_COLUMN else 2
+    rows = -(-len(courses) // columns)
+    with house_style():
+        alone = _ALONE_IN if len(courses) == 1 else 0.0
+        figure = new_figure(min(_STEP_RESPONSES_HEIGHT_IN * rows + _LEGEND_IN + alone, _PAGE_IN))
+        grid = figure.subplots(rows, columns, squeeze=False)
+        panels = list(grid.flat)
+        for axes, course in zip(panels, courses, strict=False):
+            _step_responses_panel(axes, course, narrow=columns > 1)
+        for axes in panels[len(courses) :]:
+            axes.set_axis_off()
+        for axes in panels[len(courses) - columns : len(courses)]:
+            axes.set_xlabel("time, s")
+        for column in grid.T:
+            figure.align_ylabels(list(column))
+        _legend(figure, courses)
+    return figure
+
+
+def _step_responses_panel(axes: Axes, course: Course, *, narrow: bool) -> None:
+    edges = _corridors(axes, course)
+    line(axes, course.t, course.set_point, color=SECOND, linewidth=1.8, drawstyle="steps-post", zorder=2.1)
+    low, high = _step_responses_window(course, edges)
+    styles = ((course.before, MEASURED, (0, (3, 1.2)), 1.0), (course.after, SIMULATED, "-", 1.3))
+    for responses, colour, dashes, width in styles:
+        bundle = np.atleast_2d(np.asarray(responses, dtype=float))
+        bundle = np.where(np.isfinite(bundle), bundle, np.nan)
+        if len(bundle) > 1:
+            ends = np.fmin.reduce(bundle, axis=0), np.fmax.reduce(bundle, axis=0)
+            # A span that is mostly wider than the panel would hide all else and say no more than that.
+            if (ends[1] - ends[0] > high - low).mean() < _MOSTLY:
+                axes.fill_between(course.t, *ends, color=colour, alpha=0.22, linewidth=0.0, zorder=2.2)
+        line(axes, course.t, bundle[0], color=colour, linewidth=width, linestyle=dashes, zorder=2.4)
+    axes.set_xlim(course.t[0], course.t[-1])
+    axes.set_ylim(low, high)
+    if course.down:
+        axes.invert_yaxis()
+    axes.set_ylabel(course.label)
+    remark = course.remark
+    first = np.atleast_2d(course.before)[0]
+    if not ((first >= low) & (first <= high)).any():
+        remark = f"{remark or 'start gains'}, out of view"
+    if not narrow:
+        panel_title(axes, course.name, remark)
+        return
+    # Name and remark have no room beside each other.
+    axes.set_title(course.name, loc="left", fontweight="bold", pad=14 if remark else None)
+    if remark:
+        axes.text(0.0, 1.03, remark, fontsize=7, color="#404040", transform=axes.transAxes)
+
+
+def _corridors(axes: Axes, course: Course) -> list[float]:
+    """Shade the corridors up to the next step; ends of what they span, in the unit drawn."""
+    steps = sorted(course.steps, key=lambda step: step.at_s)
+    ends: list[float] = []
+    for k, step in enumerate(steps):
+        until = steps[k + 1].at_s if k + 1 < len(steps) else float(course.t[-1])
+        last = min(step.corridor.until_s, until - step.at_s)
+        times = np.unique(np.concatenate([np.linspace(0.0, last, _PER_STEP), _jumps(step.corridor, last)]))
+        bounds = [step.before + (step.after - step.before) * side for side in step.corridor.sampled(times)]
+        both = np.isfinite(bounds).all(axis=0)
+        axes.fill_between(
+            step.at_s + times, bounds[0], bounds[1], where=both, color=_CORRIDOR, linewidth=0.0, zorder=0.6
+        )
+        for bound in bounds:
+            finite = np.where(np.isfinite(bound), bound, np.nan)
+            axes.plot(step.at_s + times, finite, color=THIRD, linewidth=0.5, alpha=0.7, zorder=0.7)
+            ends += [float(x) for x in bound[np.isfinite(bound)]]
+    return ends
+
+
+def _jumps(corridor: Corridor, last: float) -> Array:
+    times = np.array([time for points in (corridor.lower, corridor.upper) for time, _ in points])
+    times = np.concatenate([times, times - 1e-6])
+    return np.asarray(times[(times >= 0.0) & (times <= last)])
+
+
+def _step_responses_window(course: Course, edges: Sequence[float]) -> tuple[float, float]:
+    """Vertical limits: set points and corridors, and the responses, of which a wild one is cut."""
+    kept = np.concatenate([np.asarray(edges), course.set_point[np.isfinite(course.set_point)]])
+    seen = np.concatenate([np.ravel(course.before), np.ravel(course.after)])
+    seen = seen[np.isfinite(seen)]
+    kept, seen = (kept if len(kept) else seen), (seen if len(seen) else kept)
+    span = float(np.ptp(kept)) or 1.0
+    low = max(min(kept.min(), seen.min()), kept.min() - _STEP_RESPONSES_MOST * span)
+    high = min(max(kept.max(), seen.max()), kept.max() + _STEP_RESPONSES_MOST * span)
+    return float(low - _STEP_RESPONSES_MARGIN * span), float(high + _STEP_RESPONSES_MARGIN * span)
+
+
+def _legend(figure: Figure, courses: Sequence[Course]) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=SECOND, linewidth=1.8, label="set point"),
+        Line2D([], [], color=MEASURED, linewidth=1.0, linestyle=(0, (3, 1.2)), label="start gains"),
+        Line2D([], [], color=SIMULATED, linewidth=1.3, label="tuned"),
+    ]
+    if any(np.ndim(one.before) > 1 or np.ndim(one.after) > 1 for one in courses):
+        handles.append(Patch(color=SIMULATED, alpha=0.22, linewidth=0.0, label="span of the samples"))
+    if any(one.steps for one in courses):
+        handles.append(Patch(facecolor=_CORRIDOR, edgecolor=THIRD, linewidth=0.5, label="corridor"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=1.4)
+
+
+_SHARES = (0.0, 0.3, 0.6, 0.9, 0.75, 0.45, 0.15)  # of the top speed, ahead
+
+_ASTERN = 0.5  # of the slowest supporting point that is reached
+
+_DEPTH_M = 20.0
+
+_HOLD_S = (15.0, 40.0)  # of a set point: at least, and at most
+
+_MAX_STEP_S = 0.02
+
+
+def course_of_set_points(plan: TuningPlan) -> tuple[Array, Array]:
+    """Times (n,), s, from which set points of the speed (n,), m/s, hold, and the time of the end as last.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+    """
+    slowest = min(plan.autopilot.speeds_m_s[place] for place in plan.places)
+    ahead = [share * plan.top_m_s for share in _SHARES]
+    if slowest < 0.0:
+        levels = [*ahead, 0.0, _ASTERN * slowest, slowest, 0.0]
+    else:  # a hull steered by fins: from its slowest supporting point on
+        levels = [max(level, slowest) for level in ahead]
+    hold = float(np.clip(plan.trials("surge").until_s, *_HOLD_S))
+    times: Array = hold * np.arange(len(levels) + 1.0)
+    return times, np.array(levels)
+
+
+def speed_steps(plan: TuningPlan, start: Autopilot, tuned: Autopilot) -> Figure:
+    """Figure of the speed ahead over set points that change, before and after a tuning, heading held.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+        Its vehicle, as identified, in still water, with its sensors.
+    start, tuned : Autopilot
+    """
+    times, levels = course_of_set_points(plan)
+    found = [_flown(plan, autopilot, times, levels) for autopilot in (start, tuned)]
+    t: Array = plan.autopilot.period_s * np.arange(float(max(len(one) for one in found)))
+    before, after = (np.pad(one, (0, len(t) - len(one)), constant_values=np.nan) for one in found)
+    set_point = levels[np.clip(np.searchsorted(times, t + 1e-9, side="right") - 1, 0, len(levels) - 1)]
+    course = Course(
+        name=f"{plan.vehicle.name}: speed over its set points",
+        label="speed ahead u, m/s",
+        t=t,
+        set_point=set_point,
+        before=before,
+        after=after,
+        remark=f"heading held, still water, sensors: {Path(plan.table.sensors).name}",
+    )
+    return step_responses([course])
+
+
+def _flown(plan: TuningPlan, autopilot: Autopilot, times: Array, levels: Array) -> Array:
+    """Speed ahead (n,), m/s, per control period."""
+    from seatrial.flight.fly import fly_batch
+    from seatrial.flight.mission import Mission
+
+    mission = Mission.from_toml(
+        f"""
+        format = 1
+        name = "set points"
+        speed_m_s = 1.0
+        acceptance_radius_m = 10.0
+        start = {{ north_m = 0.0, east_m = 0.0, depth_m = {_DEPTH_M}, heading_deg = 0.0 }}
+        legs = [{{ north_m = 1e6, east_m = 0.0, depth_m = {_DEPTH_M} }}]
+        """
+    )
+    sensors = plan.table.sensors
+    flights = fly_batch(
+        plan.vehicle,
+        autopilot,
+        mission,
+        sensors=None if sensors == "perfect" else sensors,
+        set_points={"times": times[:-1], "speed": levels, "heading": np.zeros(len(levels))},
+        voltage=plan.table.voltage_v,
+        max_step=_MAX_STEP_S,
+        max_time=float(times[-1]),
+        logs=True,
+    )
+    log = np.asarray(flights.log(0))
+    return np.asarray(log[:, flights.columns.index("u")])

@@ -1,0 +1,551 @@
+"""Parts of figures over the time of a flight: thinned lines, legs, events, modes, what settled.
+
+The track of a flight: from above with the planned path, and its depth over time.
+
+Held by `tests/report/test_flight_figures.py`.
+
+The control loops of a flight: what was desired and done, what was demanded and reached, and the modes.
+
+Held by `tests/report/test_flight_figures.py`.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial._core import autopilot_names
+from seatrial.base.arrays import Array, Mask
+from seatrial.report.plot.style import (
+    FAINT,
+    FOURTH,
+    MEASURED,
+    RESIDUAL,
+    SECOND,
+    SIMULATED,
+    THIRD,
+    house_style,
+    new_figure,
+    panel_title,
+)
+from seatrial.report.plot.track import (
+    BOTTOM,
+    current_arrow,
+    extent,
+    layout,
+    mark_size,
+    new_plan,
+    page_legend,
+    page_title,
+    planned_path,
+    profile_axes,
+    waypoint_label,
+    waypoints,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from seatrial.flight.flight import Flight
+    from seatrial.report.plot.track import Plan, PlannedPath
+
+__all__ = [
+    "Event",
+    "Shown",
+    "event_lines",
+    "events",
+    "flight_loops",
+    "flight_track",
+    "leg_lines",
+    "line",
+    "mode_strip",
+    "mode_style",
+    "saturated",
+    "settled",
+    "shade",
+    "shown_loops",
+    "spans",
+    "strip_rows",
+    "thinned",
+]
+
+_MOST_POINTS, _MOST_EVENTS = 2400, 7
+
+_MOST_LEGS = 50
+
+_EVENT_MARKS = "XPD*v^<>"
+
+_MODES: tuple[tuple[str, float, Any], ...] = (
+    (SECOND, 2.2, "-"),
+    (SIMULATED, 1.2, "-"),
+    (THIRD, 1.2, (0, (4, 1.2))),
+    (FOURTH, 1.2, (0, (1.4, 1.2))),
+)
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened: time in s, words, the marker that shows it."""
+
+    t_s: float
+    words: str
+    mark: str
+
+
+def mode_style(mode: int, count: int) -> dict[str, Any]:
+    """Line of a mode: colour, width and dashes, which a grey print tells apart."""
+    colour, width, dashes = _MODES[1 if count == 1 else min(mode, len(_MODES) - 1)]
+    return {"color": colour, "linewidth": width, "linestyle": dashes}
+
+
+def thinned(t: Array, y: Array) -> tuple[Array, Array]:
+    """A curve with so few points as a page can show: the least and the largest of every short while."""
+    size = math.ceil(2 * len(t) / _MOST_POINTS)
+    if size < 4:
+        return t, y
+    full = len(t) // size * size
+    rows = np.arange(full).reshape(-1, size)
+    low = np.where(np.isnan(y), np.inf, y)[rows].argmin(axis=1)
+    high = np.where(np.isnan(y), -np.inf, y)[rows].argmax(axis=1)
+    picked = np.sort(np.stack([rows[:, 0] + low, rows[:, 0] + high], axis=1), axis=1).ravel()
+    kept = np.unique(np.concatenate([[0], picked, np.arange(full, len(t)), [len(t) - 1]]))
+    return t[kept], y[kept]
+
+
+def line(axes: Axes, t: Array, y: Array, **style: Any) -> None:
+    """Curve over time, thinned."""
+    axes.plot(*thinned(t, y), **style)
+
+
+def spans(t: Array, mask: Mask) -> list[tuple[float, float]]:
+    """Beginning and duration, s, of every time over which a mask (n,) holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    step = float(t[1] - t[0]) if len(t) > 1 else 1.0
+    return [
+        (float(t[first]), (last - first) * step) for first, last in zip(edges[::2], edges[1::2], strict=True)
+    ]
+
+
+def shade(axes: Axes, t: Array, mask: Mask, colour: str) -> None:
+    """Times over which a mask (n,) holds as one shade behind a panel; what a page cannot part is joined."""
+    least = 0.001 * float(t[-1] - t[0])
+    joined: list[tuple[float, float]] = []
+    for begin, duration in spans(t, mask):
+        if joined and begin - sum(joined[-1]) < least:
+            joined[-1] = (joined[-1][0], begin + duration - joined[-1][0])
+        else:
+            joined.append((begin, duration))
+    axes.broken_barh(
+        joined, (0.0, 1.0), facecolors=colour, linewidth=0, zorder=0.5, transform=axes.get_xaxis_transform()
+    )
+
+
+def settled(flight: Flight) -> Mask:
+    """Rows on the second half of a straight leg, where the errors of guidance count, (n,)."""
+    path = flight.route
+    half = np.array([
+        0.0 if stop.task == "circle" else 0.5 * math.hypot(*(stop.position[:2] - path.before(k)[:2]))
+        for k, stop in enumerate(path.stops)
+    ])
+    leg = np.clip(flight.leg, 0, len(half) - 1)
+    return np.asarray(flight.under_way & ~flight.holding & (flight.distance < half[leg]))
+
+
+def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float = 0.028) -> None:
+    """Where legs begin, with their numbers above the panel no closer than `room`, a share of its width."""
+    rows = np.flatnonzero(np.diff(flight.leg) != 0) + 1
+    few = len(rows) <= _MOST_LEGS
+    if few:
+        for row in rows:
+            axes.axvline(float(flight.t[row]), color=FAINT, linewidth=0.5, zorder=0.9)
+    if not numbers:
+        return
+    begins = np.concatenate([[0], rows])
+    ends = np.concatenate([rows, [len(flight.t) - 1]])
+    least, last = room * float(flight.t[-1] - flight.t[0]), -math.inf
+    for first, end in zip(begins, ends, strict=True):
+        middle = 0.5 * float(flight.t[first] + flight.t[end])
+        if middle - last < least:
+            continue
+        # The word stands before the first number: left of the panel are the labels of its axis.
+        alone = last > -math.inf
+        _above(axes, middle, str(flight.leg[first] + 1) if alone else f"leg {flight.leg[first] + 1}")
+        last = middle if alone else middle + 0.5 * least
+
+
+def _above(axes: Axes, t: float, said: str) -> None:
+    """Small print above a panel."""
+    axes.annotate(
+        said,
+        (t, 1.0),
+        xycoords=axes.get_xaxis_transform(),
+        xytext=(0, 1.5),
+        textcoords="offset points",
+        ha="center",
+        fontsize=5.5,
+        color="#595959",
+    )
+
+
+def events(flight: Flight) -> list[Event]:
+    """Faults, outages and reactions of a flight in order of time; of many the first."""
+    what = flight.circumstances
+    found = [(fault.at_s, fault.sentence()) for fault in what.faults]
+    found += [(outage.from_s, outage.sentence()) for outage in what.outages]
+    found += [
+        (alert.t_s, f"{alert.reaction} at {alert.t_s:.0f} s: {alert.cause.replace('_', ' ')}")
+        for alert in flight.alerts
+    ]
+    found = sorted(one for one in found if one[0] <= flight.t[-1])[:_MOST_EVENTS]
+    return [Event(t, words, mark) for (t, words), mark in zip(found, _EVENT_MARKS, strict=False)]
+
+
+def event_lines(axes: Axes, flight: Flight) -> None:
+    """Times of the events, with their markers at the panel's upper edge."""
+    for event in events(flight):
+        axes.axvline(event.t_s, color=RESIDUAL, linewidth=0.7, linestyle=(0, (2, 1.5)), zorder=1.2)
+        axes.plot(
+            event.t_s,
+            0.97,
+            event.mark,
+            color=RESIDUAL,
+            markersize=4.0,
+            markeredgecolor="white",
+            markeredgewidth=0.4,
+            transform=axes.get_xaxis_transform(),
+            zorder=6,
+            clip_on=False,
+        )
+
+
+def strip_rows(flight: Flight) -> list[tuple[str, Mask, str]]:
+    """Rows of the strip: modes, station-keeping and reactions that occur, when, and in which colour."""
+    count = len(flight.modes)
+    rows = [
+        (name, flight.mode == k, str(mode_style(k, count)["color"]))
+        for k, name in enumerate(flight.modes)
+        if (flight.mode == k).any()
+    ]
+    held = flight.holding & ~flight.done
+    if held.any():
+        rows.append(("holding", held, "#7A8791"))
+    names = {1: "hold", 2: "surface", 3: "abort"}
+    rows += [
+        (f"reaction: {name}", flight.alert == level, RESIDUAL)
+        for level, name in names.items()
+        if (flight.alert == level).any()
+    ]
+    return rows
+
+
+def mode_strip(axes: Axes, flight: Flight) -> None:
+    """Modes, station-keeping and reactions over time, a row each."""
+    rows = strip_rows(flight)
+    for k, (_, mask, colour) in enumerate(rows):
+        axes.broken_barh(
+            spans(flight.t, mask), (len(rows) - 1 - k - 0.36, 0.72), facecolors=colour, linewidth=0
+        )
+    axes.set_yticks(range(len(rows))[::-1], [name for name, _, _ in rows])
+    axes.set_ylim(-0.55, len(rows) - 0.45)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False)
+    axes.set_xlabel("time, s")
+
+
+_INK = "#262626"
+
+
+def flight_track(flight: Flight) -> Figure:
+    """Figure of a flight's track: from above with plan, modes and events, and the depth over time."""
+    what = flight.circumstances
+    path = planned_path(flight.mission, seabed=what.seabed)
+    acceptance = np.array([stop.acceptance for stop in flight.route.stops])
+    reach = np.concatenate([path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]])
+    flown = flight.position[np.isfinite(flight.position).all(axis=1)]
+    corners = extent(path.points, flown, reach)
+    page = layout(corners, _labels(flight, path))
+    with house_style():
+        figure = new_figure(page.height, constrained=False)
+        plan = new_plan(figure, page.plan, corners)
+        waypoints(plan, path, acceptance, flown)
+        _flown(plan, flight)
+        panel_title(plan.axes, "track", _remark(flight))
+        profile = profile_axes(figure, page)
+        _depth(profile, flight, path)
+        page_title(figure, page, f"{flight.vehicle.name}: {flight.mission.name}")
+        current_arrow(figure, page, what.current)
+        page_legend(figure, (plan.axes, profile), page)
+    return figure
+
+
+def _labels(flight: Flight, path: PlannedPath) -> list[str]:
+    """Words that the legend will have, as many and as long."""
+    flown = [f"flown: {flight.modes[k]}" for k in np.unique(flight.mode)]
+    plain = ["planned path", waypoint_label(path), "sphere of acceptance", "start", "end", "station kept"]
+    return [*plain, "desired depth", "flown depth", "depth limit", "bottom", *flown] + [
+        event.words for event in events(flight)
+    ]
+
+
+def _remark(flight: Flight) -> str:
+    """How long and how far, in the title."""
+    way = flight.figures.get("distance_m", math.nan)
+    length = f"{way / 1e3:.2f} km" if way >= 1e3 else f"{way:.0f} m"
+    # Short: it shares its line with the panel's name.
+    verdict = flight.verdict.removeprefix("flown to its end, ")
+    return f"{verdict}, {length} in {flight.t[-1]:.0f} s"
+
+
+def _flown(plan: Plan, flight: Flight) -> None:
+    """Track by mode, start and end, stations kept, events."""
+    axes, place = plan.axes, flight.position
+    keep = _apart(plan.page(place), 0.004)
+    for k, name in enumerate(flight.modes):
+        style = mode_style(k, len(flight.modes))
+        mask = flight.mode == k
+        if not mask.any():
+            continue
+        joined = mask | np.concatenate([[False], mask[:-1]])
+        rows = keep | (joined & ~np.roll(joined, 1)) | (joined & ~np.roll(joined, -1))
+        east, north = (np.where(joined, place[:, i], np.nan)[rows] for i in (1, 0))
+        axes.plot(east, north, label=f"flown: {name}", zorder=3.0 + 0.1 * k, **style)
+    held = [round(t / flight.period_s) for t, _ in spans(flight.t, flight.holding & ~flight.done)]
+    if held:
+        axes.plot(
+            place[held, 1],
+            place[held, 0],
+            "o",
+            color="white",
+            markeredgecolor=_INK,
+            markersize=4.5,
+            markeredgewidth=0.9,
+            label="station kept",
+            zorder=4.5,
+        )
+    finite = np.flatnonzero(np.isfinite(place).all(axis=1))
+    ends = ((0, "o", "start"), (int(finite[-1]), "s", "end"))
+    for row, mark, label in ends:
+        axes.plot(place[row, 1], place[row, 0], mark, color=_INK, markersize=4.5, label=label, zorder=5)
+    for event in events(flight):
+        row = min(round(event.t_s / flight.period_s), int(finite[-1]))
+        axes.plot(
+            place[row, 1],
+            place[row, 0],
+            event.mark,
+            color=RESIDUAL,
+            markersize=6.0,
+            markeredgecolor="white",
+            markeredgewidth=0.5,
+            label=event.words,
+            linestyle="none",
+            zorder=6,
+        )
+
+
+def _depth(axes: Axes, flight: Flight, path: PlannedPath) -> None:
+    """Depth over time: waypoints as planned, desired and flown; bottom and limit where there are any."""
+    t, depth = flight.t, flight.position[:, 2]
+    leg_lines(axes, flight, numbers=True, room=0.045)
+    rows = np.flatnonzero((np.diff(flight.leg) != 0) | (np.diff(flight.done.astype(int)) > 0)) + 1
+    planned = path.places[flight.leg[rows - 1] + 1, 2]
+    axes.plot(
+        np.concatenate([[t[0]], t[rows]]),
+        np.concatenate([[path.places[0, 2]], planned]),
+        "s",
+        color=MEASURED,
+        markersize=mark_size(len(rows)),
+        zorder=4,
+    )
+    wanted = np.where(flight.done | (flight.alert >= 3), np.nan, flight.desired["depth"])
+    line(axes, t, wanted, color=SECOND, linewidth=1.9, label="desired depth")
+    line(axes, t, depth, color=SIMULATED, linewidth=1.0, label="flown depth")
+    finite = depth[np.isfinite(depth)]
+    lowest = float(max(np.nanmax(path.places[:, 2]), finite.max()))
+    bottom = depth + flight.altitude
+    if np.isfinite(bottom).any():
+        lowest = max(lowest, float(np.nanmax(bottom[np.isfinite(bottom)])))
+    limit = flight.mission.limits["max_depth_m"]
+    air = max(0.06 * lowest, 0.3)
+    if np.isfinite(limit) and limit < 1.5 * lowest + 1.0:
+        axes.axhline(
+            limit, color=RESIDUAL, linewidth=0.9, linestyle=(0, (6, 1.5, 1, 1.5)), label="depth limit"
+        )
+        lowest = max(lowest, limit)
+    axes.set_ylim(lowest + 1.6 * air, min(float(finite.min()), float(np.nanmin(path.places[:, 2]))) - air)
+    if np.isfinite(bottom).any():
+        axes.fill_between(
+            t, bottom, lowest + 1.6 * air, color=BOTTOM, linewidth=0, label="bottom", zorder=0.8
+        )
+    event_lines(axes, flight)
+    axes.set_xlim(t[0], t[-1])
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("depth, m")
+    axes.set_title("depth", loc="left", fontweight="bold", pad=9)
+
+
+def _apart(page: Array, step_in: float) -> NDArray[np.bool_]:
+    """Rows of a line on the page that a reader can tell apart, (n,)."""
+    steps = np.nan_to_num(np.hypot(*np.diff(page, axis=0).T))
+    cell = np.floor(np.concatenate([[0.0], np.cumsum(steps)]) / step_in)
+    return np.asarray(np.concatenate([[True], np.diff(cell) > 0.0]) | ~np.isfinite(page).all(axis=1))
+
+
+_ROW_IN, _STRIP_IN = 1.02, 0.135
+
+_SHORT_OF_LIMIT, _AT_LIMIT = 0.01, 0.999
+
+_SATURATED = "#F3C9B5"
+
+_FORCES = ("X, N", "Y, N", "Z, N", "K, N m", "M, N m", "N, N m")
+
+_ANGLES = (0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
+
+_NAMES = ("speed", "sway speed", "depth", "roll", "pitch", "heading")
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A loop as it is drawn: index in the order X Y Z K M N, label with unit, desired and done (n,)."""
+
+    index: int
+    label: str
+    desired: Array
+    done: Array
+
+
+def shown_loops(flight: Flight) -> list[Shown]:
+    """Loops that were at work at any time, and the depth, which a pitch loop controls where heave does not.
+
+    Desired values are blank where their loop is not at work; of a heading both are without jumps.
+    """
+    active, wanted = flight.active, flight.desired
+    by_pitch = np.array([one["depth_by"] == "pitch" for one in flight.autopilot.modes])[flight.mode]
+    yaw = np.unwrap(flight.euler[:, 2])
+    off = (wanted["heading"] - yaw + np.pi) % (2.0 * np.pi) - np.pi
+    degrees = 180.0 / np.pi
+    signals = (
+        ("u, m/s", wanted["speed"], flight.nu[:, 0]),
+        ("v, m/s", wanted["lateral"], flight.nu[:, 1]),
+        ("depth, m", wanted["depth"], flight.position[:, 2]),
+        ("roll, deg", np.zeros(len(flight.t)), degrees * flight.euler[:, 0]),
+        ("pitch, deg", degrees * np.where(by_pitch, wanted["pitch"], 0.0), degrees * flight.euler[:, 1]),
+        ("heading, deg", degrees * (yaw + off), degrees * yaw),
+    )
+    found = []
+    for i in (0, 1, 5, 4, 2, 3):
+        label, desired, done = signals[i]
+        rows = active[:, i] | (by_pitch & active[:, 4]) if i == 2 else active[:, i]
+        if rows.any():
+            found.append(Shown(i, label, np.where(rows & ~flight.done, desired, np.nan), done))
+    return found
+
+
+def saturated(flight: Flight, index: int) -> Mask:
+    """Rows in which the demand of a loop stands at its limit, or is reached in part only, (n,)."""
+    name = autopilot_names()["loops"][index]
+    table = tomllib.loads(flight.autopilot.to_toml()).get("loops", {}).get(name, {})
+    demand, reached = flight.demanded[:, index], flight.achieved[:, index]
+    limit = float(table.get("tau_max", np.nanmax(np.abs(demand))))
+    limited = np.abs(demand) >= _AT_LIMIT * limit
+    short = np.abs(demand - reached) > _SHORT_OF_LIMIT * limit
+    return np.asarray(flight.active[:, index] & (limited | short) & (limit > 0.0))
+
+
+def flight_loops(flight: Flight) -> Figure:
+    """Figure of the loops at work: desired and done, beside it demanded and reached, below it the modes."""
+    rows = shown_loops(flight)
+    strip = _STRIP_IN * len(strip_rows(flight)) + 0.12
+    with house_style():
+        figure = new_figure(_ROW_IN * len(rows) + strip + 1.0)
+        heights = [_ROW_IN] * len(rows) + [strip]
+        panels = figure.subplots(
+            len(rows) + 1, 2, sharex=True, width_ratios=(1.25, 1.0), height_ratios=heights, squeeze=False
+        )
+        for k, (shown, (left, right)) in enumerate(zip(rows, panels, strict=False)):
+            _followed(left, flight, shown, numbers=k == 0)
+            _demand(right, flight, shown.index, numbers=k == 0)
+        for axes in panels[-1]:
+            mode_strip(axes, flight)
+        panels[-1, 1].tick_params(labelleft=False)
+        panels[0, 0].set_xlim(flight.t[0], flight.t[-1])
+        for column in panels.T:
+            figure.align_ylabels(list(column[:-1]))
+        _legend(figure, flight)
+        figure.suptitle(f"{flight.vehicle.name}: {flight.mission.name}", x=0.01, ha="left", fontweight="bold")
+    return figure
+
+
+def _followed(axes: Axes, flight: Flight, shown: Shown, *, numbers: bool) -> None:
+    from matplotlib.ticker import MultipleLocator
+
+    leg_lines(axes, flight, numbers=numbers, room=0.045)
+    line(axes, flight.t, shown.desired, color=SECOND, linewidth=1.9)
+    line(axes, flight.t, shown.done, color=SIMULATED, linewidth=1.0)
+    event_lines(axes, flight)
+    axes.set_ylabel(shown.label)
+    axes.set_title(_NAMES[shown.index], loc="left", fontweight="bold", pad=9 if numbers else 4)
+    if shown.index == 2:
+        axes.invert_yaxis()
+    if shown.index == 5:
+        span = abs(float(np.subtract(*axes.get_ylim())))
+        axes.yaxis.set_major_locator(MultipleLocator(next((x for x in _ANGLES if span <= 4 * x), 720.0)))
+    else:
+        axes.locator_params(axis="y", nbins=5)
+    _least(axes, 0.2 if shown.index < 3 else 2.0)
+
+
+def _demand(axes: Axes, flight: Flight, index: int, *, numbers: bool) -> None:
+    """Demand and what the allocation reached of it; shaded where it is saturated."""
+    rows = flight.active[:, index] & ~flight.done
+    if not rows.any():
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "depth by pitch: no force demanded", ha="center", transform=axes.transAxes)
+        return
+    short = saturated(flight, index) & rows
+    shade(axes, flight.t, short, _SATURATED)
+    leg_lines(axes, flight)
+    line(axes, flight.t, np.where(rows, flight.demanded[:, index], np.nan), color=SECOND, linewidth=1.9)
+    line(axes, flight.t, np.where(rows, flight.achieved[:, index], np.nan), color=SIMULATED, linewidth=1.0)
+    event_lines(axes, flight)
+    axes.set_ylabel(_FORCES[index])
+    share = 100.0 * float(short.sum()) / max(int(rows.sum()), 1)
+    axes.set_title(
+        f"saturated {share:.0f} % of its time",
+        loc="right",
+        fontsize=7,
+        color="#404040",
+        pad=9 if numbers else 4,
+    )
+    axes.locator_params(axis="y", nbins=5)
+    _least(axes, 1.0)
+
+
+def _least(axes: Axes, span: float) -> None:
+    """Show no less than a span, so that rounding does not fill a panel."""
+    low, high = sorted(axes.get_ylim())
+    if high - low < span:
+        middle = 0.5 * (low + high)
+        ends = (middle - 0.5 * span, middle + 0.5 * span)
+        axes.set_ylim(*(ends[::-1] if axes.yaxis_inverted() else ends))
+
+
+def _legend(figure: Figure, flight: Flight) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles = [
+        Line2D([], [], color=SECOND, linewidth=1.9, label="desired, demanded"),
+        Line2D([], [], color=SIMULATED, linewidth=1.0, label="done, reached by the allocation"),
+        Patch(color=_SATURATED, label="saturated"),
+    ]
+    handles += [
+        Line2D([], [], color=RESIDUAL, marker=event.mark, linestyle="none", markersize=4, label=event.words)
+        for event in events(flight)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=6.5, columnspacing=1.4)

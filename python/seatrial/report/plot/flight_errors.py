@@ -1,0 +1,355 @@
+"""Errors of guidance over a flight: cross-track and vertical, and how they are distributed once settled.
+
+Held by `tests/report/test_flight_figures.py`.
+
+The actuators of a flight: commands and what became of them, group by group, and the power.
+
+Held by `tests/report/test_flight_figures.py`.
+
+Motors as figures show them: groups of actuators that are driven alike, with the numbers of their chain.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.arrays import Array
+from seatrial.report.plot.flight import event_lines, events, leg_lines, line, settled, shade
+from seatrial.report.plot.style import (
+    CYCLE,
+    MEASURED,
+    RESIDUAL,
+    SHADE,
+    SIMULATED,
+    house_style,
+    new_figure,
+    panel_title,
+)
+from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from seatrial._core import Vehicle
+    from seatrial.flight.flight import Flight
+
+__all__ = ["Motor", "behind_motor", "drives", "flight_actuators", "flight_errors", "motors"]
+
+_ERRORS = (
+    ("cross_track", "cross-track error", "$y_e$, m", "positive: to starboard of the path"),
+    ("vertical", "vertical error", "$z_e$, m", "positive: below the path"),
+)
+
+_BINS = 41
+
+_SHARE = 95.0
+
+
+def flight_errors(flight: Flight) -> Figure:
+    """Figure of the errors against the path over time, and of their distribution on settled legs."""
+    counts = settled(flight)
+    under_way = flight.under_way & ~flight.holding
+    with house_style():
+        figure = new_figure(3.7)
+        panels = figure.subplots(2, 2, width_ratios=(3.0, 1.0))
+        for (key, name, label, sign), (axes, beside) in zip(_ERRORS, panels, strict=True):
+            error = np.asarray(flight.errors[key])
+            shade(axes, flight.t, counts, SHADE)
+            leg_lines(axes, flight, numbers=axes is panels[0, 0])
+            axes.axhline(0.0, color=MEASURED, linewidth=0.6, zorder=1)
+            line(axes, flight.t, np.where(under_way, error, np.nan), color=SIMULATED)
+            event_lines(axes, flight)
+            axes.set_ylabel(label)
+            axes.set_xlim(flight.t[0], flight.t[-1])
+            axes.set_title(name, loc="left", fontweight="bold", pad=9)
+            axes.set_title(sign, loc="right", fontsize=7.5, color="#404040", pad=9)
+            _distribution(beside, error[counts & np.isfinite(error)], label)
+        panels[1, 0].set_xlabel("time, s; shaded: settled, the second half of a straight leg")
+        figure.suptitle(f"{flight.vehicle.name}: {flight.mission.name}", x=0.01, ha="left", fontweight="bold")
+    return figure
+
+
+def _distribution(axes: Axes, error: Array, label: str) -> None:
+    """Histogram of the settled error with its mean and the band that holds 95 % of it."""
+    axes.set_xlabel(label)
+    axes.set_ylabel("share, %")
+    if not len(error):
+        panel_title(axes, "settled")
+        axes.text(0.5, 0.5, "no leg settled", ha="center", transform=axes.transAxes, fontsize=7)
+        return
+    reach = max(float(np.abs(error).max()), 1e-3)
+    axes.hist(
+        error,
+        bins=list(np.linspace(-reach, reach, _BINS)),
+        weights=np.full(len(error), 100.0 / len(error)),
+        color=SIMULATED,
+        alpha=0.75,
+        linewidth=0,
+    )
+    tail = 0.5 * (100.0 - _SHARE)
+    low, high = np.percentile(error, (tail, 100.0 - tail))
+    mean = float(error.mean())
+    for at, dashes in ((low, (0, (2, 1.5))), (high, (0, (2, 1.5))), (mean, "-")):
+        axes.axvline(at, color=RESIDUAL, linewidth=0.9, linestyle=dashes)
+    axes.set_xlim(-reach, reach)
+    axes.set_title("settled", loc="left", fontweight="bold", pad=9)
+    axes.set_xlabel(f"{label}\n{_SHARE:.0f} %: {_metres(low)} to {_metres(high)}")
+
+
+def _metres(value: float) -> str:
+    text = f"{value:+.2f}" if abs(value) < 9.995 else f"{value:+.1f}"
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+Pair = tuple[float, float]
+
+_FAST = 1e9
+
+_USUAL = {"rad": 0.5}
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor and the actuators that have it; pairs are (ahead, astern), magnitudes from neutral.
+
+    ``unit`` is the command's; limits that are absent are infinite or zero, rates are per second.
+    """
+
+    group: str
+    actuators: tuple[str, ...]
+    unit: str
+    neutral: float
+    maximum: Pair
+    minimum: Pair
+    lifts: bool
+    n_acc: float
+    n_dec: float
+    K_V: float
+    T_1: float
+    T_t: float
+    characteristic: str
+
+    @property
+    def letter(self) -> str:
+        """Letter of the signal: n for revolutions, F for a force, delta for a fin, s for any other."""
+        return {"rpm": "n", "N": "F", "rad": r"\delta"}.get(self.unit, "s")
+
+    @property
+    def printed_unit(self) -> str:
+        """Unit as it is printed."""
+        return {"us": "\N{MICRO SIGN}s"}.get(self.unit, self.unit)
+
+    @property
+    def limited(self) -> bool:
+        """Whether it has a static limit."""
+        return math.isfinite(min(self.maximum)) or max(self.minimum) > 0.0
+
+    @property
+    def delayed(self) -> bool:
+        """Whether it has a rate limit, a lag or a dead time."""
+        return math.isfinite(min(self.n_acc, self.n_dec)) or max(self.T_1, self.T_t) > 0.0
+
+    @property
+    def largest(self) -> float:
+        """Largest command from neutral, either way; a round number where it is not limited."""
+        known = [limit for limit in self.maximum if math.isfinite(limit)]
+        return max(known) if known else _USUAL.get(self.unit, 2.0 * max(*self.minimum, 50.0))
+
+
+def motors(vehicle: Vehicle) -> list[Motor]:
+    """A `Motor` per group of actuators with equal numbers, in the vehicle's order."""
+    facts, values = vehicle.actuator_info(), vehicle.coefficients()
+    described = tomllib.loads(vehicle.to_toml())
+    tables: Mapping[str, Any] = described.get("motors", {})
+    entries = (*described.get("thrusters", ()), *described.get("fins", ()))
+    table_of = {entry["name"]: entry.get("motor", "") for entry in entries}
+    found: dict[Motor, list[str]] = {}
+    for name in vehicle.actuators:
+        one, table = facts[name], tables.get(table_of.get(name, ""), {})
+        n_acc = values.get(f"{name}.n_acc", float(table.get("n_acc_per_s", math.inf)))
+        key = Motor(
+            group=str(one["group"]) or name,
+            actuators=(),
+            unit=str(one["unit"]),
+            neutral=float(one["neutral"]),
+            maximum=(_limit(one["maximum_ahead"]), _limit(one["maximum_astern"])),
+            minimum=(float(one["minimum_ahead"] or 0.0), float(one["minimum_astern"] or 0.0)),
+            lifts=table.get("below_minimum", "lift") == "lift",
+            n_acc=n_acc,
+            n_dec=values.get(f"{name}.n_dec", float(table.get("n_dec_per_s", n_acc))),
+            K_V=values.get(f"{name}.K_V", float(table.get("K_V", 1.0))),
+            T_1=values.get(f"{name}.T_1", float(table.get("T_1_s", 0.0))),
+            T_t=values.get(f"{name}.T_t", float(table.get("T_t_s", 0.0))),
+            characteristic="fin" if one["kind"] == "fin" else str(one["characteristic"]),
+        )
+        found.setdefault(key, []).append(name)
+    return [replace(key, actuators=tuple(members)) for key, members in found.items()]
+
+
+def drives(vehicle: Vehicle) -> list[tuple[list[str], Motor]]:
+    """Motors that differ, whatever they drive: names of their groups, and one of them."""
+    found: dict[Motor, list[str]] = {}
+    for motor in motors(vehicle):
+        plain = replace(motor, group="", actuators=(), characteristic="")
+        found.setdefault(plain, []).append(motor.group)
+    first = {group: motor for motor in reversed(motors(vehicle)) for group in [motor.group]}
+    return [(list(dict.fromkeys(groups)), first[groups[0]]) for groups in found.values()]
+
+
+def behind_motor(
+    vehicle: Vehicle,
+    motor: Motor,
+    t: ArrayLike,
+    command: ArrayLike,
+    *,
+    rate_limit: bool = True,
+    lag: bool = True,
+) -> Array:
+    """Signal (n,) behind a motor, from neutral, for a command (n,) from neutral held from sample to sample.
+
+    The vehicle is tied. The sense is that of the command, whether or not the actuator is mounted reversed.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    motor : Motor
+    t, command : array, shape (n,)
+        Times in s, uniform; command in the motor's unit.
+    rate_limit, lag : bool
+        Whether the rate limit, and the lag with its dead time, are in the chain.
+    """
+    name = motor.actuators[0]
+    ideal: dict[str, float] = {}
+    if not rate_limit:
+        ideal |= dict.fromkeys((f"{name}.n_acc", f"{name}.n_dec"), _FAST)
+    if not lag:
+        ideal |= {f"{name}.K_V": 1.0, f"{name}.T_1": 0.0, f"{name}.T_t": 0.0}
+    known = vehicle.coefficients()
+    vehicle = vehicle.with_coefficients({key: x for key, x in ideal.items() if key in known})
+    times = np.asarray(t, dtype=float)
+    sense = -1.0 if vehicle.actuator_info()[name]["reversed"] else 1.0
+    run = vehicle.simulate(
+        times,
+        {name: motor.neutral + sense * np.asarray(command, dtype=float)},
+        free="",
+        voltage=voltage_for(vehicle, times, NOMINAL_V),
+        max_step=0.01,
+    )
+    return np.asarray(sense * (np.asarray(run.actuators[name]) - motor.neutral))
+
+
+def _limit(value: float | None) -> float:
+    return math.inf if value is None else float(value)
+
+
+_ROW_IN = 1.35
+
+_BAND = "#E4E4E4"
+
+_DASHES = ("-", (0, (4, 1.2)), (0, (1.4, 1.2)), (0, (4, 1.2, 1.2, 1.2)))
+
+_NEAR = 0.6  # a limit is drawn once a command comes so near to it
+
+
+def flight_actuators(flight: Flight) -> Figure:
+    """Figure of commands and signals per group of like actuators, and of the power where it is known."""
+    groups = motors(flight.vehicle)
+    powered = bool(np.nanmax(np.asarray(flight.power)) > 0.0)  # a vehicle file may tell nothing of it
+    rows = len(groups) + int(powered)
+    with house_style():
+        figure = new_figure(_ROW_IN * rows + 0.75)
+        panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+        for k, (motor, axes) in enumerate(zip(groups, panels, strict=False)):
+            _group(axes, flight, motor, numbers=k == 0)
+        if powered:
+            _power(panels[-1], flight)
+        panels[-1].set_xlabel("time, s")
+        panels[-1].set_xlim(flight.t[0], flight.t[-1])
+        _legend(figure, flight, groups)
+        figure.suptitle(f"{flight.vehicle.name}: {flight.mission.name}", x=0.01, ha="left", fontweight="bold")
+    return figure
+
+
+def _group(axes: Axes, flight: Flight, motor: Motor, *, numbers: bool) -> None:
+    """Commands (pale) and signals of like actuators, with the largest and the least."""
+    scale, unit = (180.0 / math.pi, "deg") if motor.unit == "rad" else (1.0, motor.printed_unit)
+    leg_lines(axes, flight, numbers=numbers)
+    if max(motor.minimum) > 0.0:
+        band = scale * (motor.neutral + np.array([-motor.minimum[1], motor.minimum[0]]))
+        axes.axhspan(*band, color=_BAND, linewidth=0, zorder=0.6)
+    reached = 0.0
+    for k, name in enumerate(motor.actuators):
+        colour, dashes = CYCLE[k % len(CYCLE)], _DASHES[k % len(_DASHES)]
+        command, signal = (
+            np.where(flight.done, np.nan, scale * np.asarray(log[name]))
+            for log in (flight.commands, flight.actuators)
+        )
+        line(axes, flight.t, command, color=colour, linewidth=2.2, alpha=0.35, zorder=2)
+        line(axes, flight.t, signal, color=colour, linewidth=0.9, linestyle=dashes, label=name, zorder=3)
+        away = np.nanmax(np.abs(np.stack([command, signal]) - scale * motor.neutral))
+        reached = max(reached, float(away) / scale)
+    for sign, limit in zip((1.0, -1.0), motor.maximum, strict=True):
+        if math.isfinite(limit) and reached > _NEAR * limit:
+            at = scale * (motor.neutral + sign * limit)
+            axes.axhline(at, color=MEASURED, linewidth=0.8, linestyle=(0, (6, 2)), zorder=1)
+    event_lines(axes, flight)
+    axes.set_ylabel(f"{'signal' if motor.unit == 'us' else _quantity(motor)}, {unit}")
+    axes.locator_params(axis="y", nbins=6)
+    axes.set_title(motor.group, loc="left", fontweight="bold", pad=9 if numbers else 4)
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.06 if numbers else 1.0),
+        ncols=min(len(motor.actuators), 6),
+        fontsize=6.5,
+        handlelength=2.0,
+        columnspacing=1.2,
+        labelspacing=0.2,
+        borderaxespad=0.1,
+    )
+
+
+def _quantity(motor: Motor) -> str:
+    return {"rpm": "revolutions", "N": "force", "rad": "deflection"}.get(motor.unit, "signal")
+
+
+def _power(axes: Axes, flight: Flight) -> None:
+    leg_lines(axes, flight)
+    line(axes, flight.t, np.asarray(flight.power), color=SIMULATED)
+    event_lines(axes, flight)
+    axes.set_ylabel("power, W")
+    axes.set_ylim(bottom=0.0)
+    axes.locator_params(axis="y", nbins=6)
+    energy = float(flight.energy_wh[-1])
+    mean = 3600.0 * energy / max(float(flight.t[-1] - flight.t[0]), 1e-9)
+    axes.set_title("power", loc="left", fontweight="bold")
+    if math.isfinite(energy):
+        axes.set_title(
+            f"{energy:.3g} Wh, {mean:.3g} W on average", loc="right", fontsize=7.5, color="#404040"
+        )
+
+
+def _legend(figure: Figure, flight: Flight, groups: list[Motor]) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=SIMULATED, linewidth=2.2, alpha=0.35, label="command (broad, pale)"),
+        Line2D([], [], color=SIMULATED, linewidth=0.9, label="signal of the actuator"),
+        Line2D([], [], color=MEASURED, linewidth=0.8, linestyle=(0, (6, 2)), label="largest"),
+    ]
+    if any(max(motor.minimum) > 0.0 for motor in groups):
+        handles.append(Patch(color=_BAND, label="below the least that turns"))
+    handles += [
+        Line2D([], [], color=RESIDUAL, marker=event.mark, linestyle="none", markersize=4, label=event.words)
+        for event in events(flight)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=6.5, columnspacing=1.4)

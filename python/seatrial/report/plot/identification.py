@@ -1,0 +1,469 @@
+"""The figures of an identification: vehicle, convergence, certainty, criticism, every trial.
+
+How sure the coefficients are, on one page: relative standard deviations, verdicts, correlations.
+
+What the residuals say against the model: their autocorrelation, and the missing terms ranked by gain.
+
+Convergence of the search: how far the best cost lies above the optimum, over the candidates tried.
+
+A panel per stage; the searches (evolution strategy, descent, simplex) are told apart by colour, dashes and
+a line where one follows the other. What is drawn is ``100 (Q - Q*) / Q*`` on a logarithmic axis, Q* the
+stage's lowest cost: a fine search that gains a thousandth is seen as well as a global one that halves the
+cost.
+
+Where coefficients lie within their bounds: a bar per coefficient with start value, optimum and polish.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.errors import TrialError
+from seatrial.report.plot.performance import characteristic
+from seatrial.report.plot.style import (
+    FAINT,
+    RESIDUAL,
+    SECOND,
+    SHADE,
+    SIMULATED,
+    THIRD,
+    house_style,
+    new_figure,
+    number,
+    panel_title,
+    printed_unit,
+    save,
+    symbol,
+    tidy,
+)
+from seatrial.report.plot.trials import measured_against_simulated
+from seatrial.report.plot.vehicle import three_views
+from seatrial.trial.score import score
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from seatrial.diagnosis.assessment import Certainty
+    from seatrial.diagnosis.residual_analysis import Autocorrelation, Criticism
+    from seatrial.estimation.stage import StageResult
+    from seatrial.identification.identification import Identification
+
+__all__ = [
+    "Row",
+    "above_optimum",
+    "coefficient_bars",
+    "convergence",
+    "gallery",
+    "intervals",
+    "model_criticism",
+]
+
+_COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
+
+_ROW_IN = 0.14
+
+_LARGEST = 1e3  # per cent: what is less certain stands at the edge
+
+
+def intervals(certainty: Certainty) -> Figure:
+    """Figure of the standard deviations of the coefficients and of how they depend on one another.
+
+    Left, per coefficient: its standard deviation in per cent of the estimate, coloured by the verdict, beside
+    the naive one of independent samples (grey). Right: the correlation matrix of the same coefficients.
+
+    Parameters
+    ----------
+    certainty : Certainty
+        Of an identification.
+    """
+    found, names = certainty.uncertainty, list(certainty.identifiability.verdicts)
+    places = [found.names.index(name) for name in names]
+    size = np.maximum(np.abs(found.estimate[places]), 1e-12)
+    with house_style():
+        figure = new_figure(max(3.2, 1.1 + _ROW_IN * len(names)))
+        left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.15])
+        relative = [100.0 * part[places] / size for part in (found.sigma, found.naive)]
+        _deviations(left, names, *relative, verdicts=certainty.identifiability.verdicts)
+        _correlations(figure, right, names, found.correlation[np.ix_(places, places)])
+        panel_title(left, "Standard deviations")
+        left.set_xlabel(f"% of the estimate, blocks of {found.block_s:.3g} s")
+        panel_title(right, "Correlations")
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=4)
+    return figure
+
+
+def _deviations(
+    axes: Axes, names: list[str], sigma: np.ndarray, naive: np.ndarray, *, verdicts: dict[str, str]
+) -> None:
+    rows = np.arange(len(names))[::-1]
+    shown, plain = (np.minimum(np.nan_to_num(part, posinf=_LARGEST), _LARGEST) for part in (sigma, naive))
+    axes.hlines(rows, plain, shown, color=FAINT, linewidth=1.0)
+    axes.plot(plain, rows, "o", color=FAINT, markersize=3.0, label="if samples were independent")
+    for verdict, colour in _COLOURS.items():
+        mine = np.array([verdicts[name] == verdict for name in names])
+        if mine.any():
+            axes.plot(shown[mine], rows[mine], "o", color=colour, markersize=4.0, label=verdict)
+    axes.set_xscale("log")
+    axes.set_yticks(rows, [symbol(name) for name in names])
+    axes.set_ylim(-0.5, len(names) - 0.5)  # the rows of the matrix beside it
+
+
+def _correlations(figure: Figure, axes: Axes, names: list[str], matrix: np.ndarray) -> None:
+    image = axes.imshow(matrix, vmin=-1.0, vmax=1.0, cmap="RdBu_r", aspect="auto")
+    shown = [symbol(name) for name in names]
+    axes.set_xticks(range(len(names)), shown, rotation=90, fontsize=min(7.0, 210.0 / len(names)))
+    axes.set_yticks([])
+    axes.grid(visible=False)
+    bar = figure.colorbar(image, ax=axes, shrink=0.6, pad=0.02)
+    bar.outline.set_visible(False)
+
+
+_COLUMNS, _MODEL_CRITICISM_ROW_IN, _BAR_IN = 3, 1.15, 0.24
+
+_WEAK = 0.1
+
+_LABEL = 24  # letters of names beside a bar
+
+
+def model_criticism(criticism: Criticism) -> Figure:
+    """Figure of the autocorrelation of every channel's residual, and of what would explain it, ranked.
+
+    A band holds 95 of 100 autocorrelations of white residuals. A bar is the fall of the cost in percent when
+    a coefficient is freed, or the share of a channel's residual, in percent, that a signal explains.
+    """
+    shown = criticism.autocorrelations
+    rows = -(-max(len(shown), 1) // _COLUMNS)
+    bars = len(criticism.suggestions) + len(criticism.signals)
+    lower = 0.55 + _BAR_IN * max(bars, 1)
+    with house_style():
+        figure = new_figure(0.35 + _MODEL_CRITICISM_ROW_IN * rows + lower)
+        parts = np.asarray(
+            figure.subfigures(2, 1, height_ratios=[_MODEL_CRITICISM_ROW_IN * rows + 0.3, lower])
+        )
+        upper_part, lower_part = parts[0], parts[1]
+        grid = upper_part.subplots(rows, _COLUMNS, squeeze=False, sharex=True, sharey=True)
+        for axes, one in zip(grid.flat, shown, strict=False):
+            _autocorrelation(axes, one)
+        for axes in list(grid.flat)[len(shown) :]:
+            axes.set_axis_off()
+        for axes in grid[:, 0]:
+            axes.set_ylabel("autocorrelation")
+        for column in range(_COLUMNS):
+            used = [axes for k, axes in enumerate(grid[:, column]) if k * _COLUMNS + column < len(shown)]
+            if used:
+                used[-1].set_xlabel("lag, s")
+                used[-1].tick_params(labelbottom=True)
+        _ranked(lower_part.subplots(), criticism)
+    return figure
+
+
+def _autocorrelation(axes: Axes, one: Autocorrelation) -> None:
+    axes.axhspan(-one.band, one.band, color=SHADE, linewidth=0.0)
+    axes.axhline(0.0, color=FAINT, linewidth=0.6)
+    coloured = bool((np.abs(one.rho) > max(_WEAK, 2.0 * one.band)).any())
+    axes.plot(one.lag_s, one.rho, color=RESIDUAL if coloured else SIMULATED)
+    axes.set_ylim(-0.4, 1.0)
+    axes.set_xlim(0.0, float(one.lag_s[-1]))
+    panel_title(
+        axes, one.channel, f"{one.excess:.1f} \N{MULTIPLICATION SIGN} noise, memory {one.correlation_s:.2g} s"
+    )
+
+
+def _ranked(axes: Axes, criticism: Criticism) -> None:
+    """Bars of suggestions, then of signals, the largest at the top."""
+    entries = [
+        (f"{_names([one.name, *one.alternatives])}  ({one.channel} follows {one.follows})", one.gain)
+        for one in criticism.suggestions
+    ]
+    entries += [
+        (f"{one.channel} follows {one.signal}{_lag(one.lag_s)}", 100.0 * one.r2) for one in criticism.signals
+    ]
+    panel_title(axes, "What would explain it")
+    if not entries:
+        axes.set_axis_off()
+        words = f"None of {criticism.tested} coefficients is missing, and no signal is followed"
+        axes.text(0.0, 0.5, words, transform=axes.transAxes, va="center")
+        return
+    first = len(criticism.suggestions)
+    colours = [SIMULATED] * first + [FAINT] * (len(entries) - first)
+    places = np.arange(len(entries))
+    axes.barh(places, [value for _, value in entries], color=colours, height=0.62)
+    for place, (_, value) in zip(places, entries, strict=True):
+        axes.annotate(
+            f"{value:.2g} %", (value, place), (3, 0), textcoords="offset points", va="center", fontsize=7
+        )
+    axes.set_yticks(places, [name for name, _ in entries])
+    axes.set_ylim(len(entries) - 0.5, -0.5)
+    axes.set_xlim(0.0, 1.12 * max(value for _, value in entries))
+    axes.grid(visible=False, axis="y")
+    measures = ["fall of the cost"] * bool(first) + ["share of the channel's residual"] * (
+        len(entries) > first
+    )
+    both = len(measures) > 1
+    shown = [
+        f"{one} ({colour})" if both else one for one, colour in zip(measures, ("blue", "grey"), strict=False)
+    ]
+    axes.set_xlabel(f"{' or '.join(shown)}, %")
+
+
+def _names(names: list[str]) -> str:
+    """Up to three names, as many as leave room for the bars."""
+    shown = [name for k, name in enumerate(names[:3]) if len(" or ".join(names[: k + 1])) <= _LABEL or k == 0]
+    return " or ".join(shown) + (" …" if len(shown) < len(names) else "")
+
+
+def _lag(lag_s: float) -> str:
+    if lag_s == 0.0:
+        return ", as it is"
+    return ", integrated" if np.isinf(lag_s) else f", lag {lag_s:g} s"
+
+
+_PHASES = {
+    "evolution": ("evolution strategy", SIMULATED, "-"),
+    "descent": ("Gauss\N{EN DASH}Newton descent", THIRD, (0, (1.2, 0.8))),
+    "simplex": ("simplex", RESIDUAL, (0, (3, 1))),
+}
+
+_SEARCH_HISTORY_ROW_IN, _SEARCH_HISTORY_COLUMNS = 1.75, 3
+
+_LEAST = 1e-4
+"""Per cent above the optimum that are drawn at the foot: the budget's usual tolerance is a hundred times"
+" as much."""
+
+
+def convergence(stages: Sequence[StageResult]) -> Figure:
+    """Figure of the best cost above the optimum over the candidates tried, stage by stage.
+
+    The cost is the mean weighted error per sample in standard deviations of the channels; a panel's remark
+    gives it at the start values and at the optimum.
+    """
+    columns = min(_SEARCH_HISTORY_COLUMNS, max(len(stages), 1))
+    rows = -(-max(len(stages), 1) // columns)
+    with house_style():
+        figure = new_figure(0.45 + _SEARCH_HISTORY_ROW_IN * rows)
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for axes, stage in zip(grid.flat, stages, strict=False):
+            _panel(axes, stage)
+        for axes in grid[:, 0]:
+            axes.set_ylabel("above the optimum, %")
+        for axes in list(grid.flat)[len(stages) :]:
+            axes.set_axis_off()
+        handles = [
+            figure.axes[0].plot([], [], color=colour, linestyle=dashes, label=label)[0]
+            for phase, (label, colour, dashes) in _PHASES.items()
+            if any(step.phase == phase for stage in stages for step in stage.history)
+        ]
+        handles.append(figure.axes[0].plot([], [], "o", color="#262626", markersize=3, label="optimum")[0])
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+def above_optimum(stage: StageResult) -> list[tuple[str, Array, Array]]:
+    """Per phase its name, candidates tried so far, and best cost above the optimum, %, from the start on."""
+    known = [(0.0, stage.start_cost)] if np.isfinite(stage.start_cost) else []
+    optimum = min([s.best for s in stage.history if np.isfinite(s.best)] + [stage.cost])
+    found = []
+    for phase in dict.fromkeys(s.phase for s in stage.history):
+        steps = [(float(s.evaluations), s.best) for s in stage.history if s.phase == phase]
+        points = np.array(known + [step for step in steps if np.isfinite(step[1])]).reshape(-1, 2)
+        if len(points) > len(known):
+            # An objective that changed on the way may have been lower before.
+            above = np.maximum(points[:, 1] / optimum - 1.0, 0.0) * 100.0
+            found.append((phase, points[:, 0], above))
+            known = [(float(points[-1, 0]), float(points[-1, 1]))]
+    return found
+
+
+def _panel(axes: Axes, stage: StageResult) -> None:
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    phases = above_optimum(stage)
+    seen = np.concatenate([above for _, _, above in phases] or [np.ones(1)])
+    positive = seen[seen > _LEAST]
+    low = 10.0 ** np.floor(np.log10(positive.min(initial=1.0) * 0.5))
+    high = 10.0 ** np.ceil(np.log10(positive.max(initial=1.0) * 2.0))
+    high = max(high, 100.0 * low)
+    for number_, (phase, tried, above) in enumerate(phases):
+        _, colour, dashes = _PHASES.get(phase, (phase, FAINT, ":"))
+        axes.step(tried, np.maximum(above, low), where="post", color=colour, linestyle=dashes, linewidth=1.3)
+        if number_:
+            axes.axvline(tried[0], 0.0, 0.84, color=FAINT, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+    if phases:
+        axes.plot(phases[-1][1][-1], low, "o", color="#262626", markersize=3, clip_on=False, zorder=6)
+    axes.set_yscale("log")
+    axes.set_ylim(low, high)
+    axes.yaxis.set_major_locator(LogLocator(numticks=6))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_xlim(left=0.0)
+    axes.locator_params(axis="x", nbins=4)
+    axes.set_xlabel("evaluations")
+    panel_title(axes, stage.name)
+    axes.text(
+        0.98,
+        0.98,
+        f"$Q$ {number(stage.start_cost)} \N{RIGHTWARDS ARROW} {number(stage.cost)}",
+        transform=axes.transAxes,
+        ha="right",
+        va="top",
+        fontsize=7.5,
+    )
+
+
+AHEAD_S = 10.0
+
+
+def gallery(
+    fit: Identification, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
+) -> list[Path]:
+    """Paths of the figures of an identification after they were written into a folder.
+
+    Raises
+    ------
+    SeatrialError
+        The folder cannot be written.
+    """
+    folder = Path(folder)
+    written: list[Path] = []
+    for name, figure in _figures(fit):
+        written += save(figure, folder / name, formats=formats)
+    return written
+
+
+def _figures(fit: Identification) -> Iterator[tuple[str, Figure]]:
+    yield "vehicle", three_views(fit.vehicle)
+    if fit.vehicle.actuators:
+        yield "characteristic", characteristic(fit.vehicle)
+    if fit.stages:
+        yield "convergence", convergence(fit.stages)
+    if fit.certainty is not None:
+        yield "intervals", intervals(fit.certainty)
+        yield "criticism", model_criticism(fit.certainty.criticism)
+    for trial in fit.campaign.trials:
+        try:
+            yield f"trial_{trial}", trial_figure(fit, trial)
+        except TrialError:  # such a trial is named among the notes of the identification
+            continue
+
+
+def trial_figure(fit: Identification, name: str) -> Figure:
+    """Figure of one trial of an identification, simulated ten seconds ahead again and again.
+
+    The channels are the velocities (and those that a stage weighs) of the axes that were freed on this
+    trial, or of all that any stage freed where the trial is held out as a whole.
+
+    Raises
+    ------
+    TrialError
+        No window can start, or an input is missing.
+    """
+    campaign = fit.campaign
+    trial = campaign.trials[name]
+    free = "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in campaign.stages))
+    own = [stage for stage in campaign.stages if name in stage.trials] or list(campaign.stages)
+    shown = {CHANNELS[AXES.index(axis)] for stage in own for axis in stage.axes.free}
+    if name in {trial for stage in own for trial in stage.trials}:
+        shown |= {channel for stage in own for channel in stage.weights()}
+    channels = [channel for channel in CHANNELS if channel in shown and channel in trial.channels]
+    simulated = score(
+        fit.vehicle,
+        trial,
+        ahead_s=AHEAD_S,
+        channels=channels,
+        input=campaign.input_of(name),
+        free=free,
+        measured="".join(axis for axis in AXES if axis not in free),
+    )
+    held_out = campaign.held_out(name)
+    remark = " (held out as a whole)" if held_out.all() else ""
+    return measured_against_simulated(
+        trial,
+        simulated.windows,
+        channels=channels,
+        titles={channel: _scores(fit, name, channel) for channel in channels},
+        held_out=None if held_out.all() else held_out,
+        heading=f"{fit.vehicle.name}, trial {name}{remark}: {AHEAD_S:g} s ahead from the measured state",
+    )
+
+
+def _scores(fit: Identification, trial: str, channel: str) -> str:
+    """Scores of a channel as they stand in the title of its panel."""
+    words = []
+    for part, label in (("hold_out", "held out"), ("fit", "fit")):
+        found = []
+        for kind, remark in (("ahead", f"{AHEAD_S:g} s ahead"), ("free", "free run")):
+            row = fit.scores.get(part, {}).get(kind, {}).get(trial)
+            if row is not None and channel in row and row[channel].n > 1:
+                found.append(f"{tidy(row[channel].r2)} ({remark})")
+        if found:
+            words.append(f"{label} R\N{SUPERSCRIPT TWO} {', '.join(found)}")
+    return "  |  ".join(words)
+
+
+_AIR = 0.3
+
+_ROOM = 31  # letters of a name and its numbers that stand side by side in full size
+
+_NOTHING = 1e-6  # of the distance between the bounds: shown as zero
+
+
+@dataclass(frozen=True)
+class Row:
+    """A coefficient: bounds, start value, optimum of the stage; joint estimate and its standard deviation."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    start: float
+    found: float
+    polished: float | None = None
+    sigma: float | None = None
+
+    def share(self, value: float) -> float:
+        """Place of a value between the bounds, 0 at the lower and 1 at the upper one."""
+        return (value - self.lower) / (self.upper - self.lower)
+
+    def words(self) -> str:
+        """Start value, optimum and joint estimate, with their unit."""
+        values = [self.start, self.found] + ([] if self.polished is None else [self.polished])
+        least = _NOTHING * (self.upper - self.lower)
+        shown = " \N{RIGHTWARDS ARROW} ".join(number(x if abs(x) > least else 0.0) for x in values)
+        return shown if self.unit == "1" else f"{shown} {printed_unit(self.unit)}".rstrip()
+
+
+def coefficient_bars(axes: Axes, rows: Sequence[Row]) -> None:
+    """Draw a bar per coefficient into axes: bounds at its ends, values as marks, numbers above."""
+    for place, row in enumerate(rows):
+        y = -float(place)
+        axes.plot([0.0, 1.0], [y, y], color=FAINT, linewidth=3.0, solid_capstyle="butt", alpha=0.45)
+        axes.plot(row.share(row.start), y, "s", color=SECOND, markersize=4.2, markerfacecolor="white")
+        axes.plot(row.share(row.found), y, "o", color=SIMULATED, markersize=4.4, zorder=4)
+        if row.polished is not None:
+            centre, spread = row.share(row.polished), 1.96 * (row.sigma or 0.0) / (row.upper - row.lower)
+            if np.isfinite(spread):
+                ends = np.clip([centre - spread, centre + spread], 0.0, 1.0)
+                axes.plot(ends, [y, y], color=RESIDUAL, linewidth=1.2, zorder=5)
+            # The joint estimate may have wider bounds than the stage.
+            axes.plot(np.clip(centre, -0.02, 1.02), y, "D", color=RESIDUAL, markersize=3.0, zorder=6)
+        words, name = row.words(), symbol(row.name)
+        letters = len(words) + (4 if name.startswith("$") else len(name))
+        small = min(1.0, _ROOM / letters)
+        axes.text(0.0, y + _AIR, name, fontsize=7.5 * small, va="center", ha="left")
+        axes.text(1.0, y + _AIR, words, fontsize=6.5 * small, va="center", ha="right")
+        for x, bound, side in ((0.0, row.lower, "right"), (1.0, row.upper, "left")):
+            axes.annotate(
+                number(bound), (x, y), (-3 if x == 0.0 else 3, 0), textcoords="offset points",
+                fontsize=5.5, va="center", ha=side, color="#595959",
+            )  # fmt: skip
+    axes.set_xlim(-0.16, 1.16)
+    axes.set_ylim(0.6 - len(rows), 0.75)
+    axes.set_axis_off()
+    panel_title(axes, "coefficients in their bounds")

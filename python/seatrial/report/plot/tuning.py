@@ -1,0 +1,347 @@
+"""The figures of a tuning: corridors with error areas, responses before and after, speeds, margins, relay.
+
+Of the trials of a loop at a speed that one is drawn which the tuned gains hold least. Held by
+tests/cli/test_cli_tune.py and tests/report/test_tuning_gallery.py.
+
+The limit cycles of a relay tuning, a panel per loop and speed: what was measured and asked for.
+
+Held by tests/report/test_relay_figure.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.campaign.tuning_table import LOOPS
+from seatrial.report.plot.corridors import Course, InCorridor, SetPointStep, corridor_figure, step_responses
+from seatrial.report.plot.style import SECOND, SIMULATED, house_style, new_figure, save
+from seatrial.tuning.relay_trial import UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from seatrial.tuning.judgement import Judged, Responses
+    from seatrial.tuning.relay import RelayPoint, RelayTuning
+    from seatrial.tuning.relay_trial import RelayTrial
+    from seatrial.tuning.result import Tuning
+
+__all__ = ["relay_cycles", "relay_pages", "tuning_gallery"]
+
+_LABELS = {
+    "surge": "speed ahead u",
+    "sway": "sway speed v",
+    "heave": "depth z",
+    "pitch": "pitch angle",
+    "heading": "heading",
+    "depth": "depth z",
+    "cross_track": "cross-track position",
+}
+
+_PANELS = 6
+
+_SPEEDS_ON_A_PAGE = 3  # in the figure of corridors
+
+_BEFORE_S = 5.0  # of the settling that is drawn before the first step
+
+_MINUS = "\N{MINUS SIGN}"
+
+
+def tuning_gallery(
+    tuning: Tuning,
+    folder: str | Path,
+    *,
+    formats: tuple[str, ...] = ("png", "pdf"),
+    loops: Collection[str] | None = None,
+) -> list[Path]:
+    """Paths of the figures of a tuning after they were written into a folder.
+
+    Parameters
+    ----------
+    tuning : Tuning
+    folder : str or Path
+    formats : tuple of str, optional
+        Endings of the files.
+    loops : collection of str, optional
+        Loops and paths whose corridors and responses are drawn; all by default.
+
+    Raises
+    ------
+    SeatrialError
+        The folder cannot be written.
+    """
+    written: list[Path] = []
+    for name, figure in _figures(tuning, loops):
+        written += save(figure, Path(folder) / name, formats=formats)
+    return written
+
+
+def _figures(tuning: Tuning, loops: Collection[str] | None) -> Iterator[tuple[str, Figure]]:
+    start, tuned = tuning.of("start"), tuning.of("tuned")
+    if start is None or tuned is None:
+        return
+    for loop in tuned.responses if loops is None else [name for name in tuned.responses if name in loops]:
+        for page, figure in enumerate(corridors(start, tuned, loop), 1):
+            yield _paged(f"corridor_{loop}", page), figure
+        yield f"responses_{loop}", responses(start, tuned, loop)
+    if "surge" in tuned.responses:
+        from seatrial.report.plot.corridors import speed_steps
+
+        yield "speeds", speed_steps(tuning.plan, tuning.start, tuning.autopilot)
+    from seatrial.report.plot.margins import tuning_margins
+
+    yield (
+        "margins",
+        tuning_margins(
+            tuning.plan.vehicle,
+            (tuning.start, tuning.autopilot),
+            limits=tuning.plan.table.margins,
+            sensors=tuning.plan.sensors,
+        ),
+    )
+    if tuning.relay is not None:
+        for page in range(1, relay_pages(tuning.relay) + 1):
+            yield _paged("relay", page), relay_cycles(tuning.relay, page=page)
+
+
+def _paged(name: str, page: int) -> str:
+    """Name of a figure that may need several pages."""
+    return name if page == 1 else f"{name}_{page}"
+
+
+def corridors(start: Judged, tuned: Judged, loop: str) -> Iterator[Figure]:
+    """Figures of a loop's steps in their corridor, there and back: start gains beside tuned ones.
+
+    Each fits on a page.
+    """
+    trials = _one_per_speed(tuned, start, loop)
+    for first in range(0, len(trials), _SPEEDS_ON_A_PAGE):
+        yield _corridors(start, tuned, loop, trials[first : first + _SPEEDS_ON_A_PAGE])
+
+
+def _corridors(start: Judged, tuned: Judged, loop: str, trials: list[int]) -> Figure:
+    """Figure of some trials of a loop in their corridor."""
+    shown = []
+    for trial in trials:
+        for judged, name in ((start, "start gains"), (tuned, "tuned")):
+            own = judged.responses[loop]
+            since = own.t - own.trials.settle_s
+            until = own.trials.until_s
+            rows = (since > -1e-9) & (since < until - 1e-9)
+            back = (since > until - 1e-9) & (since < 2.0 * until - 1e-9)
+            answers = own.normalised(trial)
+            both = np.concatenate([answers[:, rows], 1.0 - answers[:, back]])
+            title = f"{_step(own, trial, loop)}: {name}"
+            shown.append(InCorridor(title, own.trials.corridor, since[rows], both, each="steps"))
+    return corridor_figure(shown)
+
+
+def responses(start: Judged, tuned: Judged, loop: str) -> Figure:
+    """Figure of a loop's responses over time at several speeds, before and after, with the set points."""
+    entry = LOOPS[loop]
+    courses = []
+    for trial in _one_per_speed(tuned, start, loop):
+        own, before = tuned.responses[loop], start.responses[loop]
+        trials = own.trials
+        low = own.base(trial)
+        high = low + trials.sizes[trial]
+        first = trials.settle_s
+        set_point = np.where((own.t >= first) & (own.t < first + trials.until_s), high, low)
+        scale = 1.0 / entry.to_si
+        shown = own.t > first - _BEFORE_S
+        courses.append(
+            Course(
+                name=_step(own, trial, loop),
+                label=f"{_LABELS[loop]}, {entry.unit}",
+                t=own.t[shown] - first,
+                set_point=set_point[shown] * scale,
+                before=_unbroken(before.values[trial][:, shown] * scale, entry.unit),
+                after=_unbroken(own.values[trial][:, shown] * scale, entry.unit),
+                steps=(
+                    SetPointStep(0.0, low * scale, high * scale, trials.corridor),
+                    SetPointStep(trials.until_s, high * scale, low * scale, trials.corridor),
+                ),
+                down=loop in ("heave", "depth"),
+                remark=_tells(start, loop, trial),
+            )
+        )
+    return step_responses(courses)
+
+
+def _step(of: Responses, trial: int, loop: str) -> str:
+    """Loop, speed and step of a trial, for a title."""
+    entry = LOOPS[loop]
+    size = of.trials.sizes[trial] / entry.to_si
+    numbers = f"{of.trials.speeds[trial]:.3g} m/s, {size:+.3g} {entry.unit}".replace("-", _MINUS)
+    return f"{loop.replace('_', '-')} at {numbers}"
+
+
+def _tells(start: Judged, loop: str, trial: int) -> str:
+    """How far the start gains leave the corridor, for the right of a title."""
+    own = [one for one in start.trials if one.loop == loop][trial]
+    if not np.isfinite(own.nominal_s):
+        return "start gains: diverge"
+    size = f"{own.nominal_s:.2g}" if own.nominal_s < 100.0 else f"{own.nominal_s:.0f}"
+    return f"start gains: outside by {size} s" if own.nominal_s > 0.0 else ""
+
+
+def _unbroken(values: Array, unit: str) -> Array:
+    """Values (k, p) with a gap where an angle jumps from one end of the circle to the other."""
+    if unit != "deg":
+        return values
+    jumps = np.abs(np.diff(values, axis=1, prepend=values[:, :1])) > 180.0
+    return np.where(jumps, np.nan, values)
+
+
+def _one_per_speed(tuned: Judged, start: Judged, loop: str) -> list[int]:
+    """The trial at each speed that the tuned gains, and then the start gains, violate most, by speed."""
+    own = [[trial for trial in judged.trials if trial.loop == loop] for judged in (tuned, start)]
+    violated = [tuple(-judged[k].worst_s for judged in own) for k in range(len(own[0]))]
+    worst: dict[float, int] = {}
+    for trial in sorted(range(len(violated)), key=violated.__getitem__):
+        worst.setdefault(own[0][trial].speed_m_s, trial)
+    return [worst[speed] for speed in sorted(worst)][:_PANELS]
+
+
+_COLUMNS, _ROW_IN = 3, 1.6
+
+_ON_A_PAGE = 5 * _COLUMNS
+
+_LETTERS = {
+    "surge": "u",
+    "sway": "v",
+    "heave": "depth",
+    "roll": "roll",
+    "pitch": "pitch",
+    "heading": "heading",
+}
+
+_GAIN_UNITS = {"m/s": "N s/m", "m": "N/m", "rad": "N m/rad"}
+
+_ROOM = 1.25
+
+_DOUBTFUL, _PALE = "#8C8C8C", "#C8C8C8"
+
+
+def relay_pages(tuning: RelayTuning) -> int:
+    """Number of pages that the cycles of a relay tuning need."""
+    return max(1, math.ceil(len(_drawn(tuning)) / _ON_A_PAGE))
+
+
+def relay_cycles(tuning: RelayTuning, *, page: int = 1) -> Figure:
+    """Figure of the cycles that the gains were made of: deviation measured, force or moment of the relay.
+
+    Where no trial has a usable cycle, the one that was seen is shown in grey with the reason; where there
+    was none, a line below says so.
+
+    Parameters
+    ----------
+    tuning : RelayTuning
+    page : int
+        Which of `relay_pages`, from 1 on.
+
+    Examples
+    --------
+    >>> from seatrial.tuning.relay import relay_autopilot
+    >>> tuning = relay_autopilot("cwolf", "cwolf", speeds=[0.881])
+    >>> relay_cycles(tuning).axes[0].get_title(loc="left")
+    'surge, 0.881 m/s'
+    """
+    points = _drawn(tuning)[(page - 1) * _ON_A_PAGE : page * _ON_A_PAGE]
+    columns = max(1, min(_COLUMNS, len(points)))
+    rows = max(1, math.ceil(len(points) / columns))
+    note = _without(tuning)
+    with house_style():
+        figure = new_figure(_ROW_IN * rows + 0.75 + 0.14 * len(note))
+        panels = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, point in zip(panels, points, strict=False):
+            _panel(axes, point)
+        for k, axes in enumerate(panels):
+            if k >= len(points):
+                axes.set_axis_off()
+            elif k + columns >= len(points):
+                axes.set_xlabel("time, s", fontsize=7)
+        _legend(figure, note, doubtful=any(point.gains is None for point in points))
+        rule = " and ".join(word.capitalize() for word in tuning.rule.split("-"))
+        figure.suptitle(
+            f"{tuning.autopilot.name}: relay cycles, gains by {rule}", x=0.01, ha="left", fontweight="bold"
+        )
+    return figure
+
+
+def _drawn(tuning: RelayTuning) -> list[RelayPoint]:
+    """The points with a cycle to show."""
+    return [point for point in tuning.points if _shown(point) is not None]
+
+
+def _shown(point: RelayPoint) -> RelayTrial | None:
+    """The trial that the gains come from, or else the first with a cycle."""
+    return point.taken or next((one for one in point.trials if one.trace is not None), None)
+
+
+def _without(tuning: RelayTuning) -> list[str]:
+    """A line per loop about the speeds without any cycle."""
+    bare: dict[str, list[str]] = {}
+    for point in tuning.points:
+        if _shown(point) is None:
+            bare.setdefault(point.loop, []).append(f"{point.speed_m_s:.3g}")
+    return [f"{loop}: no cycle at {', '.join(speeds)} m/s" for loop, speeds in bare.items()]
+
+
+def _panel(axes: Axes, point: RelayPoint) -> None:
+    trial = _shown(point)
+    if trial is None or trial.trace is None or trial.cycle is None:
+        return
+    usable = point.gains is not None
+    unit = UNITS[point.loop]
+    degrees = unit == "rad"
+    factor = math.degrees(1.0) if degrees else 1.0
+    trace = trial.trace
+    t = trace.t - trace.t[0]
+    wrench = axes.twinx()
+    wrench.step(t, trace.wrench, where="post", color=SECOND if usable else _PALE, linewidth=0.9)
+    axes.plot(t, factor * trace.measured, color=SIMULATED if usable else _DOUBTFUL)
+    axes.set_zorder(wrench.get_zorder() + 1)
+    axes.patch.set_visible(False)
+    for one, values in ((axes, factor * trace.measured), (wrench, trace.wrench)):
+        most = _ROOM * float(abs(values).max())
+        one.set_ylim(-most, most)
+        one.locator_params(axis="y", nbins=5)
+    wrench.grid(visible=False)
+    wrench.spines["right"].set_visible(True)
+    wrench.spines["right"].set_color(SECOND)
+    axes.set_xlim(t[0], t[-1])
+    axes.set_ylabel(f"{_LETTERS[point.loop]}, {'deg' if degrees else unit}", fontsize=7)
+    wrench.set_ylabel("N m" if degrees else "N", fontsize=7, labelpad=1)
+    axes.set_title(f"{point.loop}, {point.speed_m_s:.3g} m/s", loc="left", fontweight="bold", pad=13)
+    text = f"$T_u$ = {trial.cycle.period_s:.2g} s, "
+    text += f"$K_u$ = {trial.cycle.ultimate_gain:.3g} {_GAIN_UNITS[unit]}"
+    axes.text(
+        0.0, 1.03, text if usable else trial.why, fontsize=6.5, color="#404040", transform=axes.transAxes
+    )
+
+
+def _legend(figure: Figure, note: list[str], *, doubtful: bool) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=SIMULATED, label="measured, from its mean (left)"),
+        Line2D([], [], color=SECOND, linewidth=0.9, label="force or moment of the relay (right)"),
+    ]
+    if doubtful:
+        handles.append(Line2D([], [], color=_DOUBTFUL, label="no usable cycle"))
+    title = "\n".join(note) or None
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=len(handles),
+        fontsize=6.5,
+        title=title,
+        title_fontsize=6.5,
+    )

@@ -1,0 +1,409 @@
+"""Verdicts of a verification: failure probabilities against what is allowed, and what drives the failures.
+
+Held by `tests/report/test_verification_figures.py`.
+
+The figures of a verification: requirements, causes, cross-track error, tracks of the worst missions.
+
+Held by tests/verification/test_verify.py.
+
+The worst missions of a verification over their plan: tracks from above, and the depth over time.
+
+Held by `tests/verification/test_verify.py`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial._core import error_edges
+from seatrial.base.arrays import Array
+from seatrial.report.plot.cross_track import cross_track
+from seatrial.report.plot.style import (
+    CYCLE,
+    FAINT,
+    HULL_EDGE,
+    MEASURED,
+    RESIDUAL,
+    SECOND,
+    SHADE,
+    SIMULATED,
+    THIRD,
+    house_style,
+    new_figure,
+    panel_title,
+    save,
+)
+from seatrial.report.plot.track import (
+    extent,
+    layout,
+    new_plan,
+    page_legend,
+    page_title,
+    planned_path,
+    profile_axes,
+    waypoint_label,
+    waypoints,
+)
+from seatrial.statistics.proportions import FailureProbability, share, wilson
+from seatrial.verification.causes import odds
+from seatrial.verification.verification import reserve
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from seatrial.flight.flight import Flight
+    from seatrial.verification.causes import Influence
+    from seatrial.verification.judgement import JudgedRequirement
+    from seatrial.verification.verification import Verification
+
+__all__ = [
+    "Verified",
+    "WorstFlight",
+    "cause_bars",
+    "verification_figures",
+    "verification_gallery",
+    "verified_requirements",
+    "worst_missions",
+]
+
+_COLOUR = {"held": THIRD, "failed": RESIDUAL, "undecided": SECOND}
+
+_ROW_IN = 0.36
+
+_LONGEST = 34  # letters of a name beside a panel
+
+_DECADE = 0.5  # of a decade, from the smallest number to the edge
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A row of `verified_requirements`: name, what was found, the allowed failure probability."""
+
+    name: str
+    found: FailureProbability
+    allowed: float
+
+
+def verified_requirements(rows: Sequence[Verified], *, heading: str = "") -> Figure:
+    """Figure of the failure probability of every requirement against the allowed one, on a logarithmic axis.
+
+    A dot is the share of failures, its bar the exact interval; without any failure there is no dot and the
+    bar ends at the bound on one side. The tick is what is allowed, the field beyond it shaded.
+
+    Parameters
+    ----------
+    rows : sequence of Verified
+        At least one.
+    heading : str
+    """
+    with house_style():
+        figure = new_figure(0.95 + _ROW_IN * len(rows))
+        axes = figure.subplots()
+        numbers = [value for row in rows for value in (*_span(row.found), row.allowed) if value > 0.0]
+        left = 10.0 ** (np.floor(np.log10(min(numbers)) / _DECADE) * _DECADE - _DECADE)
+        right = 1.0
+        for place, row in enumerate(rows):
+            _requirement(axes, row, place, (left, right))
+        axes.set_xscale("log")
+        axes.set_xlim(left, right)
+        axes.set_ylim(len(rows) - 0.45, -0.55)
+        axes.set_yticks(range(len(rows)), [_short(row.name) for row in rows])
+        axes.tick_params(axis="y", length=0)
+        axes.grid(visible=False, axis="y")
+        axes.xaxis.set_major_formatter(lambda value, _: share(value))
+        sure = sorted({f"{100.0 * row.found.confidence:g} %" for row in rows})
+        axes.set_xlabel(
+            f"failure probability of a mission; bar: {' and '.join(sure)} interval; tick: allowed"
+        )
+        beside = axes.secondary_yaxis("right")
+        beside.set_yticks(range(len(rows)), [_words(row) for row in rows])
+        beside.tick_params(axis="y", length=0)
+        beside.spines["right"].set_visible(False)
+        panel_title(axes, heading or "requirements")
+    return figure
+
+
+def cause_bars(causes: Sequence[Influence], *, heading: str = "", most: int = 6) -> Figure:
+    """Figure of what drives the failures: strength of each cause, failure rate along the leading ones.
+
+    Parameters
+    ----------
+    causes : sequence of Influence
+        As `seatrial.verification.causes.find_causes` orders them.
+    heading : str
+    most : int
+        Number of causes that are shown.
+    """
+    shown = list(causes[:most])
+    led = [one for one in shown if one.named and one.by_failures][:3]
+    with house_style():
+        figure = new_figure(max(2.1, 1.35 + 0.3 * len(shown)) if not led else 2.9)
+        panels = figure.subplots(1, 1 + len(led), squeeze=False, width_ratios=[1.5] + [1.0] * len(led))[0]
+        _strengths(panels[0], shown)
+        for axes, cause in zip(panels[1:], led, strict=True):
+            _rates(axes, cause)
+        if led:
+            panels[1].set_ylabel("missions that fail, %")
+            highest = max(axes.get_ylim()[1] for axes in panels[1:])
+            for axes in panels[1:]:  # the eye compares their heights
+                axes.set_ylim(0.0, highest)
+        goes = (
+            "what its failures go with"
+            if all(one.by_failures for one in shown)
+            else "what its reserve goes with"
+        )
+        figure.suptitle(
+            f"{_short(heading, 56)}: {goes}" if heading else goes, x=0.01, ha="left", fontweight="bold"
+        )
+    return figure
+
+
+def _requirement(axes: Axes, row: Verified, place: int, span: tuple[float, float]) -> None:
+    colour = _COLOUR[row.found.verdict(row.allowed)]
+    low, high = _span(row.found)
+    axes.fill_between(
+        [row.allowed, span[1]], place - 0.42, place + 0.42, color=RESIDUAL, alpha=0.08, linewidth=0.0
+    )
+    axes.plot([max(low, span[0]), high], [place, place], color=colour, linewidth=3.2, solid_capstyle="butt")
+    if row.found.failures:
+        axes.plot(row.found.estimate, place, "o", color=colour, markersize=6.0, markeredgecolor="white")
+    else:
+        axes.plot(high, place, "|", color=colour, markersize=9.0, markeredgewidth=1.6)
+    axes.plot([row.allowed] * 2, [place - 0.42, place + 0.42], color=MEASURED, linewidth=1.6)
+
+
+def _span(found: FailureProbability) -> tuple[float, float]:
+    return found.interval if found.failures else (0.0, found.at_most)
+
+
+def _words(row: Verified) -> str:
+    return f"{row.found.verdict(row.allowed)}: {row.found.failures} of {row.found.runs}"
+
+
+def _strengths(axes: Axes, causes: Sequence[Influence]) -> None:
+    by_failures = all(one.by_failures for one in causes)
+    for place, cause in enumerate(causes):
+        axes.barh(place, cause.strength, height=0.62, color=SIMULATED if cause.named else FAINT)
+        inside = cause.strength > 0.6
+        axes.text(
+            cause.strength + (-0.02 if inside else 0.02), place, _size(cause), va="center", fontsize=6.5,
+            ha="right" if inside else "left", color="white" if inside and cause.named else "#262626",
+        )  # fmt: skip
+    axes.set_yticks(range(len(causes)), [_two_lines(one.label, 24) for one in causes], fontsize=6.5)
+    axes.set_ylim(max(len(causes), 1) - 0.4, -0.6)
+    axes.set_xlim(0.0, 1.0)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
+    what = "strength |2 AUC \N{MINUS SIGN} 1|" if by_failures else "|rank correlation| with the reserve"
+    axes.set_xlabel(f"{what}\ngrey: not shown to matter")
+
+
+def _size(cause: Influence) -> str:
+    if not cause.by_failures:
+        return f"{cause.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
+    ratio = f", odds \N{MULTIPLICATION SIGN} {odds(cause.odds)}" if 0.0 < cause.odds < np.inf else ""
+    return f"AUC {cause.auc:.2f}{ratio}"
+
+
+def _rates(axes: Axes, cause: Influence) -> None:
+    groups = cause.groups
+    failures, runs = np.array(groups.failures), np.array(groups.runs)
+    met = runs > 0
+    low, high = (100.0 * bound for bound in wilson(failures[met], runs[met]))
+    place, rate = np.flatnonzero(met), 100.0 * failures[met] / runs[met]
+    axes.bar(place, rate, width=0.8, color=SIMULATED)
+    error = np.clip(np.stack([rate - low, high - rate]), 0.0, None)
+    axes.errorbar(place, rate, error, fmt="none", ecolor=MEASURED, elinewidth=0.9, capsize=1.8)
+    axes.set_ylim(bottom=0.0)
+    axes.grid(visible=False, axis="x")
+    axes.set_title(_two_lines(cause.name, 19), loc="left", fontweight="bold", fontsize=7)
+    if groups.edges:
+        first = [label.split(" to ")[0] for label in groups.labels]
+        words = [*first, groups.labels[-1].split(" to ")[1]]
+        words = [word.replace("-", "\N{MINUS SIGN}") for word in words]
+        axes.set_xticks(
+            np.arange(len(words)) - 0.5, words, rotation=30, ha="right", rotation_mode="anchor", fontsize=6.0
+        )
+        axes.set_xlabel(f"fifths, {cause.unit}" if cause.unit and cause.unit != "1" else "fifths")
+    elif cause.kind == "direction":
+        axes.set_xticks(range(len(runs)), groups.labels, fontsize=6.0)
+        axes.set_xlabel("towards")
+    else:
+        axes.set_xticks(
+            range(len(runs)), [_short(label, 12) for label in groups.labels], rotation=30, ha="right",
+            rotation_mode="anchor", fontsize=6.0,
+        )  # fmt: skip
+
+
+def _two_lines(name: str, width: int) -> str:
+    """A name in two lines where one is too short for it."""
+    return "\n".join(wrap(name, width, max_lines=2, placeholder="\N{HORIZONTAL ELLIPSIS}"))
+
+
+def _short(name: str, longest: int = _LONGEST) -> str:
+    return name if len(name) <= longest else f"{name[: longest - 1]}\N{HORIZONTAL ELLIPSIS}"
+
+
+_OBSTACLE = "obstacle"
+
+
+@dataclass(frozen=True, eq=False)
+class WorstFlight:
+    """A flight with its label, such as "522: -6.6 m"."""
+
+    label: str
+    flight: Flight
+
+
+def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figure:
+    """Figure of flights of one mission over its plan, with what stands in the water.
+
+    Parameters
+    ----------
+    flights : sequence of WorstFlight
+        At least one, the worst first.
+    heading : str
+    """
+    first = flights[0].flight
+    path = planned_path(first.mission, seabed=first.circumstances.seabed)
+    acceptance = np.array([stop.acceptance for stop in first.route.stops])
+    tracks = [one.flight.position[np.isfinite(one.flight.position).all(axis=1)] for one in flights]
+    reach = [path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]]
+    corners = extent(path.points, *tracks, *reach)
+    obstacles = [one for one in first.circumstances.obstacles if _within(one, corners)]
+    plain = ["planned path", waypoint_label(path), "sphere of acceptance"] + [_OBSTACLE] * bool(obstacles)
+    page = layout(corners, [*plain, *(one.label for one in flights)])
+    with house_style():
+        figure = new_figure(page.height, constrained=False)
+        plan = new_plan(figure, page.plan, corners)
+        _obstacles(plan.axes, obstacles)
+        waypoints(plan, path, acceptance, tracks[0])
+        profile = profile_axes(figure, page)
+        for number, (one, track) in enumerate(zip(flights, tracks, strict=True)):
+            colour = CYCLE[number % len(CYCLE)]
+            style: dict[str, Any] = {
+                "color": colour,
+                "linewidth": 1.2 if number == 0 else 0.9,
+                "zorder": 4.0 - 0.1 * number,
+            }
+            plan.axes.plot(track[:, 1], track[:, 0], label=one.label, **style)
+            plan.axes.plot(track[-1, 1], track[-1, 0], "s", color=colour, markersize=4.0, zorder=5.0)
+            profile.plot(one.flight.t[: len(track)], track[:, 2], **style)
+        panel_title(plan.axes, "tracks", "square: end")
+        profile.invert_yaxis()
+        profile.set_xlabel("time, s")
+        profile.set_ylabel("depth, m")
+        profile.ticklabel_format(useOffset=False)
+        profile.set_xlim(0.0, max(float(one.flight.t[-1]) for one in flights))
+        panel_title(profile, "depth")
+        page_title(figure, page, heading or f"worst missions of {first.mission.name}")
+        page_legend(figure, (plan.axes, profile), page)
+    return figure
+
+
+def _within(obstacle: tuple[float, float, float], corners: tuple[Array, Array]) -> bool:
+    """Whether some of an obstacle lies in the view; a far one would make the tracks small."""
+    place, radius = np.array(obstacle[:2]), obstacle[2]
+    nearest = np.clip(place, *corners)
+    return bool(np.hypot(*(place - nearest)) <= radius)
+
+
+def _obstacles(axes: Axes, obstacles: Sequence[tuple[float, float, float]]) -> None:
+    from matplotlib.patches import Circle
+
+    for number, (north, east, radius) in enumerate(obstacles):
+        axes.add_patch(
+            Circle(
+                (east, north), radius, facecolor=SHADE, edgecolor=HULL_EDGE, linewidth=0.8, zorder=1.5,
+                label=_OBSTACLE if number == 0 else None,
+            )
+        )  # fmt: skip
+
+
+_LIMIT = re.compile(r"\b((?:true_)?cross_track_p95_m) <=? ([0-9.]+)")
+
+_TRUE = "true_cross_track_p95_m"
+
+_MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4
+
+_VERIFICATION_GALLERY_LONGEST = 50  # letters of a requirement's name in that of a file
+
+
+def verification_gallery(
+    found: Verification, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
+) -> list[Path]:
+    """Paths of the figures of a verification after they were written into a folder.
+
+    The worst missions of each requirement that some mission failed are flown again for their tracks.
+
+    Raises
+    ------
+    SeatrialError
+        The folder cannot be written.
+    """
+    written: list[Path] = []
+    for name, figure in verification_figures(found):
+        written += save(figure, Path(folder) / name, formats=formats)
+    return written
+
+
+def verification_figures(found: Verification) -> Iterator[tuple[str, Figure]]:
+    """Name and figure, one after the other: requirements, cross-track error, causes and worst missions."""
+    missions = ", ".join(found.flights.titles)
+    rows = [Verified(one.requirement.name, one.found, one.requirement.allowed) for one in found.requirements]
+    yield "requirements", verified_requirements(rows, heading=f"{missions}: {len(found.flown)} missions")
+    yield "cross_track", _cross_track(found)
+    taken: set[str] = set()
+    for one in [row for row in found.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
+        name = _free(_safe(one.requirement.name), taken)
+        taken.add(name)
+        yield f"causes_{name}", cause_bars(one.causes, heading=one.requirement.name)
+        if one.worst:
+            yield f"worst_{name}", _worst(found, one)
+
+
+def _cross_track(found: Verification) -> Figure:
+    """Cross-track error, true and as seen; the missions' p95 of the one that a requirement is about."""
+    asked = [limit for one in found.requirements for limit in _LIMIT.findall(one.requirement.holds)]
+    # Where requirements ask for both, the true error is what matters.
+    figure, limit = max(asked, key=lambda one: one[0] == _TRUE, default=(_TRUE, ""))
+    return cross_track(
+        found.flown.true_counts,
+        error_edges(),
+        seen=found.flown.seen_counts,
+        p95_m=found.flown.figures[figure],
+        of="true" if figure == _TRUE else "as guidance saw it",
+        threshold_m=float(limit) if limit else None,
+    )
+
+
+def _worst(found: Verification, one: JudgedRequirement) -> Figure:
+    """Tracks of the worst missions, as far as they fly the same mission as the worst of all."""
+    same = [run for run in one.worst if run.mission == one.worst[0].mission][:_MOST_TRACKS]
+    flights = [
+        WorstFlight(
+            f"mission {run.number}: {reserve(run.reserve, one.judgement.unit)}", found.replay(run.number)
+        )
+        for run in same
+    ]
+    return worst_missions(flights, heading=f"{same[0].mission}, {one.requirement.name}: least reserve")
+
+
+def _safe(name: str) -> str:
+    """Name for a file, short enough for any file system."""
+    return "".join(letter if letter.isalnum() else "_" for letter in name)[:_VERIFICATION_GALLERY_LONGEST]
+
+
+def _free(name: str, taken: Container[str]) -> str:
+    """The name, with a number where another requirement's became the same."""
+    numbered = (name if k == 1 else f"{name}_{k}" for k in count(1))
+    return next(one for one in numbered if one not in taken)

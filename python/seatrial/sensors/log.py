@@ -1,0 +1,274 @@
+"""Drop-outs: a sensor works and is silent by turns, each for an exponentially distributed time.
+
+With the means `every` and `length` it is silent for the share ``length / (every + length)`` of the time, and
+so likely at the start (the stationary state of the two-state Markov process). Held by
+tests/sensors/test_sensors_drop_outs.py.
+
+When sensors sample: in step with the log, or on a time base of their own.
+
+A sensor of the log's rate, or of a whole fraction of it, samples in rows of the log. One with a phase, a
+jitter or any other rate f has its own base: it samples at ``t_k = t_0 + phase + k / f`` what was true a
+latency earlier, and stamps it ``t_k + jitter``. Stamps keep their order: jitter ends at 0.45 / f.
+
+Held by tests/sensors/test_sensors_stamps.py.
+
+A run with rows between those of its log, for sensors that sample in between.
+
+Commands, supply and wrench hold from row to row of the log, a current is linear in between, so that the finer
+run is the same motion.
+
+The log of a run: true values, late, with bias, noise and digits, with samples lost, in one table.
+
+A sample is ``y = quantum * round((y_true(t - latency) + bias + noise) / quantum)``. Noise is drawn from a
+generator of the sensor's own, seeded by the run's seed and the sensor's name, so that adding or changing one
+sensor leaves the others' samples as they are; jitter and drop-outs have generators of their own beside it, so
+that they change no noise. Held by tests/sensors/test_sensors.py, tests/sensors/test_sensors_stamps.py and
+tests/sensors/test_sensors_drop_outs.py.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.sensors.ideal import Conditions, Ideal
+from seatrial.sensors.sensor import KINDS, Sensor, one_each
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial._core import Run
+
+__all__ = [
+    "asynchronous",
+    "biases",
+    "finer",
+    "held",
+    "linear",
+    "measure",
+    "own_stamps",
+    "rows",
+    "silent",
+    "times",
+]
+
+
+def silent(sensor: Sensor, t: Array, random: np.random.Generator) -> NDArray[np.bool_]:
+    """Samples (m,) at the rising times `t` (m,), s, that a sensor's drop-outs swallow."""
+    every, length = sensor.dropout_every_s, sensor.dropout_s
+    if every is None or not length or len(t) == 0:
+        return np.zeros(len(t), bool)
+    off = bool(random.random() < length / (every + length))
+    now = float(t[0])
+    begins, states = [now], [off]
+    while now <= t[-1]:
+        now += float(random.exponential(length if off else every))
+        off = not off
+        begins.append(now)
+        states.append(off)
+    return np.array(states)[np.searchsorted(begins, t, side="right") - 1]
+
+
+_LONGEST_S = 0.01  # between rows of the run that a sensor with its own base looks at
+
+_LARGEST = 0.45  # of the interval: a larger jitter would change the order of stamps
+
+_TICK = 1e-6
+
+
+def asynchronous(sensor: Sensor, t: Array) -> bool:
+    """Whether a sensor has a time base of its own beside the log's uniform times `t` (n,).
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 10.0, 0.1)
+    >>> [asynchronous(Sensor(rate_hz=rate), t) for rate in (5.0, 4.0, 20.0)]
+    [False, True, True]
+    """
+    if sensor.phase_s > 0.0 or sensor.jitter_s > 0.0:
+        return True
+    if sensor.rate_hz is None or len(t) < 2:
+        return False
+    intervals = 1.0 / (sensor.rate_hz * _step(t))
+    return round(intervals) < 1 or abs(intervals - round(intervals)) > _TICK * intervals
+
+
+def finer(sensors: Iterable[Sensor], t: Array) -> int:
+    """Rows of the run per row of the log `t` (n,): 1, or so many that a sensor may sample in between."""
+    if not any(asynchronous(sensor, t) for sensor in sensors):
+        return 1
+    return max(1, math.ceil(_step(t) / _LONGEST_S - _TICK))
+
+
+def rows(sensor: Sensor, t: Array) -> NDArray[np.bool_]:
+    """Rows (n,) of the log in which a sensor in step with it gives a sample."""
+    if sensor.rate_hz is None:
+        return np.ones(len(t), bool)
+    count = np.floor((t - t[0]) * sensor.rate_hz + _TICK)
+    return np.concatenate([[True], np.diff(count) > 0.0])
+
+
+def own_stamps(sensor: Sensor, t: Array, random: np.random.Generator) -> tuple[Array, Array]:
+    """Stamps (m,) of a sensor with its own base within the log's times `t` (n,), and its regular times, s."""
+    interval = _step(t) if sensor.rate_hz is None else 1.0 / sensor.rate_hz
+    first = t[0] + sensor.phase_s
+    count = max(int(np.floor((t[-1] - first) / interval + _TICK)) + 1, 0)
+    regular = first + interval * np.arange(count)
+    miss = np.clip(random.normal(0.0, sensor.jitter_s, count), -_LARGEST * interval, _LARGEST * interval)
+    stamps = regular + miss
+    logged = (stamps >= t[0]) & (stamps <= t[-1] + _TICK)
+    return stamps[logged], regular[logged]
+
+
+def _step(t: Array) -> float:
+    return float(t[-1] - t[0]) / (len(t) - 1)
+
+
+def times(t: Array, every: int) -> Array:
+    """Uniform times with `every` rows per row of `t` (n,), ((n - 1) every + 1,).
+
+    Examples
+    --------
+    >>> times(np.array([0.0, 0.1, 0.2]), 2).tolist()
+    [0.0, 0.05, 0.1, 0.15, 0.2]
+    """
+    return np.asarray(np.linspace(t[0], t[-1], (len(t) - 1) * every + 1)) if every > 1 else t
+
+
+def held(values: ArrayLike, every: int) -> Array:
+    """Rows of `values` (n, ...) each repeated `every` times, but for the last."""
+    rows = np.asarray(values, float)
+    return np.repeat(rows, every, axis=0)[: (len(rows) - 1) * every + 1]
+
+
+def linear(values: ArrayLike, every: int) -> Array:
+    """Rows of `values` (n, k) with straight lines in between."""
+    rows = np.asarray(values, float)
+    index = np.arange((len(rows) - 1) * every + 1) / every
+    return np.stack([np.interp(index, np.arange(len(rows)), column) for column in rows.T], axis=1)
+
+
+_DIGITS = 6  # of stamps and values in the table
+
+_DROP_OUTS, _JITTER = 1, 2  # generators of a sensor beside that of its noise
+
+
+def measure(
+    run: Run,
+    sensors: Mapping[str, Sensor],
+    *,
+    seed: int,
+    conditions: Conditions | None = None,
+    inputs: Mapping[str, Array] | None = None,
+    every: int = 1,
+) -> pl.DataFrame:
+    """Table of what the sensors log of a run, with canonical columns; an empty cell means no sample.
+
+    While all sensors are in step with the log it has a row per time of the log; otherwise a row per stamp
+    that any sensor gave.
+
+    Parameters
+    ----------
+    run : Run
+        Uniform in time.
+    sensors : mapping of str to Sensor
+        By kind.
+    seed : int
+        The same seed gives the same table.
+    conditions : Conditions, optional
+        Water, bottom, supply and tether; still water, no bottom in sight and a free vehicle when omitted.
+    inputs : mapping of str to (n,) array, optional
+        Further columns, at the times of the log: commands and the like.
+    every : int, optional
+        The log's times are every so-many-th row of the run (`seatrial.sensors.log.finer`).
+
+    Raises
+    ------
+    TrialError
+        A sensor measures what this run has not.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> run = st.Vehicle.load("cwolf").simulate(np.arange(0.0, 5.0, 0.1))
+    >>> measure(run, {"depth": Sensor(noise=0.01, rate_hz=5.0)}, seed=1)["z_m"].null_count()
+    25
+    """
+    import polars as pl
+
+    one_each(sensors)
+    around = Conditions() if conditions is None else conditions
+    log, fine = Ideal(run, around, every=every), Ideal(run, around)
+    in_step = not any(asynchronous(sensor, log.t) for sensor in sensors.values())
+    samples: list[tuple[tuple[str, ...], Array, Array]] = []
+    for kind, sensor in sensors.items():
+        stamps, cells = _samples(kind, sensor, log, fine, seed)
+        samples.append((log.columns(kind), np.round(stamps, _DIGITS), np.round(cells, _DIGITS)))
+    t = np.round(log.t, _DIGITS)
+    if not in_step:
+        seen = [stamps[np.isfinite(cells).any(axis=1)] for _, stamps, cells in samples]
+        t = np.unique(np.concatenate([*seen, t] if inputs else seen))
+    table: dict[str, pl.Series] = {"t_s": pl.Series("t_s", t)}
+    for names, stamps, cells in samples:
+        row = np.searchsorted(t, stamps)
+        known = np.isfinite(cells).any(axis=1)
+        for k, name in enumerate(names):
+            column = np.full(len(t), np.nan)
+            column[row[known]] = cells[known, k]
+            table[name] = pl.Series(name, column, nan_to_null=True)
+    row = np.searchsorted(t, np.round(log.t, _DIGITS))
+    for name, values in (inputs or {}).items():
+        column = np.full(len(t), np.nan)
+        column[row] = values
+        table[name] = pl.Series(name, column, nan_to_null=True)
+    return pl.DataFrame(table)
+
+
+def biases(sensors: Mapping[str, Sensor], *, seed: int) -> dict[str, float]:
+    """Offset of each channel that `measure` adds with this seed, SI; late or rounded samples keep it.
+
+    Examples
+    --------
+    >>> list(biases({"depth": Sensor(bias=0.1)}, seed=1))
+    ['z']
+    """
+    found = {}
+    for kind, sensor in sensors.items():
+        columns, unit = KINDS[kind].columns, KINDS[kind].unit
+        offsets = _generator(kind, seed).normal(0.0, sensor.bias, len(columns))
+        for column, offset in zip(columns, offsets, strict=True):
+            si = np.deg2rad(offset) if unit.startswith("deg") else offset
+            found[column.removesuffix(f"_{unit}")] = float(si)
+    return found
+
+
+def _samples(kind: str, sensor: Sensor, log: Ideal, fine: Ideal, seed: int) -> tuple[Array, Array]:
+    """Stamps (m,) and what the sensor logs at them (m, columns); NaN where it gave no sample."""
+    random = _generator(kind, seed)
+    if asynchronous(sensor, log.t):
+        stamps, regular = own_stamps(sensor, log.t, _generator(kind, seed, _JITTER))
+        truth = fine.values(kind, sensor, regular - sensor.latency_s)
+    else:
+        stamps = log.t
+        truth = log.values(kind, sensor, stamps - sensor.latency_s)
+    logged = truth + random.normal(0.0, sensor.bias, truth.shape[1])
+    logged += random.normal(0.0, sensor.noise, truth.shape)
+    if sensor.quantum > 0.0:
+        logged = sensor.quantum * np.round(logged / sensor.quantum)
+    if kind == "attitude":
+        logged = (logged + 180.0) % 360.0 - 180.0
+    if not asynchronous(sensor, log.t):
+        logged[~rows(sensor, stamps)] = np.nan
+    logged[silent(sensor, stamps, _generator(kind, seed, _DROP_OUTS))] = np.nan
+    return stamps, logged
+
+
+def _generator(kind: str, seed: int, purpose: int | None = None) -> np.random.Generator:
+    entropy = [seed, zlib.crc32(kind.encode())]
+    return np.random.default_rng(entropy if purpose is None else [*entropy, purpose])

@@ -1,0 +1,1 @@
+"""Statistics of dependent errors: blocks, information, score tests, exact intervals, multiple testing."""

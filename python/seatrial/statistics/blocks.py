@@ -1,0 +1,336 @@
+"""Blocks of dependent residuals: how long errors remember, and what each block tells of the unknowns.
+
+The residuals of tank and sea trials are coloured: neighbouring samples err alike, and a count of samples
+overstates what they tell. Sums over blocks that are long against that memory are nearly independent.
+
+The length starts from Politis and White (2004, Econometric Reviews 23:53, corrected by Patton, Politis and
+White 2009, 28:372) for each channel, ``L = (2 G^2 / D)^(1/3) N^(1/3)`` with ``G = sum |k| rho_k`` and
+``D = 4/3 (sum rho_k)^2`` from the flat-top lag window of Politis and Romano (1995); the longest channel
+counts for all. With a Student factor for the number of blocks, intervals cover better with longer blocks than
+those of least mean square error (Sun, Phillips and Jin 2008, Econometrica 76:175): they are a quarter longer,
+and no shorter than ``1.3 sqrt(N)`` (Lazarus, Lewis, Stock and Watson 2018, JBES 36:541).
+
+Autocorrelations are products of samples at their true distance in time over the number of such pairs (Parzen
+1963), so that a gap between segments neither breaks nor invents a memory.
+
+Blocks of a linearisation in coordinates in which the information of the whole estimate is one.
+
+Only combinations of the unknowns that data or priors determine have a coordinate; `determined` finds them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError
+from seatrial.statistics.linearisation import Linearisation, Piece
+
+__all__ = [
+    "BlockLength",
+    "Blocks",
+    "Whitened",
+    "autocorrelation",
+    "block_length",
+    "blocks",
+    "determined",
+    "whitened",
+]
+
+_LONGER = 1.25
+
+_SHORTEST = 1.3
+
+
+@dataclass(frozen=True)
+class BlockLength:
+    """Length of a block for all channels, and each channel's memory.
+
+    Attributes
+    ----------
+    samples, seconds
+        Length of a block.
+    memory
+        Integrated autocorrelation time (C,) ``1 + 2 sum rho_k`` in samples, at least one.
+    wanted
+        Politis and White's length (C,) in samples.
+    effective
+        Number (C,) of independent samples that tell as much: those that count over ``memory``.
+    """
+
+    samples: int
+    seconds: float
+    memory: Array
+    wanted: Array
+    effective: Array
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Scores and information of the data in blocks of consecutive samples, all channels together.
+
+    Attributes
+    ----------
+    score
+        Downhill gradient (B, m) of half the cost.
+    information
+        Second derivative (B, m, m) of half the cost; the priors are not in it.
+    coloured
+        Covariance (m, m) of the sum of the scores if each channel's errors had its mean square and memory
+        throughout and all derivatives were slow against that memory.
+    """
+
+    score: Array
+    information: Array
+    coloured: Array
+
+
+def block_length(lin: Linearisation) -> BlockLength:
+    """Length of a block by the automatic rule of this module, at most a quarter of the data.
+
+    Raises
+    ------
+    CampaignError
+        No sample counts.
+    """
+    counts = np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0, initial=0)
+    if not np.any(counts):
+        raise CampaignError(
+            "the joint estimate has no sample that counts, so its uncertainty cannot be told; expected at"
+            " least one valid sample of a measured channel in a segment; check hold_out, segment_s, channels"
+        )
+    covered = sum(len(np.unique(places[rows])) for _, places, rows in _places(lin))
+    rho, pairs = _autocorrelation(lin, max(covered // 4, 1))
+    memory, wanted = np.ones(len(counts)), np.zeros(len(counts))
+    for channel, samples in enumerate(counts):
+        if samples > 1:
+            memory[channel], wanted[channel] = _rule(rho[channel], pairs[channel], int(samples))
+    longest = max(_LONGER * float(wanted.max()), _SHORTEST * math.sqrt(covered))
+    samples = int(np.clip(round(longest), 1, max(covered // 4, 1)))
+    return BlockLength(samples, samples * lin.dt, memory, wanted, counts / memory)
+
+
+def autocorrelation(lin: Linearisation, lags: int) -> Array:
+    """Autocorrelation (C, lags + 1) of the weighted residuals of each channel over all trials.
+
+    Where segments overlap, their mean counts. Lags without a pair have zero.
+    """
+    return _autocorrelation(lin, lags)[0]
+
+
+def _autocorrelation(lin: Linearisation, lags: int) -> tuple[Array, Array]:
+    """Autocorrelation and number of pairs, both (C, lags + 1)."""
+    products, pairs = np.zeros((2, lags + 1, len(lin.channels)))
+    for pieces, places, _ in _places(lin):
+        psi = np.concatenate([piece.weight * piece.residual * piece.counted for piece in pieces])
+        counted = np.concatenate([piece.counted for piece in pieces]).astype(float)
+        total, often = np.zeros((2, int(places.max()) + 1, len(lin.channels)))
+        np.add.at(total, places, psi)
+        np.add.at(often, places, counted)
+        series, seen = total / np.maximum(often, 1.0), (often > 0).astype(float)
+        size = 1 << (2 * len(series) - 1).bit_length()
+        kept = min(lags + 1, len(series))
+        for into, values in ((products, series), (pairs, seen)):
+            power = np.abs(np.fft.rfft(values, size, axis=0)) ** 2
+            into[:kept] += np.fft.irfft(power, size, axis=0)[:kept]
+    pairs = np.rint(pairs)
+    mean = np.where(pairs > 0, products / np.maximum(pairs, 1.0), 0.0)
+    rho = mean / np.where(mean[0] > 0, mean[0], 1.0)
+    rho[0] = 1.0
+    return rho.T, pairs.T
+
+
+def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
+    """Data in blocks of about ``length``; each trial is divided evenly, at least one block per trial.
+
+    A block may span segments that follow each other, never two trials. A segment is divided only where it
+    holds two blocks or more: its initial conditions were fitted to all of it, so that what its parts say is
+    not independent. A block's information is ``sum J' psi' J``
+    with the mean slope ``psi'`` of the robust score, not its weight: they differ for all but squared errors.
+    """
+    bend, unknowns = _bend(lin), len(lin.unknowns)
+    square = np.sum([((p.weight * p.residual * p.counted) ** 2).sum(axis=0) for p in lin.pieces], axis=0)
+    counts = np.maximum(np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0), 1)
+    colour = length.memory * square / counts
+    score, information, coloured = [], [], np.zeros((unknowns, unknowns))
+    for pieces, places, rows in _places(lin):
+        covered = np.unique(places[rows])
+        if not len(covered):
+            continue
+        block = _divided(pieces, length.samples)
+        number = int(block[-1]) + 1
+        scores, matrices = np.zeros((number, unknowns)), np.zeros((number, unknowns, unknowns))
+        first = 0
+        for piece in pieces:
+            owner = np.minimum(block[first : first + len(piece.t)], number - 1)
+            first += len(piece.t)
+            for index in np.unique(owner):
+                part = owner == index
+                slope, weight = piece.jacobian[part], piece.weight[part]
+                matrix = slope.reshape(-1, unknowns)
+                scores[index] += matrix.T @ (weight * piece.residual[part]).ravel()
+                matrices[index] += matrix.T @ ((bend * weight).reshape(-1, 1) * matrix)
+                coloured += matrix.T @ (np.broadcast_to(colour, weight.shape).reshape(-1, 1) * matrix)
+        score.append(scores)
+        information.append(matrices)
+    return Blocks(np.concatenate(score), np.concatenate(information), coloured)
+
+
+def _divided(pieces: Sequence[Piece], length: int) -> NDArray[np.intp]:
+    """Block of each row of a trial's segments, from 0 on."""
+    counts = [piece.counted.any(axis=1) for piece in pieces]
+    total = sum(int(counted.sum()) for counted in counts)
+    part, parts = [], 0
+    for counted in counts:
+        inside = int(counted.sum())
+        split = max(1, inside // length if len(pieces) > 1 else round(inside / length))
+        done = np.minimum(np.cumsum(counted), max(inside - 1, 0))
+        part.append(parts + done * split // max(inside, 1))
+        parts += split
+    number = max(1, min(parts, round(total / length)))
+    return np.asarray(np.concatenate(part) * number // parts)
+
+
+def _places(lin: Linearisation) -> Iterator[tuple[list[Piece], NDArray[np.intp], NDArray[np.bool_]]]:
+    """Per trial: its pieces, the place of each of their rows on the trial's time grid, which rows count."""
+    trials: dict[str, list[Piece]] = {}
+    for piece in lin.pieces:
+        trials.setdefault(piece.trial, []).append(piece)
+    for pieces in trials.values():
+        t = np.concatenate([piece.t for piece in pieces])
+        places = np.rint((t - t.min()) / lin.dt).astype(np.intp)
+        yield pieces, places, np.concatenate([piece.counted.any(axis=1) for piece in pieces])
+
+
+def _rule(rho: Array, pairs: Array, samples: int) -> tuple[float, float]:
+    """Integrated autocorrelation time and Politis and White's block length of one channel, in samples.
+
+    The memory ends before the first run of lags that white errors would show.
+    """
+    last = len(rho) - 1
+    decades = math.log10(samples)
+    needed = min(max(5, math.ceil(math.sqrt(decades))), last)
+    small = np.abs(rho[1:]) < 2.0 * np.sqrt(decades / np.maximum(pairs[1:], 1.0))
+    quiet = np.flatnonzero(np.convolve(small, np.ones(needed, int), "valid") == needed)
+    if len(quiet) and quiet[0] == 0:
+        return 1.0, 0.0
+    reach = min(2 * int(quiet[0]), last) if len(quiet) else last
+    k = np.arange(1, reach + 1)
+    tapered = np.clip(2.0 * (1.0 - k / (reach + 1)), 0.0, 1.0) * rho[1 : reach + 1]
+    memory = max(1.0 + 2.0 * float(tapered.sum()), 1.0)
+    slope = 2.0 * float((k * tapered).sum())
+    return memory, (1.5 * slope**2 / memory**2 * samples) ** (1.0 / 3.0)
+
+
+def _bend(lin: Linearisation) -> Array:
+    """Mean slope of the robust score over its mean weight (C,): one for squared errors.
+
+    The score ``psi(e) = w(e) e`` is a function of the error alone, so its slope is that between neighbours in
+    the order of ``|e|`` and needs no name of the loss (one inside Huber's knee and zero outside it).
+    """
+    bend = np.ones(len(lin.channels))
+    for channel in range(len(lin.channels)):
+        kept = [piece.counted[:, channel] for piece in lin.pieces]
+        pairs = list(zip(lin.pieces, kept, strict=True))
+        weight = np.concatenate([piece.weight[rows, channel] for piece, rows in pairs])
+        if not len(weight) or weight.min() >= 1.0:
+            continue
+        error = np.abs(np.concatenate([piece.residual[rows, channel] for piece, rows in pairs]))
+        error, first = np.unique(error, return_index=True)
+        psi = weight[first] * error
+        slope = np.diff(psi, prepend=0.0) / np.maximum(np.diff(error, prepend=0.0), 1e-300)
+        bend[channel] = max(float(np.clip(slope, -1.0, 1.0).mean() / weight.mean()), 0.1)
+    return bend
+
+
+_SINGULAR = 1e-11
+"""Eigenvalue of the information, scaled to a unit diagonal, that rounding cannot be told from."""
+
+_PART = 1e-6
+"""Squared part in the undetermined combinations from which an unknown counts as undetermined."""
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Blocks in coordinates z (r,) with ``values = transform @ z``.
+
+    Scores are those at the optimum of the linearised problem, so that an estimate held by a bound, or a
+    coefficient that is only differentiated, does not pass its pull off as scatter.
+
+    Attributes
+    ----------
+    length
+        Length of a block.
+    transform
+        Matrix (m, r).
+    undetermined
+        Mask (m,) of unknowns with a part in what has no coordinate.
+    score, information
+        Of each block: downhill gradient (B, r) and second derivative (B, r, r) of half the cost.
+    coloured
+        `seatrial.statistics.blocks.Blocks.coloured` (r, r).
+    prior
+        Information (r, r) of the priors; with the blocks' it adds up to one.
+    """
+
+    length: BlockLength
+    transform: Array
+    undetermined: NDArray[np.bool_]
+    score: Array
+    information: Array
+    coloured: Array
+    prior: Array
+
+
+def whitened(lin: Linearisation, length: BlockLength | None = None) -> Whitened:
+    """Blocks of a linearisation, of the automatic length unless one is given.
+
+    Raises
+    ------
+    CampaignError
+        No sample counts.
+    """
+    length = block_length(lin) if length is None else length
+    data = blocks(lin, length)
+    precision = np.array([unknown.prior_sd**-2.0 for unknown in lin.unknowns])
+    centre = np.array([unknown.prior for unknown in lin.unknowns])
+    transform, undetermined = determined(data.information.sum(axis=0) + np.diag(precision))
+    score = data.score @ transform
+    information = transform.T @ data.information @ transform
+    step = score.sum(axis=0) - transform.T @ (precision * (lin.values - centre))
+    return Whitened(
+        length=length,
+        transform=transform,
+        undetermined=undetermined,
+        score=score - information @ step,
+        information=information,
+        coloured=transform.T @ data.coloured @ transform,
+        prior=transform.T @ (precision[:, None] * transform),
+    )
+
+
+def determined(information: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Basis T (m, r) of the combinations that an information (m, m) determines, ``T T'`` its pseudo-inverse.
+
+    The second result (m,) marks the unknowns that have a part in the rest. The information is scaled to a
+    unit diagonal first, so that units do not matter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> transform, undetermined = determined(np.array([[4.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0, 1.0]]))
+    >>> transform.shape, undetermined.tolist()
+    ((3, 2), [False, True, True])
+    """
+    size = np.sqrt(np.diag(information))
+    known = size > 0
+    scale = np.where(known, size, 1.0)
+    value, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    kept = value > _SINGULAR * max(float(value[-1]), 1.0)
+    transform = vectors[:, kept] / np.sqrt(value[kept]) / scale[:, None]
+    return transform, ~known | ((vectors[:, ~kept] ** 2).sum(axis=1) > _PART)

@@ -1,0 +1,198 @@
+"""Score tests: what one more column would gain beside all that is fitted, and whether it is more than chance.
+
+For a candidate column h (what the channels would show of a missing term) beside the fitted columns J with
+weights W and priors P:
+
+    h~ = h - J (J'WJ + P)^-1 J'W h,   g = h~'W r / h~'W h~,   gain = (h~'W r)^2 / h~'W h~
+
+is Rao's score test as a regression of the residuals (Breusch & Pagan 1980): the step g of the coefficient
+to first order and the fall of the sum of squares, with every fitted unknown refitted. Residuals of sea
+trials are coloured and uneven, so the variance of g is that of the jackknife over blocks longer than the
+residual's memory (Kuensch 1989): block b left out gives g_b, ``var g = (B - 1)/B sum (g_b - g)^2``, never
+below the variance that white residuals would give. It is as good as the blocks in which the candidate acts
+are many: Student's distribution with ``df = (sum q_b)^2 / sum q_b^2 - 1`` for their shares q_b of h~'W h~
+(Satterthwaite 1946). A gain that one block alone carries is thereby no evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.statistics.linearisation import Linearisation
+
+__all__ = ["ScoreResults", "ScoreTests", "false_discovery", "score_tests", "unexplained"]
+
+_ALIKE = 1e-6
+"""A candidate of which less than this is left beside what is fitted cannot be told from it."""
+
+_JITTER = 1e-12
+
+_FEWEST = 4
+
+_SAMPLES = 3000
+"""More samples than about this are thinned evenly: a missing term that matters shows in a part of them."""
+
+
+@dataclass(frozen=True)
+class ScoreTests:
+    """Sums over all blocks (row 0) and without each block, after the fitted columns are projected out.
+
+    Attributes
+    ----------
+    reduced
+        Products (1 + B, k + 1, k + 1) of the k candidates and, last, the residual.
+    own
+        Squares (k,) of the candidates before the projection.
+    cost
+        Weighted sum of squares of the residual.
+    samples
+        Sum of the weights.
+    """
+
+    reduced: Array
+    own: Array
+    cost: float
+    samples: float
+
+    @property
+    def testable(self) -> NDArray[np.bool_]:
+        """Mask (k,) of the candidates that the data can tell from what is fitted."""
+        left = np.diagonal(self.reduced[0])[:-1]
+        return np.asarray((left > _ALIKE * self.own) & (len(self.reduced) > _FEWEST))
+
+    def results(self) -> ScoreResults:
+        """Step, sigma, gain and p-value of every candidate alone."""
+        from scipy.stats import t as student
+
+        squares = np.diagonal(self.reduced, axis1=1, axis2=2)[:, :-1]
+        testable = self.testable
+        full = np.where(testable, squares[0], 1.0)
+        step = np.where(testable, self.reduced[0, :-1, -1] / full, 0.0)
+        left = np.maximum(squares[1:], _ALIKE * full)
+        away = self.reduced[1:, :-1, -1] / left - step
+        count = len(away)
+        scatter = (count - 1) / max(count, 1) * (away**2).sum(axis=0)
+        gain = step**2 * full
+        white = max(self.reduced[0, -1, -1], 0.0) / max(self.samples, 1.0) / full
+        sigma = np.sqrt(np.maximum(scatter, white))
+        share = np.maximum(full - squares[1:], 0.0)
+        df = share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-300) - 1.0
+        known = testable & (df >= 1.0) & (sigma > 0.0)
+        statistic = np.where(known, step / np.where(known, sigma, 1.0), 0.0)
+        p = np.where(known, 2.0 * student.sf(np.abs(statistic), np.where(known, df, 1.0)), 1.0)
+        return ScoreResults(
+            step, sigma, gain / self.cost if self.cost > 0.0 else 0.0 * gain, statistic, df, p
+        )
+
+    def beside(self, candidate: int) -> ScoreTests:
+        """The tests with one candidate fitted too."""
+        column = self.reduced[:, :, candidate]
+        pivot = np.maximum(column[:, candidate], _ALIKE * self.own[candidate] + 1e-300)
+        swept = self.reduced - column[:, :, None] * column[:, None, :] / pivot[:, None, None]
+        swept[:, candidate, :] = 0.0
+        swept[:, :, candidate] = 0.0
+        return ScoreTests(swept, self.own, self.cost, self.samples)
+
+
+@dataclass(frozen=True)
+class ScoreResults:
+    """Per candidate (k,): ``step`` of its coefficient, ``sigma``, ``gain`` as a share of the cost, Student's
+    ``statistic`` with ``df`` degrees of freedom, two-sided ``p``.
+    """
+
+    step: Array
+    sigma: Array
+    gain: Array
+    statistic: Array
+    df: Array
+    p: Array
+
+
+def false_discovery(p: Array, tested: int | None = None) -> Array:
+    """P-values (k,) adjusted for `tested` tests: the false discovery rate (Benjamini & Hochberg 1995).
+
+    Below 0.05: where nothing is missing the chance of any false alarm, otherwise the share of false ones
+    among those listed, is 5 %. Holds for independent and for positively dependent tests.
+
+    Examples
+    --------
+    >>> false_discovery(np.array([0.01, 0.5, 0.02])).round(3).tolist()
+    [0.03, 0.5, 0.03]
+    """
+    count = max(tested or 0, len(p))
+    order = np.argsort(p, kind="stable")
+    raw = np.minimum(count / (1.0 + np.arange(len(p))) * p[order], 1.0)
+    adjusted = np.empty(len(p))
+    adjusted[order] = np.minimum.accumulate(raw[::-1])[::-1]
+    return adjusted
+
+
+def score_tests(
+    lin: Linearisation, columns: Sequence[Array], *, fitted: Sequence[int], block: Sequence[NDArray[np.intp]]
+) -> ScoreTests:
+    """Score tests of candidate columns beside the fitted unknowns.
+
+    Parameters
+    ----------
+    lin : Linearisation
+    columns : sequence of ndarray, shape (n, C, k)
+        What the channels of each segment would show of the candidates, in the residual's unit.
+    fitted : sequence of int
+        Places of the fitted unknowns.
+    block : sequence of ndarray, shape (n,)
+        Block of each sample of each segment, from 0 on.
+    """
+    places = list(fitted)
+    inside, count = len(places), 1 + max((int(b[-1]) for b in block), default=-1)
+    width = inside + columns[0].shape[2] + 1 if columns else inside + 1
+    products = np.zeros((count, width, width))
+    samples = 0.0
+    every = slice(None, None, max(1, sum(len(piece.t) for piece in lin.pieces) // _SAMPLES))
+    for piece, own, dense in zip(lin.pieces, columns, block, strict=True):
+        root, number = (np.sqrt(piece.weight) * piece.counted)[every], dense[every]
+        samples += float((root**2).sum())
+        sides = piece.jacobian[every][:, :, places], own[every], piece.residual[every][:, :, None]
+        rows = np.concatenate(sides, axis=2) * root[:, :, None]
+        edges = np.flatnonzero(np.diff(number)) + 1
+        for part, at in zip(np.split(rows, edges), number[np.concatenate([[0], edges])], strict=True):
+            flat = part.reshape(-1, width)
+            products[at] += flat.T @ flat
+    total = products.sum(axis=0)
+    own_squares, cost = np.diag(total)[inside:-1].copy(), float(total[-1, -1])
+    sums = np.concatenate([total[None], total - products])
+    reduced = sums[:, inside:, inside:]
+    if inside:
+        unknowns = [lin.unknowns[i] for i in places]
+        # The width of the bounds holds what the data cannot tell, as it does in the fit.
+        precision = np.array([min(u.prior_sd, u.scale) ** -2.0 for u in unknowns])
+        centre = np.array([
+            (u.prior - x) * u.prior_sd**-2.0
+            for u, x in zip(unknowns, np.asarray(lin.values)[places], strict=True)
+        ])
+        normal = sums[:, :inside, :inside] + np.diag(precision)
+        size = np.sqrt(np.maximum(np.diagonal(normal[0]), 1e-300))
+        normal = normal / np.outer(size, size) + _JITTER * np.eye(inside)
+        cross = sums[:, :inside, inside:].copy()
+        cross[:, :, -1] += centre
+        cross /= size[:, None]
+        reduced = reduced - cross.swapaxes(1, 2) @ np.linalg.solve(normal, cross)
+    return ScoreTests(reduced, own_squares, cost, samples)
+
+
+def unexplained(lin: Linearisation, explaining: Sequence[Array], target: Sequence[Array]) -> list[Array]:
+    """What of a target (n, C) per segment the columns (n, C, k) leave, by weighted least squares."""
+    width = explaining[0].shape[2]
+    normal, cross = np.zeros((width, width)), np.zeros(width)
+    for piece, own, aim in zip(lin.pieces, explaining, target, strict=True):
+        weight = (piece.weight * piece.counted).ravel()
+        flat = own.reshape(-1, width)
+        normal += flat.T @ (weight[:, None] * flat)
+        cross += flat.T @ (weight * aim.ravel())
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    step = np.linalg.solve(normal / np.outer(size, size) + 1e-9 * np.eye(width), cross / size) / size
+    return [np.asarray(aim - own @ step) for own, aim in zip(explaining, target, strict=True)]

@@ -1,0 +1,202 @@
+"""Uncertainty of a joint estimate whose residuals are correlated in time and across channels.
+
+The estimate's covariance is the sandwich ``H^-1 M H^-1``: H the information, M the covariance of the sum of
+the scores, from blocks of them (`seatrial.statistics.blocks`). A prior is independent information
+and enters M with its own. Each block's score is multiplied by ``(I - H_b H^-1)^-1``, which undoes that the
+fit followed the very block that should test it. That is the jackknife over blocks: Künsch 1989, Ann. Stat.
+17:1217; MacKinnon, Nielsen and Webb 2023, J. Appl. Econometrics 38:671 (there CV3).
+
+The 95 % interval has a Student factor with Satterthwaite's degrees of freedom for each unknown: the number of
+blocks that would tell as much if all told alike, ``(sum a_b)^2 / sum a_b^2``, less one; ``a_b`` is the share
+of block b in the variance (Carter, Schnepel and Steigerwald 2017, Rev. Econ. Stat. 99:698, for alike errors).
+Where a single block holds most of the information on a combination, blocks cannot tell how it scatters; its
+variance is that of errors with the memory and the mean square of the whole channel (``alone``).
+
+Not in it: a wrong model structure, and how the model bends across the interval
+(`seatrial.diagnosis.resampling`). An unknown at a bound is treated as free, which widens the intervals of the
+others.
+
+Measured: AR(1) errors, two channels correlated by 0.4, inputs stepped, periodic, drifting and white, a bias
+per trial, 500 seeds; cover of the 95 % intervals, mean over the unknowns. CR1: plain block scores, t(B - 1).
+HAC: Bartlett kernel of the same length, normal factor. Width: median over 1.96 true standard deviations.
+`tests/statistics/test_uncertainty.py` repeats a part.
+
+=============  ========  ====  ======  =====  ====  ====  ========  ==========  =====
+samples        unknowns  rho   blocks  naive  CR1   HAC   **this**  worst of m  width
+=============  ========  ====  ======  =====  ====  ====  ========  ==========  =====
+2 x 600        6         0     26      0.94   0.93  0.92  0.95      0.94        1.08
+2 x 600        6         0.90  20      0.45   0.91  0.88  0.94      0.92        1.04
+2 x 600        6         0.98  8       0.33   0.88  0.81  0.95      0.93        1.25
+300            5         0.90  9       0.55   0.91  0.85  0.94      0.93        1.09
+4500 in three  15        0.90  45      0.50   0.92  0.92  0.95      0.93        1.05
+4500 in three  15        0.98  18      0.39   0.90  0.88  0.96      0.94        1.21
+5 x 600        25        0.97  20      0.39   0.88  0.86  0.96      0.94        1.20
+=============  ========  ====  ======  =====  ====  ====  ========  ==========  =====
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.statistics.blocks import BlockLength, whitened
+from seatrial.statistics.linearisation import Linearisation, Unknown
+
+__all__ = ["Uncertainty", "covariance"]
+
+_AT_BOUND = 0.005
+
+_ALONE = 0.7
+"""Share of one block in the information on a combination above which the other blocks cannot judge it."""
+
+_MANY = 1e9
+"""Degrees of freedom that stand for infinitely many: SciPy's quantile wants a finite number."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How sure a joint estimate is; arrays over its m unknowns, in their units.
+
+    Attributes
+    ----------
+    names, units
+        Of the unknowns.
+    estimate
+        Their values.
+    sigma
+        Standard deviations; infinite for what neither data nor priors determine.
+    naive
+        Standard deviations if all samples were independent (``H^-1``), for comparison only.
+    lower, upper
+        95 % interval, not cut at the bounds.
+    at_bound
+        "lower" or "upper" where the estimate lies within 0.5 % of the box at a bound, else None.
+    alone
+        Whether more than half of the variance rests on a single block: repeat that manoeuvre.
+    dof
+        Degrees of freedom of the intervals; infinite where only a prior or a lone block speaks, zero for
+        the undetermined.
+    covariance
+        Matrix (m, m) on the determined combinations.
+    correlation
+        Matrix (m, m), not a number for undetermined unknowns.
+    block_samples, block_s, blocks
+        Length of a block, and how many there are.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    estimate: Array
+    sigma: Array
+    naive: Array
+    lower: Array
+    upper: Array
+    at_bound: tuple[str | None, ...]
+    alone: NDArray[np.bool_]
+    dof: Array
+    covariance: Array
+    correlation: Array
+    block_samples: int
+    block_s: float
+    blocks: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain numbers, texts and lists, one dict per unknown."""
+        columns = ("estimate", "sigma", "naive", "lower", "upper", "alone", "dof")
+        values = zip(*(getattr(self, column).tolist() for column in columns), strict=True)
+        labels = zip(self.names, self.units, self.at_bound, strict=True)
+        return {
+            "block_samples": self.block_samples,
+            "block_s": self.block_s,
+            "blocks": self.blocks,
+            "unknowns": [
+                {"name": name, "unit": unit, "at_bound": bound} | dict(zip(columns, row, strict=True))
+                for (name, unit, bound), row in zip(labels, values, strict=True)
+            ],
+            "correlation": self.correlation.tolist(),
+        }
+
+
+def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Uncertainty:
+    """Sandwich covariance, standard deviations and 95 % intervals of an estimate.
+
+    Parameters
+    ----------
+    lin : Linearisation
+        At the estimate; coefficients that are only differentiated there count as unknowns too.
+    length : BlockLength, optional
+        By default the automatic `seatrial.statistics.blocks.block_length`.
+
+    Raises
+    ------
+    CampaignError
+        No sample counts.
+
+    Examples
+    --------
+    The mean of 400 independent errors of standard deviation one is known to 0.05:
+
+    >>> import numpy as np
+    >>> from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+    >>> error = np.random.default_rng(1).normal(size=(400, 1))
+    >>> one = np.ones((400, 1))
+    >>> piece = Piece("tank", 0.1 * np.arange(400), error - error.mean(), one > 0, one, one[:, :, None],
+    ...               np.zeros((400, 6)))
+    >>> bias = Unknown("bias", "coefficient", "m/s", -9.0, 9.0, 18.0, 0.0, np.inf)
+    >>> lin = Linearisation((bias,), np.array([error.mean()]), ("u",), np.ones(1), 0.1, (piece,))
+    >>> print(covariance(lin).naive[0])
+    0.05
+    """
+    from scipy.special import stdtrit
+
+    view = whitened(lin, length)
+    transform, (share, vectors) = view.transform, np.linalg.eigh(view.information)
+    judged = share < _ALONE
+    gain = np.where(judged, 1.0 / (1.0 - np.minimum(share, _ALONE)), 0.0)
+    moved = (vectors @ (gain * (view.score[:, None] @ vectors)[:, 0])[:, :, None])[:, :, 0]
+    number = len(moved)
+    from_data = (number - 1) / number * moved.T @ moved
+    lonely = np.zeros_like(from_data)
+    for block in np.flatnonzero(~judged.all(axis=1)):
+        span = vectors[block][:, ~judged[block]]
+        lonely += span @ (span.T @ view.coloured @ span) @ span.T
+    matrix = transform @ (from_data + lonely + view.prior) @ transform.T
+    variance = np.diag(matrix)
+    part = ((transform @ vectors) ** 2 @ (share * judged)[:, :, None])[:, :, 0]
+    naive = np.einsum("ij,ij->i", transform, transform)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        dof = np.maximum(naive**2 / (part**2).sum(axis=0) - 1.0, 1.0)
+        sigma = np.where(view.undetermined, np.inf, np.sqrt(variance))
+        correlation = matrix / np.outer(sigma, sigma)
+    correlation[view.undetermined] = correlation[:, view.undetermined] = np.nan
+    half = stdtrit(np.where(view.undetermined, 1.0, np.minimum(dof, _MANY)), 0.975) * sigma
+    return Uncertainty(
+        names=tuple(unknown.name for unknown in lin.unknowns),
+        units=tuple(unknown.unit for unknown in lin.unknowns),
+        estimate=lin.values.copy(),
+        sigma=sigma,
+        naive=np.where(view.undetermined, np.inf, np.sqrt(naive)),
+        lower=lin.values - half,
+        upper=lin.values + half,
+        at_bound=tuple(_bound(u, x) for u, x in zip(lin.unknowns, lin.values, strict=True)),
+        alone=np.einsum("ij,jk,ik->i", transform, lonely, transform) > 0.5 * variance,
+        dof=np.where(view.undetermined, 0.0, dof),
+        covariance=matrix,
+        correlation=correlation,
+        block_samples=view.length.samples,
+        block_s=view.length.seconds,
+        blocks=number,
+    )
+
+
+def _bound(unknown: Unknown, value: float) -> str | None:
+    near = _AT_BOUND * (unknown.upper - unknown.lower)
+    if not np.isfinite(near):
+        return None
+    if value <= unknown.lower + near:
+        return "lower"
+    return "upper" if value >= unknown.upper - near else None

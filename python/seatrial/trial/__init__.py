@@ -1,0 +1,1 @@
+"""Trials: recordings read, corrected, scored and compared."""

@@ -1,0 +1,320 @@
+"""Signs and latency of velocity and rate sensors against the motion of the recorded pose.
+
+The body velocity that the pose implies is ``R' dp/dt``, its body rates follow from dq/dt. A sensor is
+compared with them after both went through the same filter (the slope of a straight line fitted over a short
+window), so that neither gains a delay. Its latency is the shift of least absolute error, found between the
+samples; its uncertainty comes from leaving out one eighth of the record at a time (jackknife). It is removed
+only if it is several times its uncertainty and the shifted sensor really follows the pose; otherwise it is
+only reported. A velocity that runs against the pose is reversed, unless a place of the sensor away from O
+explains it better: in a turn the bow goes sideways against the stern. The velocity through the water, of the
+same instrument, is reversed with it where it has the same sense.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.rotation import body_rates, matrix
+from seatrial.trial.columns import GROUPS, Source
+from seatrial.trial.resampling import linear
+from seatrial.trial.signals import RecordingReport, Signal
+
+__all__ = ["Latency", "align", "latency", "pose_motion"]
+
+LARGEST_S = 1.0
+"""Latencies are searched within plus and minus this."""
+
+OPPOSITE = -0.6
+"""A sensor's sign is wrong if its correlation with the pose's motion is below this, and below half of it in
+three quarters of the record."""
+
+_FOLLOWS = 0.7  # least correlation of a sensor that can tell its latency
+
+_UNRELATED = 0.3  # a moving channel with less correlation is probably another one
+
+_WINDOW_S = 0.3  # half width of the filter common to both sides
+
+_COLUMN = {
+    channel: column
+    for group in GROUPS
+    for column, channel in zip(group.columns, group.channels, strict=True)
+    if group.name in ("velocity", "water velocity", "rates")
+}
+
+_SLOWEST_S = 0.6  # interval of a position that can tell a latency: both ends of the filter's window
+
+_BLOCKS = 8
+
+_FEWEST = 50  # samples
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Delay of a sensor in s, its deviation in s, its correlation with the pose, and whether to remove it."""
+
+    seconds: float
+    deviation: float
+    correlation: float
+    trusted: bool
+
+
+def align(
+    signals: Mapping[str, Signal],
+    t: Array,
+    report: RecordingReport,
+    sources: Mapping[str, Source],
+    *,
+    remove: bool = True,
+    names: Sequence[str] = ("velocity", "rates"),
+) -> dict[str, Signal]:
+    """The same signals with clearly opposite signs reversed and trusted latencies removed, all reported.
+
+    `sources` is the column map, by which the report can say how to state a sign; without `remove` latencies
+    stay. `names` are the sensors to look at.
+    """
+    aligned = dict(signals)
+    for name in names:
+        if (
+            name not in signals
+            or "attitude" not in signals
+            or (name == "velocity" and "position" not in signals)
+        ):
+            continue
+        if name == "velocity" and "depth" in signals and signals["position"].step > _SLOWEST_S:
+            step = signals["position"].step
+            report.add("info", name, f"latency not estimated: a position every {step:.2g} s cannot tell it")
+            continue
+        reference, known = pose_motion(signals, t, name)
+        columns = ["uvw".index(c) if name == "velocity" else "pqr".index(c) for c in signals[name].channels]
+        reference = reference[:, columns]
+        turning = pose_motion(signals, t, "rates")[0] if name == "velocity" else None
+        sensor = _correct_signs(signals[name], t, reference, known, report, sources, turning)
+        if name == "velocity" and "water velocity" in signals:
+            water = _same_signs(signals["water velocity"], signals[name], sensor, report, sources)
+            aligned["water velocity"] = water
+        aligned[name] = sensor
+        if not remove:
+            continue
+        found = latency(sensor, t, reference, known)
+        if found is None:
+            report.add("info", name, "latency not estimated: too little motion or too few valid samples")
+        elif found.trusted:
+            report.latencies[name] = found.seconds
+            late = "late" if found.seconds > 0.0 else "early"
+            report.add(
+                "info",
+                name,
+                f"{abs(found.seconds):.3f} s (+/- {found.deviation:.3f} s) {late} against the pose; removed",
+            )
+            aligned[name] = sensor.earlier(found.seconds)
+            if name == "velocity" and "water velocity" in signals:  # one instrument, one delay
+                aligned["water velocity"] = aligned["water velocity"].earlier(found.seconds)
+        else:
+            report.add(
+                "info",
+                name,
+                f"latency {found.seconds:.3f} s (+/- {found.deviation:.3f} s, "
+                f"correlation {found.correlation:.2f}) is not certain or negligible; left as recorded",
+            )
+    return aligned
+
+
+def pose_motion(signals: Mapping[str, Signal], t: Array, name: str) -> tuple[Array, Mask]:
+    """Body velocity in m/s or rates in rad/s, shape (n, 3), that the pose implies, and where known (n,)."""
+    step = float(t[1] - t[0])
+    half = _half_width(step)
+    q, valid = linear(signals["attitude"], t)
+    known = valid[:, 0]
+    if name == "rates":
+        motion = body_rates(q, _slope(q, half, step))
+        return motion, _all_around(known, half)
+    full, seen = np.zeros((len(t), 3)), np.zeros((len(t), 3), bool)
+    for position in (signals[name] for name in ("position", "depth") if name in signals):
+        place = ["xyz".index(c) for c in position.channels]
+        full[:, place], seen[:, place] = linear(position, t)
+    known = known & seen.all(axis=1)
+    return np.einsum("nji,nj->ni", matrix(q), _slope(full, half, step)), _all_around(known, half)
+
+
+def latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency | None:
+    """Delay of a sensor against `reference` (n, k), `known` (n,) at uniform times `t`; None if unclear."""
+    from scipy.interpolate import CubicSpline
+
+    step = float(t[1] - t[0])
+    y, good = _filtered(sensor, t)
+    curve = CubicSpline(t, y, axis=0)
+    margin = int(np.ceil(LARGEST_S / step))
+    usable = known & _all_around(good, margin // 2)
+    usable[:margin] = usable[len(t) - margin :] = False
+    index = np.flatnonzero(usable)
+    if len(index) < _FEWEST:
+        return None
+    blocks = np.array_split(index, _BLOCKS)
+
+    def errors(shifts: Array) -> Array:
+        """Absolute error per shift and block."""
+        return np.array([
+            [np.abs(curve(t[b] + shift) - reference[b]).sum() for b in blocks] for shift in shifts
+        ])
+
+    coarse = np.arange(-LARGEST_S, LARGEST_S + 1e-9, 0.5 * min(step, 0.1))
+    cost = errors(coarse)
+    best = int(np.argmin(cost.sum(axis=1)))
+    if best in (0, len(coarse) - 1):
+        return None
+    fine = coarse[best] + np.linspace(-0.15, 0.15, 61)
+    cost = errors(fine)
+    seconds = _lowest(fine, cost.sum(axis=1))
+    left_out = np.array([_lowest(fine, cost.sum(axis=1) - cost[:, b]) for b in range(_BLOCKS)])
+    deviation = float(np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((left_out - left_out.mean()) ** 2)))
+    correlation = _correlation(curve(t[index] + seconds), reference[index])
+    certain = abs(seconds) > max(3.0 * deviation, 0.05 * step) and deviation < 0.5 * step
+    return Latency(seconds, deviation, correlation, certain and correlation > _FOLLOWS)
+
+
+def _correct_signs(
+    sensor: Signal,
+    t: Array,
+    reference: Array,
+    known: Mask,
+    report: RecordingReport,
+    sources: Mapping[str, Source],
+    turning: Array | None = None,
+) -> Signal:
+    """The sensor with channels that run against the pose reversed; others that do not follow it are named.
+
+    With the body rates `turning` (n, 3) a channel that a lever arm explains better than a sign stays.
+    """
+    y, good = _filtered(sensor, t)
+    step = float(t[1] - t[0])
+    reach = round(0.5 * LARGEST_S / step)
+    usable = known & good
+    usable[:reach] = usable[len(t) - reach :] = False
+    index = np.flatnonzero(usable)
+    if len(index) < _FEWEST:
+        return sensor
+    signs = np.ones(len(sensor.channels))
+    quarters = np.array_split(index, 4)
+    shifts = range(-reach, reach + 1)
+    for k, channel in enumerate(sensor.channels):
+
+        def correlation(part: NDArray[np.intp], shift: int, k: int = k) -> float:
+            return _correlation(y[part + shift, k], reference[part, k])
+
+        shift = max(shifts, key=lambda shift: abs(correlation(index, shift)))
+        strongest = correlation(index, shift)
+        third = sorted(correlation(part, shift) for part in quarters)[2]
+        if strongest < OPPOSITE and third < 0.5 * OPPOSITE:
+            measured, rates = y[index + shift, k], None if turning is None else turning[index]
+            if rates is not None and _on_an_arm(channel, measured, reference[index, k], rates):
+                report.add(
+                    "warning",
+                    channel,
+                    f"runs opposite to the recorded pose (correlation {strongest:.2f}), as it would at a"
+                    " place away from O; left as recorded. Give the place of the sensor",
+                )
+                continue
+            signs[k] = -1.0
+            name = _COLUMN[channel]
+            entry = replace(sources[name], sign=-sources[name].sign)
+            report.add(
+                "warning",
+                channel,
+                f"runs opposite to the recorded pose (correlation {strongest:.2f}); sign reversed here. "
+                f"State it in the column map: {name} = {entry}",
+            )
+        elif abs(strongest) < _UNRELATED and np.std(reference[index, k]) > 0.25 * np.std(reference[index]):
+            report.add(
+                "warning",
+                channel,
+                f"does not follow the recorded pose (correlation {strongest:.2f}); is the column map right?",
+            )
+    return replace(sensor, y=sensor.y * signs)
+
+
+def _same_signs(
+    water: Signal, recorded: Signal, corrected: Signal, report: RecordingReport, sources: Mapping[str, Source]
+) -> Signal:
+    """Velocity through the water with the channels reversed that ran as reversed ones over ground did.
+
+    One instrument has one sense; a single reversed velocity would make a current of twice the speed.
+    """
+    signs = np.ones(len(water.channels))
+    over, valid = linear(recorded, water.t)
+    for k, channel in enumerate(recorded.channels):
+        same = np.array_equal(recorded.y[:, k], corrected.y[:, k], equal_nan=True)
+        if same or f"{channel}_water" not in water.channels:
+            continue
+        column = water.channels.index(f"{channel}_water")
+        both = valid[:, k] & ~water.bad[:, column]
+        if float(over[both, k] @ water.y[both, column]) > 0.0:
+            signs[column] = -1.0
+            name = _COLUMN[water.channels[column]]
+            entry = replace(sources[name], sign=-sources[name].sign)
+            report.add(
+                "warning",
+                water.channels[column],
+                f"runs as {channel} did before its sign was reversed; sign reversed here. State it in the"
+                f" column map: {name} = {entry}",
+            )
+    return replace(water, y=water.y * signs)
+
+
+def _on_an_arm(channel: str, measured: Array, reference: Array, rates: Array) -> bool:
+    """Whether ``v + omega x r`` with some r explains a velocity channel (m,) better than a reversed sign.
+
+    `rates` (m, 3) are those of the pose. In a turn the sway of O and that of the bow are opposite.
+    """
+    i = "uvw".index(channel)
+    others = rates[:, [j for j in range(3) if j != i]]
+    arms = np.linalg.lstsq(others, measured - reference, rcond=None)[0]
+    on_an_arm = np.sum((measured - reference - others @ arms) ** 2)
+    return bool(on_an_arm < np.sum((measured + reference) ** 2))
+
+
+def _filtered(sensor: Signal, t: Array) -> tuple[Array, Mask]:
+    """Sensor (n, k) after the filter that the pose's derivative has: the slope of its own integral."""
+    step = float(t[1] - t[0])
+    half = _half_width(step)
+    y, valid = linear(sensor, t)
+    integral = np.concatenate([np.zeros((1, y.shape[1])), np.cumsum(0.5 * step * (y[1:] + y[:-1]), axis=0)])
+    return _slope(integral, half, step), _all_around(np.logical_and.reduce(valid, axis=1), half)
+
+
+def _half_width(step: float) -> int:
+    return max(1, round(_WINDOW_S / step))
+
+
+def _slope(y: Array, half: int, step: float) -> Array:
+    """Slope of the straight line fitted to each sample and `half` neighbours on both sides, shape as y."""
+    from scipy.ndimage import correlate1d
+
+    offsets = np.arange(-half, half + 1)
+    weights = offsets / (step * np.sum(offsets**2))
+    return np.asarray(correlate1d(y, weights, axis=0, mode="nearest"))
+
+
+def _all_around(mask: Mask, half: int) -> Mask:
+    """True where the whole window is."""
+    from scipy.ndimage import minimum_filter1d
+
+    return np.asarray(minimum_filter1d(mask.astype(np.uint8), 2 * half + 1, mode="constant")).astype(bool)
+
+
+def _correlation(a: Array, b: Array) -> float:
+    """Correlation of two sets of channels, each about its own mean, all channels in one sum."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    size = np.sqrt(np.sum(a * a) * np.sum(b * b))
+    return float(np.sum(a * b) / size) if size > 0.0 else 0.0
+
+
+def _lowest(x: Array, y: Array) -> float:
+    """Place of the minimum of samples y(x), from the parabola through the lowest one and four neighbours."""
+    i = int(np.clip(np.argmin(y), 2, len(x) - 3))
+    a, b, _ = np.polyfit(x[i - 2 : i + 3] - x[i], y[i - 2 : i + 3], 2)
+    return float(x[i] - 0.5 * b / a) if a > 0.0 else float(x[i])

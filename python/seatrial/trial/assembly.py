@@ -1,0 +1,296 @@
+"""Signals put on one time base and into the arrays of a trial; missing motion derived from the pose.
+
+Current from a Doppler log that sees bottom and water: velocity over ground less that through the water.
+
+At one instant ``v_c,n = R (v_ground - v_water)``; the place on the vehicle cancels, since both velocities
+come from the same instrument. A steady current is the median over the record; where the medians of parts of
+it differ clearly, the current runs linearly between them. Held by tests/trial/test_water_current.py.
+
+The model takes the current as known input of a trial (Fossen 2011, section 8.3). Without it drag would be
+fitted to the speed over ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import CHANNELS
+from seatrial.base.rotation import body_rates, matrix, to_euler
+from seatrial.trial.resampling import GAP, held, linear, spline
+from seatrial.trial.signals import RecordingReport, Signal
+
+__all__ = ["WaterCurrent", "add_current", "assemble", "water_current"]
+
+_PART_S = 60.0
+
+_FEWEST = 50  # samples that know both velocities
+
+_STEADY = 0.02  # m/s: parts that differ by less are one current
+
+_CERTAIN = 4.0  # deviations
+
+_DOUBTFUL = 0.1  # m/s: no steady water is as uncertain after minutes of Doppler samples
+
+_NAMES = ("north", "east", "down")
+
+
+@dataclass(frozen=True)
+class WaterCurrent:
+    """Current (n, 3) north, east, down in m/s at the times of the record, its deviation (3,), m/s.
+
+    ``steady`` says whether one median serves the whole record.
+    """
+
+    current: Array
+    deviation: Array
+    steady: bool
+
+
+def add_current(
+    parts: dict[str, object], t: Array, ground: Mask, water: Mask, report: RecordingReport
+) -> None:
+    """Fill ``parts["current"]`` from the velocities over ground and through water, in place, and report it.
+
+    Parameters
+    ----------
+    parts : dict
+        Arrays of a trial: ``nu`` (n, 6), ``water`` (n, 3), ``attitude`` (n, 4).
+    t : array (n,)
+        Times, s.
+    ground, water : array (n,)
+        Where either velocity is valid.
+    report : RecordingReport
+    """
+    nu, through, attitude = (np.asarray(parts[name]) for name in ("nu", "water", "attitude"))
+    found = water_current(t, nu[:, :3] - through, attitude, ground & water)
+    if found is None:
+        report.add(
+            "info", "current", "not derived: too few samples know velocity over ground and through water"
+        )
+        return
+    parts["current"] = found.current
+    mean = found.current.mean(axis=0)
+    numbers = ", ".join(
+        f"{name} {value:+.3f} (+/- {sd:.3f})"
+        for name, value, sd in zip(_NAMES, mean, found.deviation, strict=True)
+    )
+    manner = "steady" if found.steady else "changing, its mean"
+    said = f"{manner} {numbers} m/s, from velocity over ground less that through water"
+    if found.deviation.max() > _DOUBTFUL:
+        said += "; the two do not fit one water: check sign, unit and frame of both"
+    report.add("warning" if found.deviation.max() > _DOUBTFUL else "info", "current", said)
+
+
+def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> WaterCurrent | None:
+    """Current from body velocities over ground less those through water, (n, 3) in m/s; None if unclear.
+
+    Parameters
+    ----------
+    t : array (n,)
+        Uniform times, s.
+    difference : array (n, 3)
+    attitude : array (n, 4)
+        Quaternions, body to NED.
+    known : array (n,)
+        Where the difference may be used.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 100.0, 0.1)
+    >>> upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    >>> found = water_current(t, np.tile([0.2, -0.1, 0.0], (len(t), 1)), upright, t >= 0.0)
+    >>> found.current[0].round(3).tolist(), found.steady
+    ([0.2, -0.1, 0.0], True)
+    """
+    index = np.flatnonzero(known)
+    if len(index) < _FEWEST:
+        return None
+    earth = np.einsum("nij,nj->ni", matrix(attitude[index]), difference[index])
+    count = max(2, round(float(t[-1] - t[0]) / _PART_S))
+    parts = np.array_split(np.arange(len(index)), min(count, len(index) // (_FEWEST // 2)))
+    medians = np.array([np.median(earth[part], axis=0) for part in parts])
+    centre = np.median(earth, axis=0)
+    # The parts' scatter tells how sure the median is, coloured noise included.
+    deviation = medians.std(axis=0, ddof=1) / np.sqrt(len(medians))
+    white = 1.2533 * np.median(np.abs(earth - centre), axis=0) / 0.6745 / np.sqrt(len(index))
+    deviation = np.maximum(deviation, white)
+    # Four quarters tell a part's own deviation badly; all parts together tell what they have in common.
+    within = np.sqrt(np.mean([_sure(earth[part]) ** 2 for part in parts], axis=0))
+    apart = np.abs(medians - centre)
+    changing = (apart > _STEADY) & (apart > _CERTAIN * within)
+    if not changing.any():
+        return WaterCurrent(np.tile(centre, (len(t), 1)), deviation, True)
+    middles = np.array([t[index[part]].mean() for part in parts])
+    course = np.stack([np.interp(t, middles, medians[:, k]) for k in range(3)], axis=1)
+    return WaterCurrent(course, within, False)
+
+
+def _sure(samples: Array) -> Array:
+    """Deviation (3,) of the median of samples (m, 3), from the medians of their quarters."""
+    quarters = np.array([np.median(part, axis=0) for part in np.array_split(samples, 4)])
+    return np.asarray(quarters.std(axis=0, ddof=1) / 2.0)
+
+
+_FIXES = 0.5  # share of the record in which a position from another sensor than the depth is known
+
+_STENCIL = 2  # a derivative is believed where this many samples on both sides are valid
+
+
+def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -> dict[str, Any]:
+    """Arrays of a `seatrial.trial.trial.Trial` by the names of its fields, at the uniform times `t` (n,)."""
+    observed = np.full((len(t), 12), np.nan)
+    filled = np.zeros((len(t), 12))
+    valid = np.zeros((len(t), 12), bool)
+    attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    for name in ("position", "depth", "velocity", "rates"):
+        if name in signals:
+            _report_gaps(signals[name], report)
+            place = [CHANNELS.index(channel) for channel in signals[name].channels]
+            filled[:, place], valid[:, place] = linear(signals[name], t)
+            observed[:, place] = filled[:, place]
+    _only_fixes(signals, valid, report)
+    if "attitude" in signals:
+        _report_gaps(signals["attitude"], report)
+        attitude, good = linear(signals["attitude"], t)
+        place = [CHANNELS.index(channel) for channel in signals["attitude"].channels]
+        observed[:, place] = to_euler(attitude)[:, [k - 9 for k in place]]
+        valid[:, place] = good[:, :1]
+        _derive(observed, valid, filled, attitude, t, report)
+    observed[~np.isfinite(observed)] = np.nan
+    absent = np.logical_and.reduce(np.isnan(observed), axis=0)
+    report.samples, report.duration_s = len(t), float(t[-1] - t[0])
+    report.rate_hz = (len(t) - 1) / report.duration_s
+    report.masked = {
+        channel: int((~valid[:, k]).sum()) for k, channel in enumerate(CHANNELS) if not absent[k]
+    }
+    if absent.any():
+        missing = " ".join(channel for channel, gone in zip(CHANNELS, absent, strict=True) if gone)
+        report.add("info", "channels", f"not recorded: {missing}")
+    parts = {
+        "observed": observed,
+        "valid": valid,
+        "position": filled[:, 6:9],
+        "attitude": attitude,
+        "nu": filled[:, :6],
+        "commands": _actuators(signals, t, "cmd."),
+        "measured": {name: y[:, 0] for name, y in _continuous(signals, t, "meas.").items()},
+        "tau": _wrench(signals, t),
+        "voltage": _scalar(signals, t, "voltage"),
+        "current": _vector(signals, t, "current", ("north", "east", "down")),
+        "water": _vector(signals, t, "water velocity", ("u_water", "v_water", "w_water")),
+    }
+    if "water velocity" in signals and "current" not in signals and "velocity" in signals:
+        known = [linear(signals[name], t)[1] for name in ("velocity", "water velocity")]
+        whole = [k.shape[1] == 3 for k in known]
+        if all(whole) and "attitude" in signals:
+            ground, water = (np.logical_and.reduce(k, axis=1) for k in known)
+            upright = np.logical_and.reduce(valid[:, 9:], axis=1)
+            add_current(parts, t, np.asarray(ground & upright), np.asarray(water), report)
+    return parts
+
+
+def _derive(
+    observed: Array, valid: Mask, filled: Array, attitude: Array, t: Array, report: RecordingReport
+) -> None:
+    """Fill velocities and rates that no sensor gave from the derivative of the smoothed pose, in place."""
+    from scipy.ndimage import minimum_filter1d
+
+    absent = np.logical_and.reduce(np.isnan(observed[:, :6]), axis=0)
+    turned = np.logical_or.reduce(valid[:, 9:], axis=1)
+    placed = np.logical_and.reduce(valid[:, 6:9], axis=1)
+    curve = spline(t, attitude, turned)
+    q = curve(t)
+    size = np.linalg.norm(q, axis=1)[:, None]
+    derived = {
+        "rates": (3, body_rates(q / size, curve(t, 1) / size), turned, "the attitude"),
+        "velocity": (0, np.zeros((len(t), 3)), turned & placed, "position and attitude"),
+    }
+    if placed.any() and absent[:3].any():
+        path = spline(t, filled[:, 6:9], placed)
+        v = np.einsum("nji,nj->ni", matrix(q / size), path(t, 1))
+        derived["velocity"] = (0, v, turned & placed, "position and attitude")
+    for first, motion, known, origin in derived.values():
+        missing = [k for k in range(3) if absent[first + k]]
+        if not missing or not known.any():
+            continue
+        window = 2 * _STENCIL + 1
+        good = np.asarray(minimum_filter1d(known.astype(np.uint8), window, mode="nearest")).astype(bool)
+        place = [first + k for k in missing]
+        observed[:, place] = filled[:, place] = motion[:, missing]
+        valid[:, place] = good[:, None]
+        names = " ".join(CHANNELS[k] for k in place)
+        report.add("info", names, f"derived from {origin} by smoothing differentiation")
+
+
+def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingReport) -> None:
+    """Mask a horizontal position that is known in less than half of the record, in place.
+
+    Segments start where their position is known: with fixes at the surface alone none could start below.
+    """
+    position = signals.get("position")
+    if position is None or "z" in position.channels:
+        return
+    place = [CHANNELS.index(channel) for channel in position.channels]
+    share = float(valid[:, place].any(axis=1).mean())
+    if 0.0 < share < _FIXES:
+        valid[:, place] = False
+        names = " ".join(position.channels)
+        report.add(
+            "warning",
+            names,
+            f"known in {100.0 * share:.0f} % of the record only, as fixes at the surface; masked",
+        )
+
+
+def _report_gaps(signal: Signal, report: RecordingReport) -> None:
+    intervals = np.diff(signal.t)
+    gaps = intervals > GAP * signal.step
+    longest = float(intervals.max()) if gaps.any() else 0.0
+    report.add("warning", signal.name, f"gaps in time, the longest {longest:.2f} s; masked", int(gaps.sum()))
+
+
+def _actuators(signals: Mapping[str, Signal], t: Array, prefix: str) -> dict[str, Array]:
+    return {
+        name.removeprefix(prefix): held(signal, t)[:, 0]
+        for name, signal in signals.items()
+        if name.startswith(prefix)
+    }
+
+
+def _continuous(signals: Mapping[str, Signal], t: Array, prefix: str) -> dict[str, Array]:
+    return {
+        name.removeprefix(prefix): linear(signal, t)[0]
+        for name, signal in signals.items()
+        if name.startswith(prefix)
+    }
+
+
+def _scalar(signals: Mapping[str, Signal], t: Array, name: str) -> Array | None:
+    return linear(signals[name], t)[0][:, 0] if name in signals else None
+
+
+def _vector(signals: Mapping[str, Signal], t: Array, name: str, order: tuple[str, ...]) -> Array | None:
+    """Vector (n, 3); a component that was not recorded is zero."""
+    if name not in signals:
+        return None
+    result = np.zeros((len(t), 3))
+    result[:, [order.index(channel) for channel in signals[name].channels]] = linear(signals[name], t)[0]
+    return result
+
+
+def _wrench(signals: Mapping[str, Signal], t: Array) -> Array | None:
+    """Wrench (n, 6), held between samples as a command is; a component that was not recorded is zero."""
+    given = [signals[name] for name in ("force", "moment") if name in signals]
+    if not given:
+        return None
+    tau = np.zeros((len(t), 6))
+    for signal in given:
+        good = signal.good
+        known = Signal(signal.name, signal.channels, signal.t[good], signal.y[good], signal.bad[good])
+        tau[:, ["XYZKMN".index(channel) for channel in signal.channels]] = held(known, t)
+    return tau

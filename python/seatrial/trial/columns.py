@@ -1,0 +1,179 @@
+"""Canonical columns of a trial and the map that leads a recording's own columns to them.
+
+A canonical name says quantity and unit (`u_m_s`); the map gives each the recording's column, plain or with
+the unit, sign and frame that it has there: ``{"from": "linear_y", "unit": "cm/s", "sign": -1, "frame":
+"FLU"}``. A column of the recording that has a canonical name is used without being mapped. For frames that
+mix axes (ENU), ``from`` of the first component is the recording's first component, and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from seatrial.base.channels import DEGREE
+from seatrial.base.errors import TrialError, nearest
+
+__all__ = ["CANONICAL", "GROUPS", "Group", "Source", "parse", "source_of"]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Columns that one sensor gives together: a vector in one frame, or a scalar."""
+
+    name: str
+    columns: tuple[str, ...]
+    channels: tuple[str, ...]
+    unit: str
+    factor: float = 1.0
+    frame: Literal["earth", "body", "attitude", ""] = ""
+
+
+GROUPS = (
+    Group("position", ("x_m", "y_m", "z_m"), ("x", "y", "z"), "m", 1.0, "earth"),
+    Group("quaternion", ("q_w", "q_x", "q_y", "q_z"), ("q_w", "q_x", "q_y", "q_z"), "", 1.0, "attitude"),
+    Group("euler", ("roll_deg", "pitch_deg", "yaw_deg"), ("roll", "pitch", "yaw"), "rad", DEGREE, "attitude"),
+    Group("velocity", ("u_m_s", "v_m_s", "w_m_s"), ("u", "v", "w"), "m/s", 1.0, "body"),
+    Group(
+        "water velocity",
+        ("u_water_m_s", "v_water_m_s", "w_water_m_s"),
+        ("u_water", "v_water", "w_water"),
+        "m/s",
+        1.0,
+        "body",
+    ),
+    Group("rates", ("p_deg_s", "q_deg_s", "r_deg_s"), ("p", "q", "r"), "rad/s", DEGREE, "body"),
+    Group("force", ("tau.X_n", "tau.Y_n", "tau.Z_n"), ("X", "Y", "Z"), "N", 1.0, "body"),
+    Group("moment", ("tau.K_nm", "tau.M_nm", "tau.N_nm"), ("K", "M", "N"), "N*m", 1.0, "body"),
+    Group(
+        "current",
+        ("current_north_m_s", "current_east_m_s", "current_down_m_s"),
+        ("north", "east", "down"),
+        "m/s",
+        1.0,
+        "earth",
+    ),
+    Group("voltage", ("voltage_v",), ("voltage",), "V"),
+)
+
+CANONICAL = ("t_s", *(column for group in GROUPS for column in group.columns))
+"""Every canonical name but those of actuators, which are `cmd.<actuator>` and `meas.<actuator>`."""
+
+_KEYS = ("from", "unit", "sign", "frame")
+
+_MOST, _LONGEST = 20, 40
+
+
+@dataclass(frozen=True)
+class Source:
+    """The recording's column behind a canonical one, its unit (None: that of the name), sign and frame."""
+
+    column: str
+    unit: str | None = None
+    sign: float = 1.0
+    frame: str | None = None
+
+    def __str__(self) -> str:
+        """The entry of a column map in a campaign file."""
+        parts = [f'from = "{self.column}"']
+        parts += [
+            f'{key} = "{value}"' for key, value in (("unit", self.unit), ("frame", self.frame)) if value
+        ]
+        return "{ " + ", ".join([*parts, f"sign = {self.sign:g}"]) + " }"
+
+
+def parse(columns: Mapping[str, Any] | None, present: Sequence[str], file: str) -> dict[str, Source]:
+    """Source of every canonical column of the recording `file`, from the map and its `present` columns.
+
+    Raises
+    ------
+    TrialError
+        If a canonical name, a key or a source column is unknown, a value has the wrong type, the time is
+        missing or nothing but the time is there.
+    """
+    sources: dict[str, Source] = {}
+    for canonical, given in (columns or {}).items():
+        _check_canonical(canonical, file)
+        source = source_of(given, f"{file}: column map, {canonical}")
+        if source.column not in present:
+            raise TrialError(
+                f'{file}: column map, {canonical}: there is no column "{source.column}" in the recording'
+                f"{_near_or_listed(source.column, present)}"
+            )
+        sources[canonical] = source
+    for name in present:
+        if name not in sources and (name in CANONICAL or _actuator(name)):
+            sources[name] = Source(name)
+    if "t_s" not in sources:
+        raise TrialError(
+            f'{file}: no time: expected a column "t_s" or its source in the column map, for example '
+            f'columns={{"t_s": "Time"}}; the recording has {_listed(present)}'
+        )
+    if len(sources) == 1:
+        raise TrialError(
+            f"{file}: no column but the time has a canonical name; give the column map, for example "
+            f'columns={{"u_m_s": "speed"}}; the recording has {_listed(present)}'
+        )
+    return sources
+
+
+def _actuator(name: str) -> bool:
+    kind, _, actuator = name.partition(".")
+    return kind in ("cmd", "meas") and bool(actuator)
+
+
+def _check_canonical(name: str, file: str) -> None:
+    if not (name in CANONICAL or _actuator(name)):
+        known = (*CANONICAL, "cmd.<actuator>", "meas.<actuator>")
+        raise TrialError(f'{file}: column map: "{name}" is no canonical column{nearest(name, known)}')
+
+
+def source_of(given: Any, where: str) -> Source:
+    """Source of a canonical column from its entry in a column map: the column's name, or a table.
+
+    Raises
+    ------
+    TrialError
+        An unknown key or a value of the wrong type; the message begins with `where`.
+
+    Examples
+    --------
+    >>> source_of({"from": "speed", "unit": "cm/s"}, "u_m_s").unit
+    'cm/s'
+    """
+    if isinstance(given, str):
+        return Source(given)
+    if not isinstance(given, Mapping):
+        raise TrialError(
+            f"{where}: expected the name of a column or a table of {', '.join(_KEYS)}, found {given!r}"
+        )
+    for key in given:
+        if key not in _KEYS:
+            raise TrialError(f'{where}: unknown key "{key}"{nearest(str(key), _KEYS)}')
+    column, unit, frame = given.get("from"), given.get("unit"), given.get("frame")
+    if not isinstance(column, str):
+        raise TrialError(f'{where}: expected "from", the name of a column, found {column!r}')
+    for key, value in (("unit", unit), ("frame", frame)):
+        if value is not None and not isinstance(value, str):
+            raise TrialError(f"{where}: {key}: expected a name, found {value!r}")
+    sign = given.get("sign", 1)
+    if isinstance(sign, bool) or sign not in (1, -1):
+        raise TrialError(f"{where}: sign: expected 1 or -1, found {sign!r}; scale with a unit")
+    return Source(column, unit, float(sign), frame)
+
+
+def _near_or_listed(name: str, present: Sequence[str]) -> str:
+    clause = nearest(name, [other for other in present if other.isprintable()])
+    return clause if "did you mean" in clause else f"; the recording has {_listed(present)}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Names of columns as they may be shown: a file that is no table has control characters for names."""
+    shown = [_shown(name) for name in names]
+    return ", ".join(shown[:_MOST]) + (f" and {len(shown) - _MOST} more" if len(shown) > _MOST else "")
+
+
+def _shown(name: str) -> str:
+    plain = name if name.isprintable() else repr(name)[1:-1]
+    return f'"{plain if len(plain) <= _LONGEST else plain[: _LONGEST - 3] + "..."}"'

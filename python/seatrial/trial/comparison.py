@@ -1,0 +1,515 @@
+"""Which of several vehicles predicts the same trials better, and whether the trials can tell.
+
+Every vehicle is simulated in the same windows, each restarted from the measured state, so that the windows
+pair the vehicles. `seatrial.trial.comparison` judges two measures: the difference of R2, which a few bad
+windows decide, and the ratio of the mean errors in a typical window. The question which vehicle is better has
+one answer, the error ratio over all channels alike; the channels say where. The channels' intervals hold
+jointly, for both measures and all vehicles (Bonferroni): one that leaves "no difference" out is a difference
+that the windows tell.
+
+Held by `test_difference_is_that_of_the_scores`, `test_two_names_of_one_vehicle_are_not_told_apart` and
+`test_the_better_vehicle_is_named`.
+
+A comparison of vehicles in words: the table and the sentences that `Comparison` prints.
+
+Difference of two scores whose windows are pairs, and how sure it is.
+
+Two measures, because they answer two questions.
+
+*Difference of R2*, all samples alike: with the sums of one window over its samples, ``SSE_k`` of squared
+errors and ``SST_k`` of the measured about the pooled mean, it is a ratio of sums,
+``R2_B - R2_A = sum_k (SSE_A,k - SSE_B,k) / sum_k SST_k``, and the variance of such a
+``D = sum y_k / sum x_k`` is that of its linear residuals ``e_k = y_k - D x_k`` (Cochran, *Sampling
+Techniques*, 1977, section 6.4). A few bad windows decide it.
+
+*Error ratio*, all windows alike: ``exp(mean_k ln(MAE_B,k / MAE_A,k))``, the factor between the mean absolute
+errors in a typical window. A few bad windows do not decide it.
+
+Either has the interval of Student's t with one degree of freedom less than there are windows, the variance
+widened by ``(1 + r) / (1 - r)`` where neighbouring windows of a trial resemble one another with a correlation
+r > 0.
+
+Held by `test_intervals_of_differences_keep_their_promise` and
+`test_neighbours_that_resemble_widen_the_interval`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import readable
+from seatrial.base.errors import TrialError
+from seatrial.statistics.autocorrelation import neighbours, widening
+from seatrial.trial.score import Score, channel_errors, kind, score
+from seatrial.trial.trial import Input, Trial
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = [
+    "LEAST_WINDOWS",
+    "SMALL",
+    "Comparison",
+    "Difference",
+    "Overall",
+    "PairedWindows",
+    "compare",
+    "log_errors",
+    "ratio",
+    "sentence",
+    "table",
+    "typical",
+    "window_sums",
+]
+
+Interval = tuple[float, float]
+
+LEAST_WINDOWS = 6
+"""Windows below which no interval is given."""
+
+_MOST_ALIKE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class PairedWindows:
+    """One channel of two scores on the same windows.
+
+    Attributes
+    ----------
+    a, b
+        `window_sums` of either (n, 4), of the windows in which samples count.
+    trial
+        Name (n,) of the trial of each of these.
+    logs
+        `log_errors` (windows,) of all windows, not a number where no sample counts.
+    trials
+        Name (windows,) of the trial of each.
+    """
+
+    a: Array
+    b: Array
+    trial: NDArray[np.str_]
+    logs: Array
+    trials: NDArray[np.str_]
+
+    @classmethod
+    def of(cls, first: Score, second: Score, channel: str) -> PairedWindows:
+        """Windows of one channel of two scores."""
+        a, b = window_sums(first, channel), window_sums(second, channel)
+        trials = np.array([window.trial.name for window in first.windows])
+        counted = a[:, 3] > 0
+        logs = np.full(len(a), np.nan)
+        logs[counted] = log_errors(a[counted, 1] / a[counted, 3], b[counted, 1] / b[counted, 3])
+        return cls(a[counted], b[counted], trials[counted], logs, trials)
+
+    @property
+    def diverged(self) -> bool:
+        """Whether one of the simulations is not finite."""
+        return not (np.isfinite(self.a).all() and np.isfinite(self.b).all())
+
+
+def window_sums(score: Score, channel: str) -> Array:
+    """Sums (windows, 4) of one channel: squared errors, absolute errors, measured squared, samples; SI."""
+    rows = [
+        (float(error @ error), float(np.abs(error).sum()), float(away @ away), len(error))
+        for error, away in zip(*channel_errors(channel, score.windows), strict=True)
+    ]
+    return np.array(rows, dtype=float).reshape(-1, 4)
+
+
+def ratio(y: Array, x: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
+    """Ratio of the sums of y and x (n,) and its interval of confidence 1 - alpha, None below six windows.
+
+    Parameters
+    ----------
+    y, x : ndarray, shape (n,)
+        Sums per window, in the order of time within a trial; x is positive in total.
+    trial : ndarray of str, shape (n,)
+        Name of the trial of each window: only windows of one trial are neighbours.
+    alpha : float
+        Probability outside the interval.
+    """
+    total = float(x.sum())
+    if not total > 0.0:
+        return math.nan, None
+    value = float(y.sum()) / total
+    reach = _reach(y - value * x, trial, alpha) * len(y) / total
+    return value, (value - reach, value + reach) if math.isfinite(reach) else None
+
+
+def log_errors(a: Array, b: Array) -> Array:
+    """Logarithm (n,) of the errors b over the errors a of every window."""
+    # Two perfect windows are alike, and one of them is not infinitely better than rounding.
+    least = 1e-9 * max(float(a.max(initial=0.0)), float(b.max(initial=0.0)), 1e-300)
+    return np.asarray(np.log(np.maximum(b, least) / np.maximum(a, least)))
+
+
+def typical(logs: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
+    """Factor between the errors in a typical window from its logarithms (n,); interval as for `ratio`."""
+    value = float(logs.mean()) if len(logs) else math.nan
+    reach = _reach(logs - value, trial, alpha)
+    interval = (math.exp(value - reach), math.exp(value + reach)) if math.isfinite(reach) else None
+    return math.exp(value), interval
+
+
+def _reach(left: Array, trial: NDArray[np.str_], alpha: float) -> float:
+    """Half an interval of the mean of which these are the residuals (n,), infinite below six windows."""
+    from scipy.stats import t
+
+    n = len(left)
+    if n < LEAST_WINDOWS:
+        return math.inf
+    memory = neighbours(left, most=_MOST_ALIKE, together=trial[1:] == trial[:-1])
+    variance = float(left @ left) / (n * (n - 1)) * widening(memory)
+    return float(t.ppf(1.0 - 0.5 * alpha, n - 1)) * math.sqrt(variance)
+
+
+Verdict = Literal["better", "worse", "mixed", "not told apart", "too few windows", "diverged"]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How a vehicle differs from the reference in one channel.
+
+    Attributes
+    ----------
+    vehicle, against, channel
+        Names of the vehicle, of the reference and of the channel.
+    r2, mae
+        Scores of the reference and of the vehicle, in this order; mae in SI.
+    r2_difference, r2_interval
+        R2 of the vehicle minus that of the reference, and the interval that holds jointly at the comparison's
+        level; None with too few windows or where a simulation diverged.
+    error_ratio, error_interval
+        Mean absolute error of the vehicle over that of the reference in a typical window, and its interval.
+    windows
+        Windows with samples that count.
+    verdict
+        "better" or "worse" where one of the intervals leaves "no difference" out, "mixed" where they
+        contradict one another; "not told apart", "too few windows" or "diverged".
+    """
+
+    vehicle: str
+    against: str
+    channel: str
+    r2: tuple[float, float]
+    mae: tuple[float, float]
+    r2_difference: float
+    r2_interval: tuple[float, float] | None
+    error_ratio: float
+    error_interval: tuple[float, float] | None
+    windows: int
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Overall:
+    """How a vehicle differs from the reference over all channels.
+
+    Attributes
+    ----------
+    vehicle, against
+        Names of the vehicle and of the reference.
+    error_ratio, error_interval
+        Mean absolute error of the vehicle over that of the reference, the channels' logarithms averaged in
+        every window, in a typical window; its interval at the comparison's level.
+    windows
+        Windows that count.
+    verdict
+        "better", "worse", "not told apart", "too few windows" or "diverged".
+    """
+
+    vehicle: str
+    against: str
+    error_ratio: float
+    error_interval: tuple[float, float] | None
+    windows: int
+    verdict: Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Scores of several vehicles on the same windows, side by side; printed, a table and sentences.
+
+    Attributes
+    ----------
+    scores
+        Score of every vehicle by name, the reference first.
+    overall
+        An `Overall` per further vehicle: which one is better.
+    differences
+        A `Difference` per further vehicle and channel: where.
+    level
+        Probability with which the intervals of the vehicles hold together, and those of all channels.
+    """
+
+    scores: dict[str, Score]
+    overall: tuple[Overall, ...]
+    differences: tuple[Difference, ...]
+    level: float
+
+    @property
+    def reference(self) -> str:
+        """Name of the vehicle that the others are compared with."""
+        return next(iter(self.scores))
+
+    @property
+    def trials(self) -> tuple[str, ...]:
+        """Names of the trials."""
+        return self.scores[self.reference].trials
+
+    def of(self, vehicle: str) -> dict[str, Difference]:
+        """Differences of one vehicle from the reference, by channel."""
+        return {d.channel: d for d in self.differences if d.vehicle == vehicle}
+
+    def sentences(self) -> tuple[str, ...]:
+        """What the windows tell of every further vehicle, and what they do not."""
+        return tuple(sentence(self, name) for name in self.scores if name != self.reference)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The comparison as plain data for JSON, without the simulated samples."""
+        return {
+            "reference": self.reference,
+            "level": self.level,
+            "vehicles": {name: one.to_dict() for name, one in self.scores.items()},
+            "overall": [asdict(one) for one in self.overall],
+            "differences": [asdict(one) for one in self.differences],
+            "sentences": list(self.sentences()),
+        }
+
+    def __repr__(self) -> str:
+        return f"Comparison({', '.join(self.scores)} on {', '.join(self.trials)})"
+
+    def __str__(self) -> str:
+
+        return "\n".join([table(self), *self.sentences()])
+
+
+def compare(
+    vehicles: Mapping[str, Vehicle],
+    trials: Trial | Sequence[Trial],
+    *,
+    ahead_s: float = 10.0,
+    channels: Sequence[str] | None = None,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    free_run: bool = False,
+    input: Input | None = None,
+    free: str = "XYZKMN",
+    measured: str = "",
+    level: float = 0.95,
+) -> Comparison:
+    """Comparison of vehicles on the same windows of the same trials; the first one is the reference.
+
+    Parameters
+    ----------
+    vehicles
+        Models by the names under which they are to be shown, at least two.
+    trials, ahead_s, channels, start_s, stop_s, free_run, input, free, measured
+        As for `seatrial.score`.
+    level
+        Probability with which all intervals hold together.
+
+    Raises
+    ------
+    TrialError
+        There is one vehicle only, the level is no probability, or as for `seatrial.score`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seatrial as st
+    >>> from seatrial.trial.comparison import compare
+    >>> vehicle, t = st.Vehicle.load("cwolf"), np.arange(0.0, 120.0, 0.1)
+    >>> commands = {name: 300.0 * np.sin(t / 5.0) + 800.0 for name in vehicle.actuators}
+    >>> run = vehicle.simulate(t, commands)
+    >>> columns = {"t_s": t, "u_m_s": run.nu[:, 0]} | {f"cmd.{n}": c for n, c in commands.items()}
+    >>> found = compare(
+    ...     {"own": vehicle, "heavier": vehicle.with_coefficients({"X_udot": -60.0})}, st.Trial.read(columns)
+    ... )
+    >>> found.of("heavier")["u"].verdict
+    'worse'
+    """
+    if len(vehicles) < 2:
+        raise TrialError(
+            f"compare: expected two vehicles or more, found {len(vehicles)}; use score for a single one"
+        )
+    if not 0.0 < level < 1.0:
+        raise TrialError(f"compare: level: expected a probability between 0 and 1, found {level!r}")
+    scores = {
+        name: score(
+            vehicle,
+            trials,
+            ahead_s=ahead_s,
+            channels=channels,
+            start_s=start_s,
+            stop_s=stop_s,
+            free_run=free_run,
+            input=input,
+            free=free,
+            measured=measured,
+        )
+        for name, vehicle in vehicles.items()
+    }
+    first, *others = scores
+    # A channel that never moves has no R2.
+    compared = [channel for channel, one in scores[first].items() if not np.isnan(one.r2)]
+    alpha = (1.0 - level) / max(len(others), 1)
+    pairs = {
+        (name, channel): PairedWindows.of(scores[first], scores[name], channel)
+        for name in others
+        for channel in compared
+    }
+    return Comparison(
+        scores,
+        overall=tuple(_overall(first, name, [pairs[name, c] for c in compared], alpha) for name in others),
+        differences=tuple(
+            _difference(scores, first, name, channel, pair=pair, alpha=alpha / (2 * len(compared)))
+            for (name, channel), pair in pairs.items()
+        ),
+        level=level,
+    )
+
+
+def _overall(first: str, name: str, pairs: Sequence[PairedWindows], alpha: float) -> Overall:
+    """Difference of one vehicle from the first over all channels, interval of confidence 1 - alpha."""
+    if not pairs or any(pair.diverged for pair in pairs):
+        return Overall(name, first, np.nan, None, 0, "diverged" if pairs else "too few windows")
+    table = np.array([pair.logs for pair in pairs])
+    known = np.isfinite(table).any(axis=0)
+    factor, interval = typical(np.nanmean(table[:, known], axis=0), pairs[0].trials[known], alpha=alpha)
+    verdict = "too few windows" if interval is None else _verdict((0.0, 0.0), interval)
+    return Overall(name, first, factor, interval, int(known.sum()), verdict)
+
+
+def _difference(
+    scores: Mapping[str, Score], first: str, name: str, channel: str, *, pair: PairedWindows, alpha: float
+) -> Difference:
+    """Difference of one vehicle from the first in one channel, with intervals of confidence 1 - alpha."""
+    a, b = scores[first][channel], scores[name][channel]
+    r2, r2_interval = b.r2 - a.r2, None
+    factor, interval = np.nan, None
+    verdict: Verdict = "diverged"
+    if not pair.diverged:
+        r2, r2_interval = ratio(pair.a[:, 0] - pair.b[:, 0], pair.a[:, 2], pair.trial, alpha=alpha)
+        factor, interval = typical(pair.logs[np.isfinite(pair.logs)], pair.trial, alpha=alpha)
+        verdict = _verdict(r2_interval, interval)
+    return Difference(
+        vehicle=name,
+        against=first,
+        channel=channel,
+        r2=(a.r2, b.r2),
+        mae=(a.mae, b.mae),
+        r2_difference=r2,
+        r2_interval=r2_interval,
+        error_ratio=factor,
+        error_interval=interval,
+        windows=len(pair.trial),
+        verdict=verdict,
+    )
+
+
+def _verdict(r2: tuple[float, float] | None, error: tuple[float, float] | None) -> Verdict:
+    """What the intervals of both differences say together."""
+    if r2 is None or error is None:
+        return "too few windows"
+    better = r2[0] > 0.0 or error[1] < 1.0
+    worse = r2[1] < 0.0 or error[0] > 1.0
+    if better and worse:
+        return "mixed"
+    return "better" if better else "worse" if worse else "not told apart"
+
+
+SMALL = 0.02
+"""A difference of R2 below this is small, even where it is told."""
+
+
+def table(comparison: Comparison) -> str:
+    """Text table: per channel a row per vehicle, with its difference from the reference."""
+    scores, reference = comparison.scores, comparison.reference
+    wide = max([8, *(len(name) for name in scores)]) + 2
+    differences = {name: comparison.of(name) for name in scores}
+    lines = [
+        f"{', '.join(comparison.trials)}: {kind(scores[reference])}; intervals against {reference},"
+        f" together {100 * comparison.level:g} %",
+        f"{'channel':<9}{'vehicle':<{wide}}{'R2':>8}{'MAE':>10} {'unit':<7}{'R2 difference':<28}"
+        f"{'error ratio':<23}verdict",
+    ]
+    for channel in scores[reference]:
+        scale, unit = readable(channel)
+        for name, by_channel in scores.items():
+            one = by_channel[channel]
+            label = channel if name == reference else ""
+            line = f"{label:<9}{name:<{wide}}{one.r2:>8.3f}{one.mae * scale:>10.4g} {unit:<6} "
+            if (found := differences[name].get(channel)) is not None:
+                line += f"{_span(found.r2_difference, found.r2_interval, '+'):<27} "
+                line += f"{_span(found.error_ratio, found.error_interval, ''):<22} {found.verdict}"
+            lines.append(line.rstrip())
+    for whole in comparison.overall:
+        span = _span(whole.error_ratio, whole.error_interval, "")
+        lines.append(f"{'all':<9}{whole.vehicle:<{wide + 54}}{span:<22} {whole.verdict}")
+    return "\n".join(lines)
+
+
+def sentence(comparison: Comparison, name: str) -> str:
+    """What the windows tell of one vehicle against the reference, and what they do not."""
+    own, reference = comparison.of(name), comparison.reference
+    where = f"On {', '.join(comparison.trials)} ({kind(comparison.scores[reference])})"
+    overall = next(one for one in comparison.overall if one.vehicle == name)
+    if not own:
+        return f"{where}, {name} and {reference} share no channel to be compared in."
+    if overall.verdict == "too few windows":
+        return (
+            f"{where}, nothing can be said of {name} and {reference} beyond their scores: an interval takes"
+            f" {LEAST_WINDOWS} windows; restart the simulation more often or add trials."
+        )
+    if all(d.r2_difference == 0.0 and d.error_ratio == 1.0 for d in own.values()):
+        return f"{where}, {name} and {reference} predict the same."
+    diverged = [d.channel for d in own.values() if d.verdict == "diverged"]
+    if diverged:
+        text = f"{where}, one of {name} and {reference} diverges in {', '.join(diverged)}"
+    else:
+        interval = overall.error_interval or (np.nan, np.nan)
+        text = (
+            f"{where}, the error of {name} in a typical window is {overall.error_ratio:.2f} times"
+            f" ({interval[0]:.2f} to {interval[1]:.2f}) that of {reference}: "
+        ) + {"better": f"{name} predicts better", "worse": f"{reference} predicts better"}.get(
+            overall.verdict, "these windows do not tell which one predicts better"
+        )
+    told = {word: [d for d in own.values() if d.verdict == word] for word in ("better", "worse", "mixed")}
+    parts = [f"{name} is {word} in {_listed(found)}" for word, found in told.items() if found]
+    open_ = [c for c, d in own.items() if d.verdict == "not told apart"]
+    if len(open_) == len(own):
+        parts = ["no single channel is told apart"]
+    elif open_:
+        parts.append(f"{', '.join(open_)} {'is' if len(open_) == 1 else 'are'} not told apart")
+    text = ". By channel: ".join([text, "; ".join(parts)]) + "."
+    if not diverged and all(abs(d.r2_difference) < SMALL for d in own.values()):
+        text += f" No R2 differs by {SMALL:g}: for most uses either will do."
+    return text
+
+
+def _listed(found: Sequence[Difference]) -> str:
+    """Channels with both scores and the error ratio."""
+    return ", ".join(
+        f"{d.channel} (R2 {d.r2[1]:.3f} against {d.r2[0]:.3f}, error {d.error_ratio:.2f} times)"
+        for d in found
+    )
+
+
+def _span(value: float, interval: tuple[float, float] | None, sign: str) -> str:
+    """A value and its interval, in three decimals; in one where there are tens."""
+
+    def number(one: float) -> str:
+        return f"{one:{sign}.{3 if abs(one) < 9.9995 else 1}f}"
+
+    if interval is None:
+        return number(value)
+    return f"{number(value)} ({number(interval[0])} to {number(interval[1])})"

@@ -1,0 +1,268 @@
+"""Generated trials: recordings that no vehicle made, from a recipe that says how.
+
+A recipe is a TOML file: a truth vehicle with its sensors (a second file, shared by the recipes of a
+campaign), the commands over time, a seed. The same recipe gives the same table. The reader "generated" turns
+it into a table like that of any log, so that a recipe stands in a campaign where a recording would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.arrays import Array
+from seatrial.base.atomic_write import write_table
+from seatrial.base.errors import TrialError, nearest
+from seatrial.sensors.ideal import ON_THE_TETHER, Conditions, at_sea
+from seatrial.sensors.log import finer, held, measure, times
+from seatrial.sensors.sensor import Sensor, read_as
+from seatrial.trial.truth import RecipeFile, Truth, TruthFile
+from seatrial.vehicle.actuators import actuator_groups
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial._core import Run, Vehicle
+
+__all__ = ["Recipe", "files_of", "write_generated"]
+
+_STEP_S = 0.01
+
+_MOST_ROWS = 1e7
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A recipe of a generated trial.
+
+    Attributes
+    ----------
+    path, description, seed
+        The file, what it is for, and the seed of the sensors' noise.
+    truth
+        The vehicle that sails it.
+    t, commands
+        Times in s, shape (n,), and commands {actuator: (n,)}, each in its own unit.
+    initial
+        State at the start, by the recipe's keys.
+    current
+        Steady current (3,), NED, m/s; only a sensor of the velocity through the water tells it.
+    held
+        Whether the vehicle is tied, as in a bollard test: no axis moves.
+    voltage
+        Supply in V, (n,), where the recipe gives one.
+    bottom_depth_m
+        Depth of the bottom, where the recipe gives one.
+    """
+
+    path: Path
+    description: str
+    seed: int
+    truth: Truth
+    t: Array
+    commands: Mapping[str, Array]
+    initial: Mapping[str, float]
+    current: Array
+    held: bool = False
+    voltage: Array | None = None
+    bottom_depth_m: float | None = None
+
+    @classmethod
+    def load(cls, path: str | Path, *, truth: Truth | None = None) -> Recipe:
+        """Recipe from its file.
+
+        Parameters
+        ----------
+        path : str or Path
+        truth : Truth, optional
+            Sails it instead of the recipe's own.
+
+        Raises
+        ------
+        TrialError
+            The recipe or its truth file cannot be read, names an actuator that the vehicle has not, or gives
+            no supply voltage on which the vehicle's thrust depends.
+        """
+        path = Path(path)
+        file = read_as(RecipeFile, path)
+        if truth is None:
+            truth = Truth.load(path.parent / file.truth)
+        rows = round(file.duration_s * file.rate_hz)
+        if rows > _MOST_ROWS:
+            raise TrialError(
+                f"{path}: duration_s times rate_hz: expected at most {_MOST_ROWS:.0e} rows of a log, found"
+                f" {rows:.1e}; shorten the trial or log less often"
+            )
+        t = np.arange(rows) / file.rate_hz
+        commands, voltage = _commands(file, truth.vehicle, t, str(path))
+        current = np.array([file.current.north_m_s, file.current.east_m_s, file.current.down_m_s])
+        initial = file.initial.model_dump()
+        return cls(
+            path=path,
+            description=file.description,
+            seed=file.seed,
+            truth=truth,
+            t=t,
+            commands=commands,
+            initial=initial,
+            current=current,
+            held=file.held,
+            voltage=voltage,
+            bottom_depth_m=file.bottom_depth_m,
+        )
+
+    @property
+    def every(self) -> int:
+        """Rows of `run` per row of the log: 1, or so many that a sensor may sample in between."""
+        return finer(self.sensors.values(), self.t)
+
+    @property
+    def sensors(self) -> dict[str, Sensor]:
+        """Those of the truth that log: on the tether cell, motors and supply, at sea all but the cell."""
+        carried = self.truth.sensors
+        if self.held:
+            return {kind: sensor for kind, sensor in carried.items() if kind in ON_THE_TETHER}
+        return at_sea(carried)
+
+    def run(self) -> Run:
+        """What the truth vehicle really did, with `every` rows per row of the log."""
+        from seatrial._core import State
+
+        start = self.initial
+        state = State(
+            position=[0.0, 0.0, start["depth_m"]],
+            attitude=np.deg2rad([start["roll_deg"], start["pitch_deg"], start["yaw_deg"]]),
+            nu=[start["surge_m_s"], 0.0, 0.0, 0.0, 0.0, 0.0],
+        )
+        commands: dict[str, ArrayLike] = {name: held(y, self.every) for name, y in self.commands.items()}
+        run = self.truth.vehicle.simulate(
+            times(self.t, self.every),
+            commands,
+            state,
+            self.current,
+            "" if self.held else "XYZKMN",
+            voltage=self._fine_voltage,
+            max_step=_STEP_S,
+        )
+        if not np.isfinite(np.asarray(run.nu)).all():
+            raise TrialError(
+                f"{self.path}: the truth vehicle's motion diverges; check current, commands and the truth's"
+                " coefficients"
+            )
+        return run
+
+    def table(self, *, run: Run | None = None, seed: int | None = None) -> pl.DataFrame:
+        """What its `sensors` logged, with canonical columns, the commands, and the supply as set.
+
+        A supply that a voltage sensor measures is logged by it alone.
+
+        Parameters
+        ----------
+        run : Run, optional
+            An earlier result of `run`, which no seed changes.
+        seed : int, optional
+            Seed of the sensors' noise and biases; by default the recipe's.
+        """
+        sensors = self.sensors
+        inputs = {f"cmd.{name}": y for name, y in self.commands.items()}
+        if self.voltage is not None and "voltage" not in sensors:
+            inputs["voltage_v"] = self.voltage
+        around = Conditions(
+            vehicle=self.truth.vehicle,
+            current=self.current,
+            voltage=self._fine_voltage,
+            bottom_depth_m=self.bottom_depth_m,
+            held=self.held,
+        )
+        return measure(
+            self.run() if run is None else run,
+            sensors,
+            seed=self.seed if seed is None else seed,
+            conditions=around,
+            inputs=inputs,
+            every=self.every,
+        )
+
+    @property
+    def _fine_voltage(self) -> Array | None:
+        return None if self.voltage is None else held(self.voltage, self.every)
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write the table as a CSV file whose first lines say that it was generated, and from what.
+
+        Raises
+        ------
+        TrialError
+            The file cannot be written.
+        """
+        write_generated(self.table(), path, f"{self.path.name}, seed {self.seed}", self.description)
+
+
+def files_of(path: str | Path) -> tuple[Path, ...]:
+    """Files that a generated trial is made of: its recipe, the truth, the truth's own vehicle file.
+
+    Raises
+    ------
+    TrialError
+        The recipe or its truth file cannot be read.
+    """
+    recipe = Path(path)
+    truth = recipe.parent / read_as(RecipeFile, recipe).truth
+    vehicle = read_as(TruthFile, truth).vehicle
+    return (recipe, truth, *((truth.parent / vehicle,) if vehicle.endswith(".toml") else ()))
+
+
+def write_generated(table: pl.DataFrame, path: str | Path, origin: str, description: str = "") -> None:
+    """Write a table as a CSV file whose first lines say that it was generated, and from what.
+
+    Raises
+    ------
+    TrialError
+        The file cannot be written.
+    """
+    lines = [f"GENERATED by seatrial from {origin}: no vehicle was at sea.", *description.splitlines()]
+    write_table(table, path, comments="".join(f"# {line}\n" for line in lines))
+
+
+def _commands(
+    file: RecipeFile, vehicle: Vehicle, t: Array, where: str
+) -> tuple[dict[str, Array], Array | None]:
+    """Commands (n,) of every actuator and the supply (n,); a row sets them from its ``t_s`` on."""
+    facts = vehicle.actuator_info()
+    members = actuator_groups(vehicle) | {name: [name] for name in vehicle.actuators}
+    commands = {name: np.full(len(t), float(facts[name]["neutral"])) for name in vehicle.actuators}
+    voltage = np.full(len(t), np.nan if file.voltage_v is None else file.voltage_v)
+    last = -np.inf
+    for number, row in enumerate(file.commands, 1):
+        place = f"{where}: commands[{number}]"
+        start = row.get("t_s")
+        if start is None or start < last:
+            raise TrialError(
+                f"{place}: expected t_s, s, not before the row above; found {start}; sort the rows"
+            )
+        last = start
+        after = t >= start - 1e-9
+        for name, value in row.items():
+            if name == "voltage_v":
+                if value <= 0.0:
+                    raise TrialError(f"{place}, key voltage_v: expected a positive number, found {value:g}")
+                voltage[after] = value
+            elif name in members:
+                for actuator in members[name]:
+                    commands[actuator][after] = value
+            elif name != "t_s":
+                raise TrialError(f'{place}: unknown actuator or group "{name}"{nearest(name, members)}')
+    if np.isfinite(voltage).all():
+        return commands, voltage
+    if np.isfinite(voltage).any():
+        raise TrialError(f"{where}: a row of commands gives voltage_v later; give the key voltage_v too")
+    if any(actuator["needs_voltage"] for actuator in facts.values()):
+        raise TrialError(
+            f"{where}: the thrust of {vehicle.name} depends on the supply voltage; give the key voltage_v"
+        )
+    return commands, None

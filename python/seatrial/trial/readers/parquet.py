@@ -1,0 +1,30 @@
+"""Apache Parquet: a typed table in columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from seatrial.base.errors import TrialError
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["read"]
+
+
+def read(path: Path) -> pl.DataFrame:
+    """Table with the file's own column names.
+
+    Raises
+    ------
+    TrialError
+        If the file is no Parquet file.
+    """
+    import polars as pl
+
+    try:
+        return pl.read_parquet(path, glob=False)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise TrialError(f"{path}: not readable as Parquet ({reason}); is it another format?") from None

@@ -1,0 +1,252 @@
+"""One uniform time base: continuous channels linearly between neighbours, commands held, gaps left open.
+
+A point of the base is valid where both neighbouring samples are good and no further apart than `GAP` times
+the sensor's own interval; elsewhere the value is a fill that no criterion may use.
+
+Columns of one vector that several sensors logged, each at its own times, and the time base for all.
+
+A row of such a log has cells of the sensors that sampled then and empty cells elsewhere. A depth that comes
+at other times than north and east is another sensor's: a signal of its own. Other components that come apart
+(a compass beside roll and pitch, a yaw gyro of its own rate) are brought to the stamps of the one with the
+most samples, linearly between their own neighbours and nowhere else. Held by tests/trial/test_several_rates.py.
+
+Smoothing spline of masked samples: values and derivatives for restarts and for measured axes.
+
+Penalised least squares on the uniform base, ``min sum w (y - f)^2 + lambda sum (third difference of f)^2``
+(Whittaker 1923; Eilers, Anal. Chem. 75 (2003) 3631), then the cubic spline through f. Without masks its gain
+is ``1 / (1 + lambda (2 sin(omega h / 2))^6)``: a zero-phase low-pass. lambda is chosen by generalised
+cross-validation with the effective degrees of freedom counted 1.4-fold, which guards against under-smoothing
+(Kim and Gu, J. R. Stat. Soc. B 66 (2004) 337). Held by the ``test_law_`` functions of
+tests/trial/test_smoothing.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.rotation import continuous
+from seatrial.trial.signals import RecordingReport, Signal
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+__all__ = [
+    "GAP",
+    "between",
+    "common",
+    "held",
+    "instruments",
+    "linear",
+    "smooth",
+    "spline",
+    "together",
+    "uniform",
+]
+
+GAP = 1.9
+"""Longest distance between neighbours that is no gap, in median intervals: one lost sample is a gap."""
+
+_TICK = 1e-6  # two times closer than this share of an interval are the same
+
+
+def uniform(t: Array, rate_hz: float | None) -> Array:
+    """Uniform times in s from the first sample on, shape (n,), at `rate_hz` or the median interval of `t`."""
+    step = 1.0 / rate_hz if rate_hz else float(np.median(np.diff(t)))
+    if not rate_hz:
+        # The mean interval of an evenly sampled log is exact where the median carries the clock's rounding.
+        mean = (t[-1] - t[0]) / (len(t) - 1)
+        step = mean if abs(mean - step) * len(t) < 0.1 * step else step
+    count = int(np.floor((t[-1] - t[0]) / step + 1e-3)) + 1
+    return np.asarray(t[0] + step * np.arange(count))
+
+
+def held(signal: Signal, t: Array) -> Array:
+    """Last sample at or before each time, shape (n, k); before the first one, the first."""
+    index = np.searchsorted(signal.t, t + _TICK * np.min(np.diff(t)), side="right") - 1
+    return signal.y[np.maximum(index, 0)]
+
+
+def linear(signal: Signal, t: Array) -> tuple[Array, Mask]:
+    """Values (n, k) at the times `t` and which of them are valid (n, k)."""
+    if signal.name == "attitude":
+        return _attitude(signal, t)
+    columns = [
+        between(signal.t, signal.y[:, k], signal.bad[:, k], t, signal.step) for k in range(signal.y.shape[1])
+    ]
+    return np.stack([y for y, _ in columns], axis=1), np.stack([valid for _, valid in columns], axis=1)
+
+
+def _attitude(signal: Signal, t: Array) -> tuple[Array, Mask]:
+    """Chord between neighbouring attitudes, normalised: at ordinary rates the great circle to 1e-6 rad."""
+    good = signal.good
+    if not good.any():
+        return np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1)), np.zeros((len(t), 4), bool)
+    q, _ = continuous(signal.y[good])
+    times = signal.t[good]
+    value = np.stack([np.interp(t, times, q[:, k]) for k in range(4)], axis=1)
+    value /= np.linalg.norm(value, axis=1)[:, None]
+    _, valid = between(signal.t, signal.y[:, 0], signal.bad[:, 0], t, signal.step)
+    return value, np.repeat(valid[:, None], 4, axis=1)
+
+
+def between(times: Array, y: Array, bad: Mask, t: Array, step: float) -> tuple[Array, Mask]:
+    """Values (n,) at the times `t` of samples `y` (m,) at `times`, `step` apart, and which are valid."""
+    good = ~bad
+    if not good.any():
+        return np.zeros(len(t)), np.zeros(len(t), bool)
+    last = len(times) - 1
+    tick = _TICK * step
+    before = np.clip(np.searchsorted(times, t + tick, side="right") - 1, 0, last)
+    after = np.clip(np.searchsorted(times, t - tick, side="left"), 0, last)
+    inside = (t >= times[0] - tick) & (t <= times[-1] + tick)
+    near = times[after] - times[before] <= GAP * step
+    return np.interp(t, times[good], y[good]), inside & near & good[before] & good[after]
+
+
+_SHARED = 0.5  # of the samples of the busiest component: below, the components come from several sensors
+
+_WHOLE = 0.9  # of the rows: a sensor with samples in these makes the rows a time base
+
+_FEWEST = 10  # samples of a sensor that may set the time base
+
+_MOVING = ("rates", "attitude", "velocity", "position", "depth", "water velocity")
+
+
+def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, report: RecordingReport) -> Array:
+    """Uniform times (n,), s, from the first row on, at `rate_hz`, or else at a rate that suits the signals.
+
+    Where a sensor has samples in nearly every row `t` it is the rate of the rows; where the rows are stamps
+    of several sensors it is that of the fastest one that shows the motion, to three digits.
+    """
+    rows = max((len(signal.t) for signal in signals.values()), default=len(t))
+    if rate_hz or rows >= _WHOLE * len(t):
+        return uniform(t, rate_hz)
+    able = [signal for signal in signals.values() if len(signal.t) >= _FEWEST]
+    moving = [signal for signal in able if signal.name in _MOVING] or able
+    if not moving:
+        return uniform(t, None)
+    fastest = min(moving, key=lambda signal: signal.step)
+    rate = float(f"{1.0 / fastest.step:.3g}")
+    report.add(
+        "info",
+        "time base",
+        f"the sensors have stamps of their own; put on {rate:g} Hz, the rate of the {fastest.name}",
+    )
+    return uniform(t, rate)
+
+
+def instruments(group: str, present: Mask) -> dict[str, list[int]]:
+    """Components of a group's columns by the name of their signal; `present` (n, k): cells with a sample.
+
+    They are one signal, but for a position whose depth has other stamps than north and east. A component
+    without any sample belongs to none.
+    """
+    used = [k for k in range(present.shape[1]) if present[:, k].any()]
+    level, depth = [k for k in used if k < 2], [k for k in used if k == 2]
+    if group != "position" or not level or not depth or _one_sensor(present):
+        return {group: used} if used else {}
+    return {"position": level, "depth": depth}
+
+
+def together(t: Array, y: Array, present: Mask, *, period: float | None = None) -> tuple[Array, Array] | None:
+    """Times (m,) and components (m, k) at the stamps of the busiest one; None if they share their stamps.
+
+    Parameters
+    ----------
+    t, y, present
+        Rows (n,), components (n, k), and which cells hold a sample; NaN is a sample without a number.
+    period
+        Of an angle: it goes the shorter way round.
+    """
+    if _one_sensor(present):
+        return None
+    lead = present[:, int(np.argmax(present.sum(axis=0)))]
+    result = np.full((int(lead.sum()), y.shape[1]), np.nan)
+    for k in range(y.shape[1]):
+        here = present[:, k]
+        times, values = t[here], y[here, k]
+        bad = ~np.isfinite(values)
+        if period is not None and not bad.all():
+            values = np.where(bad, 0.0, values)
+            values[~bad] = np.unwrap(values[~bad], period=period)
+        step = float(np.median(np.diff(times))) if len(times) > 1 else np.inf
+        value, valid = between(times, values, bad, t[lead], step)
+        result[:, k] = np.where(valid, value, np.nan)
+    return t[lead], result
+
+
+def _one_sensor(present: Mask) -> bool:
+    """Whether the components that have samples (n, k) have most of them in the same rows."""
+    counts = present.sum(axis=0)
+    used = counts > 0
+    shared = int(np.logical_and.reduce(present[:, used], axis=1).sum())
+    return shared >= _SHARED * int(counts.max(initial=0))
+
+
+_CAUTION = 1.4  # factor on the effective degrees of freedom
+
+_FILL_WEIGHT = 1e-3  # weight of a straight bridge over masked samples: it bounds the swing over a long gap
+
+# Cut-off periods searched, in samples; the equations of longer ones are ill-conditioned.
+_SHORTEST, _LONGEST = 2.5, 200.0
+
+
+def smooth(y: Array, valid: Mask) -> Array:
+    """Smoothed columns, shape (n, k), of uniform samples `y` (n, k) of one smoothness, `valid` (n,).
+
+    Columns are one vector (a velocity, a quaternion): they get the same low-pass, scaled by their common
+    noise.
+    """
+    from scipy.linalg import solveh_banded
+
+    n = len(y)
+    good = np.flatnonzero(valid)
+    if len(good) < 5 or np.ptp(y[good], axis=0).max() == 0.0:
+        return _bridged(y, good)
+    filled = _bridged(y, good)
+    weight = np.where(valid, 1.0, _FILL_WEIGHT)
+    penalty = _penalty_bands(n)
+    frequency = (2.0 * np.sin(0.5 * np.pi * np.arange(n) / n)) ** 6
+
+    def solve(strength: float) -> tuple[float, Array]:
+        bands = strength * penalty
+        bands[-1] += weight
+        f: Array = solveh_banded(bands, weight[:, None] * filled, check_finite=False)
+        freedom = _CAUTION * np.sum(1.0 / (1.0 + strength * frequency)) / n
+        residual = np.mean((y[good] - f[good]) ** 2)
+        return (float(residual / (1.0 - freedom) ** 2) if freedom < 1.0 else np.inf), f
+
+    periods = np.geomspace(_SHORTEST, _LONGEST, 24)
+    strengths = (2.0 * np.sin(np.pi / periods)) ** -6.0
+    return min((solve(strength) for strength in strengths), key=lambda result: result[0])[1]
+
+
+def spline(t: Array, y: Array, valid: Mask) -> CubicSpline:
+    """Cubic spline through the smoothed columns of `y` (n, k) over the uniform times `t` (n,)."""
+    from scipy.interpolate import CubicSpline
+
+    return CubicSpline(t, smooth(y, valid), axis=0)
+
+
+def _bridged(y: Array, good: NDArray[np.intp]) -> Array:
+    """Samples with straight bridges over what is not good, constant at the ends, zero where nothing is."""
+    if len(good) == 0:
+        return np.zeros_like(y)
+    index = np.arange(len(y))
+    return np.stack([np.interp(index, good, y[good, k]) for k in range(y.shape[1])], axis=1)
+
+
+def _penalty_bands(n: int) -> Array:
+    """Upper bands (4, n) of D'D, D the third difference, as `scipy.linalg.solveh_banded` wants them."""
+    difference = np.array([-1.0, 3.0, -3.0, 1.0])
+    bands = np.zeros((4, n))
+    for i in range(4):
+        for j in range(i, 4):
+            # D'D[r + i, r + j] collects the product of the two entries from each row r of D.
+            bands[3 - (j - i), j : n - 3 + j] += difference[i] * difference[j]
+    return bands

@@ -1,0 +1,384 @@
+"""Open-loop prediction of a trial: windows simulated from the smoothed measured state at their start.
+
+The step is halved until the simulated velocities no longer change: a score is the model's, not the step's.
+
+How well a vehicle predicts a trial: the record is simulated in windows restarted from the measured state.
+
+Per channel ``R2 = 1 - SSE / SST``, both sums pooled over all windows and trials, SST about the mean of the
+pooled measured samples. A window starts at the smoothed measured state; its first sample and masked ones do
+not count. R2 is 1 for a perfect model, 0 for one no better than the mean, negative below. Angles are
+compared along the shorter way round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import CHANNELS, deviations, difference, readable
+from seatrial.base.errors import TrialError, nearest
+from seatrial.trial.trial import Input, Trial
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = [
+    "ChannelScore",
+    "Score",
+    "Window",
+    "channel_errors",
+    "default_input",
+    "kind",
+    "predict",
+    "score",
+    "windows",
+]
+
+_CONVERGED = 5e-3  # change by halving the step, in standard deviations of the simulated velocity
+
+_MOST_SUBSTEPS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Samples `start` to `stop` (exclusive) of a trial and the channels simulated there (n, 12), SI."""
+
+    trial: Trial
+    start: int
+    stop: int
+    simulated: Array
+
+
+def windows(
+    trial: Trial, ahead_s: float, *, start_s: float | None = None, stop_s: float | None = None
+) -> tuple[list[tuple[int, int]], int, int]:
+    """Windows (start, stop) in samples, one following the other, and how many start late or are left out.
+
+    A window starts at a sample where it may (`Trial.startable`), the next one where the last one ended.
+
+    Raises
+    ------
+    TrialError
+        If none can start.
+    """
+    first = 0 if start_s is None else int(np.searchsorted(trial.t, start_s - 1e-9))
+    last = len(trial) if stop_s is None else int(np.searchsorted(trial.t, stop_s - 1e-9))
+    length = last if np.isinf(ahead_s) else max(1, round(ahead_s / trial.dt))
+    starts = np.flatnonzero(trial.startable)
+    spans: list[tuple[int, int]] = []
+    late = left_out = 0
+    planned = first
+    while planned < last - 1:
+        following = starts[np.searchsorted(starts, planned) :]
+        start = int(following[0]) if len(following) else last
+        left_out += (min(start, last - 1) - planned) // length
+        if start >= last - 1:
+            break
+        late += start > planned
+        stop = min(start + length + 1, last)
+        spans.append((start, stop))
+        planned = stop - 1
+    if not spans:
+        raise TrialError(
+            f"{trial.name}: no window can start from {trial.t[0] if start_s is None else start_s:g} s "
+            f"to {trial.t[-1] if stop_s is None else stop_s:g} s: every sample there is masked or outside "
+            "the record; see the trial's report"
+        )
+    return spans, late, left_out
+
+
+def default_input(vehicle: Vehicle, trial: Trial) -> Input:
+    """What drives the vehicle in this trial: its commands, else measured signals, else the recorded wrench.
+
+    Raises
+    ------
+    TrialError
+        If none is recorded for this vehicle's actuators.
+    """
+    for name, recorded in (("commands", trial.commands), ("measured", trial.measured)):
+        if vehicle.actuators and all(actuator in recorded for actuator in vehicle.actuators):
+            return "commands" if name == "commands" else "measured"
+    if trial.tau is not None:
+        return "tau"
+    missing = [actuator for actuator in vehicle.actuators if actuator not in trial.commands]
+    raise TrialError(
+        f"{trial.name}: nothing drives the vehicle {vehicle.name}: expected commands of all its "
+        f"actuators, their measured signals or a wrench; no column cmd.{', cmd.'.join(missing)}"
+    )
+
+
+def predict(
+    vehicle: Vehicle,
+    trial: Trial,
+    spans: Sequence[tuple[int, int]],
+    *,
+    input: Input | None = None,
+    free: str = "XYZKMN",
+    measured: str = "",
+) -> list[Window]:
+    """Windows of a trial simulated from the smoothed state at their start, channels in SI.
+
+    The step of the record is halved until no velocity changes by more than 0.5 % of its standard deviation.
+
+    Raises
+    ------
+    TrialError
+        If the input or the supply voltage that the vehicle needs is not recorded.
+    """
+    from seatrial._core import OpenLoop
+
+    chosen = input or default_input(vehicle, trial)
+    _check_inputs(vehicle, trial, chosen)
+    segments = [(0, start, stop, *trial.state(start)) for start, stop in spans]
+    result: list[Window] = []
+    substeps = 1
+    while substeps <= _MOST_SUBSTEPS:
+        record = trial.record(substeps=substeps, input=chosen, motion=bool(measured))
+        loop = OpenLoop(vehicle, [record], segments, free=free, measured=measured, substeps=substeps)
+        tracks = loop.predict(np.zeros(0))
+        coarser = result
+        result = [
+            Window(trial, start, stop, np.asarray(track))
+            for (start, stop), track in zip(spans, tracks, strict=True)
+        ]
+        if coarser and _converged(coarser, result):
+            break
+        substeps *= 2
+    return result
+
+
+def _check_inputs(vehicle: Vehicle, trial: Trial, chosen: Input) -> None:
+    if chosen == "tau":
+        return
+    recorded = trial.commands if chosen == "commands" else trial.measured
+    column = "cmd" if chosen == "commands" else "meas"
+    missing = [actuator for actuator in vehicle.actuators if actuator not in recorded]
+    if missing:
+        raise TrialError(
+            f"{trial.name}: the vehicle {vehicle.name} has actuators without a recorded signal: "
+            f"{', '.join(missing)}; map the columns {column}.{missing[0]} ..."
+        )
+    tables = any(facts["needs_voltage"] for facts in vehicle.actuator_info().values())
+    if trial.voltage is None and tables:
+        raise TrialError(
+            f"{trial.name}: the thrust tables of the vehicle {vehicle.name} depend on the supply voltage, "
+            'which is not recorded; map the column voltage_v, or use input="tau"'
+        )
+
+
+def _converged(coarser: Sequence[Window], finer: Sequence[Window]) -> bool:
+    """Whether no simulated velocity changed noticeably; what diverges with every step counts as converged."""
+    a = np.concatenate([window.simulated[:, :6] for window in coarser])
+    b = np.concatenate([window.simulated[:, :6] for window in finer])
+    known = np.isfinite(a) & np.isfinite(b)
+    if not np.array_equal(np.isfinite(a), np.isfinite(b)):
+        return False
+    change = np.where(known, a - b, 0.0).std(axis=0)
+    return bool(np.all(change <= _CONVERGED * np.where(known, b, 0.0).std(axis=0) + 1e-12))
+
+
+@dataclass(frozen=True)
+class ChannelScore:
+    """Score of one channel: R2, mean absolute and root mean square error in SI, number of samples."""
+
+    r2: float
+    mae: float
+    rmse: float
+    n: int
+
+
+@dataclass(frozen=True, eq=False)
+class Score(Mapping[str, ChannelScore]):
+    """Scores by channel, ``score["u"].r2``; printed, a table.
+
+    Attributes
+    ----------
+    channels
+        Score of each channel.
+    trials
+        Names of the trials.
+    ahead_s
+        Length of a window in s; infinite for a free run.
+    shifted, skipped
+        Windows that started later than planned because the planned sample was masked, and those left out.
+    windows
+        What was simulated, for figures.
+    """
+
+    channels: dict[str, ChannelScore]
+    trials: tuple[str, ...]
+    ahead_s: float
+    shifted: int
+    skipped: int
+    windows: tuple[Window, ...]
+
+    def __getitem__(self, channel: str) -> ChannelScore:
+        return self.channels[channel]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.channels)
+
+    def __len__(self) -> int:
+        return len(self.channels)
+
+    @property
+    def r2(self) -> dict[str, float]:
+        """R2 by channel."""
+        return {name: channel.r2 for name, channel in self.channels.items()}
+
+    @property
+    def mae(self) -> dict[str, float]:
+        """Mean absolute error in SI by channel."""
+        return {name: channel.mae for name, channel in self.channels.items()}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The score as plain data for JSON, without the simulated samples."""
+        return {
+            "trials": list(self.trials),
+            "ahead_s": self.ahead_s if np.isfinite(self.ahead_s) else None,
+            "windows": len(self.windows),
+            "shifted": self.shifted,
+            "skipped": self.skipped,
+            "channels": {name: asdict(channel) for name, channel in self.channels.items()},
+        }
+
+    def __repr__(self) -> str:
+        return "Score(" + ", ".join(f"{name} {channel.r2:.3f}" for name, channel in self.items()) + ")"
+
+    def __str__(self) -> str:
+        lines = [
+            f"{', '.join(self.trials)}: {kind(self)} ({self.shifted} started late, {self.skipped} left out)",
+            f"{'channel':<8}{'R2':>8}{'MAE':>11}{'RMSE':>11}  {'unit':<6}{'samples':>8}",
+        ]
+        for name, channel in self.items():
+            scale, unit = readable(name)
+            lines.append(
+                f"{name:<8}{channel.r2:>8.3f}{channel.mae * scale:>11.4g}{channel.rmse * scale:>11.4g}"
+                f"  {unit:<6}{channel.n:>8}"
+            )
+        return "\n".join(lines)
+
+
+def score(
+    vehicle: Vehicle,
+    trial: Trial | Sequence[Trial],
+    *,
+    ahead_s: float = 10.0,
+    channels: Sequence[str] | None = None,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    free_run: bool = False,
+    input: Input | None = None,
+    free: str = "XYZKMN",
+    measured: str = "",
+) -> Score:
+    """Score of a vehicle on one trial, or pooled over several, per channel.
+
+    Parameters
+    ----------
+    vehicle
+        The model.
+    trial
+        A trial or several; their samples are pooled.
+    ahead_s
+        The simulation restarts from the measured state after this time, s.
+    channels
+        Those to score, of `seatrial.base.channels.CHANNELS`; all that the trials have when omitted.
+    start_s, stop_s
+        Part of the record to score, in the trial's own time, stop excluded; all of it when omitted.
+    free_run
+        One window over the whole part instead of restarts.
+    input
+        What drives the vehicle: "commands", "measured" or "tau"; the first that the trial has when omitted.
+    free, measured
+        Letters of the axes that are simulated and that are replayed from the trial.
+
+    Raises
+    ------
+    TrialError
+        If a channel, an input or the supply voltage is missing, or no window can start.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seatrial as st
+    >>> vehicle, t = st.Vehicle.load("cwolf"), np.arange(0.0, 30.0, 0.1)
+    >>> commands = {name: np.where(t < 2.0, 0.0, 800.0) for name in vehicle.actuators}
+    >>> run = vehicle.simulate(t, commands)
+    >>> trial = st.Trial.read(
+    ...     {"t_s": t, "u_m_s": run.nu[:, 0]} | {f"cmd.{name}": signal for name, signal in commands.items()}
+    ... )
+    >>> st.score(vehicle, trial, free_run=True)["u"].r2 > 0.99
+    True
+    """
+    trials = [trial] if isinstance(trial, Trial) else list(trial)
+    if not trials:
+        raise TrialError("score: expected a trial or a list of trials, found an empty list")
+    if not ahead_s > 0.0:
+        raise TrialError(f"score: ahead_s: expected a positive time in s, found {ahead_s!r}")
+    ahead = np.inf if free_run else float(ahead_s)
+    names = _scored(trials, channels)
+    simulated: list[Window] = []
+    shifted = skipped = 0
+    for one in trials:
+        spans, late, left_out = windows(one, ahead, start_s=start_s, stop_s=stop_s)
+        shifted, skipped = shifted + late, skipped + left_out
+        simulated += predict(vehicle, one, spans, input=input, free=free, measured=measured)
+    table = {name: _channel_score(name, simulated) for name in names}
+    return Score(table, tuple(one.name for one in trials), ahead, shifted, skipped, tuple(simulated))
+
+
+def _scored(trials: Sequence[Trial], channels: Sequence[str] | None) -> list[str]:
+    recorded = [name for name in CHANNELS if any(name in trial.channels for trial in trials)]
+    if not recorded:
+        raise TrialError(
+            f"score: {', '.join(trial.name for trial in trials)}: expected at least one of the channels"
+            f" {', '.join(CHANNELS)}, found none; map columns to them"
+        )
+    for name in channels or ():
+        if name not in recorded:
+            raise TrialError(f'score: channel "{name}" is not in the trials{nearest(name, recorded)}')
+    return [name for name in recorded if channels is None or name in channels]
+
+
+def kind(score: Score) -> str:
+    """Words for the windows of a score: how far ahead, and how many."""
+    count = len(score.windows)
+    words = f"{count} {'window' if count == 1 else 'windows'}"
+    return f"{score.ahead_s:g} s ahead, {words}" if np.isfinite(score.ahead_s) else f"free run, {words}"
+
+
+def channel_errors(name: str, simulated: Sequence[Window]) -> tuple[list[Array], list[Array]]:
+    """Simulated minus measured, and measured minus the mean of all, (n,) per window and both in SI.
+
+    Only samples that count are among them: not the first one of a window, no masked one.
+    """
+    k = CHANNELS.index(name)
+    errors, measured = [], []
+    for window in simulated:
+        samples = slice(window.start + 1, window.stop)
+        counted = window.trial.valid[samples, k]
+        measured.append(window.trial.observed[samples, k][counted])
+        with np.errstate(invalid="ignore"):  # a simulation that diverged
+            errors.append(difference(window.simulated[1:, k][counted], measured[-1], name))
+    if not any(len(one) for one in measured):
+        return errors, measured
+    ends = np.cumsum([len(one) for one in measured])
+    return errors, np.split(deviations(np.concatenate(measured), name), ends[:-1])
+
+
+def _channel_score(name: str, simulated: Sequence[Window]) -> ChannelScore:
+    """Score over the samples that count, pooled over the windows."""
+    error, deviation = (np.concatenate([np.zeros(0), *one]) for one in channel_errors(name, simulated))
+    n = len(error)
+    if n == 0:
+        return ChannelScore(np.nan, np.nan, np.nan, 0)
+    if not np.isfinite(error).all():
+        return ChannelScore(-np.inf, np.inf, np.inf, n)
+    sse, sst = float(error @ error), float(deviation @ deviation)
+    r2 = 1.0 - sse / sst if sst > 0.0 else np.nan
+    return ChannelScore(r2, float(np.mean(np.abs(error))), float(np.sqrt(sse / n)), n)

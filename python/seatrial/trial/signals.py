@@ -1,0 +1,120 @@
+"""One sensor's samples on its own time base, in SI and in NED/FRD, with a mark on every bad sample.
+
+Report of a recording: what was found, corrected, masked and derived, in sentences and as data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+
+__all__ = ["Finding", "RecordingReport", "Signal"]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Samples `y` (m, k) at times `t` (m,) of the `channels` (k names); `bad` (m, k) marks those of no use.
+
+    The attitude is a unit quaternion: four columns q_w q_x q_y q_z that are good or bad together.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    t: Array
+    y: Array
+    bad: Mask
+
+    @property
+    def good(self) -> Mask:
+        """Rows (m,) of which every channel is good."""
+        return np.asarray(np.logical_and.reduce(~self.bad, axis=1))
+
+    @property
+    def step(self) -> float:
+        """Median sampling interval, s."""
+        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else np.inf
+
+    def masked(self, bad: Mask) -> Signal:
+        """The same samples with more of them marked bad; `bad` is (m,) for all channels or (m, k)."""
+        return replace(self, bad=self.bad | (bad[:, None] if bad.ndim == 1 else bad))
+
+    def earlier(self, latency: float) -> Signal:
+        """The same samples stamped `latency` seconds earlier."""
+        return replace(self, t=self.t - latency)
+
+
+Severity = Literal["info", "warning", "error"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One fact about a channel of a recording; `count` is the number of samples or events it concerns."""
+
+    severity: Severity
+    channel: str
+    message: str
+    count: int | None = None
+
+    def __str__(self) -> str:
+        number = "" if self.count is None else f"{self.count} "
+        return f"{self.severity:<8} {self.channel}: {number}{self.message}"
+
+
+@dataclass
+class RecordingReport:
+    """What is known about a recording: findings, latencies removed and samples masked.
+
+    Attributes
+    ----------
+    source
+        File or frame that was read.
+    samples, rate_hz, duration_s
+        Common time base.
+    findings
+        Facts in the order in which they were found.
+    latencies
+        Delay in s of a sensor against the pose, removed, by sensor ("velocity", "rates").
+    tilt
+        Direction of gravity in the pose's frame as recorded, north and east of its z in rad, where the pose
+        was turned upright.
+    masked
+        Number of samples kept out of every criterion, by channel.
+    """
+
+    source: str
+    samples: int = 0
+    rate_hz: float = 0.0
+    duration_s: float = 0.0
+    findings: list[Finding] = field(default_factory=list)
+    latencies: dict[str, float] = field(default_factory=dict)
+    tilt: tuple[float, float] | None = None
+    masked: dict[str, int] = field(default_factory=dict)
+
+    def add(self, severity: Severity, channel: str, message: str, count: int | None = None) -> None:
+        """Append a finding; a count of zero is no finding."""
+        if count != 0:
+            self.findings.append(Finding(severity, channel, message, count))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as plain data for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        lines = [f"{self.source}: {self.samples} samples, {self.duration_s:.1f} s at {self.rate_hz:.4g} Hz"]
+        if self.masked:
+            by_count: dict[int, list[str]] = {}
+            for channel, count in self.masked.items():
+                by_count.setdefault(count, []).append(channel)
+            shares = [
+                f"{' '.join(channels)} {count} ({100.0 * count / self.samples:.1f} %)"
+                for count, channels in by_count.items()
+                if count
+            ]
+            lines.append(f"{'masked':<8} {', '.join(shares) or 'no sample'}")
+        order = {"error": 0, "warning": 1, "info": 2}
+        lines += [str(finding) for finding in sorted(self.findings, key=lambda f: order[f.severity])]
+        return "\n".join(lines)

@@ -1,0 +1,287 @@
+"""From the cells of a table to signals in SI and NED/FRD: the one place where a recording is converted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base import frames, units
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.errors import TrialError
+from seatrial.base.rotation import continuous, from_euler
+from seatrial.trial.columns import GROUPS, Group, Source
+from seatrial.trial.resampling import instruments, together
+from seatrial.trial.signals import RecordingReport, Signal
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["MINIMUM_ROWS", "numbers", "signals", "time_base"]
+
+MINIMUM_ROWS = 10
+"""Fewer samples have no derivative worth the name."""
+
+_LEAST_NORM, _NORM_TOLERANCE = 1e-3, 1e-2
+
+
+def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
+    """Time of every row, s, strictly rising; dates become seconds since the first.
+
+    Raises
+    ------
+    TrialError
+        If there are too few rows or a time is missing, no number, or not later than the one before.
+    """
+    if table.height < MINIMUM_ROWS:
+        raise TrialError(
+            f"{file}: too short: expected at least {MINIMUM_ROWS} rows of samples, found {table.height}"
+        )
+    column = table[source.column]
+    if column.dtype.is_temporal():
+        microseconds = column.to_physical().cast(float).to_numpy()
+        unit = {"ms": 1e-3, "ns": 1e-9}.get(getattr(column.dtype, "time_unit", "us") or "us", 1e-6)
+        t = (microseconds - microseconds[0]) * unit
+    else:
+        scale = units.factor(source.unit, ("s",), f"{file}: t_s") if source.unit else 1.0
+        t = numbers(column, "t_s", file) * scale * source.sign
+    where = f'{file}: t_s (column "{source.column}")'
+    if not np.isfinite(t).all():
+        row = int(np.flatnonzero(~np.isfinite(t))[0])
+        raise TrialError(f"{where}: row {row + 1}: expected a time, found {t[row]}; remove that row")
+    wrong = np.flatnonzero(np.diff(t) <= 0.0)
+    if len(wrong):
+        row = int(wrong[0]) + 1
+        what = "the same time twice" if t[row] == t[row - 1] else "time running backwards"
+        raise TrialError(
+            f"{where}: row {row + 1}: expected a time after {t[row - 1]:.10g} s, found {t[row]:.10g} s "
+            f"({what}, {len(wrong)} rows in all); sort the rows by time or cut the recording there"
+        )
+    return np.asarray(t)
+
+
+def signals(
+    table: pl.DataFrame, t: Array, sources: Mapping[str, Source], file: str, report: RecordingReport
+) -> dict[str, Signal]:
+    """Signals by name: those of `GROUPS` (the attitude from quaternion or Euler angles), cmd.* and meas.*.
+
+    Raises
+    ------
+    TrialError
+        If a cell is text, a unit or frame does not fit, or a quaternion is zero; names column and row.
+    """
+    found: dict[str, Signal] = {}
+    for group in GROUPS:
+        given = {name: sources[name] for name in group.columns if name in sources}
+        if given and not (group.name == "euler" and "attitude" in found):
+            for signal in _group(table, t, group, given, file, report):
+                found[signal.name] = signal
+    for name in sources:
+        if name.startswith(("cmd.", "meas.")):
+            found[name] = _actuator(table, t, name, sources[name], file, report)
+    if not found:
+        names = ", ".join(name for name in sources if name != "t_s")
+        raise TrialError(f"{file}: {names}: every cell is empty; leave the column out of the map")
+    return found
+
+
+def _group(
+    table: pl.DataFrame,
+    t: Array,
+    group: Group,
+    given: Mapping[str, Source],
+    file: str,
+    report: RecordingReport,
+) -> list[Signal]:
+    """Signals of a group: one, or two of a position whose depth another sensor logged; none if all empty."""
+    if group.name == "quaternion" and len(given) < 4:
+        missing = [name for name in group.columns if name not in given]
+        raise TrialError(f"{file}: an attitude quaternion has four components; {', '.join(missing)} missing")
+    y = np.full((len(t), len(group.columns)), np.nan)
+    present = np.zeros(y.shape, bool)
+    for k, name in enumerate(group.columns):
+        if name not in given:
+            continue
+        source = given[name]
+        column = table[source.column]
+        where = f"{file}: {name}"
+        scale = (
+            units.factor(source.unit, (group.unit or "dimensionless",), where)
+            if source.unit
+            else group.factor
+        )
+        y[:, k] = numbers(column, name, file) * scale * source.sign
+        present[:, k] = column.is_not_null().to_numpy()
+        _note_not_finite(column, y[:, k], name, report)
+        y[~np.isfinite(y[:, k]), k] = np.nan
+    empty = [name for k, name in enumerate(group.columns) if name in given and not present[:, k].any()]
+    if empty:
+        report.add("warning", group.name, f"no sample of {', '.join(empty)}: every cell is empty")
+    if group.name == "quaternion" and empty:
+        return []
+    found = []
+    for name, columns in instruments(group.name, present).items():
+        own = {group.columns[k]: given[group.columns[k]] for k in columns}
+        times, cells = _own_rows(t, y, present, columns, group, report)
+        if group.frame == "attitude":
+            found.append(_attitude(times, cells, group, own, file, report))
+            continue
+        cells = _rotated(cells, group, own, file)[:, columns]
+        channels = tuple(group.channels[k] for k in columns)
+        found.append(Signal(name, channels, times, cells, ~np.isfinite(cells)))
+    return found
+
+
+def _own_rows(
+    t: Array, y: Array, present: Mask, columns: list[int], group: Group, report: RecordingReport
+) -> tuple[Array, Array]:
+    """Rows with samples of an instrument's `columns`, on one time base, other columns NaN."""
+    cells = np.full_like(y, np.nan)
+    cells[:, columns] = y[:, columns]
+    period = 2.0 * np.pi if group.name == "euler" else None
+    apart = together(t, cells[:, columns], present[:, columns], period=period)
+    if apart is None:
+        sampled = np.logical_or.reduce(present[:, columns], axis=1)
+        return t[sampled], cells[sampled]
+    times, brought = apart
+    report.add("info", group.name, "components have stamps of their own; brought to those of the busiest")
+    cells = np.full((len(times), y.shape[1]), np.nan)
+    cells[:, columns] = brought
+    return times, cells
+
+
+def _rotated(y: Array, group: Group, given: Mapping[str, Source], file: str) -> Array:
+    """Vectors in NED or FRD; a frame that mixes axes needs the components it mixes."""
+    if not group.frame:
+        stated = [name for name, source in given.items() if source.frame]
+        if stated:
+            raise TrialError(f"{file}: {stated[0]}: a scalar has no frame; leave it out")
+        return y
+    to_matrix = frames.body_matrix if group.frame == "body" else frames.earth_matrix
+    inside = "FRD" if group.frame == "body" else "NED"
+    matrices = {
+        name: to_matrix(given[name].frame or inside, f"{file}: {name}")
+        for name in group.columns
+        if name in given
+    }
+    result = np.full_like(y, np.nan)
+    for k, name in enumerate(group.columns):
+        if name not in given:
+            continue
+        row = matrices[name][k]
+        for j in np.flatnonzero(row):
+            partner = group.columns[j]
+            if j != k and (partner not in given or given[partner].frame != given[name].frame):
+                raise TrialError(
+                    f'{file}: {name}: frame "{given[name].frame}" mixes axes, so {partner} is needed '
+                    "in the same frame; map it too, each from the recording's component of the same place"
+                )
+        result[:, k] = np.where(row != 0.0, y, 0.0) @ row
+    return result
+
+
+def _attitude(
+    t: Array, y: Array, group: Group, given: Mapping[str, Source], file: str, report: RecordingReport
+) -> Signal:
+    """Continuous unit quaternions FRD -> NED; an Euler angle that is not recorded counts as zero."""
+    stated = {
+        source.frame for name, source in given.items() if source.frame or name not in ("q_w", "roll_deg")
+    }
+    if len(stated - {None}) > 1 or (len(stated) > 1 and None in stated):
+        raise TrialError(
+            f"{file}: {', '.join(given)}: one attitude has one frame; expected the same on each, found "
+            + ", ".join(f'"{frame}"' if frame else "none" for frame in sorted(stated, key=str))
+        )
+    if group.name == "euler":
+        absent = [k for k, name in enumerate(group.columns) if name not in given]
+        if absent:
+            missing = ", ".join(group.channels[k] for k in absent)
+            report.add("warning", "attitude", f"{missing} not recorded and taken as zero")
+            y[:, absent] = 0.0
+        bad = np.logical_or.reduce(~np.isfinite(y), axis=1)
+        q = from_euler(np.where(bad[:, None], 0.0, y))
+        channels = tuple(group.channels[k] for k in range(3) if k not in absent)
+    else:
+        bad = np.logical_or.reduce(~np.isfinite(y), axis=1)
+        norm = np.linalg.norm(np.where(bad[:, None], 1.0, y), axis=1)
+        zero = np.flatnonzero(norm < _LEAST_NORM)
+        if len(zero):
+            raise TrialError(
+                f"{file}: {', '.join(s.column for s in given.values())}: row {zero[0] + 1}: expected a unit "
+                f"quaternion, found all zeros ({len(zero)} rows); leave cells without an attitude empty"
+            )
+        odd = np.abs(norm - 1.0) > _NORM_TOLERANCE
+        report.add(
+            "warning",
+            "attitude",
+            f"samples are no unit quaternions (length {norm.min():.2f} to {norm.max():.2f}), as linear "
+            "interpolation over a sign flip leaves them; masked",
+            int(odd.sum()),
+        )
+        q = np.where(bad[:, None], [1.0, 0.0, 0.0, 0.0], y / np.where(bad, 1.0, norm)[:, None])
+        bad |= odd
+        channels = ("roll", "pitch", "yaw")
+    frame = next(iter(stated - {None}), None)
+    if frame:
+        q = frames.attitude_to_ned(q, frame, f"{file}: {next(iter(given))}")
+    q, flips = continuous(q)
+    if group.name == "quaternion":
+        report.add("info", "attitude", "sign flips of the quaternion made continuous", flips)
+    return Signal("attitude", channels, t, q, np.repeat(bad[:, None], 4, axis=1))
+
+
+def _actuator(
+    table: pl.DataFrame, t: Array, name: str, source: Source, file: str, report: RecordingReport
+) -> Signal:
+    if source.frame:
+        raise TrialError(f"{file}: {name}: a scalar has no frame; leave it out")
+    column = table[source.column]
+    scale = units.factor(source.unit, units.ACTUATOR_UNITS, f"{file}: {name}") if source.unit else 1.0
+    y = numbers(column, name, file) * scale * source.sign
+    _note_not_finite(column, y, name, report)
+    good = column.is_not_null().to_numpy() & np.isfinite(y)
+    if not good.any():
+        raise TrialError(f"{file}: {name}: no cell has a number; leave the column out of the map")
+    return Signal(name, (name,), t[good], y[good, None], np.zeros((int(good.sum()), 1), bool))
+
+
+def _note_not_finite(column: pl.Series, y: Array, name: str, report: RecordingReport) -> None:
+    missing = int((~np.isfinite(y) & column.is_not_null().to_numpy()).sum())
+    after = "the value before is held" if name.startswith("cmd.") else "masked"
+    report.add("warning", name, f"NaN or infinite samples; {after}", missing)
+
+
+def numbers(column: pl.Series, canonical: str, file: str) -> Array:
+    """Cells of a column as numbers, shape (m,); empty cells are NaN.
+
+    Parameters
+    ----------
+    column : polars.Series
+    canonical, file : str
+        Its canonical name and the recording, for messages.
+
+    Raises
+    ------
+    TrialError
+        A cell holds text, or the column no numbers; names column and row.
+    """
+    import polars as pl
+
+    where = f'{file}: {canonical} (column "{column.name}")'
+    if column.dtype in (pl.Object, pl.Categorical, pl.Enum):
+        column = column.cast(pl.String)
+    if column.dtype == pl.String:
+        text = column.str.strip_chars()
+        values = text.cast(pl.Float64, strict=False)
+        wrong = (values.is_null() & text.is_not_null() & (text != "")).arg_true()
+        if len(wrong):
+            row = int(wrong[0])
+            raise TrialError(
+                f'{where}: row {row + 1}: expected a number, found the text "{column[row]}" '
+                f"({len(wrong)} such cells); correct it or leave the cell empty"
+            )
+        return values.to_numpy().astype(float)
+    if not (column.dtype.is_numeric() or column.dtype in (pl.Boolean, pl.Null)):
+        raise TrialError(f"{where}: expected numbers, found {column.dtype}")
+    return column.cast(pl.Float64).to_numpy().astype(float)

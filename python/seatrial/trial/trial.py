@@ -1,0 +1,404 @@
+"""A trial: one recording on a common time base, in SI and NED/FRD, with every bad sample masked.
+
+`Trial.read` converts once, at the edge (columns, units, frames), marks defects, reverses signs that run
+against the pose, removes latencies and the tilt of the pose's frame where it is sure of them, and says all of
+it in `Trial.report`.
+
+A trial written back as a table with canonical columns, in the units that their names carry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.atomic_write import write_table
+from seatrial.base.channels import CHANNELS
+from seatrial.base.errors import TrialError, nearest
+from seatrial.trial import alignment, defects, resampling, table, tilt
+from seatrial.trial.assembly import assemble
+from seatrial.trial.columns import GROUPS, parse
+from seatrial.trial.readers import Reader, read_table
+from seatrial.trial.resampling import smooth, spline
+from seatrial.trial.sensor_position import parse_places, to_origin
+from seatrial.trial.signals import RecordingReport
+
+if TYPE_CHECKING:
+    import polars as pl
+    from scipy.interpolate import CubicSpline
+
+    from seatrial._core import Record
+
+__all__ = ["Input", "Trial", "canonical_table", "write"]
+
+
+def canonical_table(trial: Trial) -> pl.DataFrame:
+    """Polars table of a trial; masked samples are empty cells, an attitude is a quaternion."""
+    import polars as pl
+
+    known = np.where(trial.valid, trial.observed, np.nan)
+    columns: dict[str, Array] = {"t_s": trial.t}
+    present = trial.channels
+    extra = {
+        "force": None if trial.tau is None else trial.tau[:, :3],
+        "moment": None if trial.tau is None else trial.tau[:, 3:],
+        "current": trial.current,
+        "water velocity": trial.water,
+        "voltage": None if trial.voltage is None else trial.voltage[:, None],
+    }
+    for group in GROUPS:
+        if group.name == "quaternion":
+            if {"roll", "pitch", "yaw"} <= set(present):
+                attitude = np.where(trial.valid[:, 9:10], trial.attitude, np.nan)
+                columns |= dict(zip(group.columns, attitude.T, strict=True))
+        elif (values := extra.get(group.name)) is not None:
+            columns |= dict(zip(group.columns, values.T, strict=True))
+        elif group.name != "euler" or "q_w" not in columns:
+            for column, channel in zip(group.columns, group.channels, strict=True):
+                if channel in present:
+                    columns[column] = known[:, CHANNELS.index(channel)] / group.factor
+    columns |= {f"cmd.{actuator}": values for actuator, values in trial.commands.items()}
+    columns |= {f"meas.{actuator}": values for actuator, values in trial.measured.items()}
+    return pl.DataFrame(columns, nan_to_null=True)
+
+
+def write(frame: pl.DataFrame, path: Path) -> None:
+    """Write the table to a .csv or .parquet file.
+
+    Raises
+    ------
+    TrialError
+        If the ending is another one or the file cannot be written.
+    """
+    if path.suffix not in (".csv", ".parquet"):
+        raise TrialError(f'{path}: expected the ending .csv or .parquet, found "{path.suffix}"')
+    write_table(frame, path)
+
+
+Input = Literal["commands", "measured", "tau"]
+
+_INPUT_COLUMNS = {
+    "commands": "the columns cmd.<actuator>",
+    "measured": "the columns meas.<actuator>",
+    "tau": "the columns tau.X_n ... tau.N_nm",
+}
+
+_STEADY_S = 0.25  # a segment starts where the samples this close are valid too
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One recording on a uniform time base; made by `Trial.read`.
+
+    Attributes
+    ----------
+    name, source
+        What to call it, and the file or frame it came from.
+    t
+        Uniform times in s, shape (n,), from the recording's own first time on.
+    observed, valid
+        The twelve `CHANNELS` (n, 12) in SI, NaN where absent, and which samples may be used.
+    position, attitude, nu
+        NED in m (n, 3), quaternion body -> NED (n, 4), body velocities in m/s and rad/s (n, 6), filled
+        linearly where masked; zeros where absent. `valid` says which to believe.
+    commands, measured
+        By actuator (n,), in its own unit, as commanded and as logged.
+    tau, voltage, current, water
+        Wrench in N and N m (n, 6), supply in V (n,), current NED in m/s (n, 3), velocity through the water in
+        m/s (n, 3); None where not recorded.
+    rho, g
+        Density in kg/m^3 and gravity in m/s^2 of this trial; None: the vehicle's.
+    report
+        What was found, corrected, masked and derived.
+    """
+
+    name: str
+    source: str
+    t: Array
+    observed: Array
+    valid: Mask
+    position: Array
+    attitude: Array
+    nu: Array
+    commands: dict[str, Array]
+    measured: dict[str, Array]
+    tau: Array | None
+    voltage: Array | None
+    current: Array | None
+    water: Array | None
+    rho: float | None
+    g: float | None
+    report: RecordingReport
+
+    @classmethod
+    def read(
+        cls,
+        source: Any,
+        *,
+        reader: str | Reader | None = None,
+        columns: Mapping[str, Any] | None = None,
+        name: str | None = None,
+        rate_hz: float | None = None,
+        align: bool = True,
+        level: bool = True,
+        places: Mapping[str, Sequence[float]] | None = None,
+        rho: float | None = None,
+        g: float | None = None,
+    ) -> Trial:
+        """Trial from a CSV or Parquet file or a polars or pandas frame.
+
+        Parameters
+        ----------
+        source
+            Path or frame.
+        reader
+            Name of the reader, or a function from a path to a polars table; by the file's ending when
+            omitted.
+        columns
+            Map ``{canonical: "source"}`` or ``{canonical: {"from": ..., "unit": ..., "sign": ..., "frame":
+            ...}}``. Columns of the file that have canonical names need no entry.
+        name
+            What to call the trial; the file's stem when omitted.
+        rate_hz
+            Rate of the common time base; when omitted that of the recording (median interval), or of its
+            fastest sensor where sensors have time stamps of their own.
+        align
+            Whether to remove the latency of velocity and rate sensors against the pose.
+        level
+            Whether to turn a pose upright whose earth frame is tilted against gravity.
+        places
+            Where the sensors "velocity", "position" and "depth" are, (3,) in m forward, starboard and down of
+            O; in O when omitted.
+        rho, g
+            Density in kg/m^3 and gravity in m/s^2 at this trial.
+
+        Raises
+        ------
+        TrialError
+            If the recording or its column map cannot be used; says file, column, row and what to do.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> t = np.arange(0.0, 5.0, 0.1)
+        >>> trial = Trial.read({"Time": t, "speed": 1.8 * t}, columns={
+        ...     "t_s": "Time", "u_m_s": {"from": "speed", "unit": "km/h"}})
+        >>> round(float(trial.channel("u")[10]), 3)
+        0.5
+        """
+        cells, file = read_table(source, reader)
+        if name is None:
+            name = Path(file).stem
+        for key, value in (("rate_hz", rate_hz), ("rho", rho), ("g", g)):
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise TrialError(f"{file}: {key}: expected a positive number, found {value!r}")
+        report = RecordingReport(file)
+        sources = parse(columns, cells.columns, file)
+        where = parse_places(places, file)
+        time = table.time_base(cells, sources["t_s"], file)
+        signals = table.signals(cells, time, sources, file, report)
+        used = {source.column for source in sources.values()}
+        unused = [f'"{column}"' for column in cells.columns if column and column not in used]
+        if unused:
+            report.add("info", "columns", f"not used: {', '.join(unused)}")
+        signals = defects.mark(signals, report)
+        t = resampling.common(time, signals, rate_hz, report)
+        if len(t) < table.MINIMUM_ROWS:
+            raise TrialError(
+                f"{file}: {len(t)} samples at {1.0 / (t[1] - t[0]) if len(t) > 1 else rate_hz:g} Hz;"
+                f" expected at least {table.MINIMUM_ROWS}"
+            )
+        if where:
+            # The gyro first: by its signs and stamps the others come to O, where they follow the pose.
+            signals = alignment.align(signals, t, report, sources, remove=align, names=("rates",))
+            signals = to_origin(signals, where, report)
+            signals = alignment.align(signals, t, report, sources, remove=align, names=("velocity",))
+        else:
+            signals = alignment.align(signals, t, report, sources, remove=align)
+        signals = tilt.level(signals, report, remove=level)
+        parts = assemble(signals, t, report)
+        return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, **parts)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __repr__(self) -> str:
+        return (
+            f"Trial({self.name!r}, {len(self)} samples, {self.t[-1] - self.t[0]:.1f} s "
+            f"at {1.0 / self.dt:.4g} Hz, channels {' '.join(self.channels)})"
+        )
+
+    @property
+    def dt(self) -> float:
+        """Interval of the time base, s."""
+        return float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
+
+    @property
+    def channels(self) -> list[str]:
+        """Those of `CHANNELS` that are recorded or derived."""
+        absent = np.logical_and.reduce(np.isnan(self.observed), axis=0)
+        return [channel for channel, gone in zip(CHANNELS, absent, strict=True) if not gone]
+
+    def channel(self, name: str) -> Array:
+        """Samples of one channel in SI, shape (n,); NaN where absent.
+
+        Raises
+        ------
+        TrialError
+            If there is no channel of that name.
+        """
+        if name not in CHANNELS:
+            raise TrialError(f'{self.name}: "{name}" is no channel{nearest(name, CHANNELS)}')
+        return self.observed[:, CHANNELS.index(name)]
+
+    @property
+    def inputs(self) -> list[Input]:
+        """What is recorded that can drive a vehicle."""
+        recorded: dict[Input, bool] = {
+            "commands": bool(self.commands),
+            "measured": bool(self.measured),
+            "tau": self.tau is not None,
+        }
+        return [name for name, here in recorded.items() if here]
+
+    @cached_property
+    def startable(self) -> Mask:
+        """Samples from which a segment may start, shape (n,): all channels valid there and closely around."""
+        from scipy.ndimage import minimum_filter1d
+
+        used = [CHANNELS.index(channel) for channel in self.channels]
+        # A position that is never known (fixes at the surface) keeps no segment from starting.
+        used = [k for k in used if k not in (6, 7) or self.valid[:, k].any()]
+        good = self.valid[:, used].all(axis=1).astype(np.uint8)
+        width = 2 * max(1, round(_STEADY_S / self.dt)) + 1
+        return np.asarray(minimum_filter1d(good, width, mode="nearest")).astype(bool)
+
+    def state(self, i: int) -> tuple[Array, Array, Array]:
+        """Smoothed position NED in m (3,), attitude quaternion (4,), nu in m/s, rad/s (6,) at sample `i`."""
+        t = self.t[i]
+        position, attitude = self._splines[0](t), self._splines[1](t)
+        return position, attitude / np.linalg.norm(attitude), self.smooth_nu(t)[0]
+
+    def smooth_nu(self, t: ArrayLike) -> tuple[Array, Array]:
+        """Body velocities and their rates, m/s, rad/s and per s, shapes (..., 6), at any times in s.
+
+        Both come from one smoothing spline, so the rates are the derivative of the velocities.
+        """
+        velocity, rates = self._splines[2:]
+        time = np.asarray(t, float)
+        nu = np.concatenate([velocity(time), rates(time)], axis=-1)
+        return nu, np.concatenate([velocity(time, 1), rates(time, 1)], axis=-1)
+
+    @cached_property
+    def _splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline, CubicSpline]:
+        """Smoothing splines of position, attitude, linear and angular velocity."""
+        present = [CHANNELS.index(channel) for channel in self.channels]
+
+        def valid(first: int) -> Mask:
+            used = [k for k in present if first <= k < first + 3]
+            return np.asarray(np.logical_and.reduce(self.valid[:, used], axis=1))
+
+        return (
+            self._path(valid(6)),
+            spline(self.t, self.attitude, valid(9)),
+            spline(self.t, self.nu[:, :3], valid(0)),
+            spline(self.t, self.nu[:, 3:], valid(3)),
+        )
+
+    def _path(self, known: Mask) -> CubicSpline:
+        """Smoothing spline of the position; where only the depth is known, north and east as they are."""
+        if known.any() or not self.valid[:, 8].any():
+            return spline(self.t, self.position, known)
+        from scipy.interpolate import CubicSpline
+
+        depth = smooth(self.position[:, 2:], self.valid[:, 8])
+        return CubicSpline(self.t, np.column_stack([self.position[:, :2], depth]), axis=0)
+
+    @cached_property
+    def table(self) -> pl.DataFrame:
+        """Polars table with canonical columns, masked samples as empty cells; `Trial.read` reads it back."""
+        return canonical_table(self)
+
+    def write(self, path: str | Path) -> None:
+        """Write `table` to a .csv or .parquet file.
+
+        Parameters
+        ----------
+        path
+            Its ending decides the format.
+
+        Raises
+        ------
+        TrialError
+            If the ending is another one or the file cannot be written.
+        """
+        write(self.table, Path(path))
+
+    def record(
+        self,
+        weight: Mapping[str, float] | ArrayLike | None = None,
+        substeps: int = 1,
+        input: Input = "commands",
+        motion: bool = True,
+    ) -> Record:
+        """Samples, weights and input of the trial as the core reads them.
+
+        Parameters
+        ----------
+        weight
+            Weight per channel name (others count nothing), or an array that broadcasts to (n, 12); one when
+            omitted. Masked samples get zero in any case.
+        substeps
+            Integration steps per sample: the measured velocities are given at their half steps.
+        input
+            What drives the vehicle: the commands, the measured actuator signals, or the recorded wrench
+            alone.
+        motion
+            Whether to give the smoothed velocities, which only measured axes need.
+
+        Raises
+        ------
+        TrialError
+            If the input was not recorded or a channel is unknown.
+        """
+        from seatrial._core import Record
+
+        if input not in _INPUT_COLUMNS:
+            raise TrialError(f'{self.name}: unknown input "{input}"{nearest(input, _INPUT_COLUMNS)}')
+        if input not in self.inputs:
+            raise TrialError(f"{self.name}: input {input} is not recorded; map {_INPUT_COLUMNS[input]}")
+        nu = nu_rate = None
+        if motion:
+            points = 2 * substeps * (len(self) - 1) + 1
+            nu, nu_rate = self.smooth_nu(np.linspace(self.t[0], self.t[-1], points))
+        return Record(
+            self.t,
+            self.commands if input == "commands" else {},
+            voltage=self.voltage,
+            tau=self.tau if input == "tau" else None,
+            current=self.current,
+            actuators=self.measured if input == "measured" else None,
+            nu=nu,
+            nu_rate=nu_rate,
+            observed=self.observed,
+            weight=self._weights(weight),
+            rho=self.rho,
+            g=self.g,
+        )
+
+    def _weights(self, weight: Mapping[str, float] | ArrayLike | None) -> Array:
+        if isinstance(weight, Mapping):
+            row = np.zeros(12)
+            for channel, value in weight.items():
+                self.channel(channel)
+                row[CHANNELS.index(channel)] = value
+        else:
+            row = np.ones(12) if weight is None else np.asarray(weight, float)
+        return np.where(self.valid, row, 0.0)

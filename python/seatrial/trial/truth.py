@@ -1,0 +1,161 @@
+"""Truth vehicles: what sails generated trials, a vehicle with other coefficients, and its sensors.
+
+Its file names a vehicle, factors on its coefficients or values instead of them, and the sensors that it
+carries (`seatrial.trial.truth.TruthFile`). Tests: ``tests/sensors/test_sensors.py``, ``tests/trial/test_truth.py``.
+
+The files of generated trials: which keys truth, recipe and sensor files have, what they may hold.
+
+These models are the only owner of the formats, but for the keys of a sensor, which
+`seatrial.sensors.sensor.Sensor` owns; unknown keys are refused with the nearest known name.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from seatrial.base.errors import TrialError, VehicleError, nearest
+from seatrial.base.toml_file import Name, Number, Positive, Section
+from seatrial.sensors.sensor import Sensor, SensorFile, parse_sensors, read_as
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["RecipeFile", "Truth", "TruthFile"]
+
+
+class TruthFile(SensorFile):
+    """A truth vehicle: factors on, or values instead of, coefficients, and its sensors.
+
+    ``vehicle_file`` holds tables that replace entries of the vehicle's file first, for what is no coefficient
+    (limits of a motor).
+    """
+
+    vehicle: Name
+    vehicle_file: dict[str, Any] = Field(default_factory=dict)
+    factors: dict[str, Number] = Field(default_factory=dict)
+    values: dict[str, Number] = Field(default_factory=dict)
+
+
+class _Initial(Section):
+    """State at the start, at rest over ground but for surge."""
+
+    depth_m: Number = 0.0
+    roll_deg: Number = 0.0
+    pitch_deg: Number = 0.0
+    yaw_deg: Number = 0.0
+    surge_m_s: Number = 0.0
+
+
+class _Current(Section):
+    """Steady current over ground, NED."""
+
+    north_m_s: Number = 0.0
+    east_m_s: Number = 0.0
+    down_m_s: Number = 0.0
+
+
+class RecipeFile(Section):
+    """A generated trial."""
+
+    format: Literal[1]
+    description: str
+    truth: Name
+    seed: Annotated[int, Field(strict=True, ge=0)]
+    duration_s: Positive
+    rate_hz: Positive = 10.0
+    held: Annotated[bool, Field(strict=True)] = False
+    voltage_v: Positive | None = None
+    bottom_depth_m: Positive | None = None
+    initial: _Initial = _Initial()
+    current: _Current = _Current()
+    commands: tuple[dict[str, Number], ...] = ()
+
+    @model_validator(mode="after")
+    def _a_held_vehicle_is_at_rest(self) -> RecipeFile:
+        if self.held and self.initial.surge_m_s != 0.0:
+            raise ValueError(
+                f"a held vehicle does not move, found initial surge_m_s = {self.initial.surge_m_s:g};"
+                " leave it out, or held"
+            )
+        return self
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A truth vehicle: the one behind generated trials, and the sensors that it carries."""
+
+    description: str
+    vehicle: Vehicle
+    base: Vehicle
+    changed: tuple[str, ...]
+    sensors: Mapping[str, Sensor]
+
+    @property
+    def sailed(self) -> tuple[str, Mapping[str, Sensor]]:
+        """What makes two truths the same one: the vehicle's file and the sensors."""
+        return self.vehicle.to_toml(), self.sensors
+
+    @classmethod
+    def load(cls, path: str | Path) -> Truth:
+        """Truth vehicle from its file: a built-in vehicle, or one beside it, with other coefficients.
+
+        Raises
+        ------
+        TrialError
+            The file cannot be read, has unknown keys or names an unknown sensor.
+        VehicleError
+            The vehicle or a coefficient is unknown, or their values are impossible.
+        """
+        from seatrial._core import Vehicle
+
+        path = Path(path)
+        file = read_as(TruthFile, path)
+        beside = file.vehicle.endswith(".toml")
+        try:
+            base = Vehicle.load(path.parent / file.vehicle if beside else file.vehicle)
+        except VehicleError as error:
+            raise VehicleError(f"{path}: key vehicle: {error}") from None
+        if file.vehicle_file:
+            base = _overlaid(base, file.vehicle_file, str(path))
+        known = base.coefficients()
+        for name in file.factors:
+            if name not in known:
+                raise VehicleError(f"{path}: factors: unknown coefficient {name!r}{nearest(name, known)}")
+        changed = {name: factor * known[name] for name, factor in file.factors.items()} | file.values
+        sensors = parse_sensors(file.sensors, str(path))
+        return cls(file.description, base.with_coefficients(changed), base, tuple(changed), sensors)
+
+
+def _overlaid(vehicle: Vehicle, tables: Mapping[str, Any], where: str) -> Vehicle:
+    """The vehicle with tables put over those of its file."""
+    import tomlkit
+
+    from seatrial._core import Vehicle
+
+    def over(below: dict[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+        merged = dict(below)
+        for key, value in above.items():
+            known = merged.get(key)
+            merged[key] = (
+                over(known, value) if isinstance(known, dict) and isinstance(value, Mapping) else value
+            )
+        return merged
+
+    below = tomllib.loads(vehicle.to_toml())
+    for kind in ("motors", "characteristics"):
+        own, new = below.get(kind, {}), tables.get(kind)
+        for name in new if isinstance(new, Mapping) else ():
+            # A table that no actuator names would change nothing; what may name it is in arrays.
+            if name not in own and not tables.keys() & {"thrusters", "fins"}:
+                raise TrialError(
+                    f"{where}: vehicle_file, {kind}: the vehicle {vehicle.name} has no {name!r}"
+                    f"{nearest(name, own)}"
+                )
+    text = tomlkit.dumps(over(below, tables))
+    return Vehicle.from_toml(text, f"{where}: vehicle_file")

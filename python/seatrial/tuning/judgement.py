@@ -1,0 +1,262 @@
+"""How an autopilot's responses keep to their corridors: every trial, nominal and over samples.
+
+Held by tests/tuning/test_tune.py.
+
+Why a response of the vehicle itself leaves its corridor with the tuned gains, in words.
+
+The same step is flown with perfect sensors, in still water. Where it stays inside, noise or latency is what
+is left; where not, its figures tell which bound it is that the loop cannot keep to.
+
+Held by tests/tuning/test_tune.py and tests/tuning/test_tuning_words.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.campaign.corridor import RISEN
+from seatrial.campaign.tuning_table import LOOPS
+from seatrial.tuning.criterion import step_figures
+from seatrial.tuning.objective import violated
+from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot
+    from seatrial.campaign.corridor import Corridor
+    from seatrial.tuning.plan import Group, TuningPlan
+
+__all__ = ["Judged", "JudgedTrial", "Responses", "judge", "judged_without_noise", "why_outside"]
+
+_SHOWN = 9  # samples whose responses are kept for figures
+
+
+@dataclass(frozen=True)
+class JudgedTrial:
+    """A step of a loop at a speed, there and back.
+
+    Attributes
+    ----------
+    loop, unit, speed_m_s, step
+        Which; the step in the unit.
+    nominal_s, worst_s
+        Violation of the corridors, s: the largest of the vehicle itself in still water over several noises,
+        and of all samples.
+    held
+        Share of the drawn vehicles that violate nothing.
+    rise_s, overshoot, settling_s, steady_error
+        Of the nominal response there; shares of the step, times in s, inf: never.
+    """
+
+    loop: str
+    unit: str
+    speed_m_s: float
+    step: float
+    nominal_s: float
+    worst_s: float
+    held: float
+    rise_s: float
+    overshoot: float
+    settling_s: float
+    steady_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """Answers of a loop for figures: times (p,), s, and values (trials, samples, p), SI.
+
+    The samples are the nominal one, then those that leave the corridors furthest.
+    """
+
+    trials: LoopTrials
+    t: Array
+    values: Array
+
+    def normalised(self, trial: int) -> Array:
+        """Answers (samples, p) of a trial as shares of its step: 0 before, 1 at the new set point."""
+        return np.asarray((self.values[trial] - self.base(trial)) / self.trials.sizes[trial])
+
+    def base(self, trial: int) -> float:
+        """Set point before the step, SI."""
+        return self.trials.base(trial)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """An autopilot's responses, judged.
+
+    Attributes
+    ----------
+    name
+        "start", "relay", "tuned".
+    autopilot
+        Which.
+    trials
+        A `JudgedTrial` each.
+    samples
+        How many drawn vehicles with currents.
+    responses
+        Per loop, for figures.
+    """
+
+    name: str
+    autopilot: Autopilot
+    trials: tuple[JudgedTrial, ...]
+    samples: int
+    responses: Mapping[str, Responses]
+
+    @property
+    def nominal_s(self) -> float:
+        """Violation of all trials of the vehicle itself, s."""
+        return sum(trial.nominal_s for trial in self.trials)
+
+    @property
+    def worst_s(self) -> float:
+        """Largest violation of a trial by a sample, s."""
+        return max((trial.worst_s for trial in self.trials), default=0.0)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the vehicle itself violates no corridor."""
+        return self.nominal_s == 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain data, without responses."""
+        return {
+            "name": self.name,
+            "autopilot": self.autopilot.name,
+            "samples": self.samples,
+            "nominal_s": self.nominal_s,
+            "worst_s": self.worst_s,
+            "feasible": self.feasible,
+            "trials": [asdict(trial) for trial in self.trials],
+        }
+
+
+def judge(
+    plan: TuningPlan,
+    name: str,
+    rig: Rig,
+    samples: Samples,
+    *,
+    only: Sequence[Group] | None = None,
+    responses: bool = True,
+) -> Judged:
+    """How the responses of the rig's autopilot keep to the corridors of a plan.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+    name : str
+        What to call it.
+    rig : Rig
+    samples : Samples
+        The first are the nominal ones.
+    only : sequence of Group, optional
+        The groups to try; all by default.
+    responses : bool, optional
+        Whether to keep responses and take their figures.
+    """
+    found: list[JudgedTrial] = []
+    kept: dict[str, Responses] = {}
+    for trials in (trials for group in only or plan.groups for trials in group.trials):
+        sums, _ = rig.violations(trials, samples, {})
+        total = violated(trials, sums)[0]
+        shown = None
+        if responses:
+            t, values = rig.responses(trials, _worst(samples, total), {})
+            shown = kept[trials.loop] = Responses(trials, t, values[trials.names[0]])
+        for k in range(len(trials)):
+            found.append(_judged(trials, k, (total[k], samples.nominal), shown))
+    return Judged(name, rig.autopilot, tuple(found), len(samples) - samples.nominal, kept)
+
+
+def _worst(samples: Samples, total: Array) -> Samples:
+    """The first of some samples and those that violate most, of violations (trials, samples)."""
+    worst = total.max(axis=0)
+    worst[0] = np.inf
+    rows = np.argsort(-worst, kind="stable")[:_SHOWN]
+    return Samples(
+        {name: np.asarray(values)[rows] for name, values in samples.coefficients.items()},
+        samples.current[rows],
+        tuple(samples.seeds[row] for row in rows),
+    )
+
+
+def _judged(
+    trials: LoopTrials, k: int, violations: tuple[Array, int], shown: Responses | None
+) -> JudgedTrial:
+    total, nominal = violations
+    drawn = total[nominal:] if len(total) > nominal else total
+    entry = LOOPS[trials.loop]
+    nan = float("nan")
+    figures = dict.fromkeys(("rise_s", "overshoot", "settling_s", "steady_error"), nan)
+    if shown is not None:
+        since = shown.t - trials.settle_s
+        there = since < trials.until_s
+        found = asdict(step_figures(since[there], shown.normalised(k)[0][there], band=trials.settled))
+        figures = {key: found[key] for key in figures}
+    return JudgedTrial(
+        loop=trials.loop,
+        unit=entry.unit,
+        speed_m_s=trials.speeds[k],
+        step=float(f"{trials.sizes[k] / entry.to_si:.9g}"),  # as it stood in the file
+        nominal_s=float(total[:nominal].max()),
+        worst_s=float(total.max()),
+        held=float((drawn == 0.0).mean()),
+        **figures,
+    )
+
+
+_AWAY = 3.0  # steps beyond the set point, which no overshoot is
+
+
+def judged_without_noise(plan: TuningPlan, rig: Rig) -> Judged:
+    """How the vehicle itself keeps to its corridors in still water with perfect sensors.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+    rig : Rig
+        With the gains in question.
+    """
+    return judge(plan, "without noise", replace(rig, sensors=None), Samples({}, np.zeros((1, 3)), (1,)))
+
+
+def why_outside(quiet: JudgedTrial, corridor: Corridor) -> str:
+    """What makes a response leave its corridor, and what to do, from the same step with perfect sensors.
+
+    Parameters
+    ----------
+    quiet : JudgedTrial
+    corridor : Corridor
+    """
+    if quiet.nominal_s == 0.0:
+        return (
+            "with perfect sensors it stays inside, so noise or latency is what is left; take larger steps,"
+            " or raise settled and overshoot"
+        )
+    if not quiet.overshoot < _AWAY:  # nor where it diverged
+        return "the motion grows at that speed; leave it out of speeds_m_s, or begin with gains that hold it"
+    rise = next((time for time, bound in corridor.lower if bound >= RISEN), math.inf)
+    lower, upper = corridor.sampled([corridor.until_s])
+    most = max((bound for _, bound in corridor.upper), default=math.inf) - 1.0
+    if quiet.rise_s > rise:
+        told = f"in {quiet.rise_s:.1f} s" if math.isfinite(quiet.rise_s) else "not at all"
+        return f"it rises {told}, {rise:g} s are asked; raise rise_s, or take smaller steps"
+    if quiet.overshoot > most:
+        return (
+            f"it overshoots by {quiet.overshoot:.0%} without noise, too, {most:.0%} are allowed; raise"
+            " overshoot, or rise_s for gentler gains"
+        )
+    if not math.isfinite(quiet.settling_s):
+        return (
+            f"it is not within {100.0 * (1.0 - lower[0]):.0f} % below and {100.0 * (upper[0] - 1.0):.0f} %"
+            f" above its set point by {corridor.until_s:g} s; raise settled or until_s"
+        )
+    return "it settles late, there or on the way back; raise settling_s"

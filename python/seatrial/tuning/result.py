@@ -1,0 +1,527 @@
+"""Tuning: the autopilot that was found, how its responses and margins are, for people, machines and as files.
+
+Held by tests/tuning/test_tune.py.
+
+A tuning in words and tables: what `Tuning.summary` prints.
+
+Held by tests/tuning/test_tune.py.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.atomic_write import parquet
+from seatrial.base.report import text_table
+from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.tuning.judgement import Judged
+from seatrial.tuning.objective import GAINS
+from seatrial.tuning.search import GroupResult
+from seatrial.vehicle.authority import LOOPS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.control_design.margins import ReportedMargins
+    from seatrial.tuning.judgement import JudgedTrial
+    from seatrial.tuning.plan import TuningPlan
+    from seatrial.tuning.relay import RelayTuning
+
+__all__ = [
+    "COMPARISON_TITLE",
+    "GAIN_HEAD",
+    "TRIAL_HEAD",
+    "Tuning",
+    "comparison_head",
+    "comparison_rows",
+    "gain_rows",
+    "on_another_vehicle",
+    "sentences",
+    "summary",
+    "trial_rows",
+    "tuned_autopilot",
+    "without_table",
+]
+
+_DIGITS = 4
+
+_ROUNDING = 0.01  # what the frequency grid and four digits of a gain leave
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuning:
+    """What a tuning found; made by `seatrial.tune`.
+
+    Attributes
+    ----------
+    campaign, plan
+        What was asked for, and the trials and samples that it became.
+    autopilot
+        With the tuned gains.
+    groups
+        A `GroupResult` per search, in the order of the searches.
+    judged
+        Responses of the start gains ("start"), of a relay autotuning where asked for ("relay") and of the
+        tuned ones ("tuned") on samples that the search never saw.
+    relay
+        The relay autotuning; None where not asked for.
+    taken_back
+        Groups that have their start gains again, because everything together is better with them.
+    elapsed_s
+        Wall time.
+    interrupted
+        Whether Ctrl-C ended it; then nothing is judged.
+    kept
+        Autopilot file with the best gains so far, of an interrupted tuning with a run directory.
+    quiet
+        The tuned gains with perfect sensors, where a response leaves its corridor: what noise has to do with
+        it.
+    """
+
+    campaign: Campaign
+    plan: TuningPlan
+    autopilot: Autopilot
+    groups: tuple[GroupResult, ...]
+    judged: tuple[Judged, ...]
+    relay: RelayTuning | None
+    taken_back: tuple[str, ...]
+    elapsed_s: float
+    interrupted: bool
+    kept: Path | None = None
+    quiet: Judged | None = None
+
+    def __repr__(self) -> str:
+        groups = ", ".join(group.name for group in self.groups)
+        state = "interrupted" if self.interrupted else f"feasible={self.feasible}"
+        return f"Tuning({self.campaign.name}: {state}, searched: {groups})"
+
+    @property
+    def start(self) -> Autopilot:
+        """The autopilot with the start gains."""
+        return self.plan.autopilot
+
+    def of(self, name: str) -> Judged | None:
+        """The judgement of that name."""
+        return next((judged for judged in self.judged if judged.name == name), None)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the vehicle itself violates no corridor with the tuned gains."""
+        tuned = self.of("tuned")
+        return tuned is not None and tuned.feasible
+
+    @property
+    def held(self) -> bool:
+        """Whether corridors and margins are held: by the vehicle itself, and by its linear loops."""
+        return self.feasible and not self.short_margins
+
+    @cached_property
+    def margins(self) -> Mapping[str, list[ReportedMargins]]:
+        """Margins by python-control per mode, reachable supporting point and loop, "start" and "tuned"."""
+        from seatrial.control_design.margins import report_margins
+
+        pairs = {"start": self.start, "tuned": self.autopilot}
+        plan = self.plan
+        return {
+            name: report_margins(plan.vehicle, autopilot, sensors=plan.sensors)
+            for name, autopilot in pairs.items()
+        }
+
+    @property
+    def short_margins(self) -> tuple[str, ...]:
+        """Loops whose margins fall short of the campaign's, with what there is and what was asked."""
+        if self.interrupted:
+            return ()
+        rows = self.margins["tuned"]
+        # A motion that grows is no matter of limits: it counts where no margin is asked for, too.
+        unstable = dict.fromkeys((row.mode, row.speed_m_s) for row in rows if not row.stable)
+        found = [f"{mode} at {speed:.2f} m/s (unstable)" for mode, speed in unstable]
+        for row in rows:
+            limits = self.plan.table.margins.at(row.speed_m_s)
+            short = [
+                f"{_below(value, limit)} {unit} of {limit:g}"
+                for value, limit, unit in (
+                    (row.phase_deg, limits.phase_deg, "deg"),
+                    (row.gain_up_db, limits.gain_db, "dB"),
+                    (row.gain_down_db, limits.gain_db, "dB down"),
+                    (row.delay_s, limits.delay_s, "s"),
+                )
+                if value is not None and value < (1.0 - _ROUNDING) * limit
+            ]
+            if short and row.stable:  # margins of an unstable loop mean something else
+                found.append(f"{row.loop} in {row.mode} at {row.speed_m_s:.2f} m/s ({', '.join(short)})")
+        return tuple(found)
+
+    def on(self, vehicle: Vehicle | str | Path, *, name: str = "another vehicle") -> Judged:
+        """How the tuned responses keep to their corridors on a vehicle that the autopilot does not know.
+
+        Parameters
+        ----------
+        vehicle : Vehicle, built-in name or file
+            That flies, in still water; the autopilot's own model stays the identified one.
+        name : str, optional
+            What to call it.
+
+        Raises
+        ------
+        VehicleError
+            It cannot be loaded.
+        SimulationError
+            Its actuators are others.
+        """
+        from seatrial._core import Vehicle
+        from seatrial.base.toml_file import loaded
+        from seatrial.tuning.judgement import judge
+        from seatrial.tuning.step_trial import Samples
+
+        flown = loaded(Vehicle, vehicle)
+        still = Samples({}, np.zeros((1, 3)), (1,))
+        return judge(self.plan, name, self.plan.rig(self.autopilot, vehicle=flown), still)
+
+    def summary(self) -> str:
+        """Text that a control engineer reads."""
+        return summary(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        return {
+            "campaign": self.campaign.name,
+            "vehicle": self.plan.vehicle.name,
+            "autopilot": self.autopilot.name,
+            "feasible": self.feasible,
+            "held": self.held,
+            "short_margins": list(self.short_margins),
+            "interrupted": self.interrupted,
+            "kept": None if self.kept is None else str(self.kept),
+            "elapsed_s": self.elapsed_s,
+            "plan": self.plan.to_dict(),
+            "gains": {"start": self.start.gains(), "tuned": self.autopilot.gains()},
+            "taken_back": list(self.taken_back),
+            "groups": [group.to_dict() for group in self.groups],
+            "judged": [judged.to_dict() for judged in self.judged],
+            "margins": {} if self.interrupted else _plain_margins(self.margins),
+            "relay": None if self.relay is None else self.relay.to_dict(),
+            "notes": list(self.plan.fitted.notes),
+        }
+
+    def save(self, run_dir: str | Path) -> Path:
+        """Path of a run directory with all results; an earlier run's is replaced.
+
+        Parameters
+        ----------
+        run_dir : str or Path
+            Made when it does not exist.
+
+        Raises
+        ------
+        SeatrialError
+            The directory cannot be written; nothing is left half-written.
+        """
+        return self.publish(RunDirectory(run_dir))
+
+    def publish(self, directory: RunDirectory) -> Path:
+        """Path of an opened run directory after the results are in it. See `save`."""
+        from dataclasses import asdict
+
+        import polars as pl
+
+        from seatrial.campaign.campaign import run_facts
+
+        history = [{"search": group.name} | asdict(step) for group in self.groups for step in group.history]
+        trials = [
+            {"autopilot": judged.name} | asdict(trial) for judged in self.judged for trial in judged.trials
+        ]
+        files: dict[str, str | bytes] = {
+            RUN_FILE: to_json(run_facts(self.campaign, trials=False) | {"kind": "tuning"}),
+            "campaign.toml": self.campaign.text,
+            "autopilot.toml": self.autopilot.to_toml(),
+            "start_autopilot.toml": self.start.to_toml(),
+            "vehicle.toml": self.plan.vehicle.to_toml(),
+            "tuning.json": to_json(self.to_dict()),
+            "summary.txt": self.summary() + "\n",
+            "history.parquet": parquet(pl.DataFrame(history, infer_schema_length=None)),
+            "trials.parquet": parquet(pl.DataFrame(trials, infer_schema_length=None)),
+        }
+        return directory.publish(files)
+
+
+def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], campaign: str) -> Autopilot:
+    """The autopilot with other gains, four digits each, under a name that says where they come from."""
+    import tomlkit
+
+    from seatrial._core import Autopilot
+
+    rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in gains.items()}
+    text = tomlkit.parse(start.with_gains(rounded).to_toml() if rounded else start.to_toml())
+    text["name"] = f"{campaign} tuned"
+    text["description"] = f"Gains of {start.name} tuned on the campaign {campaign} by constraint criteria"
+    return Autopilot.from_toml(tomlkit.dumps(text), "tuned")
+
+
+def _plain_margins(margins: Mapping[str, list[ReportedMargins]]) -> dict[str, list[dict[str, Any]]]:
+    return {name: [row.to_dict() for row in rows] for name, rows in margins.items()}
+
+
+def _below(value: float, limit: float) -> str:
+    """A number below a limit, with as many digits as tell the two apart."""
+    for digits in range(2, 6):
+        if float(told := f"{value:.{digits}g}") < limit:
+            break
+    return told
+
+
+TRIAL_HEAD = ("loop", "m/s", "step", "outside", "worst", "held", "rise", "over", "settled")
+
+GAIN_HEAD = ("gain", "unit", "m/s", "start", "tuned")
+
+_UNITS = {
+    "surge": "N s/m",
+    "sway": "N s/m",
+    "heave": "N/m",
+    "roll": "N m/rad",
+    "pitch": "N m/rad",
+    "heading": "N m/rad",
+}
+
+_OF_GAIN = {"K_P": "", "K_I": " per s", "K_D": " s"}
+
+_ENDINGS = {"_rad_s": "rad/s", "_m_s": "m/s", "_m": "m"}  # units of numbers that are no gains
+
+_MARGINS = "margins"
+
+_LEAST_S = 0.001  # a violation below is told as less than that
+
+COMPARISON_TITLE = "Side by side: outside in all, samples held"
+
+
+def summary(tuning: Tuning) -> str:
+    """Text that a control engineer reads: verdict, responses before and after, gains, margins."""
+    from seatrial.control_design.margins import margin_table
+
+    parts = ["\n".join(sentences(tuning))]
+    for judged in tuning.judged:
+        parts.append(
+            f"Responses with the {judged.name} gains (times in s)\n"
+            + text_table(TRIAL_HEAD, trial_rows(judged))
+        )
+    if len(tuning.judged) > 1:
+        parts.append(COMPARISON_TITLE + "\n" + text_table(comparison_head(tuning), comparison_rows(tuning)))
+    parts.append(
+        "Gains at the supporting points that are reached\n" + text_table(GAIN_HEAD, gain_rows(tuning))
+    )
+    if not tuning.interrupted:
+        parts.append("Margins with the tuned gains\n" + margin_table(tuning.margins["tuned"]))
+    return "\n\n".join(parts)
+
+
+def sentences(tuning: Tuning) -> list[str]:
+    """What a reader has to know, the verdict first."""
+    lines = []
+    tuned = tuning.of("tuned")
+    if tuned is None:
+        there = (
+            "" if tuning.kept is None else f" They are in {_beside(tuning.kept)}, which `seatrial fly` takes."
+        )
+        lines.append(
+            "The tuning was interrupted: the gains are the best so far, and nothing was judged."
+            f"{there} The same command goes on with what is not finished."
+        )
+    elif tuned.feasible:
+        whole = [trial for trial in tuned.trials if trial.held == 1.0]
+        drawn = bool(tuning.plan.fitted.names)
+        lines.append(_all_inside(len(tuned.trials), len(whole), tuned.samples, drawn=drawn))
+        for trial in tuned.trials:
+            if trial.held < 1.0:
+                lines.append(
+                    f"{_of(trial)}: within the corridor with {trial.held:.0%} of the samples, else outside by"
+                    f" up to {_seconds(trial.worst_s)} s of a step."
+                )
+    else:
+        out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
+        leave = "leave their corridors" if len(out) > 1 else "leaves its corridor"
+        lines.append(
+            f"{len(out)} of {len(tuned.trials)} responses of the vehicle itself {leave}: widen what is too"
+            " narrow, or give the search more room under [tuning] (bounds, budget)."
+        )
+        lines += [
+            f"{_of(trial)}: outside by {_seconds(trial.nominal_s)} s of a step{_why(tuning, trial)}."
+            for trial in out
+        ]
+    lines += _worse_than_start(tuning)
+    if tuning.taken_back:
+        lines.append(
+            f"The start gains stay in {', '.join(tuning.taken_back)}: nothing better was found beside the"
+            " others."
+        )
+    last = {group.name.partition(",")[0]: group for group in tuning.groups}
+    moved = {name for group in tuning.groups if group.name != _MARGINS for name in group.gains}
+    ended = {
+        name
+        for group in last.values()
+        for name in group.at_bound
+        if group.name != _MARGINS or name not in moved  # a group has moved it since
+    }
+    if ended:
+        lines.append(f"Factors at a bound of the search: {', '.join(sorted(ended))}; widen [tuning] bounds.")
+    if short := tuning.short_margins:
+        lines.append(f"Margins short of their limits: {'; '.join(short)}.")
+    lines += without_table(tuning.campaign)
+    lines += list(tuning.plan.fitted.notes)
+    return lines
+
+
+def _why(tuning: Tuning, trial: JudgedTrial) -> str:
+    """Reason of a violation, after a colon."""
+    from seatrial.tuning.judgement import why_outside
+
+    if tuning.quiet is None:
+        return ""
+    key = (trial.loop, trial.speed_m_s, trial.step)
+    for quiet in tuning.quiet.trials:
+        if (quiet.loop, quiet.speed_m_s, quiet.step) == key:
+            return f": {why_outside(quiet, tuning.quiet.responses[quiet.loop].trials.corridor)}"
+    return ""
+
+
+def without_table(campaign: Campaign) -> tuple[str, ...]:
+    """A sentence where a campaign does not say what to tune."""
+    if campaign.file.tuning is not None:
+        return ()
+    return (
+        "The campaign has no [tuning]: steps, corridors and speeds are the defaults of its vehicle and its"
+        " autopilot; a table [tuning] says what the loops shall do.",
+    )
+
+
+def _beside(path: Path) -> str:
+    """A path as a user would type it: from the working directory where it lies below it."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+def _worse_than_start(tuning: Tuning) -> list[str]:
+    """Loops that the vehicle itself kept better to their corridors before, in a sentence."""
+    start, tuned = tuning.of("start"), tuning.of("tuned")
+    if start is None or tuned is None:
+        return []
+    worse = []
+    for loop in dict.fromkeys(trial.loop for trial in tuned.trials):
+        was, now = (sum(t.nominal_s for t in judged.trials if t.loop == loop) for judged in (start, tuned))
+        if now > was:
+            worse.append(f"{loop} {_seconds(now)} s, before {_seconds(was)} s")
+    if not worse:
+        return []
+    return [
+        f"Further outside than with the start gains: {'; '.join(worse)}. What another loop or the margins"
+        " need was bought with it: widen that loop's corridor, or ask for less margin."
+    ]
+
+
+def on_another_vehicle(judged: Judged) -> str:
+    """Whether the responses keep to their corridors on a vehicle that the autopilot does not know."""
+    out = [trial for trial in judged.trials if trial.nominal_s > 0.0]
+    if not out:
+        return f"all {len(judged.trials)} responses stay within their corridors."
+    listed = "; ".join(f"{_of(trial)} by {_seconds(trial.nominal_s)} s" for trial in out)
+    return f"{len(out)} of {len(judged.trials)} responses leave their corridors: {listed}."
+
+
+def trial_rows(judged: Judged) -> list[tuple[str, ...]]:
+    """A row per trial, in the order of `TRIAL_HEAD`: violations in s, times in s, shares in per cent."""
+    return [
+        (
+            trial.loop,
+            f"{trial.speed_m_s:.2f}",
+            f"{trial.step:+.3g} {trial.unit}",
+            _seconds(trial.nominal_s),
+            _seconds(trial.worst_s),
+            f"{trial.held:.0%}",
+            _time(trial.rise_s),
+            f"{trial.overshoot:.0%}" if math.isfinite(trial.overshoot) else "-",
+            _time(trial.settling_s),
+        )
+        for trial in judged.trials
+    ]
+
+
+def comparison_head(tuning: Tuning) -> tuple[str, ...]:
+    """Head of `comparison_rows`."""
+    return ("loop", *(what for judged in tuning.judged for what in (f"{judged.name}, s", "held")))
+
+
+def comparison_rows(tuning: Tuning) -> list[tuple[str, ...]]:
+    """A row per loop: per autopilot the sum of the nominal violations, s, and the share of samples within."""
+    loops = list(dict.fromkeys(trial.loop for judged in tuning.judged for trial in judged.trials))
+    rows = []
+    for loop in loops:
+        cells = [loop]
+        for judged in tuning.judged:
+            own = [trial for trial in judged.trials if trial.loop == loop]
+            cells += [
+                _seconds(sum(trial.nominal_s for trial in own)),
+                f"{sum(trial.held for trial in own) / len(own):.0%}",
+            ]
+        rows.append(tuple(cells))
+    return rows
+
+
+def gain_rows(tuning: Tuning) -> list[tuple[str, ...]]:
+    """A row per gain and supporting point that is reached, and per other number that changed."""
+    start, tuned = tuning.start.gains(), tuning.autopilot.gains()
+    rows: list[tuple[str, ...]] = []
+    for loop in LOOPS:
+        for gain in GAINS:
+            for point in tuning.plan.places:
+                name = f"{loop}.{gain}.{point + 1}"
+                if name in start and (start[name] or tuned[name]):
+                    rows.append((
+                        f"{loop} {gain}",
+                        _UNITS[loop] + _OF_GAIN[gain],
+                        f"{tuning.start.speeds_m_s[point]:.2f}",
+                        f"{start[name]:.4g}",
+                        f"{tuned[name]:.4g}",
+                    ))
+    for name, value in tuned.items():
+        if not name.rpartition(".")[2].isdigit() and value != start[name]:
+            unit = next((unit for ending, unit in _ENDINGS.items() if name.endswith(ending)), "")
+            rows.append((name, unit, "", f"{start[name]:.4g}", f"{value:.4g}"))
+    return rows
+
+
+def _of(trial: JudgedTrial) -> str:
+    return f"{trial.loop} at {trial.speed_m_s:.2f} m/s, step of {trial.step:+.3g} {trial.unit}"
+
+
+def _all_inside(count: int, whole: int, samples: int, *, drawn: bool) -> str:
+    """The sentence on a feasible tuning; without a covariance what is drawn is the vehicle itself."""
+    every = f"every one of {samples} others that were drawn, in their currents"
+    if not drawn:
+        every = f"every one of {samples} currents and noises (its coefficients count as exact)"
+    if count == 1:
+        also = f", and so with {every}" if whole else ""
+        return f"The response of the vehicle itself stays within its corridor, there and back{also}."
+    also = f"{whole} of them" if whole < count else "all of them"
+    return (
+        f"All {count} responses of the vehicle itself stay within their corridors, there and back, and"
+        f" {also} with {every}, too."
+    )
+
+
+def _seconds(value: float) -> str:
+    if not math.isfinite(value):
+        return "diverged"
+    if 0.0 < value < _LEAST_S:
+        return f"<{_LEAST_S:g}"
+    return "0" if value == 0.0 else f"{value:.0f}" if value >= 100.0 else f"{value:.2g}"
+
+
+def _time(value: float) -> str:
+    return f"{value:.1f}" if math.isfinite(value) else "-"

@@ -1,0 +1,433 @@
+"""The search: margins first, then each group of loops by evolution strategy and simplex, again where needed.
+
+Where the start gains leave a motion unstable or short of its margins, the gains of the supporting points
+concerned are first brought to where all margins hold, as near to the start as that allows: a loop cannot be
+tried while another one lets the vehicle tumble. Then the groups take their turn, each with the gains that
+the others have found; those that violate a corridor after all had their turn are searched again.
+
+Held by tests/tuning/test_tune.py.
+
+Start gains that are better than what a search found: a tuning hands out nothing worse than what there was.
+
+A group is searched beside the gains of the others, which may move afterwards, and its margins may have cost
+it more than they are worth. Where a loop leaves its corridors further than with the start gains, or where
+everything together is worse, groups get their start gains again, each time the one that mends most, until no
+loop is worse. What no group owns and the search of the margins has moved is one more of them; all start gains
+are the last resort. What the vehicle itself keeps to, corridors and margins in the weights of the search, is
+not given up: neither for one loop nor for the worst of the drawn vehicles.
+
+Held by tests/tuning/test_take_back.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.arrays import Array
+from seatrial.base.progress import Step, Watch
+from seatrial.estimation.search import Optimum, batch_size, evolve, join, refine
+from seatrial.tuning.judgement import Judged, judge
+from seatrial.tuning.objective import LACKING, OUTSIDE, GainParameters, Objective, Terms, excited_points
+from seatrial.tuning.step_trial import Rig, Samples
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot
+    from seatrial.control_design.margin_constraint import MarginConstraint
+    from seatrial.tuning.plan import Group, TuningPlan
+
+__all__ = [
+    "GENERATIONS",
+    "ROUNDS",
+    "GroupResult",
+    "Standing",
+    "constraint",
+    "search_group",
+    "search_margins",
+    "standing",
+    "take_back",
+]
+
+GENERATIONS, ROUNDS = 30, 25
+"""Batches of the evolution strategy and of the simplexes where the campaign gives no budget."""
+
+_MARGIN_GENERATIONS, _MARGIN_POPULATION = 100, 32
+
+_TOLERANCE = 1e-2
+
+_SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
+
+_SOUND = 1e-3  # shortfall that one factor per gain may leave: 0.1 % of a limit
+
+_NEAR_START = 0.01  # weight of the mean square of ln(factor) beside the shortfall of the margins
+
+
+@dataclass(frozen=True, eq=False)
+class GroupResult:
+    """What the search of one group found.
+
+    Attributes
+    ----------
+    name
+        Of the group.
+    gains
+        Found, by the names of `Autopilot.gains`.
+    before, after
+        Parts of the cost with the gains that the search began with, and with those found: violation (s),
+        margin, time (s), roughness, effort (1/s).
+    evaluations, flown_s
+        Sets of gains that were tried, and the time that they flew, s.
+    history
+        A `Step` per batch.
+    at_bound
+        Factors that ended at a bound.
+    interrupted
+        Whether Ctrl-C ended it.
+    """
+
+    name: str
+    gains: Mapping[str, float]
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    evaluations: int
+    flown_s: float
+    history: tuple[Step, ...]
+    at_bound: tuple[str, ...]
+    interrupted: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, kept: Mapping[str, Any]) -> GroupResult:
+        """Result as `to_dict` gave it."""
+        fields = {key: kept[key] for key in cls.__dataclass_fields__}
+        fields["history"] = tuple(Step(**step) for step in kept["history"])
+        fields["at_bound"] = tuple(kept["at_bound"])
+        return cls(**fields)
+
+
+def constraint(plan: TuningPlan, autopilot: Autopilot) -> MarginConstraint | None:
+    """Limits of the margins; None where the campaign asks for none, or for a regulator."""
+    from seatrial.control_design.margin_constraint import MarginConstraint
+
+    limits = plan.table.margins
+    if not limits.any_at_all:
+        return None
+    return MarginConstraint(plan.vehicle, autopilot, limits=limits, sensors=plan.sensors)
+
+
+def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -> GroupResult | None:
+    """Gains with sound margins, near those of the start; None where they are sound already."""
+    limits = constraint(plan, plan.autopilot)
+    if limits is None:
+        return None
+    weak = [point.speed_m_s for point in limits.margins({}) if float(point.shortfall(limits.limits)[0]) > 0.0]
+    if not weak:
+        return None
+    points = plan.autopilot.speeds_m_s
+    free = [p for p in excited_points(weak, points) if p in plan.places]
+    loops = sorted({loop for point in limits.margins({}) for loop in point.loops})
+    # One factor per gain for all points first: where that is enough, a search in so few directions finds it,
+    # and the schedule keeps its shape.
+    together = _of_points(plan, loops, free, own=free[:1])
+    if not len(together):
+        return None
+    found, evaluations, history = dict[str, float](), 0, tuple[Step, ...]()
+    for parameters in (together, _of_points(plan, loops, free, own=free))[: 2 if len(free) > 1 else 1]:
+        parameters, begin = parameters.through(found)
+        best = _nearest_sound(limits, parameters, begin, seed=seed, watch=watch)
+        history += tuple(replace(step, evaluations=step.evaluations + evaluations) for step in best.history)
+        evaluations += best.evaluations
+        best = replace(best, evaluations=evaluations, history=history)
+        found = {name: float(value[0]) for name, value in parameters.gains(best.x).items()}
+        after = float(limits.shortfall(parameters.gains(best.x))[0])
+        if best.interrupted or after < _SOUND:
+            break
+    before = {"margin": float(limits.shortfall({})[0])}
+    return _result("margins", parameters, best, (before, {"margin": after}), flown_s=0.0)
+
+
+def _of_points(
+    plan: TuningPlan, loops: Sequence[str], free: Sequence[int], *, own: Sequence[int]
+) -> GainParameters:
+    """Factors on the gains of some loops at free points, those of `own` their own, the others with these."""
+    gains, parameters = plan.autopilot.gains(), GainParameters(())
+    others = [p for p in plan.places if p not in free]
+    for loop in loops:
+        parameters += GainParameters.of_loop(
+            loop, gains, free=own, taken=others, reached=plan.places, bounds=plan.table.bounds
+        )
+    return parameters
+
+
+def _nearest_sound(
+    limits: MarginConstraint, parameters: GainParameters, begin: Array, *, seed: int, watch: Watch | None
+) -> Optimum:
+    """Factors with the least shortfall of the margins, as near to 1 as that allows."""
+    lower, upper = parameters.bounds
+
+    def cost(x: Array) -> Array:
+        near: Array = _NEAR_START * (x**2).mean(axis=1)
+        return limits.shortfall(parameters.gains(x)) + near
+
+    return evolve(
+        cost,
+        begin,
+        lower=lower,
+        upper=upper,
+        seed=seed,
+        population=_MARGIN_POPULATION,
+        generations=_MARGIN_GENERATIONS,
+        tolerance=_TOLERANCE,
+        watch=watch,
+    )
+
+
+def search_group(
+    plan: TuningPlan,
+    group: Group,
+    rig: Rig,
+    samples: Samples,
+    *,
+    seed: int,
+    start: Mapping[str, float],
+    watch: Watch | None = None,
+) -> GroupResult:
+    """Gains of a group, all others as the rig's autopilot has them.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+    group : Group
+    rig : Rig
+        With the gains so far.
+    samples : Samples
+    seed : int
+    start : mapping of str to float
+        Gains so far; the bounds stay those about the campaign's start gains.
+    watch : callable, optional
+        Called with a `Step` after every batch.
+    """
+    parameters, begin = group.parameters.through(start)
+    quantile = 1.0 if plan.table.robust == "worst" else float(plan.table.robust)
+    objective = Objective(
+        rig=rig,
+        trials=group.trials,
+        samples=samples,
+        parameters=parameters,
+        margins=constraint(plan, rig.autopilot),
+        quantile=quantile,
+        smoothness=plan.table.smoothness,
+        reached=plan.reached,
+    )
+    lower, upper = parameters.bounds
+    budget = plan.table.budget
+    tolerance = budget.tolerance or _TOLERANCE
+    found = evolve(
+        objective,
+        begin,
+        lower=lower,
+        upper=upper,
+        seed=seed,
+        population=budget.population or batch_size(len(parameters)),
+        generations=budget.generations or GENERATIONS,
+        spread=_SPREAD,
+        tolerance=tolerance,
+        watch=watch,
+    )
+    if not found.interrupted:
+        fine = refine(
+            objective,
+            found.elite,
+            lower=lower,
+            upper=upper,
+            rounds=budget.simplex_rounds or ROUNDS,
+            tolerance=tolerance,
+            watch=watch,
+        )
+        found = join(found, fine) if fine.cost <= found.cost else found
+    ends = [_terms(objective, parameters, x) for x in (begin, found.x)]
+    each = sum(len(trials) * trials.duration_s for trials in group.trials) * len(samples)
+    return _result(group.name, parameters, found, (ends[0], ends[1]), flown_s=each * found.evaluations)
+
+
+def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[str, float]:
+    terms: Terms = objective.terms(parameters.gains(x), reserve=0.0)
+    return {name: float(values[0]) for name, values in vars(terms).items()}
+
+
+def _result(
+    name: str,
+    parameters: GainParameters,
+    found: Optimum,
+    ends: tuple[Mapping[str, float], Mapping[str, float]],
+    *,
+    flown_s: float,
+) -> GroupResult:
+    lower, upper = parameters.bounds
+    near = 1e-3 * (upper - lower)
+    at_bound = [
+        factor
+        for factor, x, low, high, width in zip(parameters.names, found.x, lower, upper, near, strict=True)
+        if x - low < width or high - x < width
+    ]
+    return GroupResult(
+        name=name,
+        gains={key: float(values[0]) for key, values in parameters.gains(found.x).items()},
+        before=ends[0],
+        after=ends[1],
+        evaluations=found.evaluations,
+        flown_s=flown_s,
+        history=found.history,
+        at_bound=tuple(at_bound),
+        interrupted=found.interrupted,
+    )
+
+
+Report = Callable[[str, Step], None]
+"""Told the name of what is searched and the state of its search."""
+
+_STEP_S = 0.02
+
+_DIVERGED_S = 1e6  # a response that diverges counts as much: one fewer of them is better
+
+_SAME_S = 1e-6
+
+_LUCK, _LUCK_S = 1.5, 0.1  # of one sample: share, and s of a step
+
+_SAME = 0.03  # s outside, as much as a hundredth of a margin
+
+_OTHERS = "what no loop of the search owns"
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a set of gains stands.
+
+    Attributes
+    ----------
+    outside_s
+        Per loop the violation of the vehicle itself, and that of the worst sample, summed over trials, s.
+    lacking
+        Shortfall of the margins.
+    """
+
+    outside_s: Mapping[str, tuple[float, float]]
+    lacking: float
+
+    @property
+    def own(self) -> float:
+        """Seconds outside of the vehicle itself, and margins in the search's weights."""
+        return sum(own for own, _ in self.outside_s.values()) + LACKING / OUTSIDE * self.lacking
+
+    @property
+    def score(self) -> float:
+        """Seconds outside, the worst sample of every trial, and margins in the search's weights."""
+        return sum(worst for _, worst in self.outside_s.values()) + LACKING / OUTSIDE * self.lacking
+
+    def worse(self, start: Standing) -> tuple[str, ...]:
+        """Loops that leave their corridors further than with the start gains.
+
+        The vehicle itself at all, or the worst of the drawn ones by more than chance makes of one sample.
+        """
+        found = []
+        for loop, (own, worst) in self.outside_s.items():
+            own_start, worst_start = start.outside_s[loop]
+            if own > own_start + _SAME_S or worst > _LUCK * worst_start + _LUCK_S:
+                found.append(loop)
+        return tuple(found)
+
+
+def take_back(
+    plan: TuningPlan, gains: Mapping[str, float], samples: Samples, *, threads: int | None = None
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Gains with which no loop is worse than before, and the groups that have their start gains again.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+    gains : mapping of str to float
+        Found, by the names of `Autopilot.gains`.
+    samples : Samples
+    threads : int, optional
+        All by default.
+    """
+    start, kept = plan.autopilot.gains(), dict(gains)
+    now = standing(plan, kept, samples, threads=threads)
+    if now.score == 0.0:
+        return kept, ()
+    begun = standing(plan, {}, samples, threads=threads)
+
+    groups = {
+        group.name: {name for parameter in group.parameters.parameters for name in parameter.starts}
+        for group in plan.groups
+    }
+    owned = set().union(*groups.values())
+    groups[_OTHERS] = {name for name in kept if name not in owned}
+    moved = {
+        group: names
+        for group, names in groups.items()
+        if any(kept.get(name, start[name]) != start[name] for name in names)
+    }
+    back: list[str] = []
+    while moved:
+        tried = {
+            group: kept | {name: start[name] for name in names if name in kept}
+            for group, names in moved.items()
+        }
+        found = {group: standing(plan, each, samples, threads=threads) for group, each in tried.items()}
+        better = [group for group, one in found.items() if _is_better(one, now, begun)]
+        if not better:
+            break
+        best = min(better, key=lambda group: _order(found[group], begun))
+        kept, now = tried[best], found[best]
+        back.append(best)
+        del moved[best]
+    if moved and _is_better(begun, now, begun):
+        return {name: start[name] for name in kept}, (*back, *moved)
+    return kept, tuple(back)
+
+
+def _order(one: Standing, start: Standing) -> tuple[int, float]:
+    return len(one.worse(start)), one.score
+
+
+def _is_better(one: Standing, now: Standing, start: Standing) -> bool:
+    """Whether some gains are to be preferred, and not at the price of the vehicle itself."""
+    return one.own <= now.own + _SAME and _order(one, start) < _order(now, start)
+
+
+def standing(
+    plan: TuningPlan, gains: Mapping[str, float], samples: Samples, *, threads: int | None = None
+) -> Standing:
+    """How some gains stand, all others those of the start.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+    gains : mapping of str to float
+    samples : Samples
+        The first are the vehicle itself.
+    threads : int, optional
+        All by default.
+    """
+    autopilot = plan.autopilot.with_gains(dict(gains))
+    rig = plan.rig(autopilot, max_step=_STEP_S, threads=threads)
+    judged = judge(plan, "", rig, samples, responses=False)
+    limits = constraint(plan, autopilot)
+    lacking = 0.0 if limits is None else float(limits.shortfall({})[0])
+    return Standing(_outside(judged), lacking)
+
+
+def _outside(judged: Judged) -> dict[str, tuple[float, float]]:
+    found: dict[str, tuple[float, float]] = {}
+    for trial in judged.trials:
+        nominal, worst = found.get(trial.loop, (0.0, 0.0))
+        found[trial.loop] = (
+            nominal + min(trial.nominal_s, _DIVERGED_S),
+            worst + min(trial.worst_s, _DIVERGED_S),
+        )
+    return found

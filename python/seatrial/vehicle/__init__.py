@@ -1,0 +1,1 @@
+"""Facts about a vehicle: actuators, authority, steady states, turning, stability, passivity."""

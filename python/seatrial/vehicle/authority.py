@@ -1,0 +1,181 @@
+"""What the actuators can do for each row of the wrench: reach, delay, and what comes along with it.
+
+The reach of a row is the largest force or moment with the other rows of the autopilot at zero and the
+surge force free: a linear programme over the actuators' thrust between their largest commands, taken from
+the vehicle's own chain at a speed ahead. Held by tests/control_design/test_control_design.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.vehicle.actuators import NOMINAL_V, bollard, command, turns_that_way
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["LOOPS", "ROWS", "Delay", "commandable", "delays", "mixing", "reach"]
+
+ROWS = "XYZKMN"
+
+LOOPS = ("surge", "sway", "heave", "roll", "pitch", "heading")
+"""The loop of each row of the wrench."""
+
+_PART = 0.1  # an actuator counts for a row when it gives this share of what the strongest gives
+
+_RAMP = 0.1  # share of the largest command that a small correction asks for
+
+_NOTHING = 1e-3  # N or N m
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How late a row of the wrench follows its demand, s: lag, dead time, ramp of a small correction."""
+
+    lag_s: float
+    dead_s: float
+    ramp_s: float
+
+    @property
+    def total_s(self) -> float:
+        """Sum of the three: the phase that it costs at low frequencies, in s."""
+        return self.lag_s + self.dead_s + self.ramp_s
+
+
+def thrusts(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> Array:
+    """Smallest and largest thrust (actuators, 2) in N along each actuator's column, at a speed ahead.
+
+    A fin's thrust is its force along the normal beyond that at neutral.
+    """
+    matrix, facts = np.asarray(vehicle.allocation_matrix()), vehicle.actuator_info()
+    limits = np.zeros((len(vehicle.actuators), 2))
+    idle = bollard(vehicle, {}, voltage_v=voltage_v, speed_m_s=speed_m_s)
+    for k, name in enumerate(vehicle.actuators):
+        direction = matrix[:3, k] / max(float(matrix[:3, k] @ matrix[:3, k]), 1e-12)
+        rest = idle[:3] if facts[name]["kind"] == "fin" else _others(vehicle, name, speed_m_s, voltage_v)
+        found = [0.0]
+        for share in (-1.0, 1.0):
+            if turns_that_way(facts[name], share):
+                commands = {name: command(facts[name], share)}
+                wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed_m_s)
+                found.append(float(direction @ (wrench[:3] - rest)))
+        limits[k] = min(found), max(found)
+    return limits
+
+
+def _others(vehicle: Vehicle, name: str, speed_m_s: float, voltage_v: float) -> Array:
+    """Force (3,) in N of all other actuators at neutral: fins in the flow."""
+    if not any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values()):
+        return np.zeros(3)
+    return bollard(vehicle, {}, voltage_v=voltage_v, speed_m_s=speed_m_s)[:3]
+
+
+def reach(vehicle: Vehicle, speed_m_s: float, rows: str, *, voltage_v: float = NOMINAL_V) -> dict[str, Array]:
+    """Per row of `rows` the smallest and largest force or moment (2,) in N or N m at a speed ahead.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    speed_m_s : float
+        Speed ahead, m/s.
+    rows : str
+        Rows that the autopilot commands, letters of XYZKMN; those not asked for and not X stay at zero.
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> [round(float(x)) for x in reach(st.Vehicle.load("cwolf"), 0.0, "XZMN")["X"]]
+    [-220, 308]
+    """
+    from scipy.optimize import linprog
+
+    matrix = np.asarray(vehicle.allocation_matrix())
+    limits = thrusts(vehicle, speed_m_s, voltage_v=voltage_v)
+    found = {}
+    for row in rows:
+        held = [ROWS.index(other) for other in rows if other not in (row, "X")]
+        bounds = []
+        for sign in (1.0, -1.0):
+            answer = linprog(
+                sign * matrix[ROWS.index(row)],
+                A_eq=matrix[held] if held else None,
+                b_eq=np.zeros(len(held)) if held else None,
+                bounds=list(map(tuple, limits)),
+            )
+            bounds.append(sign * float(answer.fun) if answer.success else 0.0)
+        found[row] = np.array(bounds)
+    return found
+
+
+def commandable(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> dict[str, str]:
+    """Rows that cannot be commanded at this speed ahead, with the reason; the others can, independently.
+
+    The rows are those that the vehicle file calls controllable; one that has no reach while the others are
+    held at zero is left out, moments of roll and pitch first.
+    """
+    from numpy.linalg import matrix_rank
+
+    matrix = np.asarray(vehicle.allocation_matrix())
+    missing = dict.fromkeys(ROWS, "the vehicle file does not call it controllable")
+    kept = ""
+    for row in [r for r in "XNMZYK" if r in vehicle.controllable]:
+        rows = [ROWS.index(r) for r in kept + row]
+        scaled = matrix[rows] / np.maximum(np.abs(matrix[rows]).max(axis=1, keepdims=True), 1e-12)
+        if matrix_rank(scaled, tol=1e-2) < len(rows):
+            missing[row] = "the actuators cannot give it independently of the other rows"
+            continue
+        kept += row
+        del missing[row]
+    limits = reach(vehicle, speed_m_s, "".join(r for r in ROWS if r in kept), voltage_v=voltage_v)
+    for row, (low, high) in limits.items():
+        if high < _NOTHING or (row != "X" and low > -_NOTHING):
+            missing[row] = f"the actuators have no reach at {speed_m_s:.2g} m/s"
+    return {row: missing[row] for row in ROWS if row in missing}
+
+
+def delays(vehicle: Vehicle, rows: str) -> dict[str, Delay]:
+    """How late each row follows its demand: that of the slowest actuator with a part in it."""
+    matrix, values = np.asarray(vehicle.allocation_matrix()), vehicle.coefficients()
+    facts, found = vehicle.actuator_info(), {}
+    for row in rows:
+        strength = np.abs(matrix[ROWS.index(row)])
+        taking = [
+            name
+            for name, part in zip(vehicle.actuators, strength, strict=True)
+            if part > _PART * strength.max()
+        ]
+        found[row] = Delay(
+            lag_s=max((values.get(f"{name}.T_1", 0.0) for name in taking), default=0.0),
+            dead_s=max((values.get(f"{name}.T_t", 0.0) for name in taking), default=0.0),
+            ramp_s=max(
+                (_ramp(facts[name], values.get(f"{name}.n_acc", 0.0)) for name in taking), default=0.0
+            ),
+        )
+    return found
+
+
+def mixing(vehicle: Vehicle, rows: Sequence[str], actuators: Sequence[str] | None = None) -> Array:
+    """Full wrench (6, rows) per unit of each commanded row: what the least-squares allocation brings along.
+
+    A fin at the stern that gives a pitch moment gives a heave force, too. ``actuators`` are those at work,
+    all by default.
+    """
+    matrix = np.asarray(vehicle.allocation_matrix())
+    if actuators is not None:
+        matrix = matrix * np.array([name in actuators for name in vehicle.actuators])
+    chosen = [ROWS.index(row) for row in rows]
+    full: Array = matrix @ np.linalg.pinv(matrix[chosen], rcond=1e-3)
+    full[np.abs(full) < 1e-12] = 0.0
+    return full
+
+
+def _ramp(facts: dict[str, object], rate: float) -> float:
+    largest = float(str(facts["maximum_ahead"]))
+    return _RAMP * largest / rate if rate > 0.0 and np.isfinite(largest) else 0.0

@@ -1,0 +1,143 @@
+"""Numbers that cannot be meant: wrong units, wrong signs, rows that no actuator commands."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = ["commanded_rows", "implausible", "unused_rows"]
+
+ROWS = "XYZKMN"
+
+_WEAK = 0.02  # a singular value below this share of the largest commands nothing in practice
+
+_AXES = ("u", "v", "w", "p", "q", "r")
+
+
+def commanded_rows(vehicle: Vehicle) -> list[str]:
+    """Rows of the wrench that the actuators can command independently, among X Y Z K M N.
+
+    The rows that the vehicle file lists as controllable are tried first; the others join where they can.
+    What happens in the rows left out is not asked: a canted propeller may push sideways while it turns.
+    """
+    matrix = np.asarray(vehicle.allocation_matrix())
+    if matrix.size == 0:
+        return []
+    lever = max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)
+    scaled = matrix / np.array([1.0, 1.0, 1.0, lever, lever, lever])[:, None]
+    largest = np.linalg.norm(scaled, 2)
+    declared = [row for row in ROWS if row in vehicle.controllable]
+    able: list[str] = []
+    for row in (*declared, *(row for row in ROWS if row not in declared)):
+        tried = scaled[[ROWS.index(name) for name in (*able, row)]]
+        sizes = np.linalg.svd(tried, compute_uv=False)
+        if len(able) < matrix.shape[1] and sizes[-1] > _WEAK * largest:
+            able.append(row)
+    return [row for row in ROWS if row in able]
+
+
+def implausible(vehicle: Vehicle) -> list[str]:
+    """Sentences about values that are probably wrong, each with what to look at."""
+    return [*_size(vehicle), *_inertia(vehicle), *_signs(vehicle), *_places(vehicle), *_rows(vehicle)]
+
+
+def _size(vehicle: Vehicle) -> list[str]:
+    values, box = vehicle.coefficients(), vehicle.geometry()
+    if not box:
+        return []
+    displaced = vehicle.environment()["rho"] * box["length"] * box["diameter"] * box["height"]
+    share = values["m"] / displaced
+    if share > 1.2:
+        return [
+            f"m = {values['m']:g} kg is more than the {displaced:.4g} kg of water in a box of the hull's"
+            " measures; are the mass in kg and the measures in m?"
+        ]
+    if share < 0.02:
+        return [
+            f"m = {values['m']:g} kg is only {100 * share:.2g} % of the {displaced:.4g} kg of water in a box"
+            " of the hull's measures; are the mass in kg and the measures in m?"
+        ]
+    return []
+
+
+def _inertia(vehicle: Vehicle) -> list[str]:
+    values, box = vehicle.coefficients(), vehicle.geometry()
+    if not box:
+        return []
+    spans = {
+        "I_x": (box["diameter"], box["height"]),
+        "I_y": (box["length"], box["height"]),
+        "I_z": (box["length"], box["diameter"]),
+    }
+    found = []
+    for name, (a, b) in spans.items():
+        solid = values["m"] * (a * a + b * b) / 12.0
+        if not 0.1 < values[name] / solid < 10.0:
+            found.append(
+                f"{name} = {values[name]:.4g} kg m2 is {values[name] / solid:.2g} times that of a solid box"
+                " of the hull's measures; is it in kg m2 and about O?"
+            )
+    return found
+
+
+def _signs(vehicle: Vehicle) -> list[str]:
+    """Diagonal damping is negative in Fossen's convention, added mass is not far above the vehicle's own."""
+    values, found = vehicle.coefficients(), []
+    for row, axis in zip(ROWS, _AXES, strict=True):
+        for name in (f"{row}_{axis}", f"{row}_{axis}{axis}"):
+            if values.get(name, 0.0) > 0.0:
+                found.append(
+                    f"{name} = {values[name]:+.4g} is positive: it drives the vehicle on. Damping derivatives"
+                    " are negative (force on the vehicle)"
+                )
+        own = values["m"] if row in "XYZ" else values[f"I_{'xyz'['KMN'.index(row)]}"]
+        added = -values.get(f"{row}_{axis}dot", 0.0)
+        if added > 10.0 * own or added < 0.0:
+            found.append(
+                f"{row}_{axis}dot = {-added:+.4g} against {own:.4g} of the vehicle itself; added-mass"
+                " derivatives are negative and rarely above ten times its own"
+            )
+    return found
+
+
+def _places(vehicle: Vehicle) -> list[str]:
+    box, values, found = vehicle.geometry(), vehicle.coefficients(), []
+    if not box:
+        return []
+    half = 0.5 * np.array([box["length"], box["diameter"], box["height"]])
+    for name, facts in vehicle.actuator_info().items():
+        if facts["position"] is not None and np.any(np.abs(facts["position"]) > 2.0 * half):
+            place = ", ".join(f"{x:g}" for x in facts["position"])
+            found.append(f"{name} at [{place}] m lies far outside the hull; are the places in m?")
+    for centre, letter in (("gravity", "g"), ("buoyancy", "b")):
+        levers = np.array([values.get(f"{axis}_{letter}", 0.0) for axis in "xyz"])
+        if np.any(np.abs(levers) > half):
+            found.append(
+                f"the centre of {centre} lies outside the hull; are x_{letter}, y_{letter}, z_{letter} in m?"
+            )
+    return found
+
+
+def _rows(vehicle: Vehicle) -> list[str]:
+    able = commanded_rows(vehicle)
+    declared = vehicle.controllable
+    lacking = [row for row in declared if row not in able]
+    if not lacking:
+        return []
+    return [
+        f"controllable lists {', '.join(lacking)}, which the actuators cannot command independently of"
+        " the others; correct controllable, or positions and directions"
+    ]
+
+
+def unused_rows(vehicle: Vehicle, able: Collection[str]) -> list[str]:
+    """Sentence about rows that the actuators can command and the vehicle file leaves out of controllable."""
+    unused = [row for row in able if row not in vehicle.controllable]
+    if not unused:
+        return []
+    return [f"The actuators can also command {', '.join(unused)}; controllable leaves it out"]

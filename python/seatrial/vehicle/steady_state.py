@@ -1,0 +1,350 @@
+"""Steady motion under held commands, from runs of the whole chain that go on until nothing changes.
+
+Held by tests/vehicle/test_performance.py.
+
+Speed against revolutions, power and endurance, and turning, from simulations of the vehicle.
+
+Steady speed ahead: thrust and drag balance, tau_X(n, u) + X(u) = 0 with the other axes held. Endurance is the
+battery over hotel load and propulsion, both at the bus; the range is speed times endurance, in still water.
+A turn is in the horizontal plane: roll, pitch and heave are held. Held by tests/vehicle/test_performance.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.arrays import Array
+from seatrial.vehicle.actuators import NOMINAL_V, command, largest, settling_s, turns_that_way, voltage_for
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seatrial._core import Vehicle
+
+__all__ = [
+    "Speed",
+    "Steady",
+    "Turn",
+    "cruise",
+    "drivers",
+    "round_speeds_kn",
+    "speeds",
+    "steady",
+    "turn_kinds",
+    "turning_senses",
+    "turns",
+]
+
+_ROUND_S, _SAMPLE_S = 240.0, 0.25
+
+_ROUNDS = 10
+
+_CHANGE = 1e-6  # m/s and rad/s over the last tenth of a round
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Velocities (6,) in m/s and rad/s, wrench (6,) in N and N m, and actuators in their own unit.
+
+    Where the motion never settles (``settled`` is false) they are means over the last 24 s.
+    """
+
+    nu: Array
+    tau: Array
+    actuators: dict[str, float]
+    settled: bool
+
+
+def steady(
+    vehicle: Vehicle,
+    commands: Mapping[str, float],
+    *,
+    free: str,
+    voltage_v: float,
+    nu: ArrayLike = (0.0,) * 6,
+) -> Steady:
+    """Motion that the vehicle settles into under steady commands, the other axes held.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    commands : {actuator: float}
+        In the actuators' own units; neutral where absent.
+    free : str
+        Axes that move, letters of XYZKMN; the others keep their initial velocity.
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+    nu : (6,) array_like
+        Initial velocities, m/s and rad/s.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> ahead = dict.fromkeys(["SbU", "SbL", "PU", "PL"], 1000.0)
+    >>> round(float(steady(st.Vehicle.load("cwolf"), ahead, free="X", voltage_v=14.8).nu[0]), 2)
+    1.55
+    """
+    from seatrial._core import State
+
+    t = np.arange(0.0, _ROUND_S, _SAMPLE_S)
+    held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
+    state = State(nu=nu)
+    for _ in range(_ROUNDS):
+        run = vehicle.simulate(t, held, state, free=free, voltage=voltage_for(vehicle, t, voltage_v))
+        last = np.asarray(run.nu)[-len(t) // 10 :]
+        signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
+        settled = bool(np.isfinite(last).all() and np.ptp(last, axis=0).max() < _CHANGE)
+        if settled or not np.isfinite(last).all():
+            break
+        state = State(attitude=run.attitude[-1], nu=last[-1], actuators=dict(signals))
+    wrench = np.asarray(run.tau)[-len(last) :]
+    if settled:
+        return Steady(last[-1], wrench[-1], signals, settled)
+    return Steady(last.mean(axis=0), wrench.mean(axis=0), signals, settled)
+
+
+KNOT_M_S = 1852.0 / 3600.0
+
+SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
+
+TURN_SHARES = (0.25, 0.5, 0.75, 1.0)
+
+TURN_KINDS = {
+    "under way": 0.5,
+    "inner side stopped": 0.0,
+    "inner side half astern": -0.5,
+    "on the spot": -1.0,
+}
+"""Command of the inner side as a share of the outer side's."""
+
+_DRIVES = 0.3  # an actuator drives ahead if this share of its thrust points along x
+
+_STEPS_KN = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
+
+_BALANCED = 1e-6
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Steady speed ahead on a straight course; power, endurance and range where the vehicle file tells them.
+
+    ``command`` is the step from neutral in ``unit``; thrust is along x in N at that speed, power that of the
+    actuators in W, without the hotel load.
+    """
+
+    command: float
+    unit: str
+    speed_m_s: float
+    thrust_n: float
+    power_w: float | None
+    endurance_h: float | None
+
+    @property
+    def speed_kn(self) -> float:
+        """Speed in knots."""
+        return self.speed_m_s / KNOT_M_S
+
+    @property
+    def range_km(self) -> float | None:
+        """Distance until the battery is empty."""
+        return None if self.endurance_h is None else 3.6 * self.speed_m_s * self.endurance_h
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A steady turn to starboard in the horizontal plane; the radius is of the path of O.
+
+    ``command`` and ``inner`` are the steps from neutral of outer and inner side in ``unit``, ``share`` the
+    outer one over its largest; ``speed_m_s`` is that along the circle.
+    """
+
+    kind: str
+    share: float
+    command: float
+    inner: float
+    unit: str
+    radius_m: float
+    rate_deg_s: float
+    speed_m_s: float
+
+
+def drivers(vehicle: Vehicle) -> dict[str, float]:
+    """Actuators that drive ahead, with the sense (+1, -1) in which they do."""
+    matrix = np.asarray(vehicle.allocation_matrix())
+    sizes = np.linalg.norm(matrix[:3], axis=0)
+    return {
+        name: float(np.sign(matrix[0, k]))
+        for k, name in enumerate(vehicle.actuators)
+        if abs(matrix[0, k]) > _DRIVES * max(sizes[k], 1e-12)
+    }
+
+
+def speeds(
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = SHARES
+) -> tuple[Speed, ...]:
+    """Steady speeds at shares of the largest command, all that drive ahead together; empty if none does."""
+    rows = []
+    for share in shares if drivers(vehicle) else ():
+        found = steady(vehicle, _ahead(vehicle, share), free="X", voltage_v=voltage_v)
+        rows.append(_row(vehicle, share, float(found.nu[0]), float(found.tau[0]), found.actuators))
+    return tuple(rows)
+
+
+def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> Speed | None:
+    """What it takes to run ahead at a given speed; None where that is too fast or too slow to be held.
+
+    The command at which thrust and drag of the vehicle, held at that speed, balance, by bisection.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    speed_m_s : float
+        Speed through the water, m/s.
+    voltage_v : float
+        Supply voltage at which tables of thrust are read, V.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> round(cruise(st.Vehicle.load("cwolf"), 3.0 * KNOT_M_S).command)
+    994
+    """
+    if not drivers(vehicle):
+        return None
+    nu = [speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0]
+    drag = -float(sum(np.asarray(force)[0] for force in vehicle.forces(nu, np.zeros(3)).values()))
+
+    def held(share: float) -> tuple[float, dict[str, float]]:
+        from seatrial._core import State
+
+        t = np.linspace(0.0, settling_s(vehicle), 41)
+        commands: dict[str, ArrayLike] = {
+            name: np.full(len(t), value) for name, value in _ahead(vehicle, share).items()
+        }
+        voltage = voltage_for(vehicle, t, voltage_v)
+        run = vehicle.simulate(t, commands, State(nu=nu), free="", voltage=voltage, max_step=0.05)
+        signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
+        return float(np.asarray(run.tau)[-1, 0]), signals
+
+    low, high = 0.0, 1.0
+    if held(high)[0] < drag:
+        return None
+    while high - low > 1e-12:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if held(middle)[0] < drag else (low, middle)
+    thrust, signals = held(high)
+    if abs(thrust - drag) > _BALANCED * max(abs(drag), 1e-9):
+        return None
+    return _row(vehicle, high, speed_m_s, thrust, signals)
+
+
+def round_speeds_kn(top_kn: float) -> list[float]:
+    """Round speeds in kn up to the top speed, at most seven."""
+    step = next((s for s in _STEPS_KN if top_kn / s < 8.0), _STEPS_KN[-1])
+    return [step * k for k in range(1, min(int(top_kn / step), 7) + 1)]
+
+
+def turning_senses(vehicle: Vehicle) -> dict[str, float]:
+    """Yaw moment per newton ahead of every actuator that drives; empty where not both sides drive."""
+    driving = drivers(vehicle)
+    matrix = np.asarray(vehicle.allocation_matrix())
+    yaw = {name: driving[name] * float(matrix[5, vehicle.actuators.index(name)]) for name in driving}
+    strongest = max((abs(moment) for moment in yaw.values()), default=0.0)
+    return yaw if strongest > 1e-3 and min(yaw.values()) < 0.0 < max(yaw.values()) else {}
+
+
+def turn_commands(vehicle: Vehicle, outer: float, inner: float, *, side: float = 1.0) -> dict[str, float]:
+    """Commands for shares of the largest on both sides; the turn is to starboard (side 1) or port (-1)."""
+    driving, facts = drivers(vehicle), vehicle.actuator_info()
+    return {
+        name: command(facts[name], (outer if side * moment > 0.0 else inner) * driving[name])
+        for name, moment in turning_senses(vehicle).items()
+    }
+
+
+def turn_kinds(vehicle: Vehicle) -> dict[str, float]:
+    """Those of `TURN_KINDS` that the vehicle can do; inner sides astern need actuators that drive astern."""
+    if not turning_senses(vehicle):
+        return {}
+    facts = vehicle.actuator_info()
+    astern = all(turns_that_way(facts[name], -sense) for name, sense in drivers(vehicle).items())
+    return {kind: ratio for kind, ratio in TURN_KINDS.items() if ratio >= 0.0 or astern}
+
+
+def turns(
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = TURN_SHARES
+) -> tuple[Turn, ...]:
+    """Steady turns by different thrust on both sides; empty where the actuators that drive cannot turn it.
+
+    The outer side runs at shares of its largest command, the inner side at half of that, stopped, half
+    astern or fully opposed; turns that never become steady are left out.
+    """
+    driving, facts = drivers(vehicle), vehicle.actuator_info()
+    found = []
+    for kind, ratio in turn_kinds(vehicle).items():
+        for share in shares:
+            commands = turn_commands(vehicle, share, ratio * share)
+            turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
+            speed, rate = float(np.hypot(turn.nu[0], turn.nu[1])), float(turn.nu[5])
+            if not turn.settled or abs(rate) < 1e-4:
+                continue
+            first = next(iter(driving))
+            inner = ratio * share
+            found.append(
+                Turn(
+                    kind=kind,
+                    share=share,
+                    command=share * largest(facts[first], driving[first]),
+                    inner=inner * largest(facts[first], driving[first] * (1.0 if inner >= 0.0 else -1.0)),
+                    unit=str(facts[first]["unit"]),
+                    radius_m=speed / abs(rate),
+                    rate_deg_s=float(np.rad2deg(rate)),
+                    speed_m_s=speed,
+                )
+            )
+    return tuple(found)
+
+
+def _ahead(vehicle: Vehicle, share: float) -> dict[str, float]:
+    facts = vehicle.actuator_info()
+    return {name: command(facts[name], share * sense) for name, sense in drivers(vehicle).items()}
+
+
+def _row(vehicle: Vehicle, share: float, speed: float, thrust: float, signals: dict[str, float]) -> Speed:
+    facts, driving = vehicle.actuator_info(), drivers(vehicle)
+    first = next(iter(driving))
+    power = _power(vehicle, signals)
+    return Speed(
+        command=share * largest(facts[first], driving[first]),
+        unit=str(facts[first]["unit"]),
+        speed_m_s=speed,
+        thrust_n=thrust,
+        power_w=power,
+        endurance_h=_endurance(vehicle, power),
+    )
+
+
+def _power(vehicle: Vehicle, revolutions: dict[str, float]) -> float | None:
+    """Electrical power in W of all actuators at these revolutions per minute; None where it is not known."""
+    facts = vehicle.actuator_info()
+    total = 0.0
+    for name, value in revolutions.items():
+        turning = abs(value - float(facts[name]["neutral"])) > 1e-9
+        factor = facts[name]["power_w_s3"]
+        if turning and factor is None:
+            return None
+        total += float(factor or 0.0) * abs(value / 60.0) ** 3
+    return total
+
+
+def _endurance(vehicle: Vehicle, power_w: float | None) -> float | None:
+    """Time in h until the battery is empty; None where power or battery are not known."""
+    supply = vehicle.power()
+    if power_w is None or not supply.get("battery_wh"):
+        return None
+    return float(supply["battery_wh"] / (power_w + supply.get("hotel_w", 0.0)))

@@ -1,0 +1,390 @@
+"""A requirement after the missions: failures, interval, verdict, worst missions, causes.
+
+Tests: ``tests/verification/test_verify.py``.
+
+Figures that a requirement asks for and no mission has: a verdict that rests on one says nothing.
+
+Without a bottom the altitude is infinite, without obstacles the clearance is, and a requirement on them is
+held whatever is flown. A figure that is not a number in all missions, as the time of an alert where none was
+raised, lets its requirement fail whatever is flown. Both are told after the flights. Energy that the vehicle
+file does not tell would be 0 Wh, which any requirement on it allows: that is refused beforehand.
+
+Tests: ``tests/verification/test_verification_messages.py``.
+
+Which errors of a verification are those that guidance saw, and which are of the vehicle itself.
+
+Guidance knows where the sensors say it is: where dead reckoning walks away, ``cross_track_…`` stays small and
+the vehicle leaves its path. Both are kept; a requirement says which of them it means.
+
+Tests: ``tests/verification/test_seen_and_true.py``.
+
+Notes on what no autopilot could fly: missions cut short, speeds and currents beyond the top speed.
+
+A verdict on such a campaign is one on the campaign. The top speed is that of the identified vehicle straight
+ahead (`seatrial.control_design.mode_table`), at the table's supply voltage.
+
+Tests: ``tests/verification/test_verification_messages.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.errors import CampaignError
+from seatrial.statistics import proportions
+from seatrial.statistics.proportions import FailureProbability
+from seatrial.vehicle.actuators import NOMINAL_V
+from seatrial.verification.causes import Cause, Influence, find_causes_of_all
+from seatrial.verification.expression import KNOWN, SEEN
+from seatrial.verification.missions import FlownMissions
+from seatrial.verification.requirement import Judgement, Requirement
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.verification.draws import Cases
+    from seatrial.verification.missions import CampaignFlights
+
+__all__ = [
+    "JudgedRequirement",
+    "WorstMission",
+    "beyond_the_vehicle",
+    "check_energy",
+    "figures_without_value",
+    "judged",
+    "seen_and_true",
+]
+
+
+@dataclass(frozen=True)
+class WorstMission:
+    """A mission that held a requirement least: how to find it again, and what it met.
+
+    Attributes
+    ----------
+    number
+        With which it is flown again.
+    mission, seed
+        Its name, and the seed of its noise.
+    held, reserve
+        Whether the requirement was held, and by how much.
+    figures, drawn
+        All its figures, and everything that was drawn, by name.
+    """
+
+    number: int
+    mission: str
+    seed: int
+    held: bool
+    reserve: float
+    figures: dict[str, Any]
+    drawn: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            "number": self.number,
+            "mission": self.mission,
+            "seed": self.seed,
+            "held": self.held,
+            "reserve": self.reserve,
+            "figures": dict(self.figures),
+            "drawn": dict(self.drawn),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedRequirement:
+    """What the missions say of a requirement.
+
+    Attributes
+    ----------
+    requirement, judgement
+        What was asked, and which mission held it with which reserve.
+    found
+        Failures, runs, interval.
+    by_mission
+        The same of each mission, by name.
+    causes
+        Influences of what was drawn, those that are shown to matter first; with regard to all requirements of
+        the verification.
+    worst
+        Missions with the least reserve, the worst first.
+    """
+
+    requirement: Requirement
+    judgement: Judgement
+    found: FailureProbability
+    by_mission: dict[str, FailureProbability]
+    causes: tuple[Influence, ...]
+    worst: tuple[WorstMission, ...]
+
+    @property
+    def verdict(self) -> proportions.Verdict:
+        """Held, failed or undecided."""
+        return self.found.verdict(self.requirement.allowed)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words, with what it rests on."""
+        return self.found.sentence(self.requirement.allowed)
+
+    @property
+    def further_runs(self) -> int | None:
+        """Missions that will probably decide it, 0 where it is decided, None where a billion do not."""
+        return proportions.further_runs(self.found, self.requirement.allowed)
+
+    @property
+    def named_causes(self) -> tuple[Influence, ...]:
+        """Causes that are shown to matter."""
+        return tuple(one for one in self.causes if one.named)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        found = self.found
+        return {
+            "name": self.requirement.name,
+            "holds": self.requirement.holds,
+            "probability": self.requirement.probability,
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "failures": found.failures,
+            "runs": found.runs,
+            "failure_probability": found.estimate,
+            "interval": list(found.interval),
+            "at_least": found.at_least,
+            "at_most": found.at_most,
+            "confidence": found.confidence,
+            "further_runs": self.further_runs,
+            "smallest_reserve": float(np.min(self.judgement.reserve)),
+            "unit": self.judgement.unit,
+            "by_mission": {
+                name: {"failures": one.failures, "runs": one.runs, "interval": list(one.interval)}
+                for name, one in self.by_mission.items()
+            },
+            "causes": [
+                {
+                    "cause": one.label,
+                    "where": one.where,
+                    "named": one.named,
+                    "p_value": one.p_value,
+                    "corrected": one.corrected,
+                    "auc": one.auc,
+                    "correlation": one.correlation,
+                    "odds": one.odds,
+                    "sentence": str(one),
+                }
+                for one in self.causes
+            ],
+            "worst": [one.number for one in self.worst],
+        }
+
+
+def judged(
+    requirements: Sequence[Requirement],
+    flown: FlownMissions,
+    *,
+    missions: Sequence[str],
+    confidence: float,
+    keep_worst: int,
+) -> tuple[JudgedRequirement, ...]:
+    """What flown missions say of requirements, whose causes are found as one family.
+
+    Parameters
+    ----------
+    requirements : sequence of Requirement
+    flown : FlownMissions
+        At least one.
+    missions : sequence of str
+        Names of the missions.
+    confidence : float
+    keep_worst : int
+        How many of the worst missions to tell of.
+    """
+    judgements = [one.judge(flown.figures) for one in requirements]
+    causes = find_causes_of_all(
+        [(one.held, one.reserve) for one in judgements],
+        causes=[Cause.of_column(name, values) for name, values in flown.causes.items()],
+    )
+    return tuple(
+        JudgedRequirement(
+            requirement=requirement,
+            judgement=judgement,
+            found=FailureProbability(judgement.failures, len(flown), confidence),
+            by_mission=_by_mission(judgement, flown, missions, confidence),
+            causes=found,
+            worst=_worst(judgement, flown, missions, keep_worst),
+        )
+        for requirement, judgement, found in zip(requirements, judgements, causes, strict=True)
+    )
+
+
+def _by_mission(
+    judgement: Judgement, flown: FlownMissions, missions: Sequence[str], confidence: float
+) -> dict[str, FailureProbability]:
+    apart: dict[str, FailureProbability] = {}
+    for index, name in enumerate(missions):
+        rows = flown.mission == index
+        if rows.any():
+            failures = int(np.count_nonzero(~judgement.held[rows]))
+            apart[name] = FailureProbability(failures, int(rows.sum()), confidence)
+    return apart
+
+
+def _worst(
+    judgement: Judgement, flown: FlownMissions, missions: Sequence[str], count: int
+) -> tuple[WorstMission, ...]:
+    return tuple(
+        WorstMission(
+            number=int(flown.numbers[row]),
+            mission=missions[int(flown.mission[row])],
+            seed=int(flown.seeds[row]),
+            held=bool(judgement.held[row]),
+            reserve=float(judgement.reserve[row]),
+            figures={name: values[row].item() for name, values in flown.figures.items()},
+            drawn={name: float(values[row]) for name, values in flown.causes.items()},
+        )
+        for row in judgement.worst(count)
+        if not judgement.held[row] or np.isfinite(judgement.reserve[row])  # held by words: none is worst
+    )
+
+
+_MISSING = {
+    "altitude_smallest_m": "there is no bottom; add seabed under [verification]",
+    "clearance_m": "nothing stands in the water; add obstacles under [verification]",
+}
+
+
+def check_energy(requirement: Requirement, vehicle: Vehicle) -> None:
+    """Refuse a requirement on the energy of a vehicle that tells no power.
+
+    Raises
+    ------
+    CampaignError
+        It is one.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> check_energy(Requirement("battery", "energy_wh <= 60"), st.Vehicle.load("cwolf"))
+    """
+    if "energy_wh" not in requirement.figures:
+        return
+    told = [facts["power_w_s3"] or 0.0 for facts in vehicle.actuator_info().values()]
+    if max([*told, vehicle.power().get("hotel_w", 0.0)]) <= 0.0:
+        raise CampaignError(
+            f"energy_wh is not known, {vehicle.name} tells neither power_w_s3 nor [power]; add them to the"
+            " vehicle file, or ask for something else"
+        )
+
+
+def figures_without_value(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
+    """Sentences on requirements that every mission had to hold, or none could.
+
+    Parameters
+    ----------
+    requirements : sequence of Requirement
+    flown : FlownMissions
+    """
+    said = []
+    for one in requirements:
+        none_held = not one.judge(flown.figures).held.any()
+        for name in one.figures:
+            if KNOWN[name].kind != "number":
+                continue
+            values = np.asarray(flown.figures[name], dtype=float)
+            known = values[~np.isnan(values)]
+            if not len(known) and none_held:
+                said.append(f'"{one.name}" asks for {name}, which no mission has: it was bound to fail.')
+            if name in _MISSING and len(known) and np.isposinf(known).all():
+                said.append(
+                    f'"{one.name}" asks for {name}, and {_MISSING[name]}: as it is, the figure is infinite'
+                    " in all missions and shows nothing."
+                )
+    return tuple(said)
+
+
+_SAME_M = 1e-3
+
+
+def seen_and_true(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
+    """A sentence on which errors are seen and which are true, with their sizes; none where they are the same.
+
+    Parameters
+    ----------
+    requirements : sequence of Requirement
+    flown : FlownMissions
+    """
+    seen, true = (
+        np.asarray(flown.figures[name], float) for name in ("cross_track_p95_m", "true_cross_track_p95_m")
+    )
+    known = np.isfinite(seen) & np.isfinite(true)
+    if not known.any() or np.allclose(seen[known], true[known], rtol=0.0, atol=_SAME_M):
+        return ()
+    asked = [f'"{one.name}"' for one in requirements if set(one.figures) & set(SEEN)]
+    who = f" (which {' and '.join(asked)} ask{'s' if len(asked) == 1 else ''} for)" if asked else ""
+    return (
+        "Errors that guidance saw, from what its sensors told it, are cross_track_…, vertical_… and"
+        f" missed_by_m{who}; true_cross_track_…, clearance, depths, altitude and attitude are of the vehicle"
+        f" itself. Cross-track p95, median of the missions: {np.median(seen[known]):.2g} m seen,"
+        f" {np.median(true[known]):.2g} m true.",
+    )
+
+
+_MANY = 0.5
+"""Share of the missions without an end from which their time is spoken of."""
+
+
+def beyond_the_vehicle(flights: CampaignFlights, cases: Cases, flown: FlownMissions) -> tuple[str, ...]:
+    """Sentences on missions that time, speed or current keep from being flown, whatever the autopilot does.
+
+    Parameters
+    ----------
+    flights : CampaignFlights
+        What was flown.
+    cases : Cases
+        What was drawn.
+    flown : FlownMissions
+        What came of it, of the same numbers.
+    """
+    return (*_time(flights, flown), *_speed(flights, cases))
+
+
+def _time(flights: CampaignFlights, flown: FlownMissions) -> list[str]:
+    late = flown.figures["ending"] == "out of time"
+    count = int(np.count_nonzero(late))
+    if count < _MANY * len(flown):
+        return []
+    given = flights.table.max_time_s
+    planned = max(flights.missions[k].planned_time for k in np.unique(flown.mission[late]).tolist())
+    limit = "the longest time allowed" if given is None else f"max_time_s = {given:g}"
+    return [
+        f"{count} of {len(flown)} missions end out of time, by {limit}; flying them is planned to take"
+        f" {planned:.0f} s."
+    ]
+
+
+def _speed(flights: CampaignFlights, cases: Cases) -> list[str]:
+    from seatrial.control_design.mode_table import top_speeds
+
+    vehicle = flights.fitted.vehicle
+    top = top_speeds(vehicle, voltage_v=flights.table.voltage_v or NOMINAL_V)[1]
+    if top <= 0.0:
+        return []
+    said = []
+    for title, mission in zip(flights.titles, flights.missions, strict=True):
+        asked = float(np.max(mission.waypoints["speed_m_s"]))
+        if asked > top:
+            said.append(
+                f"{title} asks for {asked:g} m/s, more than the top speed of {vehicle.name}, {top:.2f} m/s."
+            )
+    fast = int(np.count_nonzero(np.hypot(cases.current[:, 0], cases.current[:, 1]) > top))
+    if fast:
+        said.append(
+            f"In {fast} of {len(cases)} missions the current is faster than the top speed of {vehicle.name},"
+            f" {top:.2f} m/s."
+        )
+    return said

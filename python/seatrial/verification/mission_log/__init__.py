@@ -1,0 +1,1 @@
+"""Recorded missions: whether the model still holds, and what is suspected where it does not."""

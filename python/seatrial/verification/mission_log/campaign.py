@@ -1,0 +1,371 @@
+"""A log of a campaign: where it stands, what was flown, which part of it is judged.
+
+A log is the run directory of `seatrial fly`, whose autopilot and mission lie beside it; a trial of the
+campaign, by its name or its file, of which the part is judged that was held out of the fit; or a recording,
+read with the campaign's column map.
+
+Tests: ``tests/verification/test_recorded_campaign.py``.
+
+What the model leaves on recordings of a campaign: how far a valid model may miss a log.
+
+That is told by the campaign's own recordings: what the fitted vehicle leaves there, restarted as often and
+sampled no faster than the log. For a trial of the campaign that is the rest of the same trial, which is
+motion of the same kind, or all trials where the rest is short; for another log all trials.
+
+Tests: ``tests/verification/test_recorded_campaign.py``.
+
+A verdict on a log by what a campaign asks for: its vehicle, trials, requirements and corridors.
+
+Tests: ``tests/verification/test_recorded_campaign.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.errors import CampaignError, SeatrialError, TrialError, nearest
+from seatrial.identification.fitted import Fitted
+from seatrial.sensors.sensor import TYPICAL
+from seatrial.trial.score import default_input
+from seatrial.verification.campaign import requirement_of, sensors_of_table
+from seatrial.verification.mission_log.log import MissionLog, thinned
+from seatrial.verification.mission_log.restarts import Restarts, check_usable, restarts
+from seatrial.verification.mission_log.spread import Spread, spread_of_reference
+from seatrial.verification.mission_log.validity import FEWEST_WINDOWS
+from seatrial.verification.mission_log.verify_log import verify_log
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.campaign.corridor import Corridor
+    from seatrial.flight.mission import Mission
+    from seatrial.trial.trial import Input
+    from seatrial.verification.mission_log.verdict import LogVerdict
+
+__all__ = ["CampaignLog", "campaign_log", "campaign_reference", "verify_campaign_log"]
+
+_SHOWN = 6
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignLog:
+    """A log, and what is known of it.
+
+    Attributes
+    ----------
+    log
+        What was recorded.
+    trial
+        Its name where it is a trial of the campaign, else empty.
+    span
+        First and last moment that is judged, s; None all of it.
+    input
+        What drives the model there.
+    place
+        File or folder of the log.
+    autopilot, mission
+        Files of what was flown, where they lie beside the log.
+    """
+
+    log: MissionLog
+    trial: str
+    span: tuple[float, float] | None
+    input: Input
+    place: Path | None = None
+    autopilot: Path | None = None
+    mission: Path | None = None
+
+
+def campaign_log(campaign: Campaign, source: str | Path) -> CampaignLog:
+    """A log by its file, its folder or its name in a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    source : str or Path
+        Run directory of `seatrial fly`, recording, or name of a trial of the campaign.
+
+    Raises
+    ------
+    TrialError
+        There is no such log, or it cannot be read.
+    CampaignError
+        A recording of the campaign is missing.
+    """
+    path, name = Path(source), str(source)
+    if path.is_dir():
+        log = MissionLog.read(path)
+        _refuse_other_vehicle(campaign, log)
+        beside = [path / "autopilot.toml", path / "mission.toml"]
+        flown = [one if one.is_file() else None for one in beside]
+        return CampaignLog(log, "", None, default_input(campaign.vehicle, log.trial), path, *flown)
+    if path.is_file():
+        name = _trial_of(campaign, path)
+        if not name:
+            log = _read(campaign, path)
+            _refuse_other_vehicle(campaign, log)
+            return CampaignLog(log, "", None, _input(campaign, log), path)
+    if name not in campaign.trials:
+        raise TrialError(
+            f"{source}: expected a recording, a run directory of `seatrial fly` or a trial of"
+            f" {campaign.source}, found none{nearest(name, campaign.trials)}"
+        )
+    trial = campaign.trials[name]
+    return CampaignLog(
+        MissionLog.of(trial), name, _held_out(campaign, name), campaign.input_of(name), _file(campaign, name)
+    )
+
+
+def _read(campaign: Campaign, path: Path) -> MissionLog:
+    """A recording with the campaign's column map, or as it is where it has the canonical names."""
+    from seatrial.campaign.file import Places
+    from seatrial.trial.readers import read_table
+
+    file = campaign.file
+    try:
+        table, _ = read_table(path, file.reader)
+    except SeatrialError as error:
+        if path.suffix.lower() != ".toml":
+            raise
+        raise TrialError(f"{path}: no recording, and no recipe of a generated one ({error})") from None
+    if any(column.startswith("measured.") for column in table.columns):
+        return MissionLog.read(path)
+    return MissionLog.read(
+        path,
+        columns=file.columns or None,
+        reader=file.reader,
+        rate_hz=file.rate_hz,
+        places=file.places.over(Places()),
+        rho=file.environment.rho_kg_m3,
+        g=file.environment.g_m_s2,
+    )
+
+
+def _file(campaign: Campaign, name: str) -> Path | None:
+    """File of a trial, where that can be told."""
+    try:
+        return campaign.path_of(name)
+    except CampaignError:  # an environment variable of another trial is not set
+        return None
+
+
+def _trial_of(campaign: Campaign, path: Path) -> str:
+    """Name of the trial that a file is, else empty: the model was fitted to it and knows it too well."""
+    own = path.resolve()
+    for name in campaign.trials:
+        file = _file(campaign, name)
+        if file is not None and file.resolve() == own:
+            return name
+    return ""
+
+
+def _refuse_other_vehicle(campaign: Campaign, log: MissionLog) -> None:
+    vehicle, commands = campaign.vehicle, log.trial.commands
+    if commands and log.trial.tau is None and not set(commands) & set(vehicle.actuators):
+        raise TrialError(
+            f"{log.trial.name}: the log has commands of {_some(commands)}, and the vehicle {vehicle.name} the"
+            f" actuators {_some(vehicle.actuators)}; give a log of this vehicle, or map the columns"
+            " cmd.<actuator>"
+        )
+
+
+def _some(names: Iterable[str]) -> str:
+    shown = list(names)
+    return ", ".join(shown[:_SHOWN]) + (f" and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else "")
+
+
+def _input(campaign: Campaign, log: MissionLog) -> Input:
+    """The campaign's own input where the log has it, else the first that it has."""
+    return (
+        campaign.file.input
+        if campaign.file.input in log.trial.inputs
+        else default_input(campaign.vehicle, log.trial)
+    )
+
+
+def _held_out(campaign: Campaign, name: str) -> tuple[float, float] | None:
+    """The longest part of a trial that was held out, in its own time; None where all or nothing was."""
+    mask = campaign.held_out(name)
+    if mask.all() or not mask.any():
+        return None
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    first, last = max(zip(edges[::2], edges[1::2], strict=True), key=lambda span: span[1] - span[0])
+    t = campaign.trials[name].t
+    return float(t[first]), float(t[last - 1])
+
+
+_GIVE = "give --reference LOG: a log on which the model is known to hold (references=[...] in Python)"
+
+_HAS = {
+    "commands": "commands of the actuators",
+    "measured": "no commands, but measured signals of the actuators",
+    "tau": "no signals of the actuators, but a wrench",
+}
+
+
+def campaign_reference(
+    campaign: Campaign, fit: Fitted, judged: CampaignLog, *, ahead_s: float, names: Sequence[str | Path] = ()
+) -> Spread:
+    """Spread of a valid model's errors: what the fitted vehicle leaves on recordings of the campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    fit : Fitted
+    judged : CampaignLog
+        Its own part is left out.
+    ahead_s : float
+        Time after which the prediction restarts, s.
+    names : sequence of str or Path, optional
+        Trials of the campaign, recordings or run directories of `seatrial fly` instead of the usual ones.
+
+    Raises
+    ------
+    TrialError
+        One cannot be read, or all together are too short.
+    CampaignError
+        A recording of the campaign is missing, or none has the input of the log.
+    """
+
+    def parts(one: CampaignLog) -> list[Restarts]:
+        trial = thinned(one.log.trial, judged.log.trial.dt)
+        spans: list[tuple[float | None, float | None]] = [(None, None)]
+        if one.trial and one.trial == judged.trial:
+            if judged.span is None:
+                return []
+            spans = [(None, judged.span[0]), (judged.span[1], None)]
+        found = []
+        for start, stop in spans:
+            first = trial.t[0] if start is None else start
+            last = trial.t[-1] if stop is None else stop
+            if last - first > 0.5 * ahead_s:
+                found.append(
+                    restarts(fit.vehicle, trial, ahead_s=ahead_s, start_s=start, stop_s=stop, input=one.input)
+                )
+        return found
+
+    if names:
+        given = [campaign_log(campaign, name) for name in names]
+        for name, one in zip(names, given, strict=True):
+            if not one.trial and one.place is not None and one.place == judged.place:
+                raise TrialError(
+                    f"reference {name}: expected a log on which the model is known to hold, found the one"
+                    " that is judged; give another one, or leave it out"
+                )
+        return spread_of_reference([part for one in given for part in parts(one)])
+    if judged.trial:
+        own = parts(judged)
+        if sum(len(one.spans) for one in own) >= 2 * FEWEST_WINDOWS:
+            return spread_of_reference(own)
+    _refuse_missing(campaign)
+    trials = [name for name in campaign.trials if campaign.input_of(name) == judged.input]
+    if not trials:
+        raise CampaignError(
+            f"{judged.log.trial.name}: the log has {_HAS[judged.input]}, and no trial of {campaign.source} is"
+            f" driven by such; log what drives the trials, or {_GIVE}"
+        )
+    return spread_of_reference([part for name in trials for part in parts(campaign_log(campaign, name))])
+
+
+def _refuse_missing(campaign: Campaign) -> None:
+    """Refuse a campaign whose trials do not stand there, with what may stand for them."""
+    why = "trials tell what a valid model leaves unexplained"
+    if not len(campaign.trials):
+        raise CampaignError(f"{campaign.source}: expected trials, found none: {why}; {_GIVE}")
+    for name in campaign.trials:
+        path = campaign.path_of(name)
+        if path is not None and not path.exists():
+            raise CampaignError(
+                f"{campaign.source}: trial {name!r}, key file: there is no file {path}, and {why}; correct"
+                f" the path, or {_GIVE}"
+            )
+
+
+_LOGGED_LOOPS = ("surge", "sway", "heave", "pitch", "heading", "depth")
+
+
+def verify_campaign_log(
+    campaign: Campaign,
+    fit: Any,
+    source: str | Path,
+    *,
+    autopilot: Autopilot | str | Path | None = None,
+    mission: Mission | str | Path | None = None,
+    references: Sequence[str | Path] = (),
+    ahead_s: float = 10.0,
+    **options: Any,
+) -> tuple[LogVerdict, CampaignLog]:
+    """Verdict on a log by the requirements and corridors of a campaign, and what is known of the log.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    fit : Fitted, Identification, Vehicle, str or Path
+        What is known of the vehicle.
+    source : str or Path
+        As for `campaign_log`.
+    autopilot, mission : optional
+        What was flown, where it does not lie beside the log.
+    references : sequence of str or Path, optional
+        As names of `campaign_reference`.
+    ahead_s : float, optional
+        Time after which the prediction restarts from the log, s.
+    options
+        Further keywords of `seatrial.verification.mission_log.verify_log.verify_log`.
+
+    Raises
+    ------
+    TrialError, CampaignError, SimulationError, VehicleError
+        Something cannot be used.
+    """
+    known = Fitted.of(fit)
+    if set(known.vehicle.actuators) != set(campaign.vehicle.actuators):
+        raise CampaignError(
+            f"{campaign.source}: expected a fit of {campaign.vehicle.name}, found one of"
+            f" {known.vehicle.name} with other actuators; give the run directory of this campaign"
+        )
+    judged = campaign_log(campaign, source)
+    check_usable(judged.log.trial, ahead_s)  # before a reference of the same interval is refused
+    table = campaign.file.verification
+    asked = () if table is None else table.requirements
+    start, stop = (None, None) if judged.span is None else judged.span
+    found = verify_log(
+        known,
+        judged.log,
+        reference=campaign_reference(campaign, known, judged, ahead_s=ahead_s, names=references),
+        autopilot=judged.autopilot if autopilot is None else autopilot,
+        mission=judged.mission if mission is None else mission,
+        requirements=[requirement_of(campaign.source, one) for one in asked],
+        corridors=_corridors(campaign),
+        obstacles=None if table is None else table.obstacles,
+        sensors=_sensors(campaign),
+        ahead_s=ahead_s,
+        start_s=start,
+        stop_s=stop,
+        input=judged.input,
+        seed=campaign.seed,
+        **options,
+    )
+    return found, judged
+
+
+def _corridors(campaign: Campaign) -> dict[str, Corridor]:
+    """Corridors that the campaign states, of loops whose set points a log may tell."""
+    table = campaign.file.tuning
+    given = {} if table is None else table.loops.given()
+    return {
+        loop: one.corridor.corridor(one.weights)
+        for loop, one in given.items()
+        if one.corridor is not None and loop in _LOGGED_LOOPS
+    }
+
+
+def _sensors(campaign: Campaign) -> str | Path | None:
+    """Sensors of the campaign's verification: their offsets belong to the band."""
+    table = campaign.file.verification
+    return TYPICAL if table is None else sensors_of_table(campaign, table.sensors)

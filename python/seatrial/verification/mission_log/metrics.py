@@ -1,0 +1,355 @@
+"""Figures of a recorded mission under the names that simulated flights have: requirements apply to both.
+
+Errors of guidance count on the second half of straight legs (`seatrial.flight.metrics`). Where the
+log tells the autopilot's own errors, leg and distance, they are taken; otherwise they follow from the
+positions and the mission: a leg lasts until its waypoint's radius of acceptance is entered (and its time of
+keeping station is over), the cross-track error is the distance from the straight line of the leg, positive
+to starboard. Positions are those that were measured: the truth of a sea trial is not known.
+
+Tests: ``tests/verification/test_recorded_mission.py``.
+
+Steps of the set points in a log, held against the corridors of tuning.
+
+A step is a change of a logged set point that stood before and stands after it until the corridor ends. An
+autopilot ramps its set points: a change in one direction that is over within a quarter of the corridor is a
+step from where it begins, so that the corridor counts the ramp as well. The response is the smoothed channel
+as a share of the step (`seatrial.tuning.criterion`): one corridor judges a step at sea as it judged
+the simulated one, whose truth has no noise.
+
+Tests: ``tests/verification/test_recorded_mission.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.rotation import shorter
+from seatrial.flight.metrics import switches
+from seatrial.flight.mission import Route
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.campaign.corridor import Corridor
+    from seatrial.campaign.verification_table import Obstacle
+    from seatrial.flight.mission import Mission
+    from seatrial.verification.mission_log.log import MissionLog
+
+__all__ = ["LoggedStep", "errors_of_guidance", "log_figures", "logged_steps", "quantiles"]
+
+_REACTIONS = {2: "surfaced", 3: "aborted"}
+
+_SHARES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
+
+
+class Progress:
+    """Leg (n,), horizontal distance (n,) to its waypoint in m, and whether all was done (n,)."""
+
+    def __init__(self, log: MissionLog, mission: Mission) -> None:
+        path = Route.of(mission)
+        n = len(log.trial)
+        last = len(path.stops) - 1
+        self.done = np.zeros(n, dtype=bool)
+        if "leg" in log.beside and np.isfinite(log.beside["leg"]).all():
+            self.leg = np.clip(log.beside["leg"].astype(int), 0, last)
+        else:
+            self.leg = self._followed(log, mission, path)
+        stops = np.array([stop.position for stop in path.stops])
+        away = log.trial.position - stops[self.leg]
+        self.distance = np.asarray(np.hypot(away[:, 0], away[:, 1]))
+        if "distance" in log.beside:
+            self.distance = log.beside["distance"]
+        # The autopilot stops logging the moment it is there, which may lie between two samples.
+        step = 3.0 * log.trial.dt * np.linalg.norm(log.trial.nu[:, :3], axis=1).max(initial=0.0)
+        final = (self.leg == last) & (self.distance <= path.stops[last].acceptance + step)
+        self.done |= np.cumsum(final) > 0
+
+    def _followed(self, log: MissionLog, mission: Mission, path: Route) -> NDArray[np.int64]:
+        """Leg of every sample by the waypoints that the vehicle came to."""
+        hold = np.asarray(mission.waypoints["hold_s"], dtype=float)
+        leg = np.zeros(len(log.trial), dtype=np.int64)
+        row = 0
+        for k in range(len(path.stops)):
+            leg[row:] = k
+            # A circle ends where the vehicle comes to the waypoint after it.
+            aim = k + 1 if path.stops[k].task == "circle" and k + 1 < len(path.stops) else k
+            hits = np.flatnonzero(self._inside(log, path, aim)[row:])
+            if not len(hits):
+                break
+            row += int(hits[0]) + round(float(np.nan_to_num(hold[k])) / log.trial.dt)
+            if row >= len(leg) - 1:
+                break
+        return leg
+
+    @staticmethod
+    def _inside(log: MissionLog, path: Route, k: int) -> Mask:
+        stop = path.stops[k]
+        away = log.trial.position - stop.position
+        below = 0.0 if stop.vertical == "altitude" else away[:, 2]
+        return np.asarray(np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2 + below**2) <= stop.acceptance)
+
+
+def errors_of_guidance(log: MissionLog, mission: Mission | None = None) -> dict[str, Array]:
+    """Errors over the log: cross_track, vertical in m, heading in rad; those that can be told, (n,).
+
+    Parameters
+    ----------
+    log : MissionLog
+    mission : Mission, optional
+        Gives cross-track and vertical error where the log does not tell them.
+    """
+    found = {name: log.beside[name] for name in ("cross_track", "vertical") if name in log.beside}
+    if "heading" in log.beside and "yaw" in log.trial.channels:
+        found["heading"] = shorter(log.beside["heading"] - log.trial.channel("yaw"))
+    if mission is not None and "cross_track" not in found and {"x", "y"} <= set(log.trial.channels):
+        path, progress = Route.of(mission), Progress(log, mission)
+        begin = np.array([path.before(k) for k in range(len(path.stops))])[progress.leg]
+        end = np.array([stop.position for stop in path.stops])[progress.leg]
+        along = end - begin
+        length = np.hypot(along[:, 0], along[:, 1])
+        away = log.trial.position - begin
+        safe = np.maximum(length, 1e-9)
+        found["cross_track"] = np.where(
+            length > 0.0, (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / safe, 0.0
+        )
+        part = np.clip((along[:, 0] * away[:, 0] + along[:, 1] * away[:, 1]) / safe**2, 0.0, 1.0)
+        if "z" in log.trial.channels:
+            found["vertical"] = away[:, 2] - part * along[:, 2]
+    return found
+
+
+def log_figures(
+    log: MissionLog,
+    mission: Mission | None = None,
+    vehicle: Vehicle | None = None,
+    *,
+    obstacles: Sequence[Obstacle] | None = None,
+) -> dict[str, Any]:
+    """Figures of a recorded mission by the names of `Flight.figures`, units in the names.
+
+    Parameters
+    ----------
+    log : MissionLog
+    mission : Mission, optional
+        Without it there are no figures of guidance, but those that the log itself tells.
+    vehicle : Vehicle, optional
+        Gives the neutral command of the actuators.
+    obstacles : sequence of Obstacle, optional
+        What stands in the water; the mission's farms when omitted.
+    """
+    trial = log.trial
+    here = set(trial.channels)
+    found: dict[str, Any] = {"duration_s": float(trial.t[-1] - trial.t[0])}
+    if {"x", "y", "z"} <= here:
+        found["distance_m"] = float(np.linalg.norm(np.diff(_smooth(log), axis=0), axis=1).sum())
+    if "energy_wh" in log.beside:
+        found["energy_wh"] = float(np.nanmax(log.beside["energy_wh"]) - log.beside["energy_wh"][0])
+    elif "power" in log.beside:
+        found["energy_wh"] = float(np.nansum(log.beside["power"][:-1]) * trial.dt / 3600.0)
+    if "z" in here:
+        found["depth_largest_m"] = float(np.nanmax(trial.channel("z")))
+    altitude = log.beside.get("altitude")
+    if altitude is not None and np.isfinite(altitude).any():
+        found["altitude_smallest_m"] = float(np.nanmin(altitude))
+    for name in ("roll", "pitch"):
+        if name in here:
+            found[f"{name}_largest_deg"] = math.degrees(float(np.nanmax(np.abs(trial.channel(name)))))
+    if trial.commands:
+        facts = {} if vehicle is None else vehicle.actuator_info()
+        turns = [
+            switches(signal - float(facts.get(name, {}).get("neutral", 0.0)))
+            for name, signal in trial.commands.items()
+        ]
+        found["switches_per_minute"] = 60.0 * float(np.mean(turns)) / max(found["duration_s"], 1e-9)
+    if mission is not None and {"x", "y"} <= here:
+        found |= _of_guidance(log, mission) | _clearance(log, mission, obstacles)
+    return found
+
+
+def quantiles(error: Array, name: str) -> dict[str, float]:
+    """Largest, rms and quantiles of the magnitude of an error (n,), m, by the names of a flight."""
+    size = np.abs(error[np.isfinite(error)])
+    if not len(size):
+        return {}
+    found = {f"{name}_largest_m": float(size.max()), f"{name}_rms_m": float(np.sqrt(np.mean(size**2)))}
+    return found | {f"{name}_{key}_m": float(np.quantile(size, share)) for key, share in _SHARES.items()}
+
+
+def _of_guidance(log: MissionLog, mission: Mission) -> dict[str, Any]:
+    path, progress = Route.of(mission), Progress(log, mission)
+    errors = errors_of_guidance(log, mission)
+    reaction = np.nan_to_num(log.beside.get("reaction", np.zeros(len(log.trial))))
+    half = np.array([
+        0.0 if stop.task == "circle" else 0.5 * path.length(k) for k, stop in enumerate(path.stops)
+    ])
+    holds = np.array([stop.task == "hold" for stop in path.stops])
+    accepted = np.array([stop.acceptance for stop in path.stops])
+    keeping = holds[progress.leg] & (progress.distance <= accepted[progress.leg])
+    under_way = (reaction == 0) & ~progress.done
+    settled = under_way & ~keeping & (progress.distance < half[progress.leg])
+    found: dict[str, Any] = {}
+    for name in ("cross_track", "vertical"):
+        if name in errors:
+            found |= quantiles(errors[name][settled], name)
+    if "z" in log.trial.channels:
+        found["depth_excursion_m"] = _excursion(log, path, progress, under_way)
+    reached = int(progress.leg[-1]) + int(bool(progress.done.any()))
+    found["waypoints_behind"] = float(reached)
+    strongest = int(reaction.max())
+    if strongest in _REACTIONS:
+        found["ending"] = _REACTIONS[strongest]
+    else:
+        found["ending"] = "complete" if reached == len(path.stops) else "out of time"
+    found["abort"] = found["ending"] == "aborted"
+    return found
+
+
+def _clearance(log: MissionLog, mission: Mission, given: Sequence[Obstacle] | None) -> dict[str, float]:
+    """Smallest horizontal distance of the measured positions from what stands in the water, m."""
+    from seatrial.campaign.verification_table import Obstacle
+    from seatrial.verification.requirement import obstacles
+
+    circles = np.array(obstacles((Obstacle(from_mission=True),) if given is None else given, mission))
+    if not len(circles):
+        return {"clearance_m": float("inf")}
+    away = log.trial.position[:, None, :2] - circles[None, :, :2]
+    return {"clearance_m": float(np.nanmin(np.hypot(away[..., 0], away[..., 1]) - circles[:, 2]))}
+
+
+def _excursion(log: MissionLog, path: Route, progress: Progress, under_way: Mask) -> float:
+    """How far the vehicle left the band between the depths of a leg's two ends, m."""
+    ends = []
+    for k, stop in enumerate(path.stops):
+        pair = sorted((float(path.before(k)[2]), float(stop.position[2])))
+        ends.append((-np.inf, np.inf) if path.follows_bottom(k) else (pair[0], pair[1]))
+    band = np.array(ends)[progress.leg]
+    z = log.trial.channel("z")
+    out = np.maximum(z - band[:, 1], band[:, 0] - z)[under_way]
+    return float(max(np.nanmax(out, initial=0.0), 0.0))
+
+
+def _smooth(log: MissionLog) -> Array:
+    """Positions once a second: the noise of a fast sensor is no way that was gone."""
+    every = max(1, round(1.0 / log.trial.dt))
+    return np.asarray(log.trial.position[::every])
+
+
+_LOOPS = {
+    "surge": ("speed", "u", 0.1),
+    "sway": ("lateral", "v", 0.1),
+    "heave": ("depth", "z", 0.3),
+    "depth": ("depth", "z", 0.3),
+    "pitch": ("pitch", "pitch", math.radians(3.0)),
+    "heading": ("heading", "yaw", math.radians(5.0)),
+}
+
+_STOOD_S = 5.0
+
+_RAMP = 0.25
+
+_SMOOTH_S = 1.0
+
+_STILL = 1e-6
+
+
+@dataclass(frozen=True)
+class LoggedStep:
+    """A step of a set point in a log: loop, time in s, set points in SI, the corridor's criterion.
+
+    ``criterion`` is the weighted area outside the corridor in s, zero where the response stayed inside.
+    """
+
+    loop: str
+    at_s: float
+    before: float
+    after: float
+    criterion: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The step as plain data."""
+        return asdict(self)
+
+
+def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[LoggedStep, ...]:
+    """Steps of the logged set points whose response the log holds until the corridor ends.
+
+    Parameters
+    ----------
+    log : MissionLog
+    corridors : mapping of str to Corridor
+        By loop: surge, sway, heave, depth, pitch, heading.
+
+    Raises
+    ------
+    CampaignError
+        There is no such loop.
+    """
+    from seatrial.tuning.criterion import criterion, normalised
+
+    found = []
+    for loop, corridor in corridors.items():
+        if loop not in _LOOPS:
+            raise CampaignError(f'corridors: there is no loop "{loop}"{nearest(loop, _LOOPS)}')
+        key, channel, least = _LOOPS[loop]
+        if key not in log.beside or channel not in log.trial.channels:
+            continue
+        t, dt = log.trial.t, log.trial.dt
+        wanted, done = log.beside[key], _smoothed_set_point(log, channel)
+        stand, length = round(_STOOD_S / dt), round(corridor.until_s / dt)
+        for stood, last in _ramps(wanted, key, round(_RAMP * corridor.until_s / dt)):
+            first = stood + 1
+            after = slice(first, first + length + 1)
+            if first < stand or first + length >= len(t):
+                continue
+            before, value = wanted[stood], wanted[last]
+            size = float(_apart(np.array([value]), before, key)[0])
+            quiet = np.abs(_apart(wanted[first - stand : first], before, key)).max()
+            stays = np.abs(_apart(wanted[last : first + length + 1], value, key)).max()
+            if abs(size) <= least or max(quiet, stays) > 0.1 * least or not np.isfinite(done[after]).all():
+                continue
+            y = normalised(_apart(done[after], before, key), 0.0, size)
+            q = float(criterion(dt * np.arange(length + 1), y, corridor))
+            found.append(LoggedStep(loop, float(t[first]), float(before), float(before) + size, q))
+    return tuple(sorted(found, key=lambda step: step.at_s))
+
+
+def _ramps(wanted: Array, key: str, longest: int) -> list[tuple[int, int]]:
+    """First and last sample of every change in one direction that is no longer than so many samples."""
+    change = _change(wanted, key)
+    direction = np.where(np.isfinite(change) & (np.abs(change) > _STILL), np.sign(change), 0.0)
+    edges = np.flatnonzero(np.diff(direction)) + 1
+    first = np.concatenate([[0], edges])
+    last = np.concatenate([edges, [len(direction)]])
+    return [(int(a), int(b)) for a, b in zip(first, last, strict=True) if direction[a] and b - a <= longest]
+
+
+def _smoothed_set_point(log: MissionLog, channel: str) -> Array:
+    """A channel without the noise of its sensor: a moving mean over a second, ends as they are."""
+    values = log.trial.channel(channel)
+    if channel == "yaw":
+        values = np.unwrap(values)
+    width = 2 * round(0.5 * _SMOOTH_S / log.trial.dt) + 1
+    known = np.isfinite(values)
+    if width < 3 or len(values) < width:
+        return np.asarray(values)
+    box = np.ones(width)
+    weight = np.convolve(known.astype(float), box, mode="same")
+    with np.errstate(invalid="ignore"):
+        mean = np.convolve(np.where(known, values, 0.0), box, mode="same") / weight
+    return np.where(known, mean, np.nan)
+
+
+def _change(values: Array, key: str) -> Array:
+    return _apart(values[1:], values[:-1], key)
+
+
+def _apart(values: Array, others: Any, key: str) -> Array:
+    away = np.asarray(values - others)
+    return shorter(away) if key == "heading" else away

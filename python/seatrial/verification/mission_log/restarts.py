@@ -1,0 +1,256 @@
+"""Predictions of a log in windows restarted every few seconds: what the model says with the logged commands.
+
+A closed loop hides errors of its model: the autopilot pushes harder, and the path is kept. It cannot hide
+that the commands which it gave do not belong to the motion that followed. Windows restarted from the
+smoothed log every `ahead_s` and driven by the logged commands show that, in closed and in open loop alike.
+
+Derivatives by coefficients, by a steady current and by the state at each restart are exact (dual numbers of
+the core). Residuals are measured minus predicted, SI; angles the shorter way round.
+
+Tests: ``tests/verification/test_recorded_validity.py``, ``tests/verification/test_recorded_suspects.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial import _core
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import CHANNELS
+from seatrial.base.errors import TrialError
+from seatrial.base.rotation import shorter
+from seatrial.trial.score import default_input, predict, windows
+from seatrial.trial.trial import Input
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+__all__ = ["Restarts", "Slopes", "check_usable", "restarts"]
+
+_FEWEST = 8
+"""Fewer samples per window tell nothing of how an error grows."""
+
+_SUBSTEP_S = 0.05
+"""Longest step of the integration; the rates of vehicles of a metre and more stay well below its inverse."""
+
+_STEEP = math.radians(70.0)
+"""Pitch beyond which roll and yaw do not count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of what one window shows, (n, 12, d) by directions and (n, 12, 12) by its start."""
+
+    by_direction: Array
+    by_start: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Restarts:
+    """A log cut into windows, and what a vehicle predicts in them.
+
+    Attributes
+    ----------
+    vehicle, trial
+        The model and the log.
+    spans
+        First sample of every window, and one past its last.
+    input
+        What drives the vehicle: "commands", "measured" or "tau".
+    predicted, residual, counted
+        Per window (n, 12): what the vehicle shows, measured minus that (zero where it does not count), and
+        which samples count: not the first of a window, no masked one.
+    substeps
+        Steps of the integration per sample.
+    """
+
+    vehicle: Vehicle
+    trial: Trial
+    spans: tuple[tuple[int, int], ...]
+    input: Input
+    predicted: tuple[Array, ...]
+    residual: tuple[Array, ...]
+    counted: tuple[Mask, ...]
+    substeps: int
+
+    @property
+    def channels(self) -> list[str]:
+        """Channels of which any sample counts, in the order of `CHANNELS`."""
+        any_of = np.logical_or.reduce([mask.any(axis=0) for mask in self.counted])
+        return [name for name, here in zip(CHANNELS, any_of, strict=True) if here]
+
+    def since_restart(self, window: int) -> Array:
+        """Times (n,) since the restart of a window, s."""
+        first, last = self.spans[window]
+        return np.asarray((np.arange(last - first)) * self.trial.dt)
+
+    def times(self, window: int) -> Array:
+        """Times (n,) of a window in the log's own time, s."""
+        return np.asarray(self.trial.t[slice(*self.spans[window])])
+
+    def of(self, changes: Mapping[str, float]) -> list[Array]:
+        """Residuals (n, 12) of every window for the vehicle with other coefficients, SI."""
+        names = list(changes)
+        shown = self._open_loop(names).predict(np.array([changes[name] for name in names], dtype=float))
+        return self._residuals(shown)
+
+    def in_water(self, current: Array) -> Restarts:
+        """The same windows in another steady current (2,) or (3,), north, east, down, m/s."""
+        water = np.tile(np.append(current, 0.0)[:3], (len(self.trial), 1))
+        found = replace(self, trial=replace(self.trial, current=water))
+        shown = tuple(np.asarray(one) for one in found._open_loop([]).predict(np.zeros(0)))
+        return replace(found, predicted=shown, residual=tuple(found._residuals(shown)))
+
+    def slopes(
+        self, directions: Sequence[Mapping[str, float]], *, current: bool = False
+    ) -> tuple[Slopes, ...]:
+        """Derivatives per window by directions of the coefficients, then by a current north and east.
+
+        Parameters
+        ----------
+        directions : sequence of mapping
+            Each a change of coefficients that goes with one unit of the direction.
+        current : bool, optional
+            Whether two more columns tell of a steady current, m/s.
+        """
+        names = sorted({name for direction in directions for name in direction})
+        present = self.vehicle.coefficients()
+        rows = np.array([[one.get(name, 0.0) for name in names] for one in directions], dtype=float)
+        nuisances = ["current_north", "current_east"] if current else []
+        found = self._open_loop(names).sensitivities(
+            np.array([present.get(name, 0.0) for name in names]),
+            rows.reshape(len(directions), len(names)),
+            nuisances=nuisances,
+            initials=_core.initial_names(),
+        )
+        count = len(directions) + len(nuisances)
+        return tuple(
+            Slopes(
+                *(
+                    np.where(mask[:, :, None], part, 0.0)
+                    for part in (slope[:, :, :count], slope[:, :, count:])
+                )
+            )
+            for (_, slope), mask in zip(found, self.counted, strict=True)
+        )
+
+    def _open_loop(self, names: Sequence[str]) -> _core.OpenLoop:
+        record = self.trial.record(substeps=self.substeps, input=self.input, motion=False)
+        segments = [(0, first, last, *self.trial.state(first)) for first, last in self.spans]
+        return _core.OpenLoop(self.vehicle, [record], segments, names=names, substeps=self.substeps)
+
+    def _residuals(self, shown: Sequence[Array]) -> list[Array]:
+        return [
+            _residual(self.trial, span, np.asarray(one), mask)
+            for span, one, mask in zip(self.spans, shown, self.counted, strict=True)
+        ]
+
+
+def restarts(
+    vehicle: Vehicle,
+    trial: Trial,
+    *,
+    ahead_s: float = 10.0,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    input: Input | None = None,
+) -> Restarts:
+    """Windows of a log and what a vehicle predicts in them.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    trial : Trial
+    ahead_s : float, optional
+        Length of a window, s.
+    start_s, stop_s : float, optional
+        Part of the log, in its own time; all of it when omitted.
+    input : str, optional
+        What drives the vehicle; the first that is recorded when omitted.
+
+    Raises
+    ------
+    TrialError
+        No window can start, or an input or the supply voltage is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seatrial as st
+    >>> vehicle, t = st.Vehicle.load("cwolf"), np.arange(0.0, 30.0, 0.1)
+    >>> commands = {name: np.where(t < 2.0, 0.0, 800.0) for name in vehicle.actuators}
+    >>> run = vehicle.simulate(t, commands)
+    >>> trial = st.Trial.read(
+    ...     {"t_s": t, "u_m_s": run.nu[:, 0]} | {f"cmd.{name}": signal for name, signal in commands.items()}
+    ... )
+    >>> len(restarts(vehicle, trial, ahead_s=10.0).spans)
+    3
+    """
+    chosen = input or default_input(vehicle, trial)
+    check_usable(trial, ahead_s)
+    spans, _, _ = windows(trial, ahead_s, start_s=start_s, stop_s=stop_s)
+    # The last window may be a stump of a few samples, which tells nothing.
+    full = max(last - first for first, last in spans)
+    spans = [span for span in spans if span[1] - span[0] > full // 2] or spans
+    found = predict(vehicle, trial, spans, input=chosen)
+    counted = []
+    for first, last in spans:
+        mask = trial.valid[first:last].copy()
+        mask[0] = False
+        # Nose up or down, roll and yaw are not told apart.
+        steep = np.abs(np.nan_to_num(trial.observed[first:last, 10])) > _STEEP
+        mask[steep, 9] = False
+        mask[steep, 11] = False
+        counted.append(mask)
+    shown = tuple(window.simulated for window in found)
+    residual = tuple(
+        _residual(trial, span, one, mask) for span, one, mask in zip(spans, shown, counted, strict=True)
+    )
+    substeps = max(1, int(np.ceil(trial.dt / _SUBSTEP_S - 1e-9)))
+    return Restarts(vehicle, trial, tuple(spans), chosen, shown, residual, tuple(counted), substeps)
+
+
+def check_usable(trial: Trial, ahead_s: float) -> None:
+    """Refuse a log that measured nothing, a channel without a sample, and an interval beyond the windows.
+
+    Parameters
+    ----------
+    trial : Trial
+    ahead_s : float
+        Length of a window, s.
+
+    Raises
+    ------
+    TrialError
+        Says what is missing.
+    """
+    if not trial.channels:
+        raise TrialError(
+            f"{trial.name}: no motion was recorded: expected one at least of u_m_s, p_deg_s, z_m, yaw_deg and"
+            " their like; log what the model predicts, or map the columns"
+        )
+    for name in trial.channels:
+        # A position that is never known (fixes at the surface) keeps no window from starting.
+        if name not in ("x", "y") and not trial.valid[:, CHANNELS.index(name)].any():
+            raise TrialError(
+                f"{trial.name}: {name}: expected samples that are numbers, found none that can be used;"
+                " correct the column, or leave it out"
+            )
+    if trial.dt * _FEWEST > ahead_s:
+        raise TrialError(
+            f"{trial.name}: one sample every {trial.dt:.3g} s: expected at least {_FEWEST} in a window of"
+            f" {ahead_s:g} s; give a log of a higher rate, or the unit of t_s if its times are not in seconds"
+        )
+
+
+def _residual(trial: Trial, span: tuple[int, int], shown: Array, mask: Mask) -> Array:
+    with np.errstate(invalid="ignore", over="ignore"):
+        error = trial.observed[slice(*span)] - shown
+        error[:, 9:] = shorter(error[:, 9:])
+    return np.where(mask, error, 0.0)

@@ -1,0 +1,459 @@
+"""Actuators that did not do what their commands say: a thrust of one of them that no command told.
+
+A jam, a lost propeller or a command that was not logged is no change of a coefficient: where the command
+says nothing, no gain explains a thrust. So each actuator in turn is given a steady thrust of its own in each
+window. With c_w the whitened derivative of window w by that thrust (a constant wrench along the actuator's,
+`X_0` ... `N_0`) and r_w its residual,
+
+    f_w = c_w'r_w / c_w'c_w,   gain = sum_w (c_w'r_w)^2 / c_w'c_w
+
+(structured residuals with one unknown input, Isermann, *Fault-Diagnosis Systems* (2006), chapter 10). It has
+as many unknowns as windows and pays for them (`seatrial.verification.mission_log.suspects`).
+
+Tests: ``tests/verification/test_recorded_suspects.py``.
+
+A steady current that a log does not tell, fitted to it.
+
+North and east by Gauss-Newton steps on the whitened residuals, with the exact derivatives of the non-linear
+model. On one heading a current cannot be told from thrust or drag; what it could hide is taken out of the
+chance that the log would have shown it (`seatrial.verification.mission_log.verdict`).
+
+Tests: ``tests/verification/test_recorded_current.py``.
+
+Derivatives by an offset that a sensor has throughout a log: a suspect that is no change of the vehicle.
+
+A sensor that reads d too much shows d more and starts every window d away, so that measured less predicted
+moves by ``(e - dy/dx_0) d``, e one in its own channel.
+
+Tests: ``tests/verification/test_recorded_suspects.py``.
+
+Suspects: which change of the vehicle explains the misfit of a log, sorted by how much of it.
+
+Residuals and exact derivatives J are in units of a valid model's spread, without what the state at a restart
+explains (`seatrial.verification.mission_log.candidates`). For every candidate (`seatrial.verification.mission_log.candidates`) alone
+
+    theta = (J'J)^-1 J'r,   gain = (J'r)' (J'J)^-1 (J'r) / r'r,
+
+its scatter by the jackknife over windows (`seatrial.statistics.score_test`). The best ones are then followed
+by Gauss-Newton steps with J held and the non-linear model simulated, and sorted by what they truly explain,
+less Akaike's share for each unknown. Beside them stand offsets of sensors (`seatrial.verification.mission_log.suspects`)
+and actuators that pushed otherwise than their commands say (`seatrial.verification.mission_log.suspects`), with an
+unknown for each window. Candidates whose columns run alike (90 % of one's square lies in the span of the
+other's) cannot be told apart by the log and are named beside it.
+
+Tests: ``tests/verification/test_recorded_suspects.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import CHANNELS, readable
+from seatrial.statistics.linearisation import Linearisation, Piece
+from seatrial.statistics.score_test import ScoreTests, score_tests
+from seatrial.verification.mission_log.candidates import Candidate, Suspect, Whitening
+from seatrial.verification.mission_log.restarts import Restarts, Slopes
+from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
+
+__all__ = [
+    "STRONGEST_M_S",
+    "UnloggedThrust",
+    "current_words",
+    "in_current",
+    "offset_channels",
+    "offset_slopes",
+    "offset_words",
+    "suspects",
+    "unlogged_thrusts",
+]
+
+_WRENCH = ("X_0", "Y_0", "Z_0", "K_0", "M_0", "N_0")
+
+_ALIKE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class UnloggedThrust:
+    """What a thrust of one actuator beyond its commands explains.
+
+    Attributes
+    ----------
+    actuator
+        Its name.
+    thrust
+        Steady thrust of each window beyond the modelled one, (w,), N; at full lift of a fin likewise.
+    gain
+        Fall of the sum of squares.
+    p
+        Of no such thrust: F-test with an observation per channel and window, times the actuators tried.
+    alike
+        Actuators that explain nearly as much.
+    """
+
+    actuator: str
+    thrust: Array
+    gain: float
+    p: float
+    alike: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """The thrust in words."""
+        mean, size = float(self.thrust.mean()), float(np.sqrt(np.mean(self.thrust**2)))
+        return (
+            f"{self.actuator} pushes otherwise than its commands say ({size:.2g} N rms beyond them,"
+            f" {mean:+.2g} N on average)"
+        )
+
+
+def unlogged_thrusts(log: Restarts, white: Whitening) -> tuple[UnloggedThrust, ...]:
+    """Every actuator with the thrust that its commands do not tell, the best explanation first.
+
+    Parameters
+    ----------
+    log : Restarts
+        None where a recorded wrench drives the vehicle.
+    white : Whitening
+        Of the same log.
+    """
+    from scipy.stats import f as fisher
+
+    if log.input == "tau":
+        return ()
+    facts = log.vehicle.actuator_info()
+    directions: list[Mapping[str, float]] = [
+        dict(zip(_WRENCH, (float(x) for x in facts[name]["wrench"]), strict=True))
+        for name in log.vehicle.actuators
+    ]
+    columns = white.columns(log.slopes(directions))
+    pull = np.array([np.einsum("ncd,nc->d", one, r) for one, r in zip(columns, white.residual, strict=True)])
+    square = np.array([np.einsum("ncd,ncd->d", one, one) for one in columns])  # (w, a)
+    known = square > 1e-12 * np.maximum(square.max(axis=0), 1e-300)
+    thrust = np.where(known, pull / np.where(known, square, 1.0), 0.0)
+    gains = (thrust * pull).sum(axis=0)
+    windows = len(columns)
+    free = max(windows * (len(white.places) - 1), 1)
+    found = []
+    for k, name in enumerate(log.vehicle.actuators):
+        left = max(white.cost - float(gains[k]), 1e-300)
+        chance = float(fisher.sf(float(gains[k]) / windows / (left / free), windows, free))
+        near = [
+            (float(gains[j]), other)
+            for j, other in enumerate(log.vehicle.actuators)
+            if j != k and gains[j] > _ALIKE * gains[k]
+        ]
+        alike = tuple(other for _, other in sorted(near, reverse=True))
+        found.append(
+            UnloggedThrust(name, thrust[:, k], float(gains[k]), min(1.0, len(facts) * chance), alike)
+        )
+    return tuple(sorted(found, key=lambda one: -one.gain))
+
+
+STRONGEST_M_S = 3.0
+"""Tidal streams are weaker, but for a few narrows."""
+
+_STEPS = 4
+
+_STILL_M_S = 1e-3
+
+
+def in_current(log: Restarts, spread: Spread) -> tuple[Restarts, tuple[float, float]]:
+    """Log with the steady current that suits it best, and that current north and east, m/s.
+
+    Parameters
+    ----------
+    log : Restarts
+        Without a recorded current.
+    spread : Spread
+        Of a valid model's errors.
+    """
+    current = np.zeros(2)
+    found = log.in_water(current)
+    for _ in range(_STEPS):
+        slopes = found.slopes([], current=True)
+        white = Whitening(found, spread, slopes)
+        columns = np.concatenate([one.reshape(-1, 2) for one in white.columns(slopes)])
+        residual = np.concatenate([one.ravel() for one in white.residual])
+        step = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
+        current = np.clip(current + step, -STRONGEST_M_S, STRONGEST_M_S)
+        found = log.in_water(current)
+        if float(np.abs(step).max()) < _STILL_M_S:
+            break
+    return found, (float(current[0]), float(current[1]))
+
+
+def current_words(current: Sequence[float]) -> str:
+    """The current in words.
+
+    Examples
+    --------
+    >>> words((0.3, 0.3))
+    'a steady current of 0.42 m/s towards 45 deg'
+    """
+    north, east = current
+    towards = math.degrees(math.atan2(east, north)) % 360.0
+    return f"a steady current of {math.hypot(north, east):.2f} m/s towards {towards:.0f} deg"
+
+
+_SENSED = ("u", "v", "w", "p", "q", "r", "roll", "pitch", "yaw")
+
+
+def offset_channels(log: Restarts) -> list[str]:
+    """Channels of a log whose offset shows: not positions, which move start and path alike."""
+    return [name for name in log.channels if name in _SENSED]
+
+
+def offset_slopes(log: Restarts, slopes: Sequence[Slopes], channels: Sequence[str]) -> list[Slopes]:
+    """Derivatives of measured less predicted by the offset of each channel, per window.
+
+    Parameters
+    ----------
+    log : Restarts
+    slopes : sequence of Slopes
+        Of the same windows, by their starts.
+    channels : sequence of str
+        Whose sensors err.
+    """
+    own = [CHANNELS.index(name) for name in channels]
+    start = np.argsort(INITIAL_PLACES)[own]
+    unit = np.eye(len(CHANNELS))[:, own]
+    return [
+        Slopes(np.where(mask[:, :, None], unit - one.by_start[:, :, start], 0.0), one.by_start)
+        for one, mask in zip(slopes, log.counted, strict=True)
+    ]
+
+
+def offset_words(channel: str, offset: float) -> str:
+    """The offset in words.
+
+    Examples
+    --------
+    >>> words("pitch", 0.01745)
+    'the sensor of pitch reads +1 deg too much'
+    """
+    scale, unit = readable(channel)
+    return f"the sensor of {channel} reads {scale * offset:+.2g} {unit} too much"
+
+
+_ANGLES, _RATES = ("roll", "pitch", "yaw"), ("p", "q", "r")
+
+_FOLLOWED = 8
+
+_LEAST_GAIN = 0.02
+
+_AKAIKE = 2.0
+
+_THING = 0.01
+
+_MOST_FACTOR = 3.0
+
+_MOST_GAIN = 2.0
+"""No actuator comes to give twice its thrust."""
+
+
+def suspects(
+    log: Restarts,
+    spread: Spread,
+    tried: Sequence[Candidate],
+    *,
+    sigma: Mapping[str, float] | None = None,
+    current: bool = True,
+    most: int = _FOLLOWED,
+) -> tuple[Suspect, ...]:
+    """Suspects of a log, the one that explains most first.
+
+    Parameters
+    ----------
+    log : Restarts
+    spread : Spread
+        Of a valid model's errors.
+    tried : sequence of Candidate
+    sigma : mapping of str to float, optional
+        Standard deviations of the identified coefficients.
+    current : bool, optional
+        Whether a steady current that was not recorded is tried too.
+    most : int, optional
+        How many to list.
+    """
+    directions = [one for candidate in tried for one in candidate.directions()]
+    slopes = log.slopes(directions, current=current)
+    white = Whitening(log, spread, slopes)
+    sensed = offset_channels(log)
+    columns = [
+        np.concatenate(pair, axis=2)
+        for pair in zip(white.columns(slopes), white.columns(offset_slopes(log, slopes, sensed)), strict=True)
+    ]
+    tests = score_tests(
+        _linearisation(white.residual, white.counted),
+        columns,
+        fitted=(),
+        block=[np.full(len(one), w) for w, one in enumerate(columns)],
+    )
+    places, first = [], 0
+    for candidate in tried:
+        places.append(list(range(first, first + len(candidate.scale))))
+        first += len(candidate.scale)
+    if current:
+        places.append([first, first + 1])
+        first += 2
+    places += [[first + k] for k in range(len(sensed))]
+    names = [one.name for one in tried] + ["current"] * current + [f"offset of {one}" for one in sensed]
+    squares = white.weight**2
+    samples = float(sum(w * mask.sum() for w, mask in zip(squares, white.counted, strict=True)))
+    # The score test thins long logs.
+    part = white.cost / max(tests.cost, 1e-300)
+    fits = [(theta, part * gain) for theta, gain in (_fit(tests, own) for own in places)]
+    results = tests.results()
+    order = sorted(range(len(places)), key=lambda i: -fits[i][1])
+    # Errors of a window hang together: it is worth about one observation per channel.
+    penalty = _AKAIKE * white.cost / (len(columns) * len(white.places))
+    found: list[tuple[float, Suspect]] = []
+    for i in order[: 2 * most]:
+        theta, linear = fits[i]
+        own = places[i]
+        units: tuple[str, ...]
+        coefficients: dict[str, float]
+        spread_of = tuple(float(results.sigma[k]) for k in own)
+        if i >= len(tried) + current:
+            gain, coefficients = linear, {}
+            channel = sensed[i - len(tried) - current]
+            name, kind, units = (
+                names[i],
+                "sensor",
+                ("rad" if channel in _ANGLES else "rad/s" if channel in _RATES else "m/s",),
+            )
+            words = offset_words(channel, float(theta[0]))
+        elif i == len(tried):
+            gain, coefficients = linear, {}
+            name, kind = "current", "surroundings"
+            units = ("m/s", "m/s")
+            words = f"a current of {theta[0]:+.2f} m/s north and {theta[1]:+.2f} m/s east beyond the recorded"
+        else:
+            candidate = tried[i]
+            theta, gain = white.followed(candidate, columns, own, theta, linear)
+            if gain <= 0.0:
+                continue
+            coefficients = candidate.changes(theta)
+            name, kind, units = candidate.name, candidate.kind, candidate.units
+            words = candidate.words(theta)
+        share = gain / white.cost
+        if share < _LEAST_GAIN or not _plausible(log, coefficients):
+            continue
+        if kind == "surroundings" and float(np.hypot(*theta)) > STRONGEST_M_S:
+            continue
+        known = (sigma or {}).get(name)
+        suspect = Suspect(
+            name=name,
+            kind=kind,
+            change=words,
+            values=tuple(float(x) for x in theta),
+            units=units,
+            sigma=spread_of,
+            gain=share,
+            left=float(np.sqrt(max(white.cost - gain, 0.0) / max(samples, 1.0))),
+            p=min(1.0, sum(map(len, places)) * float(np.min(results.p[own]))),
+            sigmas=None if not known else float(theta[0]) / known,
+            alike=_alike(tests, places, i, (names, [f[1] for f in fits])),
+            coefficients=coefficients,
+        )
+        # Of two that explain the same, the one that is a thing rather than a number is read first.
+        worth = gain - penalty * (len(own) - 1) + (_THING * white.cost if kind == "group" else 0.0)
+        found.append((worth, suspect))
+    for one in unlogged_thrusts(log, white):
+        if one.gain < _LEAST_GAIN * white.cost:
+            continue
+        size = float(one.thrust.std(ddof=1)) / len(one.thrust) ** 0.5
+        suspect = Suspect(
+            name=one.actuator,
+            kind="actuator",
+            change=one.words,
+            values=(float(one.thrust.mean()),),
+            units=("N",),
+            sigma=(size,),
+            gain=one.gain / white.cost,
+            left=float(np.sqrt(max(white.cost - one.gain, 0.0) / max(samples, 1.0))),
+            p=one.p,
+            sigmas=None,
+            alike=one.alike,
+            coefficients={},
+        )
+        found.append((one.gain - penalty * (len(one.thrust) - 1), suspect))
+    found.sort(key=lambda pair: -pair[0])
+    return tuple(suspect for _, suspect in found[:most])
+
+
+def _plausible(log: Restarts, coefficients: Mapping[str, float]) -> bool:
+    """Whether no coefficient changes its sign or becomes three times itself, and no actuator's gain twice."""
+    present = log.vehicle.coefficients()
+    signed = [
+        (present[name], value)
+        for name, value in coefficients.items()
+        if present.get(name) and name[:2] not in ("x_", "y_", "z_")
+    ]
+    gains = [
+        value / present[name]
+        for name, value in coefficients.items()
+        if name.endswith(".gain") and present[name]
+    ]
+    return (
+        all(0.0 <= value / own <= _MOST_FACTOR for own, value in signed)
+        and max(gains, default=0.0) <= _MOST_GAIN
+    )
+
+
+def _linearisation(residual: Sequence[Array], counted: Sequence[NDArray[np.bool_]]) -> Linearisation:
+    pieces = tuple(
+        Piece(
+            trial="log",
+            t=np.arange(len(one), dtype=float),
+            residual=one,
+            counted=mask,
+            weight=np.ones_like(one),
+            jacobian=np.zeros((*one.shape, 0)),
+            nu=np.zeros((len(one), 6)),
+        )
+        for one, mask in zip(residual, counted, strict=True)
+    )
+    width = residual[0].shape[1]
+    return Linearisation((), np.zeros(0), tuple("c" * width), np.ones(width), 1.0, pieces)
+
+
+def _fit(tests: ScoreTests, own: Sequence[int]) -> tuple[Array, float]:
+    """Values of the unknowns at places `own`, and the fall of the sum of squares, both to first order."""
+    total = tests.reduced[0]
+    normal, pull = total[np.ix_(own, own)], total[own, -1]
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(own))
+    theta = np.linalg.solve(scaled, pull / size) / size
+    if not (np.diag(normal) > 1e-12 * tests.cost).all():
+        return np.zeros(len(own)), 0.0
+    return theta, float(theta @ pull)
+
+
+def _alike(
+    tests: ScoreTests, places: Sequence[list[int]], of: int, known: tuple[list[str], list[float]]
+) -> tuple[str, ...]:
+    """Candidates most of whose column lies in the span of this one's, and which explain nearly as much."""
+    names, gains = known
+    total, own = tests.reduced[0], places[of]
+    normal = total[np.ix_(own, own)]
+    found = []
+    for i, other in enumerate(places):
+        if i == of or len(other) > len(own) or gains[i] < _ALIKE * gains[of]:
+            continue
+        square = total[np.ix_(other, other)]
+        cross = total[np.ix_(own, other)]
+        if np.trace(square) <= 0.0 or np.trace(normal) <= 0.0:
+            continue
+        inside = cross.T @ np.linalg.lstsq(normal, cross, rcond=1e-9)[0]
+        shares = np.linalg.lstsq(square, inside, rcond=1e-9)[0]
+        share = float(np.trace(shares)) / len(other)
+        if share > _ALIKE:
+            found.append((share, names[i]))
+    return tuple(name for _, name in sorted(found, reverse=True))

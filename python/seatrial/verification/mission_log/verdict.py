@@ -1,0 +1,446 @@
+"""The verdict on a log: is the model still valid, what is suspected, and did the mission hold what it had to.
+
+Tests: ``tests/verification/test_recorded_verdict.py``.
+
+A verdict on a log in words: outcome, channels, suspects, the mission's own figures.
+
+Tests: ``tests/verification/test_recorded_verdict.py``.
+
+What a verdict on a log leaves in its run directory: verdict, summary, inputs and their hashes, figures.
+
+Tests: ``tests/verification/test_recorded_campaign.py``.
+
+What a log would have shown: the chance that a usual change of the vehicle is noticed on it.
+
+A log on which nothing could have been seen does not speak for the model. Three changes that happen to
+vehicles are tried to first order; their predictions move by ``J theta``, and the share outside the band
+follows from the spread of a valid model's errors, and is held against the share that the verdict itself
+would call no chance (`seatrial.verification.mission_log.validity`).
+
+Tests: ``tests/verification/test_recorded_validity.py``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import readable
+from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.campaign.campaign import run_facts
+from seatrial.vehicle.actuators import actuator_groups
+from seatrial.verification.mission_log.validity import LEVEL, Validity, powers
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.flight.mission import Mission
+    from seatrial.statistics.proportions import Verdict
+    from seatrial.verification.mission_log.candidates import Suspect
+    from seatrial.verification.mission_log.envelope import Envelope
+    from seatrial.verification.mission_log.log import MissionLog
+    from seatrial.verification.mission_log.metrics import LoggedStep
+
+__all__ = [
+    "Detectable",
+    "JudgedRequirement",
+    "LogVerdict",
+    "Outcome",
+    "detectable_changes",
+    "summary",
+    "write_verdict",
+]
+
+Outcome = Literal["model still valid", "re-identify", "log too short or too quiet to tell"]
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """A change of the vehicle and the chance that this log would have shown it."""
+
+    change: str
+    power: float
+
+
+@dataclass(frozen=True)
+class JudgedRequirement:
+    """A requirement on the log's own mission: whether it was held, and its reserve in `unit`.
+
+    ``held`` is None where the log does not tell a figure that it needs; ``missing`` names those.
+    """
+
+    name: str
+    holds: str
+    held: bool | None
+    reserve: float
+    unit: str
+    missing: tuple[str, ...] = ()
+
+    @property
+    def beyond_logs(self) -> bool:
+        """Whether it needs the truth, which no log tells: it is none of the log's business."""
+        return any(name.startswith("true_") for name in self.missing)
+
+
+@dataclass(frozen=True, eq=False)
+class LogVerdict:
+    """What a log says of the model and of the mission.
+
+    Attributes
+    ----------
+    log
+        What was judged.
+    outcome
+        "model still valid", "re-identify" or "log too short or too quiet to tell".
+    reason
+        A sentence.
+    validity
+        Share outside the 95 % band per channel; None where no window could be judged.
+    suspects
+        What may have changed, the one that explains most first; empty where
+        nothing fails.
+    detectable
+        What this log would have shown, with the chance.
+    figures
+        Of the log's own mission, by the names of `Flight.figures`.
+    requirements, steps
+        Requirements on them, and set-point steps against their corridors.
+    envelope
+        Of the mission in closed loop; None where it was not asked for.
+    notes
+        Sentences on what was not known.
+    current
+        Steady current north and east, m/s, that was fitted to a log which tells none; else None.
+    vehicle, autopilot, mission
+        The model, and what was flown where that was given.
+    """
+
+    log: MissionLog
+    outcome: Outcome
+    reason: str
+    validity: Validity | None
+    suspects: tuple[Suspect, ...]
+    detectable: tuple[Detectable, ...]
+    figures: Mapping[str, Any]
+    requirements: tuple[JudgedRequirement, ...]
+    steps: tuple[LoggedStep, ...]
+    envelope: Envelope | None
+    notes: tuple[str, ...]
+    vehicle: Vehicle
+    autopilot: Autopilot | None = None
+    mission: Mission | None = None
+    current: tuple[float, float] | None = None
+
+    @property
+    def valid(self) -> bool:
+        """Whether the log speaks for the model."""
+        return self.outcome == "model still valid"
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of model and mission together, in the words of a verification.
+
+        "failed" where the model is refuted or a requirement or corridor broken, "undecided" where the log
+        cannot tell one of them, otherwise "held". Requirements on the truth (``true_...``) do not count.
+        """
+        broken = any(one.held is False for one in self.requirements)
+        if self.outcome == "re-identify" or broken or any(step.criterion > 0.0 for step in self.steps):
+            return "failed"
+        told = self.valid and all(one.held is not None or one.beyond_logs for one in self.requirements)
+        return "held" if told else "undecided"
+
+    @property
+    def passed(self) -> bool:
+        """Whether the verdict is "held": what was not shown does not pass."""
+        return self.verdict == "held"
+
+    def summary(self) -> str:
+        """Text that a control engineer reads."""
+        return summary(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the samples as plain data."""
+        return {
+            "log": self.log.trial.name,
+            "outcome": self.outcome,
+            "reason": self.reason,
+            "verdict": self.verdict,
+            "passed": self.passed,
+            "validity": None if self.validity is None else self.validity.to_dict(),
+            "suspects": [one.to_dict() for one in self.suspects],
+            "detectable": [{"change": one.change, "power": one.power} for one in self.detectable],
+            "figures": dict(self.figures),
+            "requirements": [
+                {
+                    "name": one.name,
+                    "holds": one.holds,
+                    "held": one.held,
+                    "reserve": one.reserve,
+                    "unit": one.unit,
+                    "missing": list(one.missing),
+                }
+                for one in self.requirements
+            ],
+            "steps": [step.to_dict() for step in self.steps],
+            "envelope": None if self.envelope is None else self.envelope.to_dict(),
+            "current_m_s": None if self.current is None else list(self.current),
+            "notes": list(self.notes),
+        }
+
+    def inputs(self) -> dict[str, str]:
+        """Text of the files that were judged with, by name: vehicle, autopilot, mission."""
+        found = {"vehicle.toml": self.vehicle.to_toml()}
+        if self.autopilot is not None:
+            found["autopilot.toml"] = self.autopilot.to_toml()
+        if self.mission is not None:
+            found["mission.toml"] = self.mission.to_toml()
+        return found
+
+    def save_figures(self, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")) -> list[Path]:
+        """Paths of the figures: residuals, suspects, envelope, those that there are.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Made when it does not exist.
+        formats : tuple of str, optional
+            Endings.
+
+        Raises
+        ------
+        SeatrialError
+            The folder cannot be written.
+        """
+        from seatrial.report.plot.mission_log import envelope_page, residual_page, suspect_bars
+        from seatrial.report.plot.style import save
+
+        written: list[Path] = []
+        if self.validity is not None:
+            written += save(residual_page(self), Path(folder) / "residuals", formats=formats)
+        if self.suspects:
+            written += save(suspect_bars(self), Path(folder) / "suspects", formats=formats)
+        if self.envelope is not None:
+            written += save(envelope_page(self), Path(folder) / "envelope", formats=formats)
+        return written
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+_SHOWN = 6
+
+
+def summary(verdict: LogVerdict) -> str:
+    """Text of a verdict, the most important first."""
+    lines = [f"{verdict.log.trial.name}: {verdict.outcome}", verdict.reason]
+    lines += _channels(verdict)
+    if verdict.validity is not None:
+        lines.append(f"The band is that of {verdict.validity.spread.source}.")
+    if verdict.suspects:
+        lines += ["", "What may have changed, the best explanation first:"]
+        lines += [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:_SHOWN], 1)]
+        lines += _inseparable(verdict)
+        if verdict.suspects[0].kind == "sensor":
+            lines.append(
+                "No change of the vehicle explains it as well: check the sensor before you identify anew."
+            )
+        if verdict.suspects[0].kind == "actuator":
+            name = verdict.suspects[0].name
+            lines.append(
+                f"No coefficient explains it as well: look at {name} and at its logged commands before you"
+                " identify anew."
+            )
+    if verdict.detectable:
+        words = [f"{one.change} {100.0 * one.power:.0f} %" for one in verdict.detectable]
+        lines += ["", f"Chance that this log would have shown: {', '.join(words)}."]
+    lines += _mission(verdict)
+    if verdict.notes:
+        lines += ["", *verdict.notes]
+    return "\n".join(lines)
+
+
+def _channels(verdict: LogVerdict) -> list[str]:
+    if verdict.validity is None:
+        return []
+    lines = [
+        "",
+        f"{'channel':<9}{'outside 95 % band':>17}{'(95 %)':>10}{'error rms':>11}{'band +-':>9}"
+        f"  {'unit':<6}{'p':>9}",
+    ]
+    for name, one in verdict.validity.channels.items():
+        scale, unit = readable(name)
+        p = f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001"
+        mark = "  fails" if one.fails else "  doubt" if one.doubtful else ""
+        low, high = one.interval
+        known = f"({100.0 * low:.0f}-{100.0 * high:.0f})"
+        lines.append(
+            f"{name:<9}{100.0 * one.outside:>15.1f} %{known:>10}{scale * one.rms:>11.3g}"
+            f"{scale * one.spread:>9.3g}  {unit:<6}{p:>9}{mark}"
+        )
+    return lines
+
+
+def _inseparable(verdict: LogVerdict) -> list[str]:
+    """A word on weight and buoyancy, of which logs tell the difference alone."""
+    first = verdict.suspects[0]
+    named = {first.name, *first.alike}
+    if {"m", "B"} <= named or (first.name.startswith("payload") and {"m", "B"} & named):
+        return [
+            "B and m g are seen as their difference, the weight in water, unless the log tells the inertia;"
+            " weigh what was changed."
+        ]
+    return []
+
+
+def _mission(verdict: LogVerdict) -> list[str]:
+    lines = []
+    figures = verdict.figures
+    said = [
+        (name, text)
+        for name, text in (
+            ("cross_track_p95_m", "cross-track error {:.2f} m in 95 % of the settled time"),
+            ("vertical_p95_m", "vertical error {:.2f} m"),
+            ("duration_s", "{:.0f} s"),
+            ("energy_wh", "{:.1f} Wh"),
+        )
+        if name in figures
+    ]
+    if len(said) > 1:  # how long a log lasts is no news by itself
+        lines += ["", f"The mission: {', '.join(text.format(figures[name]) for name, text in said)}."]
+    for one in verdict.requirements:
+        if one.held is None:
+            who = "no log tells" if one.beyond_logs else "the log does not tell"
+            lines.append(f"  ?     {one.name}: {one.holds}; {who} {', '.join(one.missing)}")
+        else:
+            # Words and truth values are infinitely far from their threshold.
+            reserve = f", reserve {one.reserve:.3g} {one.unit}" if math.isfinite(one.reserve) else ""
+            lines.append(f"  {'held ' if one.held else 'FAILS'} {one.name}: {one.holds}{reserve}")
+    for step in verdict.steps:
+        inside = "inside its corridor" if step.criterion <= 0.0 else f"outside by {step.criterion:.3g} s"
+        lines.append(f"  step of the {step.loop} set point at {step.at_s:.1f} s: {inside}")
+    if verdict.envelope is not None:
+        shares = ", ".join(
+            f"{name.replace('_', '-')} {100.0 * band.outside:.0f} %"
+            for name, band in verdict.envelope.bands.items()
+        )
+        lines.append(
+            f"Outside the closed-loop envelope of {verdict.envelope.flights} flights: {shares} of the log."
+        )
+    return lines
+
+
+def write_verdict(
+    found: LogVerdict,
+    folder: str | Path,
+    campaign: Campaign,
+    *,
+    source: str | Path,
+    figures: bool = True,
+    formats: tuple[str, ...] = ("png", "pdf"),
+) -> Path:
+    """Path of a run directory with a verdict on a log.
+
+    Parameters
+    ----------
+    found : LogVerdict
+    folder : str or Path
+        Made when it does not exist; an earlier run's is replaced.
+    campaign : Campaign
+        What was asked for.
+    source : str or Path
+        The log, as it was named.
+    figures : bool, optional
+        Whether to draw.
+    formats : tuple of str, optional
+        Endings of the figures.
+
+    Raises
+    ------
+    SeatrialError
+        The directory cannot be written; nothing is left half-written.
+    """
+    inputs = {"campaign.toml": campaign.text, **found.inputs()}
+    facts = run_facts(campaign, trials=False)
+    facts["sha256"] |= {name: hashlib.sha256(text.encode()).hexdigest() for name, text in inputs.items()}
+    if (log := _file(source)) is not None:
+        facts["sha256"]["log"] = hashlib.sha256(log.read_bytes()).hexdigest()
+    files: dict[str, str | bytes] = {
+        RUN_FILE: to_json(facts | {"kind": "log verdict", "log": str(source)}),
+        **inputs,
+        "verdict.json": to_json(found.to_dict()),
+        "summary.txt": found.summary() + "\n",
+    }
+    directory = RunDirectory(folder)
+    try:
+        if figures:
+            found.save_figures(directory.workspace / "figures", formats=formats)
+        return directory.publish(files)
+    except BaseException:  # Ctrl-C too: nothing here is worth resuming
+        directory.discard()
+        raise
+
+
+def _file(source: str | Path) -> Path | None:
+    path = Path(source)
+    path = path / "flight.parquet" if path.is_dir() else path
+    return path if path.is_file() else None
+
+
+_DRAG, _THRUST, _WEIGHT = 0.25, -0.15, 0.01
+
+
+def detectable_changes(
+    of: Validity, *, level: float = LEVEL, current: bool = False
+) -> tuple[Detectable, ...]:
+    """Chances that drag ahead +25 %, all thrust -15 % and 1 % more weight in water are noticed.
+
+    Parameters
+    ----------
+    of : Validity
+        Gives windows, band and spread.
+    level : float, optional
+        Chance of a false alarm.
+    current : bool, optional
+        Whether a steady current was fitted to the log: what it would take up is not shown.
+    """
+    vehicle = of.log.vehicle
+    values = vehicle.coefficients()
+    g = float(vehicle.environment()["g"])
+    drag = {name: _DRAG * values[name] for name in ("X_u", "X_uu") if values.get(name)}
+    gains = [f"{a}.gain" for group in actuator_groups(vehicle).values() for a in group]
+    gains = [name for name in gains if name in values]
+    weight = _WEIGHT * values["m"]
+    tried = [
+        (f"drag ahead {100 * _DRAG:+.0f} %", drag),
+        (f"all thrust {100 * _THRUST:+.0f} %", {name: _THRUST * values[name] for name in gains}),
+        (f"{weight:.2g} kg more weight in water", {"B": -g * weight}),
+    ]
+    if of.log.input == "tau":
+        tried.pop(1)
+    tried = [(words, change) for words, change in tried if change]
+    slopes = of.log.slopes([change for _, change in tried], current=current)
+    moved = [[np.asarray(one.by_direction[:, :, k]) for one in slopes] for k in range(len(tried))]
+    if current:
+        moved = [
+            _beside_current(of, one, [slope.by_direction[:, :, -2:] for slope in slopes]) for one in moved
+        ]
+    chances = powers(of, moved, level=level)
+    return tuple(Detectable(words, chance) for (words, _), chance in zip(tried, chances, strict=True))
+
+
+def _beside_current(of: Validity, moved: list[Array], water: list[Array]) -> list[Array]:
+    """What of a move (n, 12) per window no steady current, whose derivatives are (n, 12, 2), takes up."""
+    scale = [1.0 / of.spread.at(of.log.since_restart(w)) for w in range(len(moved))]
+    columns = np.concatenate([
+        (one * s[:, :, None]).reshape(-1, 2) for one, s in zip(water, scale, strict=True)
+    ])
+    sought = np.concatenate([(one * s).ravel() for one, s in zip(moved, scale, strict=True)])
+    taken = np.linalg.lstsq(columns, sought, rcond=1e-9)[0]
+    return [one - part @ taken for one, part in zip(moved, water, strict=True)]

@@ -1,0 +1,558 @@
+"""The missions of a verification that were flown: what was drawn of each, and what came of it.
+
+Kept between runs as compressed arrays, bit by bit as they were flown: a verdict does not depend on where its
+missions were taken up again.
+
+Tests: ``tests/verification/test_verify.py``.
+
+The flights of a verification: which vehicle with which autopilot flies which mission through what.
+
+The autopilot's own model is the identified vehicle; those that fly are drawn from its covariance. Mission i
+is a function of the campaign's seed and of i alone, whatever else is flown beside it: lanes give the same
+bits wherever a case stands in a batch. A batch of one takes another path through the core, whose last bits
+differ, so that a mission that is alone is flown in two lanes.
+
+Tests: ``tests/verification/test_verify.py``.
+
+Missions flown one chunk after the other: progress, Ctrl-C, and chunks that an earlier run finished.
+
+A chunk is 512 missions: enough to fill the lanes of many threads, few enough that Ctrl-C loses seconds.
+
+Tests: ``tests/verification/test_verify.py``.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from seatrial import _core
+from seatrial._core import autopilot_names
+from seatrial.base.arrays import Array
+from seatrial.campaign.verification_table import VerificationTable
+from seatrial.flight.failures import Fault, Outage
+from seatrial.flight.flight import Flight
+from seatrial.flight.fly import SetUp, set_up
+from seatrial.flight.metrics import DIVERGED, figures_of
+from seatrial.identification.fitted import Fitted
+from seatrial.verification.draws import Cases, draw_cases
+from seatrial.verification.expression import KNOWN
+from seatrial.verification.requirement import obstacles
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import polars as pl
+
+    from seatrial._core import Autopilot, Flights, Vehicle
+    from seatrial.base.run import StageStore
+    from seatrial.flight.mission import Mission
+
+__all__ = [
+    "CHUNK",
+    "CampaignFlights",
+    "FlownMissions",
+    "MissionsFlown",
+    "Series",
+    "figures_for_requirements",
+    "fly_series",
+]
+
+Values = NDArray[Any]
+
+_PLAIN = ("numbers", "mission", "seeds", "seen_counts", "true_counts")
+
+
+@dataclass(frozen=True, eq=False)
+class FlownMissions:
+    """Missions that were flown (k), in the order of their numbers.
+
+    Attributes
+    ----------
+    numbers, mission, seeds
+        Number in the campaign, index of the mission and seed of its noise, (k,).
+    figures
+        Numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,).
+    causes
+        What was drawn, by readable names with units, (k,).
+    seen_counts, true_counts
+        Samples of the cross-track error on settled legs between the edges of ``_core.error_edges``,
+        (k, edges + 1): as guidance saw it, and of where the vehicle really was.
+    wall_s
+        Time that they took, s.
+    """
+
+    numbers: NDArray[np.int_]
+    mission: NDArray[np.int_]
+    seeds: NDArray[np.int_]
+    figures: Mapping[str, Values]
+    causes: Mapping[str, Array]
+    seen_counts: Array
+    true_counts: Array
+    wall_s: float
+
+    def __len__(self) -> int:
+        """Number of missions."""
+        return len(self.numbers)
+
+    @property
+    def flown_s(self) -> float:
+        """Time that was flown in all of them together, s; a diverged one counts nothing."""
+        return float(np.nansum(self.figures["duration_s"]))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Time flown over the time that it took."""
+        return self.flown_s / self.wall_s if self.wall_s > 0.0 else float("nan")
+
+    @property
+    def per_second(self) -> float:
+        """Missions flown in a second."""
+        return len(self) / self.wall_s if self.wall_s > 0.0 else float("nan")
+
+    def place(self, number: int) -> int:
+        """Row of the mission with a number.
+
+        Raises
+        ------
+        ValueError
+            It was not flown.
+        """
+        rows = np.flatnonzero(self.numbers == number)
+        if not len(rows):
+            raise ValueError(f"mission {number} was not flown")
+        return int(rows[0])
+
+    def first(self, count: int) -> FlownMissions:
+        """The first of them."""
+        return FlownMissions(
+            self.numbers[:count],
+            self.mission[:count],
+            self.seeds[:count],
+            {name: column[:count] for name, column in self.figures.items()},
+            {name: column[:count] for name, column in self.causes.items()},
+            self.seen_counts[:count],
+            self.true_counts[:count],
+            self.wall_s * min(count, len(self)) / max(len(self), 1),
+        )
+
+    def table(self, missions: Sequence[str]) -> pl.DataFrame:
+        """Table with a row per mission: number, mission, seed, figures, and what was drawn ("drawn: ...").
+
+        Parameters
+        ----------
+        missions : sequence of str
+            Their names.
+        """
+        import polars as pl
+
+        return pl.DataFrame(
+            {
+                "number": self.numbers,
+                "mission": [missions[k] for k in self.mission.tolist()],
+                "seed": self.seeds,
+            }
+            | {name: pl.Series(values) for name, values in self.figures.items()}
+            | {f"drawn: {name}": pl.Series(values) for name, values in self.causes.items()}
+        )
+
+    def to_text(self) -> str:
+        """Everything as text that loses nothing; `from_text` reads it."""
+        stream = io.BytesIO()
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in _PLAIN} | {"wall_s": self.wall_s}
+        arrays |= {f"figure {name}": values for name, values in self.figures.items()}
+        arrays |= {f"cause {name}": values for name, values in self.causes.items()}
+        np.savez_compressed(stream, **arrays)
+        return base64.b64encode(stream.getvalue()).decode("ascii")
+
+    @classmethod
+    def from_text(cls, text: str) -> FlownMissions:
+        """Missions of a text that `to_text` made."""
+        with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as found:
+            return cls(
+                **{name: found[name] for name in _PLAIN},
+                figures={
+                    name.removeprefix("figure "): found[name]
+                    for name in found.files
+                    if name.startswith("figure ")
+                },
+                causes={
+                    name.removeprefix("cause "): found[name]
+                    for name in found.files
+                    if name.startswith("cause ")
+                },
+                wall_s=float(found["wall_s"]),
+            )
+
+    @classmethod
+    def joined(cls, parts: Sequence[FlownMissions]) -> FlownMissions:
+        """Parts one behind the other.
+
+        Parameters
+        ----------
+        parts : sequence of FlownMissions
+            At least one.
+        """
+        first = parts[0]
+        return cls(
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in _PLAIN},
+            figures={name: np.concatenate([part.figures[name] for part in parts]) for name in first.figures},
+            causes={name: np.concatenate([part.causes[name] for part in parts]) for name in first.causes},
+            wall_s=sum(part.wall_s for part in parts),
+        )
+
+
+def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple[Array, Array]]:
+    """Figures of all cases as requirements name them, (k,), and counts of two errors, (k, bins) each.
+
+    These are of the cross-track error as guidance saw it, and of where the vehicle really was.
+
+    ``ending`` and ``alert`` become words; without an alert its time is not a number.
+
+    Parameters
+    ----------
+    flights : Flights
+    """
+    found: dict[str, Values] = dict(figures_of(flights))
+    names = autopilot_names()
+    endings, watches = np.array(names["endings"]), np.array(["", *names["watches"]])
+    diverged = ~np.isfinite(found["duration_s"])
+    codes = np.where(diverged, 0.0, found["ending"]).astype(int)
+    found["ending"] = np.where(diverged, DIVERGED, endings[codes])
+    causes = np.nan_to_num(found.pop("alert_cause")).astype(int)
+    called = np.nan_to_num(found["alert"]) > 0.0
+    found["alert"] = np.where(called, watches[causes], "")
+    found["alert_time_s"] = np.where(called, found["alert_time_s"], np.nan)
+    # Of a diverged mission no figure may hold a requirement.
+    for name, values in found.items():
+        if values.dtype.kind == "f":
+            found[name] = np.where(diverged, np.nan, values)
+    found["abort"] = np.isin(found["ending"], ("aborted", DIVERGED))
+    return found, (
+        _between_edges(flights.cross_track_counts),
+        _between_edges(flights.true_cross_track_counts),
+    )
+
+
+def _between_edges(above: Array) -> Array:
+    """Samples between the edges (k, edges + 1) from all samples and those above each edge."""
+    samples = np.asarray(above, dtype=float)
+    return np.asarray(samples - np.append(samples[:, 1:], np.zeros((len(samples), 1)), axis=1))
+
+
+_LARGEST_STEP_S = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignFlights:
+    """What a verification flies.
+
+    Attributes
+    ----------
+    table
+        What is asked for.
+    fitted
+        The identified vehicle and how well it is known.
+    autopilot
+        With the gains that are verified.
+    missions
+        Those of the table, in its order.
+    seed
+        Of the campaign.
+    model
+        The vehicle that the autopilot believes in; None: the identified one.
+    sensors
+        "typical", a file, or None for perfect ones.
+    rho, g
+        Density, kg/m3, and gravity, m/s2, where they are not the vehicle's.
+    """
+
+    table: VerificationTable
+    fitted: Fitted
+    autopilot: Autopilot
+    missions: tuple[Mission, ...]
+    seed: int
+    model: Vehicle | None = None
+    sensors: str | Path | None = "typical"
+    rho: float | None = None
+    g: float | None = None
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """Names of the missions."""
+        return tuple(one.title for one in self.table.missions)
+
+    def cases(self, numbers: int | ArrayLike) -> Cases:
+        """What is drawn for missions of these numbers, or for the first so many."""
+        return draw_cases(self.table, self.fitted, self.missions, seed=self.seed, numbers=numbers)
+
+    def with_autopilot(self, autopilot: Autopilot) -> CampaignFlights:
+        """The same draws for another autopilot."""
+        return replace(self, autopilot=autopilot)
+
+    def check(self) -> None:
+        """Refuse what cannot be flown before anything flies.
+
+        Raises
+        ------
+        SimulationError, TrialError, VehicleError, CampaignError
+            A number, name, sensor or file is not usable.
+        """
+        self.cases([0])
+        for one in self._ready:
+            self.autopilot.engage(self.fitted.vehicle if self.model is None else self.model, one.mission.core)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Sentences on where the sensors of the flights differ from those of the set."""
+        return self._ready[0].circumstances.sensor_notes
+
+    @property
+    def position_sd_m(self) -> float:
+        """Standard deviation of the sensors' position along an axis at the end of the longest mission, m."""
+        _, offset, walk, _ = self._ready[0].channels.errors[:2].max(axis=0).tolist()
+        longest = max(one.planned_time for one in self.missions)
+        return math.sqrt(offset**2 + walk**2 * longest)
+
+    def fly(self, numbers: ArrayLike, *, threads: int | None = None) -> FlownMissions:
+        """Missions of these numbers, flown side by side.
+
+        Parameters
+        ----------
+        numbers : (k,) array_like of int
+        threads : int, optional
+            All when omitted; the result does not depend on it.
+        """
+        began = time.monotonic()
+        cases = self.cases(numbers)
+        figures: dict[str, Any] = {}
+        seen, true = np.zeros((2, len(cases), len(_core.error_edges()) + 1))
+        for index in np.unique(cases.mission).tolist():
+            rows = np.flatnonzero(cases.mission == index)
+            found, samples = figures_for_requirements(self._flights(cases.take(rows), index, threads=threads))
+            seen[rows], true[rows] = (counts[: len(rows)] for counts in samples)
+            for name, values in found.items():
+                if name not in figures:
+                    words = values.dtype.kind == "U"
+                    figures[name] = np.empty(len(cases), dtype="U24" if words else values.dtype)
+                figures[name][rows] = values[: len(rows)]
+        return FlownMissions(
+            numbers=cases.numbers,
+            mission=cases.mission,
+            seeds=cases.seeds,
+            figures=figures,
+            causes=dict(cases.causes),
+            seen_counts=seen,
+            true_counts=true,
+            wall_s=time.monotonic() - began,
+        )
+
+    def replay(self, number: int) -> Flight:
+        """Flight of the mission with this number, with its log; its figures are those of the verification.
+
+        The vehicle of the flight is the drawn one, and the autopilot believes in the identified one.
+        """
+        case = self.cases([number])
+        index = int(case.mission[0])
+        flights = self._flights(case, index, logs=True)
+        ready = self._ready[index]
+        names = _core.autopilot_names()["groups"]
+        around = replace(
+            ready.circumstances,
+            current=tuple(case.current[0].tolist()),
+            turbulence=tuple(case.turbulence[0].tolist()),
+            faults=tuple(_fault(row, self.fitted.vehicle) for row in case.faults),
+            outages=tuple(Outage(names[group], begin, end) for _, group, begin, end in case.outages),
+            seed=int(case.seeds[0]),
+        )
+        drawn = self.fitted.vehicle.with_coefficients({
+            name: float(values[0]) for name, values in case.coefficients.items()
+        })
+        return Flight.of_case(flights, (drawn, *ready.flown[1:]), around, case=0)
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of everything that a flight depends on."""
+        asked = self.table.model_dump(
+            mode="json", exclude={"runs", "requirements", "confidence", "keep_worst"}
+        )
+        around = self._ready[0].circumstances
+        fitted = self.fitted
+        what = [
+            metadata.version("seatrial"),
+            [*KNOWN, *self.cases([0]).causes],
+            _core.simd_level(),
+            self.seed,
+            asked,
+            [self.rho, self.g, around.sensors],
+            [fitted.vehicle.to_toml(), fitted.names, fitted.covariance.tolist()],
+            self.autopilot.to_toml(),
+            None if self.model is None else self.model.to_toml(),
+            [one.to_toml() for one in self.missions],
+        ]
+        return hashlib.sha256(json.dumps(what).encode()).hexdigest()
+
+    @cached_property
+    def _ready(self) -> tuple[SetUp, ...]:
+        """A set-up per mission, in which everything that is drawn still has its mean."""
+        return tuple(self._set_up(mission) for mission in self.missions)
+
+    def _set_up(self, mission: Mission) -> SetUp:
+        table, bottom = self.table, self.table.seabed
+        return set_up(
+            (self.fitted.vehicle, self.autopilot, mission),
+            model=self.model,
+            sensors=self.sensors,
+            current=(0.0, 0.0, 0.0),
+            turbulence_times=table.current.turbulence_times_s,
+            obstacles=obstacles(table.obstacles, mission),
+            initial=None,
+            faults=(),
+            outages=(),
+            seabed=None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east),
+            seed=0,
+            voltage=table.voltage_v,
+            feedback=True,
+            max_step=_LARGEST_STEP_S,
+            max_time=table.max_time_s,
+            rho=self.rho,
+            g=self.g,
+            logs=False,
+        )
+
+    def _flights(
+        self, cases: Cases, index: int, *, threads: int | None = None, logs: bool = False
+    ) -> Flights:
+        """Flights of cases of one mission, at least two of them."""
+        if len(cases) == 1:
+            cases = _twice(cases)
+        return self._ready[index].fly(
+            cases.seeds.tolist(),
+            cases.faults,
+            current=cases.current,
+            logs=logs,
+            threads=threads,
+            coefficients=dict(cases.coefficients),
+            turbulence=cases.turbulence,
+            position=cases.position,
+            attitude=cases.attitude,
+            nu=cases.nu,
+            case_outages=cases.outages,
+        )
+
+
+def _twice(cases: Cases) -> Cases:
+    """A case alone beside itself, so that it flies in lanes as it does among others."""
+    return replace(
+        cases.take([0, 0]),
+        faults=[(lane, *row[1:]) for lane in (0, 1) for row in cases.faults],
+        outages=[(lane, *row[1:]) for lane in (0, 1) for row in cases.outages],
+    )
+
+
+def _fault(row: tuple[int, str, float, float], vehicle: Vehicle) -> Fault:
+    """A drawn fault as a person would give it."""
+    _, actuator, at, command = row
+    if np.isnan(command):
+        return Fault(actuator, at, stuck=True)
+    dead = command == float(vehicle.actuator_info()[actuator]["neutral"])
+    return Fault(actuator, at, stuck_at=None if dead else command)
+
+
+CHUNK = 512
+"""Missions between two reports."""
+
+
+@dataclass(frozen=True)
+class MissionsFlown:
+    """State of a verification after a chunk.
+
+    ``autopilot`` is what flies ("verified", "start", ...), ``flown`` of ``runs`` missions are done,
+    ``left_s`` is the time left, s, ``real_time_factor`` the time flown over the time it took.
+    """
+
+    autopilot: str
+    flown: int
+    runs: int
+    elapsed_s: float
+    left_s: float
+    real_time_factor: float
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Missions flown, None without a single one, and whether Ctrl-C ended them early."""
+
+    flown: FlownMissions | None
+    interrupted: bool
+
+
+def fly_series(
+    flights: CampaignFlights,
+    runs: int,
+    *,
+    autopilot: str = "verified",
+    store: StageStore | None = None,
+    resume: bool = True,
+    progress: Callable[[MissionsFlown], None] | None = None,
+    threads: int | None = None,
+) -> Series:
+    """The first missions of a verification; after Ctrl-C those that were finished.
+
+    Parameters
+    ----------
+    flights : CampaignFlights
+    runs : int
+    autopilot : str
+        What to call the autopilot in reports and in the store.
+    store : StageStore, optional
+        Where finished chunks are kept and found again.
+    resume : bool
+        Whether to take chunks from the store.
+    progress : callable, optional
+        Called after each chunk; it may raise KeyboardInterrupt.
+    threads : int, optional
+    """
+    began, parts, fresh = time.monotonic(), [], 0
+    interrupted = False
+    try:
+        for start in range(0, runs, CHUNK):
+            stop = min(start + CHUNK, runs)
+            name = f"{autopilot}, missions {start} to {stop - 1}"
+            kept = None if store is None or not resume else store.finished(name, flights.digest)
+            if kept is not None:
+                part = FlownMissions.from_text(kept["missions"])
+            else:
+                part = flights.fly(np.arange(start, stop), threads=threads)
+                fresh += stop - start
+            if store is not None:
+                store.keep(name, {"inputs": flights.digest, "missions": part.to_text()})
+            parts.append(part)
+            if progress is not None:
+                elapsed = time.monotonic() - began
+                flown_s = sum(one.flown_s for one in parts)
+                progress(
+                    MissionsFlown(
+                        autopilot=autopilot,
+                        flown=stop,
+                        runs=runs,
+                        elapsed_s=elapsed,
+                        left_s=elapsed * (runs - stop) / max(fresh, 1),
+                        real_time_factor=flown_s / max(sum(one.wall_s for one in parts), 1e-9),
+                    )
+                )
+    except KeyboardInterrupt:
+        interrupted = True
+    return Series(FlownMissions.joined(parts) if parts else None, interrupted)

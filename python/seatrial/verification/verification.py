@@ -1,0 +1,528 @@
+"""Verification: what a campaign of missions says of an autopilot, for people, for machines and as files.
+
+A verification in words: verdicts, causes, worst missions, comparison, time.
+
+Tests: ``tests/verification/test_verify.py``.
+
+What a verification leaves in its run directory: verdict, missions, JUnit XML, worst missions, inputs.
+
+Tests: ``tests/verification/test_verify.py``, ``tests/cli/test_cli_verify.py``.
+
+Verdicts as JUnit XML, which build servers show beside the other tests.
+
+One ``testsuite`` per campaign, one ``testcase`` per requirement: it is judged on the mix of the table's
+missions, and the failures of each of them stand in its text. There is no binding schema; these are the
+elements and attributes that Jenkins and GitLab read, all of them of junit-10.xsd of Jenkins' xUnit plugin
+but ``error``, which that spells ``errors`` and every server reads as it is here:
+
+==============  ==================================================================================
+``testsuite``   ``name tests failures errors skipped time timestamp``; seed, versions and what is assumed
+                as ``property``
+``testcase``    ``classname`` campaign.mission, or campaign.all missions (GitLab: the suite), ``name``
+                requirement, ``time`` s
+``failure``     a requirement that failed; ``type="failed"``, ``message`` the verdict, text the details
+``failure``     one that is undecided; ``type="undecided"``: it was not shown to hold, so that a build
+                must not pass; ``undecided="skipped"`` where a short campaign shall only warn
+``error``       a mission that could not be flown; ``type="error"``
+==============  ==================================================================================
+
+Held by `tests/verification/test_junit.py`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from importlib import metadata
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+from xml.etree import ElementTree
+
+from seatrial.base.atomic_write import parquet
+from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.campaign.campaign import run_facts
+from seatrial.statistics import proportions
+from seatrial.statistics.proportions import share
+from seatrial.verification.comparison import AutopilotComparison
+from seatrial.verification.judgement import JudgedRequirement
+from seatrial.verification.missions import CampaignFlights, FlownMissions
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.flight.flight import Flight
+
+__all__ = [
+    "Outcome",
+    "Verification",
+    "again",
+    "comparison_lines",
+    "facts",
+    "files",
+    "headline",
+    "junit",
+    "junit_xml",
+    "requirement_lines",
+    "reserve",
+    "summary",
+    "time_sentence",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What missions flown by drawn vehicles say of an autopilot; made by `seatrial.verify`.
+
+    Attributes
+    ----------
+    campaign
+        What was asked for.
+    flights
+        What was flown, and how to fly any of it again.
+    flown
+        All missions: figures, what was drawn, times.
+    requirements
+        A `JudgedRequirement` each: failures, interval, verdict, worst missions, causes.
+    comparison
+        Other autopilots on the same draws; None where none was asked for.
+    asked
+        Missions that were asked for.
+    interrupted
+        Whether Ctrl-C ended them early: the verdict is that of the missions until then.
+    notes
+        Sentences on what is assumed and what was drawn; ``flights.left_out`` says more.
+    """
+
+    campaign: Campaign
+    flights: CampaignFlights
+    flown: FlownMissions
+    requirements: tuple[JudgedRequirement, ...]
+    comparison: AutopilotComparison | None
+    asked: int
+    interrupted: bool
+    notes: tuple[str, ...]
+
+    @property
+    def verdict(self) -> proportions.Verdict:
+        """Held where every requirement is, failed where any is, undecided otherwise.
+
+        That all are held is wrong at most as often as a single one (Berger 1982, Technometrics 24:295): no
+        correction is needed. Of m requirements that just hold, up to m times the risk are called failed.
+        """
+        verdicts = {one.verdict for one in self.requirements}
+        if "failed" in verdicts:
+            return "failed"
+        return "undecided" if "undecided" in verdicts else "held"
+
+    @property
+    def held(self) -> bool:
+        """Whether every requirement is held."""
+        return self.verdict == "held"
+
+    def requirement(self, name: str) -> JudgedRequirement:
+        """The requirement with a name.
+
+        Parameters
+        ----------
+        name : str
+
+        Raises
+        ------
+        KeyError
+            There is none.
+        """
+        for one in self.requirements:
+            if one.requirement.name == name:
+                return one
+        raise KeyError(name)
+
+    def replay(self, number: int) -> Flight:
+        """Flight of a mission by its number, with its log; figures are those of the verification to the bit.
+
+        Parameters
+        ----------
+        number : int
+            From 0 on; also one beyond those that were flown.
+        """
+        return self.flights.replay(number)
+
+    def table(self) -> pl.DataFrame:
+        """Table with a row per mission: figures and what was drawn."""
+        return self.flown.table(self.flights.titles)
+
+    def summary(self) -> str:
+        """Text that a control engineer reads: verdicts, causes, worst missions and how to fly them again."""
+        return summary(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the missions as plain data."""
+        return {
+            "campaign": self.campaign.name,
+            "verdict": self.verdict,
+            "interrupted": self.interrupted,
+            "missions": {"asked": self.asked, "flown": len(self.flown), "of": list(self.flights.titles)},
+            "vehicle": self.flights.fitted.vehicle.name,
+            "autopilot": self.flights.autopilot.name,
+            "seed": self.flights.seed,
+            "requirements": [one.to_dict() for one in self.requirements],
+            "comparison": None if self.comparison is None else self.comparison.to_dict(),
+            "time": {
+                "flown_s": self.flown.flown_s,
+                "wall_s": self.flown.wall_s,
+                "real_time_factor": self.flown.real_time_factor,
+                "missions_per_s": self.flown.per_second,
+            },
+            "notes": list(self.notes),
+            "left_out": list(self.flights.left_out),
+        }
+
+    def junit(self) -> str:
+        """JUnit XML with a case per requirement; undecided is a failure."""
+        return junit(self)
+
+    def save(self, run_dir: str | Path) -> Path:
+        """Path of a run directory with JSON, Parquet, JUnit XML, summary, worst missions and inputs.
+
+        Parameters
+        ----------
+        run_dir : str or Path
+            Made when it does not exist; an earlier run's is replaced.
+
+        Raises
+        ------
+        SeatrialError
+            The directory cannot be written; nothing is left half-written.
+        """
+        return self.publish(RunDirectory(run_dir))
+
+    def publish(self, directory: RunDirectory) -> Path:
+        """Path of an opened run directory after the results are in it. See `save`.
+
+        Parameters
+        ----------
+        directory : RunDirectory
+        """
+        return directory.publish(files(self))
+
+    def worst(self) -> Mapping[str, list[int]]:
+        """Numbers of the worst missions by requirement, the worst first."""
+        return {one.requirement.name: [run.number for run in one.worst] for one in self.requirements}
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+_CAUSES = 4
+
+
+def summary(found: Verification) -> str:
+    """Text that a control engineer reads."""
+    lines = [headline(found), ""]
+    for one in found.requirements:
+        lines += [*requirement_lines(one), ""]
+    if found.comparison is not None:
+        lines += [*comparison_lines(found.comparison), ""]
+    lines.append(again(found))
+    lines.append(time_sentence(found))
+    lines += ["", *(f"- {note}" for note in (*found.notes, *found.flights.left_out))]
+    return "\n".join(lines)
+
+
+def headline(found: Verification) -> str:
+    """The verdict in a line."""
+    flights, flown = found.flights, len(found.flown)
+    missions = ", ".join(flights.titles)
+    counted = f"{flown} missions" if flown == found.asked else f"{flown} of {found.asked} missions"
+    cut = " (interrupted)" if found.interrupted else ""
+    return (
+        f"{found.verdict.upper()}{cut}: autopilot {flights.autopilot.name} on {flights.fitted.vehicle.name},"
+        f" {counted} of {missions}, seed {flights.seed}"
+    )
+
+
+def requirement_lines(one: JudgedRequirement) -> list[str]:
+    """Verdict, interval, causes and worst missions of a requirement."""
+    asked = one.requirement
+    lines = [
+        f"{asked.name}: {asked.holds}, in at least {share(asked.probability)} of the missions",
+        f"  {one.sentence}",
+        f"  {one.found}",
+    ]
+    if len(one.by_mission) > 1:
+        apart = (f"{name} {part.failures} of {part.runs}" for name, part in one.by_mission.items())
+        lines.append(f"  failures by mission: {', '.join(apart)}")
+    lines += [f"  {cause}" for cause in one.named_causes[:_CAUSES]]
+    if one.found.failures and not one.named_causes:
+        lines.append("  nothing that was drawn is shown to drive the failures")
+    if one.worst:
+        unit = one.judgement.unit
+        numbers = ", ".join(f"{run.number} ({reserve(run.reserve, unit)})" for run in one.worst)
+        lines.append(f"  least reserve in missions {numbers}")
+    return lines
+
+
+def comparison_lines(found: AutopilotComparison) -> list[str]:
+    """Autopilots on the same draws, a line per requirement and other autopilot."""
+    verified, *others = found.autopilots
+    lines = [f"On the same {found.runs} draws:"]
+    for other in others:
+        for name, failures in verified.failures.items():
+            pair = found.pair(name, other.name)
+            lines.append(
+                f"  {name}: {failures.failures} failures, with {other.name} {other.failures[name].failures};"
+                f" only verified failed {pair.only_verified}, only {other.name} {pair.only_other};"
+                f" {pair.words} (p = {pair.corrected:.2g})"
+            )
+        figures = (
+            f"{figure} {_figure(value)} against {_figure(other.figures[figure])}"
+            for figure, value in verified.figures.items()
+        )
+        lines.append(f"  medians, verified against {other.name}: {', '.join(figures)}")
+    return lines
+
+
+def again(found: Verification) -> str:
+    """How to fly a mission again."""
+    return (
+        f"Any mission flies again by its number: seatrial verify {found.campaign.source} --replay NUMBER"
+        " (with the same --run, --autopilot and --mission), or verification.replay(NUMBER)."
+    )
+
+
+def time_sentence(found: Verification) -> str:
+    """How much was flown in which time."""
+    flown = found.flown
+    return (
+        f"{_size(flown.flown_s / 3600.0)} h were flown in {_size(flown.wall_s)} s:"
+        f" {flown.per_second:,.0f} missions per second, {flown.real_time_factor:,.0f} times real time."
+    )
+
+
+def reserve(value: float, unit: str) -> str:
+    """A reserve with its sign and unit; in words where it has no size."""
+    if math.isinf(value):
+        return "failed" if value < 0.0 else "held"
+    return f"{value:+.2g} {unit}".rstrip().replace("-", "\N{MINUS SIGN}")
+
+
+def _size(value: float) -> str:
+    return f"{value:,.1f}" if value >= 1.0 else f"{value:.2g}"
+
+
+def _figure(value: float) -> str:
+    return "none" if math.isnan(value) else f"{value:.3g}"
+
+
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 has no way to write: most control characters, halves of surrogate pairs."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came out for a requirement.
+
+    Parameters
+    ----------
+    mission, requirement : str
+        Their names; of several missions together "all missions".
+    verdict : {"held", "failed", "undecided", "error"}
+        ``error``: the mission could not be flown.
+    message : str
+        The verdict in one line.
+    details : str
+        More lines: causes, the worst runs and how to fly them again.
+    time_s : float
+        Time that it took.
+    """
+
+    mission: str
+    requirement: str
+    verdict: Literal["held", "failed", "undecided", "error"]
+    message: str = ""
+    details: str = ""
+    time_s: float = 0.0
+
+
+def junit_xml(
+    name: str,
+    outcomes: Sequence[Outcome],
+    *,
+    properties: Mapping[str, object] | None = None,
+    at: datetime | None = None,
+    undecided: Literal["failure", "skipped"] = "failure",
+) -> str:
+    """JUnit XML of a campaign, a text to be written in UTF-8.
+
+    Parameters
+    ----------
+    name : str
+        Of the campaign.
+    outcomes : sequence of Outcome
+    properties : mapping of str to object, optional
+        Seed, versions and whatever else is needed to fly it again.
+    at : datetime, optional
+        When it began; left out, the same verdicts give the same file.
+    undecided : {"failure", "skipped"}
+        What an undecided requirement is to a build.
+
+    Examples
+    --------
+    >>> kept = Outcome("box", "keeps its path", "held", time_s=2.5)
+    >>> print(junit_xml("farm", [kept], properties={"seed": 7}))
+    <?xml version="1.0" encoding="UTF-8"?>
+    <testsuites tests="1" failures="0" errors="0" time="2.500">
+      <testsuite name="farm" tests="1" failures="0" errors="0" skipped="0" time="2.500">
+        <properties>
+          <property name="seed" value="7" />
+        </properties>
+        <testcase classname="farm.box" name="keeps its path" time="2.500" />
+      </testsuite>
+    </testsuites>
+    """
+    tags = [_tag(outcome, undecided) for outcome in outcomes]
+    counts = {
+        "tests": str(len(tags)),
+        "failures": str(tags.count("failure")),
+        "errors": str(tags.count("error")),
+        "skipped": str(tags.count("skipped")),
+        "time": _seconds(sum(outcome.time_s for outcome in outcomes)),
+    }
+    # The schema of Jenkins' xUnit plugin knows no skipped ones of all suites together.
+    root = ElementTree.Element("testsuites", {key: n for key, n in counts.items() if key != "skipped"})
+    suite = ElementTree.SubElement(root, "testsuite", {"name": _clean(name), **counts})
+    if at is not None:
+        suite.set("timestamp", at.strftime("%Y-%m-%dT%H:%M:%S"))
+    if properties:
+        rows = ElementTree.SubElement(suite, "properties")
+        for key, value in properties.items():
+            ElementTree.SubElement(rows, "property", {"name": _clean(key), "value": _clean(str(value))})
+    for outcome, tag in zip(outcomes, tags, strict=True):
+        _case(suite, name, outcome, tag)
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _case(suite: ElementTree.Element, campaign: str, outcome: Outcome, tag: str) -> None:
+    # Jenkins takes what stands before the last point for a package: points inside a name would part it.
+    classname = ".".join(part.replace(".", "_") for part in (campaign, outcome.mission))
+    case = ElementTree.SubElement(
+        suite,
+        "testcase",
+        {
+            "classname": _clean(classname),
+            "name": _clean(outcome.requirement),
+            "time": _seconds(outcome.time_s),
+        },
+    )
+    if tag:
+        said = ElementTree.SubElement(
+            case, tag, {"message": _clean(outcome.message), "type": outcome.verdict}
+        )
+        # GitLab shows the text alone: the verdict belongs into it too.
+        said.text = _clean("\n".join(text for text in (outcome.message, outcome.details) if text))
+    elif outcome.message or outcome.details:
+        told = ElementTree.SubElement(case, "system-out")
+        told.text = _clean("\n".join(text for text in (outcome.message, outcome.details) if text))
+
+
+def _tag(outcome: Outcome, undecided: str) -> str:
+    return {"held": "", "failed": "failure", "undecided": undecided, "error": "error"}[outcome.verdict]
+
+
+def _seconds(time_s: float) -> str:
+    return f"{time_s:.3f}"
+
+
+def _clean(text: str) -> str:
+    return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+_LONGEST = 50
+"""Letters: those of some scripts take four of the 255 bytes that file systems give a name."""
+
+
+def facts(found: Verification) -> dict[str, Any]:
+    """What a verification rests on: versions, machine, seed, hashes of the inputs, what was asked for."""
+    known = run_facts(found.campaign, trials=False)
+    inputs = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in _inputs(found).items()}
+    return known | {
+        "kind": "verification",
+        "missions": len(found.flown),
+        "verification": found.flights.table.model_dump(mode="json", exclude_none=True),
+        "sha256": known["sha256"] | inputs,
+    }
+
+
+def junit(found: Verification) -> str:
+    """JUnit XML with a case per requirement."""
+    titles = found.flights.titles
+    mission = titles[0] if len(titles) == 1 else "all missions"
+    part = found.flown.wall_s / len(found.requirements)
+    lines = [requirement_lines(one) for one in found.requirements]
+    outcomes = [
+        Outcome(
+            mission,
+            one.requirement.name,
+            one.verdict,
+            message=one.sentence,
+            # The second line is the message.
+            details="\n".join([said[0], *(line.strip() for line in said[2:]), again(found)]),
+            time_s=part,
+        )
+        for one, said in zip(found.requirements, lines, strict=True)
+    ]
+    rests_on = {
+        "seed": found.flights.seed,
+        "missions": len(found.flown),
+        "seatrial": metadata.version("seatrial"),
+        "autopilot": found.flights.autopilot.name,
+        "vehicle": found.flights.fitted.vehicle.name,
+        "confidence": found.flights.table.confidence,
+    }
+    rests_on |= {f"note {k}": note for k, note in enumerate((*found.notes, *found.flights.left_out), 1)}
+    return junit_xml(found.campaign.name, outcomes, properties=rests_on)
+
+
+def files(found: Verification) -> dict[str, str | bytes]:
+    """Files of the run directory by name: text, or bytes."""
+    worst = {one.requirement.name: [run.to_dict() for run in one.worst] for one in found.requirements}
+    return {
+        RUN_FILE: to_json(facts(found)),
+        **_inputs(found),
+        "verification.json": to_json(found.to_dict()),
+        "summary.txt": found.summary() + "\n",
+        "junit.xml": junit(found),
+        "worst_runs.json": to_json(worst),
+        "missions.parquet": parquet(found.table()),
+    }
+
+
+def _inputs(found: Verification) -> dict[str, str]:
+    """Files of the inputs by name, as they were flown."""
+    flights = found.flights
+    missions: dict[str, str] = {}
+    for title, mission in zip(flights.titles, flights.missions, strict=True):
+        missions[_free(_safe(title), missions)] = mission.to_toml()
+    return {
+        "campaign.toml": found.campaign.text,
+        "vehicle.toml": flights.fitted.vehicle.to_toml(),
+        "autopilot.toml": flights.autopilot.to_toml(),
+        **{f"missions/{name}.toml": text for name, text in missions.items()},
+    }
+
+
+def _safe(name: str) -> str:
+    """Name for a file, short enough for any file system."""
+    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)[:_LONGEST]
+
+
+def _free(name: str, taken: Container[str]) -> str:
+    """The name, with a number where another mission's became the same."""
+    numbered = (name if k == 1 else f"{name}-{k}" for k in count(1))
+    return next(one for one in numbered if one not in taken)

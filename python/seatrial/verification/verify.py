@@ -1,0 +1,217 @@
+"""Verification of an autopilot by many missions: the public function.
+
+The work is in `seatrial.verification.verify`, loaded at the call: `import seatrial` stays light.
+
+The conduct of a verification: missions flown, with other autopilots too, all of them judged and kept.
+
+Tests: ``tests/verification/test_verify.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.run import RunDirectory
+from seatrial.flight.cases import checked_threads
+from seatrial.verification.comparison import AutopilotComparison, compared
+from seatrial.verification.judgement import beyond_the_vehicle, figures_without_value, judged, seen_and_true
+from seatrial.verification.missions import MissionsFlown, fly_series
+from seatrial.verification.verification import Verification
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.flight.mission import Mission
+    from seatrial.identification.fitted import Fitted
+    from seatrial.identification.identification import Identification
+    from seatrial.verification.campaign import VerifiedCampaign
+    from seatrial.verification.missions import FlownMissions
+
+__all__ = ["conduct", "verify"]
+
+
+def verify(
+    campaign: Campaign,
+    fit: Identification | Fitted | Vehicle | str | Path | None = None,
+    gains: Any = None,
+    *,
+    model: Vehicle | str | Path | None = None,
+    runs: int | None = None,
+    missions: Sequence[Mission | str | Path] | None = None,
+    threads: int | None = None,
+    run_dir: str | Path | None = None,
+    progress: Callable[[MissionsFlown], None] | None = None,
+    resume: bool = True,
+    compare: bool | Mapping[str, Any] = False,
+) -> Verification:
+    """Verdict on an autopilot from many missions of vehicles that are drawn from what is known of one.
+
+    Every mission has its own vehicle, water, noise, failures and start, as the table ``[verification]`` of
+    the campaign says; the autopilot believes in the identified vehicle. Mission i depends on the campaign's
+    seed and on i alone. Requirements are read before anything flies.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        With a table ``[verification]``.
+    fit : Identification, Fitted, Vehicle, str or Path, optional
+        The vehicle and how well it is known: a result of `seatrial.identify`, its run directory, or a
+        vehicle, whose coefficients count as exact; by default the campaign's vehicle.
+    gains : Tuning, Autopilot, str or Path, optional
+        The autopilot: a result of `seatrial.tune` or its run directory, an autopilot, a built-in name or a
+        file; by default the campaign's.
+    model : Vehicle, str or Path, optional
+        The vehicle that the autopilot believes in; by default the best values of ``fit``. With it, ``fit``
+        may be a vehicle that the autopilot does not know: the truth of generated trials, or another one of
+        its class.
+    runs : int, optional
+        Number of missions instead of the table's.
+    missions : sequence of Mission, str or Path, optional
+        Instead of the table's.
+    threads : int, optional
+        Threads of the core; by default all. The result does not depend on it.
+    run_dir : str or Path, optional
+        Folder for the results. Finished missions are kept in it, and in its sibling while the run goes on.
+    progress : callable, optional
+        Called in the caller's thread with a `MissionsFlown` after every 512 missions.
+    resume : bool
+        Reuse the missions that an earlier run in this folder flew from the same inputs.
+    compare : bool or mapping of str to autopilot
+        Fly some of the missions with the campaign's autopilot ("start") as well, or with those given by
+        name: a tenth of them, at least 200.
+
+    Returns
+    -------
+    Verification
+        After Ctrl-C: the verdict on the missions until then, marked as interrupted.
+
+    Raises
+    ------
+    CampaignError
+        There is no table ``[verification]``, a requirement cannot be read, or nothing stands to compare with.
+    SimulationError, TrialError, VehicleError
+        A mission, sensor, failure or number is not usable.
+    SeatrialError
+        The run directory cannot be written.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
+    >>> found = st.verify(campaign, "runs/cwolf", "runs/cwolf-tuned")  # doctest: +SKIP
+    >>> found.verdict, found.requirement("keeps its path").found.interval  # doctest: +SKIP
+    """
+    from seatrial.verification.campaign import verified_campaign
+
+    prepared = verified_campaign(
+        campaign, fit, gains, model=model, runs=runs, missions=missions, compare=compare
+    )
+    return conduct(prepared, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
+
+
+_VERIFIED = "verified"
+
+_SHARE, _LEAST = 10, 200
+
+
+def conduct(
+    prepared: VerifiedCampaign,
+    *,
+    run_dir: str | Path | None = None,
+    progress: Callable[[MissionsFlown], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> Verification:
+    """Verification of a campaign. See `seatrial.verify` for the parameters.
+
+    Raises
+    ------
+    SimulationError
+        There is no such number of threads.
+    SeatrialError
+        The run directory cannot be written.
+    KeyboardInterrupt
+        Before the first missions were finished.
+    """
+    checked_threads(threads)
+    directory = None if run_dir is None else RunDirectory(run_dir)
+    try:
+        series = fly_series(
+            prepared.flights,
+            prepared.runs,
+            autopilot=_VERIFIED,
+            store=directory,
+            resume=resume,
+            progress=progress,
+            threads=threads,
+        )
+        if series.flown is None:
+            raise KeyboardInterrupt
+        flown, comparison, interrupted = series.flown, None, series.interrupted
+        if prepared.others and not interrupted:
+            comparison, interrupted = _compared(
+                prepared, flown, store=directory, progress=progress, resume=resume, threads=threads
+            )
+    except BaseException:
+        if directory is not None:
+            directory.abandon()
+        raise
+    cases = prepared.flights.cases(len(flown))
+    found = Verification(
+        campaign=prepared.campaign,
+        flights=prepared.flights,
+        flown=flown,
+        requirements=judged(
+            prepared.requirements,
+            flown,
+            missions=prepared.flights.titles,
+            confidence=prepared.flights.table.confidence,
+            keep_worst=prepared.flights.table.keep_worst,
+        ),
+        comparison=comparison,
+        asked=prepared.runs,
+        interrupted=interrupted,
+        notes=tuple(
+            dict.fromkeys([
+                *prepared.notes,
+                *cases.notes,
+                *beyond_the_vehicle(prepared.flights, cases, flown),
+                *figures_without_value(prepared.requirements, flown),
+                *seen_and_true(prepared.requirements, flown),
+            ])
+        ),
+    )
+    if directory is not None:
+        found.publish(directory)
+    return found
+
+
+def _compared(
+    prepared: VerifiedCampaign,
+    flown: FlownMissions,
+    *,
+    store: RunDirectory | None,
+    progress: Callable[[MissionsFlown], None] | None,
+    resume: bool,
+    threads: int | None,
+) -> tuple[AutopilotComparison | None, bool]:
+    """Other autopilots on the first missions; nothing where Ctrl-C ended one of them early."""
+    runs = min(len(flown), max(_LEAST, prepared.runs // _SHARE))
+    every = {_VERIFIED: flown.first(runs)}
+    for name, autopilot in prepared.others.items():
+        series = fly_series(
+            prepared.flights.with_autopilot(autopilot),
+            runs,
+            autopilot=name,
+            store=store,
+            resume=resume,
+            progress=progress,
+            threads=threads,
+        )
+        if series.interrupted or series.flown is None:
+            return None, True
+        every[name] = series.flown
+    confidence = prepared.flights.table.confidence
+    return compared(prepared.requirements, every, confidence=confidence), False

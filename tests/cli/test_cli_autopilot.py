@@ -1,0 +1,153 @@
+"""`seatrial autopilot` and `st.start_autopilot`: the file, what is told of it, refusals."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+import seatrial as st
+from seatrial.cli import app
+from seatrial.cli.autopilot import weak_points
+from tests.flight.flying import OUT
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+STARTER = EXAMPLES / "starter" / "vehicle.toml"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["autopilot", *map(str, arguments)])
+
+
+def refused(result: Result, *words: str) -> None:
+    assert result.exit_code == 2, result.output
+    said = " ".join(result.stderr.split())
+    assert "Traceback" not in said
+    for word in words:
+        assert word in said, said
+
+
+def test_the_file_of_the_verb_is_that_of_the_function_and_flies() -> None:
+    result = call("cwolf", "--out", "mine.toml")
+    assert result.exit_code == 0, result.output
+    text = Path("mine.toml").read_text()
+    assert text == st.start_autopilot(st.Vehicle.load("cwolf"))
+    assert text.startswith("# Start values for cwolf")
+    Path("out.toml").write_text(OUT)
+    flown = CliRunner().invoke(app, ["fly", "cwolf", "mine.toml", "out.toml", "--no-figures"])
+    assert flown.exit_code == 0, flown.output
+
+
+def test_the_summary_tells_rows_gains_margins_and_what_next() -> None:
+    told = call(STARTER).stdout
+    for words in (
+        "M cannot be commanded: no actuator acts in pitch.",
+        "After the loss of vertical heave cannot be commanded; surge and yaw can.",
+        "surge heave heading",
+        "heading   K_D_s",
+        "Margins",
+        "WARNING: keep the speed of missions between 0.00 and",
+        "Autopilot in autopilot.toml",
+        f"seatrial check autopilot.toml --vehicle {STARTER}",
+    ):
+        assert words in told, words
+    assert Path("autopilot.toml").exists()
+
+
+def test_authority_is_told_at_the_speed_that_a_vehicle_with_fins_needs() -> None:
+    told = call("lauv").stdout
+    assert told.startswith("At 1.1 m/s surge, roll, pitch and yaw can be commanded")
+    assert "No roll loop: the hull rights itself" in told
+
+
+def test_json_has_all_that_is_printed() -> None:
+    found = json.loads(call("cwolf", "--law", "lqr", "--period-s", "0.2", "--json").stdout)
+    assert found["control"] == "lqr"
+    assert found["period_s"] == tomllib.loads(Path("autopilot.toml").read_text())["period_s"] == 0.2
+    assert len(found["margins"]) == 6
+    assert {"mode", "speed_m_s", "phase_deg", "gain", "delay_s", "doubles_s", "verdict"} <= set(
+        found["margins"][0]
+    )
+    low, high = found["sound_m_s"]
+    assert low < high
+    assert found["authority"]
+
+
+def test_the_starter_project_flies_its_mission() -> None:
+    run = CliRunner().invoke
+    assert run(app, ["new", "mine"]).exit_code == 0
+    assert call("mine/vehicle.toml", "--out", "mine/autopilot.toml").exit_code == 0
+    fly = ["fly", "mine/vehicle.toml", "mine/autopilot.toml", "mine/mission.toml", "--no-figures"]
+    flown = run(app, [*fly, "--current", "0", "0.15", "0"])
+    assert flown.exit_code == 0, flown.output
+    assert "3 of 3 waypoints reached" in flown.stdout
+
+
+def test_a_file_that_exists_is_replaced_only_when_told_to() -> None:
+    Path("autopilot.toml").write_text("tuned for weeks")
+    refused(call("cwolf"), "autopilot.toml", "is not overwritten", "--force")
+    assert Path("autopilot.toml").read_text() == "tuned for weeks"
+    assert call("cwolf", "--force").exit_code == 0
+    assert st.Autopilot.load("autopilot.toml").name == "cwolf start"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--out", "."), ("expected a file, found a folder",)),
+        (("--out", "none/a.toml"), ("there is no folder none",)),
+        (("--law", "mpc"), ("expected pid or lqr, found 'mpc'",)),
+        (("--period-s", "0"), ("from 0.005 to 1 s, found 0",)),
+        (("--period-s", "nan"), ("found nan",)),
+        (("--period-s", "-1"), ("found -1",)),
+    ],
+)
+def test_bad_options_are_refused(arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
+    refused(call("cwolf", *arguments), *words)
+    assert not list(Path().iterdir())
+
+
+def test_a_vehicle_that_cannot_be_steered_is_refused() -> None:
+    text = STARTER.read_text().replace('controllable = ["X", "Z", "N"]', 'controllable = ["X", "Z"]')
+    Path("lame.toml").write_text(text)
+    refused(call("lame.toml"), "my-vehicle", "commands X, N and Z or M", "N:")
+    with pytest.raises(st.VehicleError, match="no autopilot can be made"):
+        st.start_autopilot(st.Vehicle.load("lame.toml"))
+
+
+def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
+    from seatrial.control_design.margins import MarginRow
+
+    def row(speed: float, doubles: float | None, phase: float = 60.0) -> MarginRow:
+        return MarginRow("hover", speed, phase, 3.0, 0.5, doubles, "pitch" if doubles else "", True)
+
+    assert weak_points([row(-1.0, None), row(1.0, None)], (0.0, 1.0)) == ([], [])
+    notes, warnings = weak_points([row(-1.0, 2.0), row(1.0, None)], (0.0, 1.0))
+    assert notes == ["Astern at 1.00 m/s and faster it is not sound; a mission does not go astern"]
+    assert not warnings
+    notes, warnings = weak_points([row(0.0, None), row(1.0, 2.0)], (0.0, 0.6))
+    assert not notes
+    assert warnings == [
+        "keep the speed of missions between 0.00 and 0.60 m/s; elsewhere a motion grows (pitch)"
+    ]
+    assert "margins are small" in weak_points([row(1.0, None, 20.0)], (0.0, 0.6))[1][0]
+    assert "no speed ahead is sound" in weak_points([row(1.0, 2.0)], None)[1][0]
+
+
+@pytest.mark.parametrize("vehicle", ["cwolf", "lauv", STARTER])
+def test_tables_fit_eighty_columns(vehicle: str | Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("seatrial.cli.console._PIPED_WIDTH", 80)
+    result = call(vehicle)
+    tables = [line for line in result.stdout.splitlines() if line.startswith(" ") and line[1:2].strip()]
+    assert len(tables) > 12
+    assert max(len(line.rstrip()) for line in tables) <= 80
+    assert not any("…" in line for line in tables)

@@ -1,0 +1,230 @@
+"""Errata of the paper's bollard test, control and guidance, (37) to (57), as plain formulas in numbers.
+
+The printed form and the corrected one act on CWolf as the core simulates it, or on an example that the test
+describes; docs/errata.md quotes the numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from benchmarks.textbook_thrusters import wrench_per_newton
+from seatrial._core import State, Vehicle
+from seatrial.report.plot.performance import thrust
+
+Array = NDArray[np.float64]
+
+CWOLF = Vehicle.load("cwolf")
+STERN = ("SbU", "SbL", "PU", "PL")
+DRIVEN = [0, 2, 4, 5]  # surge, heave, pitch, yaw: what CWolf's actuators can command
+RPM = np.linspace(150.0, 2000.0, 21)
+
+
+def design(n: Array) -> Array:
+    """Columns 1, n, n^2 of the second-order regression (36)."""
+    return np.vander(n, 3, increasing=True)
+
+
+def test_errata_37_normal_equations_on_raw_revolutions() -> None:
+    raw, scaled = design(RPM), design(RPM / 2000.0)
+    assert np.linalg.cond(raw.T @ raw) == pytest.approx(5.07e13, rel=1e-2)
+    assert np.linalg.cond(scaled.T @ scaled) == pytest.approx(677.0, rel=1e-2)
+    assert np.linalg.cond(scaled) == pytest.approx(26.0, rel=1e-2)  # what QR sees
+    # Columns in rpm alone make that number: in double precision both find the core's parabola again.
+    p1 = CWOLF.coefficients()["SbU.p1_ahead"] / 60.0**2
+    force = thrust(CWOLF, "SbU", RPM)
+    Q, R = np.linalg.qr(scaled)
+    printed = raw @ (np.linalg.inv(raw.T @ raw) @ raw.T @ force)
+    corrected = scaled @ np.linalg.solve(R, Q.T @ force)
+    # N. The lag of the core's motor leaves exp(-(6.5 - 0.1)/0.15) of the step.
+    for fitted, bound in ((printed, 1e-9), (corrected, 1e-11)):
+        np.testing.assert_allclose(fitted, p1 * RPM**2, atol=bound)
+
+
+def test_errata_38_ssr_over_sst_is_a_share_for_one_case_only() -> None:
+    def shares(y: Array, fitted: Array) -> tuple[float, float, float]:
+        """SSR/SST, squared correlation, 1 - SSE/SST."""
+        sst = float(((y - y.mean()) ** 2).sum())
+        ssr, sse = float(((fitted - y.mean()) ** 2).sum()), float(((y - fitted) ** 2).sum())
+        return ssr / sst, float(np.corrcoef(fitted, y)[0, 1] ** 2), 1.0 - sse / sst
+
+    bench, under_way = thrust(CWOLF, "SbU", RPM), thrust(CWOLF, "SbU", RPM, speed_m_s=1.0)
+    noisy = bench + np.random.default_rng(0).normal(0.0, 2.0, len(RPM))
+    U = design(RPM / 2000.0)
+    fitted = U @ np.linalg.lstsq(U, noisy, rcond=None)[0]
+    # Least squares with intercept on its own data: all three are one number.
+    assert shares(noisy, fitted) == pytest.approx(shares(noisy, fitted)[:1] * 3, rel=1e-12)
+    # The bench's curve held against thrust at 1 m/s: a "share" above one, a correlation near one.
+    assert shares(under_way, bench) == pytest.approx((1.670, 0.997, 0.763), abs=5e-4)
+    # A gain 20 % too large.
+    assert shares(bench, 1.2 * bench) == pytest.approx((1.497, 1.0, 0.903), abs=5e-4)
+
+
+def test_errata_49_the_inverse_of_the_allocation_does_not_exist() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        a, b = np.deg2rad(rng.uniform(5.0, 40.0, 2))
+        x, y, z, bow, stern = rng.uniform([-1.25, 0.05, 0.05, 0.3, -1.0], [-0.8, 0.2, 0.2, 1.0, -0.3])
+        columns = [
+            wrench_per_newton(
+                [x, side * y, deep * z],
+                np.array([np.cos(b) * np.cos(a), side * np.cos(b) * np.sin(a), deep * np.sin(b)]),
+            )
+            for side, deep in ((1, -1), (1, 1), (-1, -1), (-1, 1))
+        ]
+        columns += [wrench_per_newton([at, 0.0, 0.0], np.array([0.0, 0.0, 1.0])) for at in (bow, stern)]
+        # Sway and yaw of the stern propellers are proportional, and nothing else gives either.
+        assert np.linalg.matrix_rank(np.stack(columns, axis=1), tol=1e-10) == 5
+    B = np.asarray(CWOLF.allocation_matrix())
+    sizes = np.linalg.svd(B, compute_uv=False)
+    assert sizes[5] < 1e-12 * sizes[0]
+    assert sizes[4] == pytest.approx(0.00236, abs=1e-5)
+    assert sizes[0] / sizes[4] == pytest.approx(790.0, rel=1e-3)
+    assert np.linalg.cond(B[DRIVEN]) == pytest.approx(2.36, abs=5e-3)
+    # A demand of the controlled rows is met by forces of its own size; 1 N m of roll is not.
+    demand = np.array([40.0, 10.0, 5.0, 8.0])
+    forces = np.linalg.pinv(B[DRIVEN]) @ demand
+    np.testing.assert_allclose(B[DRIVEN] @ forces, demand, rtol=1e-12)
+    assert np.abs(forces).max() < 20.0
+    assert np.abs(np.linalg.pinv(B, rcond=1e-5) @ [0, 0, 0, 1.0, 0, 0]).max() > 200.0
+
+
+@pytest.mark.parametrize(
+    ("ahead", "miss_deg"),
+    [
+        ([20.0, 0.0, 10.0], 53.1),
+        ([10.0, 0.0, 10.0], 90.0),
+        ([0.0, 20.0, 10.0], 116.6),
+        ([-20.0, 0.0, 0.0], 180.0),
+    ],
+)
+def test_errata_51_pitch_towards_a_waypoint(ahead: list[float], miss_deg: float) -> None:
+    dx, dy, dz = ahead
+    psi = np.arctan2(dy, dx)
+
+    def flown(theta: float) -> Array:
+        """Where the core's vehicle is after as many seconds at 1 m/s as the waypoint is metres away."""
+        distance = float(np.linalg.norm(ahead))
+        start = State(attitude=[0.0, theta, psi], nu=[1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        position: Array = CWOLF.simulate([0.0, distance], {}, start, free="").position[-1]
+        return position
+
+    np.testing.assert_allclose(flown(np.arctan2(-dz, np.hypot(dx, dy))), ahead, atol=1e-9)
+    printed = flown(np.arctan2(dz, dx))
+    cosine = float(printed @ ahead) / float(np.dot(ahead, ahead))
+    # Printed digits; the arc cosine near -1 leaves the root of the rounding.
+    assert np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))) == pytest.approx(miss_deg, abs=0.05)
+
+
+def test_errata_54_a_scheduled_gain_on_a_raw_sum_jumps() -> None:
+    # CWolf's surge speed at 10 Hz, K_P = 77 N s/m; K_I per sample 1.7 N s/m at 2.5 m/s, 1.2 at 2.0 m/s.
+    def K_I(u_d: float) -> float:
+        return float(np.interp(u_d, [1.0, 3.0], [0.2, 2.2]))
+
+    u, raw, stored, e = 0.0, 0.0, 0.0, 0.0
+    parts = []
+    for k in range(1500):
+        u_d = 2.5 if k < 1200 else 2.0
+        raw, stored = raw + e, stored + K_I(u_d) * e
+        parts.append((K_I(u_d) * raw, stored))
+        e = u_d - u
+        tau = np.tile([77.0 * e + stored, 0.0, 0.0, 0.0, 0.0, 0.0], (2, 1))
+        run = CWOLF.simulate([0.0, 0.1], {}, State(nu=[u, 0, 0, 0, 0, 0]), free="X", tau=tau)
+        u = float(run.nu[-1, 0])
+    printed, corrected = np.array(parts).T
+    np.testing.assert_allclose(printed[:1200], corrected[:1200], rtol=1e-9)
+    # The sum carries the drag at 2.5 m/s.
+    drag = -np.asarray(CWOLF.forces([2.5, 0, 0, 0, 0, 0], np.zeros(3))["damping"])[0]
+    assert corrected[1199] == pytest.approx(drag, rel=1e-3)
+    assert printed[1200] - printed[1199] == pytest.approx(-20.2, abs=0.05)  # N, at once
+    assert abs(corrected[1200] - corrected[1199]) < 0.01
+
+
+def test_errata_54_speeds_that_the_vehicle_reaches() -> None:
+    t = np.arange(0.0, 200.0, 0.1)
+
+    def steady(rpm: float) -> float:
+        commands: dict[str, ArrayLike] = {name: np.full(len(t), rpm) for name in STERN}
+        return float(CWOLF.simulate(t, commands, free="X").nu[-1, 0])
+
+    slowest, fastest = steady(-2000.0), steady(2000.0)
+    assert slowest == pytest.approx(-2.45, abs=5e-3)
+    assert fastest == pytest.approx(6.0 * 1852.0 / 3600.0, rel=0.05)  # Table I: 6 kn = 3.09 m/s
+    assert fastest == pytest.approx(3.18, abs=5e-3)
+    supporting = [-5.0, -3.0, -1.0, 1.0, 3.0, 5.0]
+    assert [u for u in supporting if slowest < u < fastest] == [-1.0, 1.0, 3.0]
+
+
+def test_errata_57_the_upper_violation_counts_from_the_upper_bound() -> None:
+    t = np.linspace(0.0, 20.0, 20001)
+    lower, upper = np.where(t < 3.0, 0.0, 0.9), np.full(len(t), 1.1)
+
+    def Q(y: Array, above: Array) -> float:
+        under, over = lower >= y, upper <= y
+        return float(np.trapezoid(under * (lower - y) + over * (y - above), t))
+
+    # Second-order set-point response, damping ratio 0.5, 1 rad/s: overshoot 16 %.
+    omega = np.sqrt(0.75)
+    y = 1.0 - np.exp(-0.5 * t) * (np.cos(omega * t) + 0.5 / omega * np.sin(omega * t))
+    assert y.max() == pytest.approx(1.163, abs=5e-4)
+    # Quoted digits; the grid of 1 ms leaves 1e-4.
+    assert Q(y, lower) == pytest.approx(0.593, abs=1e-3)
+    assert Q(y, upper) == pytest.approx(0.077, abs=1e-3)
+    # Where a response comes to rest at the bound, the printed criterion jumps by width times time.
+    rising = np.minimum(t / 3.0, 1.0)
+    inside, touching = (1.1 - 1e-9) * rising, 1.1 * rising
+    assert Q(touching, upper) - Q(inside, upper) == pytest.approx(0.0, abs=1e-6)
+    assert Q(touching, lower) - Q(inside, lower) == pytest.approx(0.2 * 17.0, rel=1e-3)
+
+
+def restoring(theta: float, *, printed: bool) -> float:
+    """Pitch row of g: the core's own, or with the sign of (33) as printed."""
+    g = -float(CWOLF.forces(np.zeros(6), [0.0, theta, 0.0])["restoring"][4])
+    return -g if printed else g
+
+
+def pitch(plant: bool, feed_forward: bool | None, demand: float, *, theta: float = 0.0) -> Array:
+    """Pitch (n,) over 60 s by RK4 at 0.02 s under a PD controller, with the printed signs or without.
+
+    (6) subtracts g of the plant, (49) adds g of the feed-forward; None: no controller at all.
+    """
+    inertia = float(np.asarray(CWOLF.mass_matrix())[4, 4])
+
+    def rate(x: Array) -> Array:
+        damping = float(CWOLF.forces([0, 0, 0, 0, x[1], 0], np.zeros(3))["damping"][4])
+        moment = damping - restoring(x[0], printed=plant)
+        if feed_forward is not None:
+            moment += 47.3 * (demand - x[0]) - 110.0 * x[1] + restoring(x[0], printed=feed_forward)
+        return np.array([x[1], moment / inertia])
+
+    return _runge_kutta(rate, np.array([theta, 0.0]), h=0.02, steps=3000)[:, 0]
+
+
+def _runge_kutta(rate: Callable[[Array], Array], x: Array, *, h: float, steps: int) -> Array:
+    found = [x]
+    for _ in range(steps):
+        a = rate(x)
+        b = rate(x + 0.5 * h * a)
+        c = rate(x + 0.5 * h * b)
+        d = rate(x + h * c)
+        x = x + h / 6.0 * (a + 2.0 * (b + c) + d)
+        found.append(x)
+    return np.array(found)
+
+
+def test_errata_33_the_wrong_sign_cancels_in_closed_loop_and_shows_in_open_loop() -> None:
+    demand = np.deg2rad(20.0)
+    right = pitch(False, False, demand)
+    # Wrong in the model and in the controller alike: nothing is seen. Rounding.
+    np.testing.assert_allclose(pitch(True, True, demand), right, atol=1e-9)
+    assert np.rad2deg(right[-1]) == pytest.approx(20.0, abs=0.01)
+    # Open loop, one degree of pitch to begin with: the right plant swings, the printed one turns over.
+    start = np.deg2rad(1.0)
+    assert np.abs(pitch(False, None, 0.0, theta=start)).max() <= start * (1.0 + 1e-9)
+    assert np.rad2deg(pitch(True, None, 0.0, theta=start).max()) > 90.0
+    # The controller tuned on the wrong model meets the real vehicle: it stops short of the demand.
+    assert np.rad2deg(pitch(False, True, demand)[-1]) == pytest.approx(9.5, abs=0.1)

@@ -1,0 +1,174 @@
+"""The searches of `seatrial.estimation.search` on functions whose minimum is known."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+
+import numpy as np
+import pytest
+
+from seatrial.base.arrays import Array
+from seatrial.base.progress import Step
+from seatrial.estimation.search import LANES, evolve, minimize, refine
+
+
+def rosenbrock(x: Array) -> Array:
+    return np.asarray((100 * (x[:, 1:] - x[:, :-1] ** 2) ** 2 + (1 - x[:, :-1]) ** 2).sum(axis=1))
+
+
+def rastrigin(x: Array) -> Array:
+    return np.asarray(10 * x.shape[1] + (x**2 - 10 * np.cos(2 * np.pi * x)).sum(axis=1))
+
+
+class Recorder:
+    """An objective that remembers the batches it was asked for."""
+
+    def __init__(self, inner: object = rosenbrock) -> None:
+        self.inner = inner
+        self.batches: list[Array] = []
+
+    def __call__(self, x: Array) -> Array:
+        self.batches.append(x.copy())
+        return np.asarray(self.inner(x))  # type: ignore[operator]
+
+
+def test_minimum_of_rosenbrock_in_five_dimensions() -> None:
+    # 1e-2 in x: the valley is so flat that a cost of 1e-6 is reached there.
+    best = minimize(
+        rosenbrock, [-1.5] * 5, lower=[-2] * 5, upper=[2] * 5, seed=1, generations=600, tolerance=1e-6
+    )
+    assert best.x == pytest.approx(np.ones(5), abs=1e-2)
+    assert best.cost < 1e-4 < best.start_cost
+    assert not best.interrupted
+
+
+def test_global_search_escapes_local_minima() -> None:
+    # Local minima of this function lie one unit apart, the start in the wrong one.
+    best = minimize(rastrigin, [3.1, -3.1], lower=[-5, -5], upper=[5, 5], seed=4, population=48)
+    assert best.x == pytest.approx([0, 0], abs=1e-3)
+
+
+def test_minimum_on_a_bound_is_found_and_no_candidate_leaves_the_bounds() -> None:
+    objective = Recorder(lambda x: np.abs(x - np.array([2.0, -3.0])).sum(axis=1))
+    best = minimize(objective, [0.5, 0.5], lower=[0, -1], upper=[1, 1])
+    assert best.x == pytest.approx([1.0, -1.0], abs=1e-3)
+    asked = np.concatenate(objective.batches)
+    assert (asked >= [0, -1]).all()
+    assert (asked <= [1, 1]).all()
+
+
+def test_single_parameter() -> None:
+    best = minimize(lambda x: np.abs(x[:, 0] - 0.7), [3.0], lower=[0], upper=[4])
+    assert best.x == pytest.approx([0.7], abs=1e-3)
+
+
+def test_start_on_a_bound() -> None:
+    best = minimize(lambda x: ((x - 0.4) ** 2).sum(axis=1), [0.0, 1.0], lower=[0, 0], upper=[1, 1])
+    assert best.x == pytest.approx([0.4, 0.4], abs=1e-2)
+
+
+def test_population_is_asked_in_one_batch_of_full_lanes() -> None:
+    objective = Recorder()
+    best = evolve(objective, [0, 0, 0], lower=[-2] * 3, upper=[2] * 3, generations=5, population=20)
+    assert [len(batch) for batch in objective.batches] == [1] + [24] * 5
+    assert 24 % LANES == 0
+    assert [step.generation for step in best.history] == [1, 2, 3, 4, 5]
+    assert best.evaluations == 1 + 24 * 5
+
+
+def test_simplexes_share_batches_and_each_goes_its_own_way() -> None:
+    starts = np.random.default_rng(3).uniform(-1.5, 1.5, (8, 2))
+    together = Recorder()
+    best = refine(together, starts, lower=[-2, -2], upper=[2, 2])
+    assert len(together.batches[1]) == len(starts)
+    assert best.x == pytest.approx([1, 1], abs=1e-2)
+    # The first simplex alone asks for the same candidates as among the others.
+    alone = Recorder()
+    refine(alone, starts[:1], lower=[-2, -2], upper=[2, 2], rounds=15)
+    assert [b[0].tolist() for b in alone.batches[1:16]] == [b[0].tolist() for b in together.batches[1:16]]
+
+
+def test_same_seed_same_result_whatever_other_threads_draw() -> None:
+    def search(seed: int) -> Array:
+        return evolve(rosenbrock, [0.5] * 4, lower=[-2] * 4, upper=[2] * 4, seed=seed, generations=60).x
+
+    first = search(7)
+    stop = threading.Event()
+
+    def disturb() -> None:
+        while not stop.is_set():
+            np.random.rand(100)  # noqa: NPY002 - the global generator is the point
+
+    thread = threading.Thread(target=disturb)
+    thread.start()
+    try:
+        again = search(7)
+    finally:
+        stop.set()
+        thread.join()
+    assert again.tolist() == first.tolist()
+    assert search(8).tolist() != first.tolist()
+
+
+def test_diverged_candidates_rank_last() -> None:
+    def half_diverges(x: Array) -> Array:
+        costs = ((x - 0.3) ** 2).sum(axis=1)
+        return np.asarray(np.where(x[:, 0] > 0.5, np.inf, np.where(x[:, 1] > 0.8, np.nan, costs)))
+
+    best = minimize(half_diverges, [0.4, 0.4], lower=[0, 0], upper=[1, 1])
+    assert best.x == pytest.approx([0.3, 0.3], abs=5e-3)
+
+
+def test_all_candidates_diverged_is_an_infinite_cost() -> None:
+    best = minimize(lambda x: np.full(len(x), np.inf), [0.4], lower=[0], upper=[1], generations=3, rounds=5)
+    assert best.cost == np.inf
+
+
+@pytest.mark.parametrize("batches", [4, 60])
+def test_interrupt_keeps_the_best_so_far(batches: int) -> None:
+    count = 0
+    lowest = np.inf
+
+    def interrupted(x: Array) -> Array:
+        nonlocal count, lowest
+        count += 1
+        if count > batches:
+            raise KeyboardInterrupt
+        costs = rosenbrock(x)
+        lowest = min(lowest, float(costs.min()))
+        return costs
+
+    best = minimize(interrupted, [-1, -1], lower=[-2, -2], upper=[2, 2], generations=50)
+    assert best.interrupted
+    assert best.cost == lowest == pytest.approx(rosenbrock(best.x[None, :])[0])
+
+
+def test_watch_can_stop_the_search_and_sees_progress() -> None:
+    seen: list[Step] = []
+
+    def watch(step: Step) -> None:
+        seen.append(step)
+        if len(seen) == 7:
+            raise KeyboardInterrupt
+
+    best = evolve(rosenbrock, [0, 0], lower=[-2, -2], upper=[2, 2], generations=20, watch=watch)
+    assert best.interrupted
+    assert [step.generation for step in seen] == [1, 2, 3, 4, 5, 6, 7]
+    assert all(a.best >= b.best for a, b in itertools.pairwise(seen))
+    assert seen[-1].left_s >= 0
+
+
+def test_error_of_the_objective_reaches_the_caller() -> None:
+    def broken(x: Array) -> Array:
+        if len(x) == 1:
+            return np.ones(1)
+        raise ZeroDivisionError("in the objective")
+
+    with pytest.raises(ZeroDivisionError, match="in the objective"):
+        refine(broken, [[0.2], [0.6]], lower=[0], upper=[1])
+
+
+def test_bounds_must_enclose_a_range() -> None:
+    with pytest.raises(ValueError, match="upper"):
+        evolve(rosenbrock, [0, 0], lower=[0, 1], upper=[1, 1])

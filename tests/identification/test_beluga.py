@@ -1,0 +1,63 @@
+"""Identification of the hover AUV Beluga from its recordings, with a small budget, on held-out parts."""
+
+from __future__ import annotations
+
+import os
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.campaign import Campaign
+from seatrial.estimation.stage import plan
+from seatrial.identification.identification import Identification
+from seatrial.identification.identify import identify
+
+EXAMPLE = Path(__file__).parent.parent / "python" / "seatrial" / "examples" / "beluga"
+DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"
+
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason="the recordings of Beluga are not here; set SEATRIAL_DATA to their folder"
+)
+
+
+@cache
+def identified() -> Identification:
+    """The example's campaign with a third of its budget."""
+    text = (EXAMPLE / "campaign.toml").read_text(encoding="utf-8")
+    text = re.sub(r"(?m)^budget = .*\n", "", text)
+    text = text.replace("seed = 1\n", "seed = 1\nbudget = { generations = 100, simplex_rounds = 20 }\n", 1)
+    return identify(Campaign.from_toml(text, folder=EXAMPLE))
+
+
+def test_held_out_parts_are_predicted_ten_seconds_ahead() -> None:
+    score = identified().scores["hold_out"]["ahead"]["all"]
+    # With this budget u .886, v .862, r .887, with the campaign's own .906, .894, .890: the margins are for
+    # other arithmetic and another course of the search. Roll and pitch need the whole budget.
+    assert score["u"].r2 > 0.85
+    assert score["v"].r2 > 0.78
+    assert score["r"].r2 > 0.82
+
+
+def test_apparent_masses_are_those_of_an_open_frame() -> None:
+    # The scale is the table's thrust: several times the dry mass of 24 kg, as others found for these trials
+    # (125 to 140 kg in surge). The bounds of the search admit 84 to 324 kg.
+    surge, sway = np.diag(identified().vehicle.mass_matrix())[:2]
+    assert 115.0 < surge < 190.0
+    assert 100.0 < sway < 165.0
+
+
+@pytest.mark.parametrize("name", ["campaign.toml", "campaign_logged_wrench.toml"])
+def test_the_step_of_the_examples_is_coarse_enough_to_be_quick(name: str) -> None:
+    plans = plan(Campaign.load(EXAMPLE / name))
+    assert max(one.step.substeps for one in plans) <= 6
+
+
+@pytest.mark.parametrize("run", ["surge-1", "sway-1", "yaw-1", "random-1"])
+def test_the_frame_of_the_motion_capture_is_tilted_alike_in_all_runs(run: str) -> None:
+    tilt = Campaign.load(EXAMPLE / "campaign.toml").trials[run].report.tilt
+    assert tilt is not None
+    # four runs on one day, each within its own deviation of 0.1 to 0.4 deg
+    np.testing.assert_allclose(np.rad2deg(tilt), [2.0, -2.7], atol=0.6)

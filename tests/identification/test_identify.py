@@ -1,0 +1,225 @@
+"""Identification of a vehicle from trials that a known one made: what is found, kept, resumed and refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from seatrial._core import State, Vehicle
+from seatrial.base.errors import CampaignError, SeatrialError, SimulationError
+from seatrial.base.progress import Progress
+from seatrial.campaign.campaign import Campaign
+from seatrial.estimation.criterion import Criterion
+from seatrial.identification.identification import Identification
+from seatrial.identification.identify import identify
+
+TRUTH = {"X_udot": -9.0, "X_uu": -14.0, "Z_ww": -450.0, "Z_wdot": -160.0}
+
+HEAD = """
+format = 1
+name = "made"
+vehicle = "cwolf"
+seed = 11
+"""
+SURGE = """
+[[stages]]
+name = "surge"
+trials = ["run"]
+axes = { free = "X" }
+[stages.coefficients]
+X_udot = [-30.0, -1.0]
+X_uu = [-30.0, -4.0]
+"""
+HEAVE = """
+[[stages]]
+name = "heave"
+trials = ["dive"]
+axes = { free = "Z" }
+[stages.coefficients]
+Z_wdot = { bounds = [0.5, 2.0], relative = true }
+Z_ww = [-900.0, -100.0]
+"""
+TRIALS = """
+[trials.run]
+file = "run.parquet"
+hold_out_s = [[60.0, 80.0]]
+[trials.dive]
+file = "dive.parquet"
+"""
+STERN = ("SbU", "SbL", "PU", "PL")
+VERTICAL = ("VTB", "VTS")
+
+
+def record(actuators: tuple[str, ...], axis: int, noise: float, seed: int) -> pl.DataFrame:
+    """A noisy log at 10 Hz of the true vehicle: stepped revolutions of some actuators, one axis free."""
+    generator = np.random.default_rng(seed)
+    vehicle = Vehicle.load("cwolf").with_coefficients(TRUTH)
+    t = np.arange(0.0, 80.0, 0.1)
+    steps = np.repeat(generator.uniform(-1500.0, 1500.0, 16), 50)
+    commands = {name: steps if name in actuators else np.zeros(len(t)) for name in vehicle.actuators}
+    run = vehicle.simulate(t, commands, State(), free="XYZKMN"[axis], max_step=0.02)
+    speed = np.asarray(run.nu)[:, axis] + generator.normal(0.0, noise, len(t))
+    column = ("u_m_s", "v_m_s", "w_m_s")[axis]
+    return pl.DataFrame({"t_s": t, column: speed, **{f"cmd.{name}": c for name, c in commands.items()}})
+
+
+@pytest.fixture(scope="module")
+def recordings() -> dict[str, pl.DataFrame]:
+    return {"run": record(STERN, 0, 0.01, 1), "dive": record(VERTICAL, 2, 0.005, 2)}
+
+
+@pytest.fixture
+def campaign(recordings: dict[str, pl.DataFrame]) -> Callable[..., Campaign]:
+    def made(*stages: str, trials: str = TRIALS) -> Campaign:
+        return Campaign.from_toml(HEAD + trials + "".join(stages), source="made.toml", trials=recordings)
+
+    return made
+
+
+def found(fit: Identification) -> dict[str, float]:
+    return {row.name: row.estimate for row in fit.coefficients}
+
+
+def outcome(fit: Identification) -> list[Any]:
+    return [(s.name, s.cost, s.evaluations, s.estimates, [h.best for h in s.history]) for s in fit.stages]
+
+
+def test_true_coefficients_are_found_again(campaign: Callable[..., Campaign]) -> None:
+    fit = identify(campaign(SURGE, HEAVE))
+    # Noise of 1 % of the speeds over 600 to 800 samples, smoothed starts: a few per cent.
+    assert found(fit)["X_uu"] == pytest.approx(TRUTH["X_uu"], rel=0.03)
+    assert found(fit)["Z_ww"] == pytest.approx(TRUTH["Z_ww"], rel=0.03)
+    assert found(fit)["Z_wdot"] == pytest.approx(TRUTH["Z_wdot"], rel=0.05)
+    # 5 kg of added mass beside 135 kg of dry mass: within 2 % of the apparent mass.
+    assert found(fit)["X_udot"] == pytest.approx(TRUTH["X_udot"], abs=2.8)
+    assert fit.vehicle.coefficients()["X_uu"] == found(fit)["X_uu"]
+    assert all(stage.cost < 0.5 * stage.start_cost for stage in fit.stages)
+    assert fit.scores["hold_out"]["ahead"]["run"]["u"].r2 > 0.99
+    assert set(fit.scores["fit"]["ahead"]) == {"run", "dive", "all"}
+    # 20 of the 80 s are held out, at 10 Hz; the first sample of a window does not count.
+    assert 190 <= fit.scores["hold_out"]["free"]["run"]["u"].n < 200
+    assert 590 <= fit.scores["fit"]["free"]["run"]["u"].n < 600
+
+
+def test_same_seed_same_result_whatever_the_threads_and_the_company(
+    campaign: Callable[..., Campaign],
+) -> None:
+    first = outcome(identify(campaign(SURGE, HEAVE), threads=1))
+    assert outcome(identify(campaign(SURGE, HEAVE), threads=2)) == first
+    assert outcome(identify(campaign(HEAVE), threads=2)) == first[1:]
+
+
+def test_estimated_initial_velocities_lower_the_cost(campaign: Callable[..., Campaign]) -> None:
+    smoothed = identify(campaign(SURGE))
+    estimated = identify(campaign(SURGE.replace("axes", 'start = "estimated"\naxes')))
+    assert estimated.stages[0].cost < smoothed.stages[0].cost
+    assert found(estimated)["X_uu"] == pytest.approx(TRUTH["X_uu"], rel=0.03)  # as for smoothed starts
+
+
+def test_dependent_stage_starts_from_the_former_estimate(campaign: Callable[..., Campaign]) -> None:
+    again = SURGE.replace('"surge"', '"again"').replace("axes", 'after = ["surge"]\naxes')
+    fit = identify(campaign(SURGE, again))
+    former, latter = fit.stages
+    assert latter.starts == former.estimates
+    assert latter.start_cost == former.cost
+    rows = {row.name: row for row in fit.coefficients}
+    assert rows["X_uu"].stage == "again"
+    assert rows["X_uu"].start == Vehicle.load("cwolf").coefficients()["X_uu"]
+
+
+def test_bound_that_was_hit_is_said(campaign: Callable[..., Campaign]) -> None:
+    fit = identify(campaign(SURGE.replace("[-30.0, -4.0]", "[-12.0, -4.0]")))
+    rows = {row.name: row for row in fit.coefficients}
+    assert rows["X_uu"].at_bound == "lower"
+    assert rows["X_udot"].at_bound is None
+    assert "X_uu lies at its lower bound" in fit.summary()
+
+
+def test_run_directory_holds_the_results(campaign: Callable[..., Campaign], tmp_path: Path) -> None:
+    fit = identify(campaign(SURGE), run_dir=tmp_path / "run")
+    folder = tmp_path / "run"
+    assert Vehicle.load(str(folder / "vehicle.toml")).coefficients() == fit.vehicle.coefficients()
+    table = pl.read_parquet(folder / "coefficients.parquet")
+    assert dict(zip(table["name"], table["estimate"], strict=True)) == found(fit)
+    assert len(pl.read_parquet(folder / "history.parquet")) == len(fit.stages[0].history)
+    assert {"part", "kind", "trial", "channel", "r2"} <= set(
+        pl.read_parquet(folder / "scores.parquet").columns
+    )
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
+
+
+def test_finished_stages_are_reused_and_changed_ones_run_again(
+    campaign: Callable[..., Campaign], tmp_path: Path
+) -> None:
+    first = identify(campaign(SURGE, HEAVE), run_dir=tmp_path / "run")
+    again = identify(campaign(SURGE, HEAVE), run_dir=tmp_path / "run")
+    assert [stage.reused for stage in again.stages] == [True, True]
+    assert outcome(again) == outcome(first)
+    changed = identify(campaign(SURGE, HEAVE.replace("-900.0", "-800.0")), run_dir=tmp_path / "run")
+    assert [stage.reused for stage in changed.stages] == [True, False]
+    afresh = identify(campaign(SURGE, HEAVE), run_dir=tmp_path / "run", resume=False)
+    assert [stage.reused for stage in afresh.stages] == [False, False]
+
+
+def test_interrupt_keeps_the_best_so_far_and_the_run_goes_on_later(
+    campaign: Callable[..., Campaign], tmp_path: Path
+) -> None:
+    later = HEAVE.replace("axes", 'after = ["surge"]\naxes')
+    seen: list[Progress] = []
+
+    def interrupt(progress: Progress) -> None:
+        seen.append(progress)
+        if progress.stage == "heave":
+            raise KeyboardInterrupt
+
+    fit = identify(campaign(SURGE, later), run_dir=tmp_path / "run", progress=interrupt)
+    assert fit.interrupted
+    assert [stage.interrupted for stage in fit.stages] == [False, True]
+    assert fit.stages[1].cost <= fit.stages[1].start_cost
+    assert "Interrupted" in fit.summary()
+    assert all(0.0 <= p.fraction <= 1.0 and p.left_s >= 0.0 for p in seen)
+    resumed = identify(campaign(SURGE, later), run_dir=tmp_path / "run")
+    assert [stage.reused for stage in resumed.stages] == [True, False]
+    assert outcome(resumed) == outcome(identify(campaign(SURGE, later)))
+
+
+def test_stage_that_waits_for_an_interrupted_one_is_named(campaign: Callable[..., Campaign]) -> None:
+    def interrupt(progress: Progress) -> None:
+        raise KeyboardInterrupt
+
+    fit = identify(campaign(SURGE, HEAVE.replace("axes", 'after = ["surge"]\naxes')), progress=interrupt)
+    assert fit.not_run == ("heave",)
+
+
+def test_error_of_a_display_ends_the_run(campaign: Callable[..., Campaign]) -> None:
+    def broken(progress: Progress) -> None:
+        raise ZeroDivisionError("in the display")
+
+    with pytest.raises(ZeroDivisionError, match="in the display"):
+        identify(campaign(SURGE, HEAVE), progress=broken)
+
+
+def test_coefficient_without_influence_is_refused(campaign: Callable[..., Campaign]) -> None:
+    with pytest.raises(CampaignError, match="'N_rr' changes nothing in this stage"):
+        identify(campaign(SURGE + "N_rr = [-200.0, -100.0]\n"))
+
+
+def test_directory_that_cannot_be_written_is_refused_before_the_search(
+    campaign: Callable[..., Campaign], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    seen: list[Progress] = []
+    with pytest.raises(SeatrialError, match="cannot be written"):
+        identify(campaign(SURGE), run_dir=tmp_path / "file" / "run", progress=seen.append)
+    assert not seen
+
+
+def test_all_candidates_diverged(campaign: Callable[..., Campaign], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Criterion, "__call__", lambda self, candidates: np.full(len(candidates), np.inf))
+    with pytest.raises(SimulationError, match="candidates diverged; check the units"):
+        identify(campaign(SURGE))

@@ -1,0 +1,60 @@
+"""Latency and signs of velocity and rate sensors against the recorded pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seatrial.trial.trial import Trial
+from tests.trial import motion
+
+T = np.arange(0.0, 120.0, 0.1)
+
+
+@pytest.mark.parametrize(("velocity_late", "rates_late"), [(0.24, 0.075), (-0.13, 0.31), (0.05, -0.02)])
+def test_latencies_are_found_between_the_samples_and_removed(velocity_late: float, rates_late: float) -> None:
+    table = motion.columns(T, velocity_late=velocity_late, rates_late=rates_late, noise=1e-3)
+    trial = Trial.read(table)
+    # a hundredth of a sample: noise of 1 mm/s against a velocity of 0.5 m/s that changes within seconds
+    assert trial.report.latencies["velocity"] == pytest.approx(velocity_late, abs=2e-3)
+    assert trial.report.latencies["rates"] == pytest.approx(rates_late, abs=2e-3)
+    inner = slice(5, -5)
+    truth = motion.nu(T)[inner]
+    assert np.abs(trial.nu[inner] - truth).max() < 0.01
+    assert not trial.valid[-1, 0] or velocity_late < 0.0
+
+
+def test_latencies_stay_on_request() -> None:
+    table = motion.columns(T, velocity_late=0.24)
+    trial = Trial.read(table, align=False)
+    assert trial.report.latencies == {}
+    np.testing.assert_allclose(trial.channel("u"), table["u_m_s"])
+
+
+def test_sensors_on_time_are_left_alone() -> None:
+    trial = Trial.read(motion.columns(T, noise=1e-3))
+    assert trial.report.latencies == {}
+    assert trial.valid.all()
+
+
+def test_a_sensor_that_does_not_follow_the_pose_is_neither_shifted_nor_reversed() -> None:
+    table = motion.columns(T)
+    random = np.random.default_rng(1)
+    for name in ("u_m_s", "v_m_s", "w_m_s"):
+        table[name] = random.standard_normal(len(T))
+    trial = Trial.read(table)
+    assert "velocity" not in trial.report.latencies
+    assert "sign reversed" not in str(trial.report)
+    assert "u: does not follow the recorded pose" in str(trial.report)
+
+
+def test_opposite_signs_are_reversed_and_the_map_entry_given() -> None:
+    table = motion.columns(T, rates_late=0.08, noise=1e-3)
+    gyro = {"gyro": -table.pop("p_deg_s"), "v_m_s": -table["v_m_s"]}
+    trial = Trial.read(table | gyro, columns={"p_deg_s": {"from": "gyro", "unit": "deg/s"}})
+    inner = slice(5, -5)
+    assert np.abs(trial.nu[inner] - motion.nu(T)[inner]).max() < 0.01
+    report = str(trial.report)
+    assert 'p_deg_s = { from = "gyro", unit = "deg/s", sign = -1 }' in report
+    assert 'v_m_s = { from = "v_m_s", sign = -1 }' in report
+    assert trial.report.latencies["rates"] == pytest.approx(0.08, abs=2e-3)

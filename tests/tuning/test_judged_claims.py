@@ -1,0 +1,97 @@
+"""What a judgement says of given violations: by the vehicle itself, by the drawn ones, of a group."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from seatrial.tuning.judgement import Judged, judge
+from seatrial.tuning.plan import TuningPlan
+from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
+from tests.tuning.tuning_campaigns import plan
+
+Array = NDArray[np.float64]
+
+TEXT = """
+[tuning]
+margins = { phase_deg = 0.0, gain_db = 0.0, delay_s = 0.0 }
+[tuning.loops.heading]
+steps = [20.0]
+speeds_m_s = [2.0, 3.0]
+corridor = { rise_s = 7.0 }
+[tuning.loops.surge]
+steps = [-0.3]
+speeds_m_s = [3.0]
+corridor = { rise_s = 6.0 }
+"""
+SAMPLES = Samples({"X_uu": np.arange(6.0)}, np.arange(18.0).reshape(6, 3), (1, 2, 3, 4, 5, 6), nominal=2)
+"""Two noises of the vehicle itself, and four drawn vehicles."""
+
+OUTSIDE = {
+    "heading": np.array([[0.1, 0.4, 0.0, 0.0, 0.0, 2.0], [0.0, 0.0, 0.0, 3.0, 1.0, 5.0]]),
+    "surge": np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]),
+}
+"""Violation of each trial by each sample, s."""
+
+
+@cache
+def made() -> TuningPlan:
+    return plan(TEXT)
+
+
+def judged(monkeypatch: pytest.MonkeyPatch, **given: Any) -> Judged:
+    def violations(_: Rig, trials: LoopTrials, *__: object, reserve: float = 0.0) -> tuple[Array, Array]:
+        assert reserve == 0.0  # what is told has none
+        below = OUTSIDE[trials.loop][None, ..., None, None]
+        return np.concatenate([below, 0.0 * below, 9.0 + below], axis=-1), np.zeros((1, len(trials), 6))
+
+    monkeypatch.setattr(Rig, "violations", violations)
+    one = made()
+    return judge(one, "tuned", one.rig(one.autopilot), SAMPLES, **given)
+
+
+def test_the_vehicle_itself_and_the_drawn_ones_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    slow, fast, surge = judged(monkeypatch, responses=False).trials
+    # The largest of the vehicle's own noises; the largest of all; of the drawn ones the share that is inside.
+    assert (slow.nominal_s, slow.worst_s, slow.held) == (0.4, 2.0, 0.75)
+    assert (fast.nominal_s, fast.worst_s, fast.held) == (0.0, 5.0, 0.25)
+    assert (surge.nominal_s, surge.worst_s, surge.held) == (0.0, 0.0, 1.0)
+
+
+def test_a_judgement_is_feasible_by_the_vehicle_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = judged(monkeypatch, responses=False)
+    assert one.samples == 4
+    assert one.nominal_s == 0.4
+    assert one.worst_s == 5.0
+    assert not one.feasible
+    monkeypatch.setitem(OUTSIDE, "heading", np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]] * 2))
+    assert judged(monkeypatch, responses=False).feasible
+
+
+def test_only_the_groups_that_are_asked_for_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    for group in made().groups:
+        found = judged(monkeypatch, responses=False, only=(group,)).trials
+        assert {trial.loop for trial in found} == {group.name}
+
+
+def test_the_responses_that_are_kept_are_the_vehicle_s_own_and_then_the_worst(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: dict[str, Samples] = {}
+
+    def responses(_: Rig, trials: LoopTrials, samples: Samples, __: object) -> tuple[Array, dict[str, Array]]:
+        seen[trials.loop] = samples
+        t = trials.grid(0.1)
+        return t, {trials.names[0]: np.zeros((len(trials), len(samples), len(t)))}
+
+    monkeypatch.setattr(Rig, "responses", responses)
+    judged(monkeypatch)
+    met = seen["heading"]
+    assert met.seeds == (1, 6, 4, 5, 2, 3)
+    # Vehicle, current and noise of a sample stay together.
+    np.testing.assert_array_equal(met.coefficients["X_uu"], np.array(met.seeds) - 1.0)
+    np.testing.assert_array_equal(met.current[:, 0], 3.0 * (np.array(met.seeds) - 1.0))

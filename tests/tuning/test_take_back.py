@@ -1,0 +1,115 @@
+"""Groups get their start gains again where everything together is better with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from seatrial.tuning import search as module
+from seatrial.tuning.search import Standing, standing, take_back
+from tests.tuning.tuning_campaigns import plan
+
+SPOILT = 0.02
+"""Of the start gains: a heading loop this weak does not turn."""
+
+
+def test_a_group_that_is_worse_than_its_start_gets_its_start_gains_again() -> None:
+    one = plan()
+    samples = one.samples(0, 1)
+    start = one.autopilot.gains()
+    spoilt = {name: SPOILT * value for name, value in start.items() if name.startswith("heading.K_P.")}
+    kept, back = take_back(one, spoilt, samples, threads=1)
+    assert back == ("heading",)
+    assert all(kept[name] == start[name] for name in spoilt)
+    begun, mended, spoiled = (standing(one, gains, samples, threads=1) for gains in ({}, kept, spoilt))
+    assert spoiled.worse(begun) == ("heading",)
+    assert mended.worse(begun) == ()
+    assert mended.score < spoiled.score
+
+
+def test_what_is_better_stays() -> None:
+    one = plan()
+    samples = one.samples(0, 1)
+    kept, back = take_back(one, {}, samples, threads=1)
+    assert back == ()
+    assert kept == {}
+    once, again = (standing(one, kept, samples, threads=threads) for threads in (1, None))
+    assert once == again
+
+
+GOOD = Standing({"heading": (0.0, 0.0), "surge": (0.0, 0.1)}, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("now", "loops"),
+    [
+        (GOOD, ()),
+        (replace(GOOD, outside_s={"heading": (0.001, 0.001), "surge": (0.0, 0.1)}), ("heading",)),
+        # One sample of the drawn ones may be unlucky, by so much and no more.
+        (replace(GOOD, outside_s={"heading": (0.0, 0.09), "surge": (0.0, 0.24)}), ()),
+        (replace(GOOD, outside_s={"heading": (0.0, 0.11), "surge": (0.0, 0.26)}), ("heading", "surge")),
+    ],
+)
+def test_a_loop_is_worse_when_the_vehicle_itself_is_further_outside(
+    now: Standing, loops: tuple[str, ...]
+) -> None:
+    assert now.worse(GOOD) == loops
+
+
+def told(monkeypatch: pytest.MonkeyPatch, stands: dict[frozenset[str], Standing]) -> tuple[str, ...]:
+    """Groups taken back when a set of gains stands by the loops whose gains differ from the start."""
+    one = plan("[tuning.loops]\nheading = {}\nsurge = {}")
+    start = one.autopilot.gains()
+
+    def stood(_plan: object, gains: dict[str, float], *_: object, **__: object) -> Standing:
+        moved = {name.partition(".")[0] for name, value in gains.items() if value != start[name]}
+        return stands[frozenset(moved)]
+
+    monkeypatch.setattr(module, "standing", stood)
+    found = {name: 2.0 * start[name] for name in ("heading.K_P.5", "surge.K_P.5")}
+    kept, back = take_back(one, found, one.samples(0, 1), threads=1)
+    moved = frozenset(name.partition(".")[0] for name, value in kept.items() if value != start[name])
+    best = min(stands.values(), key=lambda each: (len(each.worse(stands[frozenset()])), each.score))
+    if all(each.own <= stands[BOTH].own for each in stands.values()):
+        assert stands[moved] == best  # found by one group after the other here
+    return back
+
+
+def stand(heading_s: float, surge_s: float, lacking: float = 0.0) -> Standing:
+    return Standing({"heading": (heading_s, heading_s), "surge": (surge_s, surge_s)}, lacking)
+
+
+BOTH, HEADING, SURGE, NONE = (
+    frozenset(names) for names in (("heading", "surge"), ("heading",), ("surge",), ())
+)
+
+
+def test_of_two_groups_that_are_only_bad_together_none_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Each alone is worse still: only both at once lead back to the start.
+    stands = {BOTH: stand(1.0, 1.0), HEADING: stand(2.0, 1.0), SURGE: stand(1.0, 2.0), NONE: stand(0.5, 0.5)}
+    assert told(monkeypatch, stands) == ("heading", "surge")
+
+
+def test_a_loop_that_is_worse_for_another_one_gets_its_start_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    stands = {BOTH: stand(0.0, 0.1), HEADING: stand(0.0, 0.0), SURGE: stand(3.0, 0.1), NONE: stand(3.0, 0.0)}
+    assert told(monkeypatch, stands) == ("surge",)
+
+
+def test_margins_are_not_given_up_for_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    unstable = stand(0.0, 0.0, lacking=4.8)
+    stands = {BOTH: stand(0.02, 0.0), HEADING: stand(0.02, 0.0), SURGE: unstable, NONE: unstable}
+    assert told(monkeypatch, stands) == ()
+    # Unless everything together is better for it.
+    stands = {BOTH: stand(9.0, 0.0), HEADING: stand(9.0, 0.0), SURGE: stand(0.0, 0.0, 0.2), NONE: unstable}
+    assert told(monkeypatch, stands) == ("heading",)
+
+
+def test_what_the_vehicle_itself_keeps_to_is_not_given_up_for_a_drawn_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # With the start gains of surge no drawn vehicle tumbles, and the vehicle itself leaves its corridor.
+    tumbles = Standing({"heading": (0.0, 70.0), "surge": (0.0, 0.0)}, 0.0)
+    leaves = Standing({"heading": (0.0, 0.0), "surge": (2.0, 2.0)}, 0.0)
+    stands = {BOTH: tumbles, HEADING: leaves, SURGE: tumbles, NONE: leaves}
+    assert told(monkeypatch, stands) == ()

@@ -1,0 +1,329 @@
+"""`tune`: what is found, that threads and interruptions do not change it, what is kept and told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+import seatrial as st
+from seatrial.base.errors import SeatrialError
+from seatrial.base.progress import Progress
+from seatrial.control_design.margin_constraint import MarginConstraint
+from seatrial.tuning import tune as tuning_run
+from seatrial.tuning.judgement import judge
+from seatrial.tuning.result import (
+    comparison_head,
+    comparison_rows,
+    gain_rows,
+    sentences,
+    trial_rows,
+    tuned_autopilot,
+)
+from seatrial.tuning.search import GroupResult, search_group, search_margins
+from seatrial.tuning.tune import plan_of, tune
+from tests.tuning.tuning_campaigns import HEADING, campaign, plan, start, tuned
+
+ASTERN = """
+[tuning]
+samples = 0
+current_m_s = 0.1
+settle_s = 6.0
+sensors = "perfect"
+bounds = [0.05, 20.0]
+budget = { population = 6, generations = 1, simplex_rounds = 1 }
+[tuning.loops.surge]
+steps = [0.3]
+speeds_m_s = [-1.0]
+corridor = { rise_s = 8.0, overshoot = 0.3, settling_s = 12.0, until_s = 15.0 }
+"""
+"""The start gains do not hold the hull astern, where it is unstable."""
+
+TWO = (
+    HEADING
+    + """
+[tuning.loops.surge]
+steps = [0.3]
+speeds_m_s = [1.5]
+corridor = { rise_s = 6.0, overshoot = 0.3, settling_s = 9.0, until_s = 12.0 }
+"""
+)
+
+
+found = tuned
+
+
+def quick(text: str = HEADING) -> st.Campaign:
+    return campaign(
+        text.replace("generations = 6, simplex_rounds = 3", "generations = 2, simplex_rounds = 1")
+    )
+
+
+class Watch:
+    """What was told of the progress, and a Ctrl-C at the second word on a search."""
+
+    def __init__(self, stop: str = "") -> None:
+        self.stop, self.seen = stop, list[Progress]()
+
+    @property
+    def stages(self) -> set[str]:
+        return {state.stage.partition(",")[0] for state in self.seen}
+
+    def __call__(self, state: Progress) -> None:
+        self.seen.append(state)
+        if state.stage == self.stop and state.generation > 1:
+            raise KeyboardInterrupt
+
+
+def test_a_loop_that_leaves_its_corridor_is_tuned_into_it() -> None:
+    begun, tuned = found().of("start"), found().of("tuned")
+    assert begun is not None
+    assert tuned is not None
+    assert begun.nominal_s > 0.1
+    assert not begun.feasible
+    assert found().feasible
+    assert tuned.nominal_s == 0.0
+    # Twenty-four vehicles, currents and noises that the search has not met.
+    assert tuned.samples == begun.samples == 24
+    assert tuned.trials[0].held >= 0.9
+    assert tuned.trials[0].rise_s < 7.0 < begun.trials[0].rise_s
+    (group,) = found().groups
+    assert group.before["violation"] > group.after["violation"] == 0.0
+
+
+def test_the_autopilot_flies_as_it_was_judged_and_only_searched_gains_differ() -> None:
+    one = found()
+    searched = {name for group in one.plan.groups for p in group.parameters.parameters for name in p.starts}
+    before, after = one.start.gains(), one.autopilot.gains()
+    assert {name for name in after if after[name] != before[name]} <= searched
+    for name, value in one.groups[0].gains.items():
+        assert after[name] == pytest.approx(value, rel=1e-3)  # four digits are written
+    again = st.Autopilot.from_toml(one.autopilot.to_toml())
+    judged = judge(one.plan, "tuned", one.plan.rig(again, threads=1), one.plan.samples(0, 1))
+    assert judged.feasible
+
+
+def test_law_neither_threads_nor_a_second_run_change_the_result() -> None:
+    one, two, other = (tune(quick(), threads=threads) for threads in (1, 2, 1))
+    assert one.autopilot.gains() == two.autopilot.gains() == other.autopilot.gains()
+    assert [trial for judged in one.judged for trial in judged.trials] == [
+        trial for judged in two.judged for trial in judged.trials
+    ]
+
+
+def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) -> None:
+    whole = tune(quick(TWO), threads=1)
+    first = tune(quick(TWO), run_dir=tmp_path / "run", progress=Watch(stop="surge"), threads=1)
+    assert first.interrupted
+    assert first.judged == ()
+    assert not first.feasible
+    assert not (tmp_path / "run").exists()
+    assert "interrupted" in first.summary()
+    done = [group.name for group in first.groups if not group.interrupted]
+    assert done == ["heading"]
+    last = first.groups[-1]
+    assert last.name == "surge"
+    # What it has so far is an autopilot that flies, and the summary says where.
+    assert first.kept == tmp_path / "run.partial" / "autopilot.toml"
+    kept = st.Autopilot.load(first.kept)
+    assert kept.gains() == first.autopilot.gains() != first.start.gains()
+    assert "run.partial/autopilot.toml, which `seatrial fly` takes" in first.summary()
+    assert last.after["violation"] <= last.before["violation"]
+
+    seen = Watch()
+    second = tune(quick(TWO), run_dir=tmp_path / "run", progress=seen, threads=1)
+    assert not second.interrupted
+    assert {state.stage for state in seen.seen[:1]} == {"surge"}
+    assert second.autopilot.gains() == whole.autopilot.gains()
+    assert (tmp_path / "run" / "tuning.json").is_file()
+
+    third = Watch()
+    tune(quick(TWO), run_dir=tmp_path / "run", progress=third, threads=1)
+    assert third.seen == []  # all of it is there
+
+    fresh = Watch(stop="heading")
+    tune(quick(TWO), run_dir=tmp_path / "run", progress=fresh, resume=False, threads=1)
+    assert fresh.stages == {"heading"}
+
+
+def test_progress_grows_from_search_to_search() -> None:
+    seen = Watch()
+    tune(quick(TWO), progress=seen, threads=1)
+    # A search that has to be done again was planned from the beginning.
+    shares = [state.fraction for state in seen.seen]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < shares[-1] <= 1.0
+    assert all(state.left_s >= 0.0 for state in seen.seen)
+
+
+def test_ctrl_c_while_start_gains_are_tried_again_keeps_what_was_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tuning_run, "take_back", stopped)
+    one = tune(quick(), run_dir=tmp_path / "run", threads=1)
+    assert one.interrupted
+    assert one.judged == ()
+    assert one.kept is not None
+    assert st.Autopilot.load(one.kept).gains() == one.autopilot.gains()
+
+
+def test_margins_come_first_where_the_start_gains_leave_the_motion_unstable() -> None:
+    one = plan(ASTERN)
+    limits = one.table.margins
+    shortfall = MarginConstraint(one.vehicle, one.autopilot, (-1.0,), limits=limits).margins({})
+    assert any(point.growth_per_s[0] > 0.0 for point in shortfall)
+    result = search_margins(one, seed=1)
+    assert result is not None
+    after = MarginConstraint(one.vehicle, tuned_autopilot(one.autopilot, result.gains, "small"), (-1.0,))
+    assert all(point.growth_per_s[0] == 0.0 for point in after.margins({}))
+    assert result.after["margin"] < 0.2 * result.before["margin"]
+    # The speeds ahead have margins: their gains stay.
+    assert not any(name.startswith("heading.") and name.endswith(".5") for name in result.gains)
+    # With them the hull goes astern on its heading, which the start gains do not.
+    still = one.samples(0, 1)
+    calm, wild = (
+        judge(one, "", one.rig(pilot, threads=1), still)
+        for pilot in (tuned_autopilot(one.autopilot, result.gains, "small"), one.autopilot)
+    )
+    assert calm.nominal_s < wild.nominal_s
+
+
+def test_no_limits_ask_for_no_search_of_margins() -> None:
+    assert search_margins(plan(), seed=1) is None
+
+
+def test_a_search_goes_on_from_the_gains_so_far() -> None:
+    one = plan()
+    (group,) = one.groups
+    gains = dict(found().groups[0].gains)
+    rig = one.rig(one.autopilot.with_gains(gains), max_step=0.04, threads=1)
+    again = search_group(one, group, rig, one.samples(1, 5), seed=1, start=gains)
+    assert again.before["violation"] == 0.0
+    assert again.after["violation"] == 0.0
+
+
+def test_a_group_s_result_reads_back_from_json() -> None:
+    (group,) = found().groups
+    kept = GroupResult.from_dict(json.loads(json.dumps(group.to_dict())))
+    assert kept.to_dict() == group.to_dict()
+    assert group.flown_s > 1000.0
+    assert group.evaluations == sum(step.evaluations for step in group.history[-1:]) > 10
+
+
+def test_the_worst_samples_are_among_the_responses_that_are_kept() -> None:
+    begun = found().of("start")
+    assert begun is not None
+    kept = begun.responses["heading"]
+    assert kept.values.shape == (1, 9, len(kept.t))
+    since = kept.t - kept.trials.settle_s
+    y = kept.normalised(0)[0]
+    there = (since > 0.0) & (since < kept.trials.until_s)
+    assert begun.trials[0].overshoot == pytest.approx(max(y[there].max() - 1.0, 0.0), abs=1e-9)
+    assert kept.base(0) == 0.0
+
+
+def test_a_vehicle_that_the_autopilot_does_not_know_is_judged() -> None:
+    one = found()
+    own = one.on(one.plan.vehicle)
+    assert own.trials[0].nominal_s == 0.0
+    heavy = one.plan.vehicle.with_coefficients({"N_rdot": -400.0})
+    other = one.on(heavy, name="truth")
+    assert other.name == "truth"
+    assert other.trials[0].rise_s != own.trials[0].rise_s
+
+
+def test_summary_and_tables_tell_verdict_gains_and_margins() -> None:
+    one = found()
+    text = one.summary()
+    for words in (
+        "The response of the vehicle itself stays within its corridor, there and back",
+        "Responses with the start gains",
+        "Responses with the tuned gains",
+        "Side by side",
+        "heading K_P",
+        "N m/rad",
+        "Margins with the tuned gains",
+    ):
+        assert words in text, words
+    tuned = one.of("tuned")
+    assert tuned is not None
+    assert trial_rows(tuned)[0][:3] == ("heading", "3.00", "+20 deg")
+    (row,) = comparison_rows(one)
+    assert len(row) == len(comparison_head(one))
+    assert row[0] == "heading"
+    assert {row[0] for row in gain_rows(one)} >= {"heading K_P", "heading K_I", "heading K_D"}
+
+
+def test_a_response_outside_its_corridor_is_named() -> None:
+    hard = HEADING.replace("rise_s = 7.0", "rise_s = 1.2")
+    one = tune(quick(hard), threads=1)
+    vars(one)["margins"] = found().margins  # taking them takes seconds
+    assert not one.feasible
+    said = " ".join(sentences(one))
+    assert "1 of 1 responses of the vehicle itself leaves its corridor" in said
+    assert "heading at 3.00 m/s, step of +20 deg: outside by" in said
+    # It says why: the motors cannot do that, noise or not.
+    assert "1.2 s are asked; raise rise_s, or take smaller steps" in said
+    assert one.quiet is not None
+    assert one.quiet.trials[0].rise_s > 1.2
+
+
+def test_results_are_plain_data_and_files(tmp_path: Path) -> None:
+    one = found()
+    plain: dict[str, Any] = json.loads(json.dumps(one.to_dict(), allow_nan=True))
+    assert plain["feasible"] is True
+    assert plain["gains"]["tuned"] == one.autopilot.gains()
+    assert [judged["name"] for judged in plain["judged"]] == ["start", "tuned"]
+    assert plain["relay"] is None
+    run = one.save(tmp_path / "run")
+    assert run == tmp_path / "run"
+    files = {path.name for path in run.iterdir()}
+    assert files >= {
+        "autopilot.toml",
+        "campaign.toml",
+        "history.parquet",
+        "run.json",
+        "start_autopilot.toml",
+        "summary.txt",
+        "trials.parquet",
+        "tuning.json",
+        "vehicle.toml",
+    }
+    written = st.Autopilot.load(run / "autopilot.toml")
+    assert written.name == "small tuned"
+    assert written.gains() == one.autopilot.gains()
+    trials = pl.read_parquet(run / "trials.parquet")
+    assert trials["autopilot"].to_list() == ["start", "tuned"]
+    assert pl.read_parquet(run / "history.parquet")["best"].is_not_null().all()
+    assert json.loads((run / "run.json").read_text())["kind"] == "tuning"
+
+
+def test_a_relay_autotuning_is_judged_beside() -> None:
+    text = HEADING.replace("generations = 6, simplex_rounds = 3", "generations = 1, simplex_rounds = 1")
+    one = tune(campaign(text), relay=True, threads=1)
+    assert [judged.name for judged in one.judged] == ["start", "relay", "tuned"]
+    assert one.relay is not None
+    beside = one.of("relay")
+    assert beside is not None
+    assert beside.autopilot.gains() == one.relay.autopilot.gains()
+    assert "relay" in " ".join(comparison_head(one))
+
+
+def test_a_refused_tuning_leaves_nothing_behind(tmp_path: Path) -> None:
+    lost = HEADING.replace("samples = 1", 'samples = 1\nsensors = "lost.toml"')
+    with pytest.raises(SeatrialError, match=r"lost\.toml"):
+        tune(campaign(lost, folder=tmp_path), run_dir=tmp_path / "run", threads=1)
+    with pytest.raises(SeatrialError, match="expected a fit of cwolf, found one of lauv"):
+        tune(campaign(), "lauv", run_dir=tmp_path / "run", threads=1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_loops_every_loop_at_work_is_planned() -> None:
+    assert set(plan_of(campaign("[tuning]")).loops) == {"surge", "heave", "pitch", "heading"}
+    assert start().name == plan().autopilot.name == "cwolf start"

@@ -1,0 +1,105 @@
+"""What searches, judgement and verification of a tuning draw: nothing of it twice."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import combinations
+
+import pytest
+
+import seatrial as st
+from seatrial.campaign.verification_table import parse_verification
+from seatrial.identification.fitted import Fitted
+from seatrial.tuning import tune as tuning_run
+from seatrial.tuning.plan import TuningPlan
+from seatrial.tuning.step_trial import Samples
+from seatrial.verification.draws import draw_cases
+from tests.flight.flying import OUT, mission
+from tests.tuning.tuning_campaigns import HEADING, campaign, plan
+from tests.tuning.tuning_runs import Told, values
+
+RUNS = 200
+"""Flights of the verification: more than a tuning draws, in case both take theirs from one row of numbers."""
+
+
+@cache
+def made() -> tuple[st.Campaign, TuningPlan]:
+    """A tuning of a vehicle whose drag is known to a tenth."""
+    text = HEADING.replace("samples = 1", "samples = 6")
+    given, one = campaign(text), plan(text)
+    return given, TuningPlan(one.table, Fitted.of("cwolf", percent={"X_uu": 10.0}), one.autopilot)
+
+
+def test_responses_are_judged_in_finer_steps_of_integration_than_they_are_searched_in(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = Told()
+    told.run(monkeypatch, *made())
+    finest = min(search.rig.max_step for search in told.searches)
+    assert all(judged.rig.max_step <= 0.5 * finest for judged in told.judgements if judged.name)
+    assert [judged.name for judged in told.judgements if judged.name] == ["start", "tuned"]
+
+
+@pytest.fixture
+def flown(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Samples]]:
+    """Samples of both turns of the search, of the start gains' last chance and of the judgement."""
+    told, taken = Told(outside_s=lambda group, gains: 1.0), list[Samples]()
+
+    def take_back(
+        _: TuningPlan, gains: dict[str, float], samples: Samples, **__: object
+    ) -> tuple[dict[str, float], tuple[str, ...]]:
+        taken.append(samples)
+        return dict(gains), ()
+
+    monkeypatch.setattr(tuning_run, "take_back", take_back)
+    told.run(monkeypatch, *made())
+    return {
+        "search": [search.samples for search in told.searches],
+        "again": [judged.samples for judged in told.judgements if not judged.name],
+        "take back": taken,
+        "judged": [judged.samples for judged in told.judgements if judged.name],
+    }
+
+
+def test_the_judgement_s_vehicles_and_noises_are_none_that_a_search_met(
+    flown: dict[str, list[Samples]],
+) -> None:
+    seen = flown["search"] + flown["again"]
+    assert len(flown["search"]) == 2
+    for last in flown["judged"]:
+        assert len(last) - last.nominal == 24
+        assert len(values(last)) == 24
+        for met in seen:
+            assert len(values(met)) == 6
+            assert not values(met) & values(last)
+            assert not set(met.seeds) & set(last.seeds)
+
+
+def test_all_autopilots_are_judged_on_the_same_and_gains_are_taken_back_on_it(
+    flown: dict[str, list[Samples]],
+) -> None:
+    first, *others = [*flown["judged"], *flown["take back"]]
+    assert len(others) == 2  # start and tuned, and what is taken back
+    for other in others:
+        assert other.seeds == first.seeds
+        assert other.nominal == first.nominal > 1
+        assert values(other) == values(first)
+        assert (other.current == first.current).all()
+
+
+def test_a_verification_flies_vehicles_and_noises_that_no_tuning_met(flown: dict[str, list[Samples]]) -> None:
+    given, one = made()
+    table = parse_verification('[verification]\nmissions = ["out.toml"]\n', "campaign.toml")
+    cases = draw_cases(table, one.fitted, [mission(OUT)], seed=given.seed, numbers=RUNS)
+    drawn = set(cases.coefficients["X_uu"].tolist())
+    assert len(drawn) == RUNS
+    for samples in (samples for part in flown.values() for samples in part):
+        assert not values(samples) & drawn
+        assert not set(samples.seeds) & set(cases.seeds.tolist())
+
+
+def test_law_noises_of_two_seeds_have_nothing_in_common() -> None:
+    _, one = made()
+    each = [set(one.samples(24, seed, nominal=8).seeds) for seed in (0, 1, 2, 7919, 7920)]
+    assert all(len(seeds) == 32 for seeds in each)
+    assert not any(a & b for a, b in combinations(each, 2))
