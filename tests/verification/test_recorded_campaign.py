@@ -64,7 +64,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("mission.toml").write_text(MISSION.to_toml())
     Path("box.parquet").write_bytes(measured(100))
     Path("short.parquet").write_bytes(measured(101))
-    flight(2).write(tmp_path / "today", figures=False)
+    flight(2).save(tmp_path / "today")
     return tmp_path
 
 
@@ -119,7 +119,7 @@ def test_a_valid_log_is_exit_code_0_and_leaves_a_run_directory() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_a_changed_vehicle_is_exit_code_1() -> None:
-    flight(2, (("SbU.gain", 0.8),)).write("today", figures=False)
+    flight(2, (("SbU.gain", 0.8),)).save("today")
     result = call("--log", "today", "--json", "--reference", "box")
     assert result.exit_code == 1, result.output
     data = json.loads(result.stdout)
@@ -187,7 +187,7 @@ def test_without_trials_a_reference_is_asked_for() -> None:
     # The log itself tells nothing of what a valid model leaves.
     with pytest.raises(TrialError, match="found the one that is judged"):
         campaign_reference(campaign, fit, judged, ahead_s=10.0, names=["today"])
-    other = flight(3).write("yesterday", figures=False)
+    other = flight(3).save("yesterday")
     assert "on yesterday (" in campaign_reference(campaign, fit, judged, ahead_s=10.0, names=[other]).source
 
 

@@ -17,7 +17,7 @@ from tests.verification.recorded_logs import MISSION, fitted, flight, log
 
 
 def test_a_run_directory_of_fly_is_read_by_what_was_measured(tmp_path: Path) -> None:
-    folder = flight(2).write(tmp_path / "run", figures=False)
+    folder = flight(2).save(tmp_path / "run")
     read = MissionLog.read(folder)
     assert read.trial.name == "run"
     told = flight(2).measured["u"]

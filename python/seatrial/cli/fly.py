@@ -113,6 +113,7 @@ def fly(
     from seatrial.cli.console import list_figures, output, print_json
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.fly import fly as flown
+    from seatrial.report.plot.flight_errors import flight_gallery
 
     if out is not None:
         check_writable(out)
@@ -132,8 +133,8 @@ def fly(
     flight = flown(*sources, seed=seed, **options)
     many = None if seeds is None else fly_seeds(sources, seeds, seed, options)
     beside = {} if many is None else {"seeds.parquet": many.parquet()}
-    folder = flight.write(out or Path("runs") / _folder(flight), figures=figures, beside=beside)
-    written = sorted((folder / "figures").glob("*"))
+    folder = flight.save(out or Path("runs") / _folder(flight), beside=beside)
+    written = sorted(flight_gallery(flight, folder / "figures")) if figures else []
     if json:
         found = flight.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in written]}
         print_json(found if many is None else found | {"seeds": many.to_dict()})

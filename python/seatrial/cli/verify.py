@@ -195,12 +195,13 @@ def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png"
 def _replay(prepared: VerifiedCampaign, number: int, out: Path | None, *, figures: bool, json: bool) -> None:
     """One mission flown again into a run directory of its own."""
     from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.report.plot.flight_errors import flight_gallery
     from seatrial.verification.verification import reserve
 
     flight = prepared.flights.replay(number)
     default = Path("runs") / f"{prepared.campaign.name}-mission-{number}"
-    folder = flight.write(out or default, figures=figures)
-    written = sorted((folder / "figures").glob("*"))
+    folder = flight.save(out or default)
+    written = sorted(flight_gallery(flight, folder / "figures")) if figures else []
     if json:
         print_json(
             flight.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in written]}
@@ -292,8 +293,8 @@ def verify_log(
     """Judge a log into a run directory, print the verdict, exit with 1 where it is not held."""
     from seatrial.base.run import check_writable
     from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.report.plot.mission_log import log_verdict_gallery
     from seatrial.verification.mission_log.campaign import verify_campaign_log
-    from seatrial.verification.mission_log.verdict import write_verdict
 
     if len(missions) > 1:
         raise CampaignError(
@@ -309,8 +310,8 @@ def verify_log(
         mission=missions[0] if missions else None,
         references=references,
     )
-    write_verdict(found, folder, campaign, source=log, figures=figures)
-    written = sorted((folder / "figures").glob("*"))
+    found.save(folder, campaign=campaign, source=log)
+    written = sorted(log_verdict_gallery(found, folder / "figures")) if figures else []
     if json:
         data = found.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in written]}
         print_json(data)

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from seatrial.flight.failures import Circumstances
     from seatrial.flight.mission import Mission
 
-__all__ = ["Alert", "Flight", "facts", "log_fields", "plain", "sentences", "table", "write"]
+__all__ = ["Alert", "Flight", "facts", "log_fields", "plain", "sentences", "table"]
 
 _AXES = "XYZKMN"
 
@@ -327,26 +327,37 @@ class Flight:
         """Log with the canonical columns of a trial, and beside them what was measured and desired."""
         return table(self)
 
-    def write(
-        self, folder: str | Path, *, figures: bool = True, beside: Mapping[str, bytes] | None = None
-    ) -> Path:
-        """Path of a run directory with the flight: JSON, Parquet, inputs and figures.
+    def save(self, folder: str | Path, *, beside: Mapping[str, bytes] | None = None) -> Path:
+        """Path of a run directory with the flight: JSON, Parquet, summary and inputs.
+
+        `seatrial.report.plot.flight_errors.flight_gallery` draws its figures.
 
         Parameters
         ----------
         folder : str or Path
             Made when it does not exist; an earlier run's is replaced.
-        figures : bool, optional
-            Whether to draw.
         beside : mapping of str to bytes, optional
             Further files by name.
 
         Raises
         ------
         SeatrialError
-            The directory cannot be written.
+            The directory cannot be written; nothing is left half-written.
         """
-        return write(self, folder, figures=figures, beside=beside)
+        files: dict[str, str | bytes] = {
+            RUN_FILE: to_json(facts(self)),
+            **{f"{name}.toml": text for name, text in _inputs(self).items()},
+            "flight.json": to_json(self.to_dict()),
+            "summary.txt": "\n".join(self.sentences()) + "\n",
+            "flight.parquet": parquet(self.table()),
+            **(beside or {}),
+        }
+        directory = RunDirectory(folder)
+        try:
+            return directory.publish(files)
+        except BaseException:  # Ctrl-C too: nothing here is worth resuming
+            directory.discard()
+            raise
 
     def __str__(self) -> str:
         return "\n".join(self.sentences())
@@ -439,44 +450,6 @@ def facts(flight: Flight) -> dict[str, Any]:
     }
 
 
-def write(
-    flight: Flight, folder: str | Path, *, figures: bool = True, beside: Mapping[str, bytes] | None = None
-) -> Path:
-    """Path of a run directory with a flight.
-
-    Parameters
-    ----------
-    flight : Flight
-    folder : str or Path
-        Made when it does not exist; an earlier run's is replaced.
-    figures : bool, optional
-        Whether to draw, PNG and PDF.
-    beside : mapping of str to bytes, optional
-        Further files by name.
-
-    Raises
-    ------
-    SeatrialError
-        The directory cannot be written; nothing is left half-written.
-    """
-    files: dict[str, str | bytes] = {
-        RUN_FILE: to_json(facts(flight)),
-        **{f"{name}.toml": text for name, text in _inputs(flight).items()},
-        "flight.json": to_json(flight.to_dict()),
-        "summary.txt": "\n".join(flight.sentences()) + "\n",
-        "flight.parquet": parquet(flight.table()),
-        **(beside or {}),
-    }
-    directory = RunDirectory(folder)  # last of all: what takes its time leaves nothing when it is interrupted
-    try:
-        if figures and not flight.diverged:
-            _draw(flight, directory.workspace / "figures")
-        return directory.publish(files)
-    except BaseException:  # Ctrl-C too: nothing here is worth resuming
-        directory.discard()
-        raise
-
-
 def _inputs(flight: Flight) -> dict[str, str]:
     """Files of the inputs by name, as they were used."""
     found = {
@@ -486,20 +459,6 @@ def _inputs(flight: Flight) -> dict[str, str]:
     }
     model = flight.circumstances.model.to_toml()
     return found if model == found["vehicle"] else found | {"model": model}
-
-
-def _draw(flight: Flight, folder: Path) -> None:
-    from seatrial.report.plot.flight import flight_loops, flight_track
-    from seatrial.report.plot.flight_errors import flight_actuators, flight_errors
-    from seatrial.report.plot.style import save
-
-    for name, drawn in (
-        ("track", flight_track),
-        ("loops", flight_loops),
-        ("actuators", flight_actuators),
-        ("errors", flight_errors),
-    ):
-        save(drawn(flight), folder / name)
 
 
 _CAUSES = {

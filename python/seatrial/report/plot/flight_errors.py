@@ -14,13 +14,23 @@ from __future__ import annotations
 import math
 import tomllib
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
-from seatrial.report.plot.flight import event_lines, events, leg_lines, line, settled, shade
+from seatrial.report.plot.flight import (
+    event_lines,
+    events,
+    flight_loops,
+    flight_track,
+    leg_lines,
+    line,
+    settled,
+    shade,
+)
 from seatrial.report.plot.style import (
     CYCLE,
     MEASURED,
@@ -30,6 +40,7 @@ from seatrial.report.plot.style import (
     house_style,
     new_figure,
     panel_title,
+    save,
 )
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
@@ -42,7 +53,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.flight.flight import Flight
 
-__all__ = ["Motor", "behind_motor", "drives", "flight_actuators", "flight_errors", "motors"]
+__all__ = ["Motor", "behind_motor", "drives", "flight_actuators", "flight_errors", "flight_gallery", "motors"]
 
 _ERRORS = (
     ("cross_track", "cross-track error", "$y_e$, m", "positive: to starboard of the path"),
@@ -52,6 +63,29 @@ _ERRORS = (
 _BINS = 41
 
 _SHARE = 95.0
+
+
+def flight_gallery(
+    flight: Flight, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
+) -> list[Path]:
+    """Paths of the figures of a flight after they were written into a folder; none of a diverged one.
+
+    Raises
+    ------
+    SeatrialError
+        The folder cannot be written.
+    """
+    if flight.diverged:
+        return []
+    written: list[Path] = []
+    for name, drawn in (
+        ("track", flight_track),
+        ("loops", flight_loops),
+        ("actuators", flight_actuators),
+        ("errors", flight_errors),
+    ):
+        written += save(drawn(flight), Path(folder) / name, formats=formats)
+    return written
 
 
 def flight_errors(flight: Flight) -> Figure:

@@ -6,6 +6,7 @@ Held by `tests/verification/test_recorded_verdict.py`.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,7 @@ from seatrial.report.plot.style import (
     house_style,
     new_figure,
     panel_title,
+    save,
 )
 from seatrial.verification.mission_log.envelope import QUANTITIES
 
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 
     from seatrial.verification.mission_log.verdict import LogVerdict
 
-__all__ = ["envelope_page", "residual_page", "suspect_bars"]
+__all__ = ["envelope_page", "log_verdict_gallery", "residual_page", "suspect_bars"]
 
 _BAND = "#CFE3F1"
 
@@ -48,6 +50,26 @@ _RARE, _BEYOND = (
 )  # share at either end that may leave the panel, and the span shown beyond the others
 
 _SIGN = re.compile(r"(?<!\w)-(?=\d)")
+
+
+def log_verdict_gallery(
+    verdict: LogVerdict, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
+) -> list[Path]:
+    """Paths of the figures of a verdict after they were written: residuals, suspects, envelope, as there are.
+
+    Raises
+    ------
+    SeatrialError
+        The folder cannot be written.
+    """
+    written: list[Path] = []
+    if verdict.validity is not None:
+        written += save(residual_page(verdict), Path(folder) / "residuals", formats=formats)
+    if verdict.suspects:
+        written += save(suspect_bars(verdict), Path(folder) / "suspects", formats=formats)
+    if verdict.envelope is not None:
+        written += save(envelope_page(verdict), Path(folder) / "envelope", formats=formats)
+    return written
 
 
 def envelope_page(verdict: LogVerdict) -> Figure:

@@ -48,15 +48,7 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.metrics import LoggedStep
 
-__all__ = [
-    "Detectable",
-    "JudgedRequirement",
-    "LogVerdict",
-    "Outcome",
-    "detectable_changes",
-    "summary",
-    "write_verdict",
-]
+__all__ = ["Detectable", "JudgedRequirement", "LogVerdict", "Outcome", "detectable_changes", "summary"]
 
 Outcome = Literal["model still valid", "re-identify", "log too short or too quiet to tell"]
 
@@ -203,32 +195,31 @@ class LogVerdict:
             found["mission.toml"] = self.mission.to_toml()
         return found
 
-    def save_figures(self, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")) -> list[Path]:
-        """Paths of the figures: residuals, suspects, envelope, those that there are.
+    def save(self, folder: str | Path, *, campaign: Campaign | None = None, source: str | Path = "") -> Path:
+        """Path of a run directory with the verdict, a summary, the inputs and their hashes.
+
+        `seatrial.report.plot.mission_log.log_verdict_gallery` draws its figures.
 
         Parameters
         ----------
         folder : str or Path
-            Made when it does not exist.
-        formats : tuple of str, optional
-            Endings.
+            Made when it does not exist; an earlier run's is replaced.
+        campaign : Campaign, optional
+            What was asked for.
+        source : str or Path, optional
+            The log, as it was named; by default the name of its trial.
 
         Raises
         ------
         SeatrialError
-            The folder cannot be written.
+            The directory cannot be written; nothing is left half-written.
         """
-        from seatrial.report.plot.mission_log import envelope_page, residual_page, suspect_bars
-        from seatrial.report.plot.style import save
-
-        written: list[Path] = []
-        if self.validity is not None:
-            written += save(residual_page(self), Path(folder) / "residuals", formats=formats)
-        if self.suspects:
-            written += save(suspect_bars(self), Path(folder) / "suspects", formats=formats)
-        if self.envelope is not None:
-            written += save(envelope_page(self), Path(folder) / "envelope", formats=formats)
-        return written
+        directory = RunDirectory(folder)
+        try:
+            return directory.publish(_files(self, campaign, source or self.log.trial.name))
+        except BaseException:  # Ctrl-C too: nothing here is worth resuming
+            directory.discard()
+            raise
 
     def __str__(self) -> str:
         return self.summary()
@@ -336,55 +327,19 @@ def _mission(verdict: LogVerdict) -> list[str]:
     return lines
 
 
-def write_verdict(
-    found: LogVerdict,
-    folder: str | Path,
-    campaign: Campaign,
-    *,
-    source: str | Path,
-    figures: bool = True,
-    formats: tuple[str, ...] = ("png", "pdf"),
-) -> Path:
-    """Path of a run directory with a verdict on a log.
-
-    Parameters
-    ----------
-    found : LogVerdict
-    folder : str or Path
-        Made when it does not exist; an earlier run's is replaced.
-    campaign : Campaign
-        What was asked for.
-    source : str or Path
-        The log, as it was named.
-    figures : bool, optional
-        Whether to draw.
-    formats : tuple of str, optional
-        Endings of the figures.
-
-    Raises
-    ------
-    SeatrialError
-        The directory cannot be written; nothing is left half-written.
-    """
-    inputs = {"campaign.toml": campaign.text, **found.inputs()}
-    facts = run_facts(campaign, trials=False)
-    facts["sha256"] |= {name: hashlib.sha256(text.encode()).hexdigest() for name, text in inputs.items()}
+def _files(found: LogVerdict, campaign: Campaign | None, source: str | Path) -> dict[str, str | bytes]:
+    """Files of a run directory by name."""
+    inputs = found.inputs() if campaign is None else {"campaign.toml": campaign.text, **found.inputs()}
+    known: dict[str, Any] = {"sha256": {}} if campaign is None else run_facts(campaign, trials=False)
+    known["sha256"] |= {name: hashlib.sha256(text.encode()).hexdigest() for name, text in inputs.items()}
     if (log := _file(source)) is not None:
-        facts["sha256"]["log"] = hashlib.sha256(log.read_bytes()).hexdigest()
-    files: dict[str, str | bytes] = {
-        RUN_FILE: to_json(facts | {"kind": "log verdict", "log": str(source)}),
+        known["sha256"]["log"] = hashlib.sha256(log.read_bytes()).hexdigest()
+    return {
+        RUN_FILE: to_json(known | {"kind": "log verdict", "log": str(source)}),
         **inputs,
         "verdict.json": to_json(found.to_dict()),
         "summary.txt": found.summary() + "\n",
     }
-    directory = RunDirectory(folder)
-    try:
-        if figures:
-            found.save_figures(directory.workspace / "figures", formats=formats)
-        return directory.publish(files)
-    except BaseException:  # Ctrl-C too: nothing here is worth resuming
-        directory.discard()
-        raise
 
 
 def _file(source: str | Path) -> Path | None:
