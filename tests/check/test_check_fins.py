@@ -32,7 +32,8 @@ def test_law_growth_with_fins_is_that_of_the_simulated_disturbance() -> None:
 
 
 def test_prestero_growth_of_the_whole_vehicle() -> None:
-    # The published derivatives of sway and yaw give 1.02 1/s at 3 kn (tests/vehicle/test_published_vehicles.py).
+    # The published derivatives of sway and yaw give 1.02 1/s at 3 kn
+    # (tests/vehicle/test_published_vehicles.py).
     assert growth(REMUS, 1.543, "course") == pytest.approx(1.02, abs=0.01)
     assert growth(without_fins(REMUS), 1.543, "course") > 1.5 * growth(REMUS, 1.543, "course")
 

@@ -1,6 +1,7 @@
 """Record of what seatrial answers: numbers and keys of whole runs, to the last bit, and the public names.
 
-`python tests/freeze/record.py record FILE` runs the commands below in a temporary folder and writes every number, string
+`python tests/freeze/record.py record FILE` runs the commands below in a temporary folder and writes every
+number, string
 and key that they print or leave behind; `compare FILE` runs them again and lists what differs. It holds a
 rebuild of the house that must change no number. Clock times, paths, versions and hashes are left out.
 """
@@ -218,7 +219,7 @@ def record(only: list[str]) -> dict[str, Any]:
     python = os.environ.get("SEATRIAL_FREEZE_PYTHON", sys.executable)
     found: dict[str, Any] = {"names": names()}
     with tempfile.TemporaryDirectory() as folder:
-        os.symlink(root / "examples", Path(folder) / "e")
+        (Path(folder) / "e").symlink_to(root / "examples")
         subprocess.run([python, "-m", "seatrial", "new", "p"], cwd=folder, check=True, capture_output=True)
         for name, command in COMMANDS.items():
             if (only and name not in only) or (name == "beluga" and "SEATRIAL_DATA" not in os.environ):

@@ -231,7 +231,8 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
 
 def test_figures_need_no_display_and_load_no_window_system() -> None:
     code = (
-        "import sys; from seatrial._core import Vehicle; from seatrial.report.plot.vehicle import three_views\n"
+        "import sys; from seatrial._core import Vehicle; from seatrial.report.plot.vehicle import"
+        " three_views\n"
         "three_views(Vehicle.load('cwolf')).canvas.draw()\n"
         "assert 'matplotlib.pyplot' not in sys.modules and 'tkinter' not in sys.modules"
     )

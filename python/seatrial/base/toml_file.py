@@ -3,7 +3,8 @@
 Every format (campaign, bench test, recipes of generated trials) is a `Section` of sections; `tables` and
 `checked` read it, `file_path` resolves the paths in it.
 
-Tests: ``tests/campaign/test_campaign_file.py``, ``tests/bench_test/test_bench_file.py``, ``tests/sensors/test_sensors.py``.
+Tests: ``tests/campaign/test_campaign_file.py``, ``tests/bench_test/test_bench_file.py``,
+``tests/sensors/test_sensors.py``.
 
 What a TOML file is, by the keys that only its kind has: so that a wrong one is answered by its kind.
 

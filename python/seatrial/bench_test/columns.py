@@ -2,9 +2,11 @@
 
 The column map is that of a trial (`seatrial.trial.columns`) with the load cell's columns besides, and
 with a group's name after ``cmd.`` or ``meas.`` for all its actuators at once. Nothing is resampled: an empty
-cell stays NaN, so that a log of several rates is one table. Tests: ``tests/bench_test/test_bench_records.py``.
+cell stays NaN, so that a log of several rates is one table. Tests:
+``tests/bench_test/test_bench_records.py``.
 
-What was driven in a bench test: actuators of one group, by name. Tests: ``tests/bench_test/test_bench_file.py``.
+What was driven in a bench test: actuators of one group, by name. Tests:
+``tests/bench_test/test_bench_file.py``.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@
 5. What the data do not tell is taken out, one parameter at a time, and the rest refitted.
 6. Intervals (`motor_certainty`), directions and actuators compared (`comparison`).
 
-Source: Taubert et al. (2014), figures 6-8 and equation 34. Held by `tests/bench_test/test_motor_dynamics.py` and
+Source: Taubert et al. (2014), figures 6-8 and equation 34. Held by
+`tests/bench_test/test_motor_dynamics.py` and
 `tests/bench_test/test_motor_coverage.py`.
 
 A step test that determines every parameter of a motor.

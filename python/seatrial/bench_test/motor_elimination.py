@@ -19,7 +19,8 @@ Taking out what the data do not tell, one parameter at a time, so that it does n
 A rate limit whose interval reaches "no limit" is held at the vehicle's value if the data allow that, and
 at no limit otherwise. A time constant near zero has no slope (a short lag delays a ramp as a dead time does):
 its interval is that of the profile, where the cost with T_1 held and all others refitted rises by what chance
-would. What then holds only beside a held parameter says so. Held by `tests/bench_test/test_motor_dynamics.py`.
+would. What then holds only beside a held parameter says so. Held by
+`tests/bench_test/test_motor_dynamics.py`.
 """
 
 from __future__ import annotations

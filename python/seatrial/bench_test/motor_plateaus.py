@@ -3,7 +3,8 @@
 A plateau is the second half of a held command in which the revolutions no longer drift. The gain is the
 ratio ``level / command`` on which most plateaus agree. The smallest commands above that line were lifted to
 ``n_min`` if they share a level, the largest below it clipped at ``n_max`` likewise, those at rest dropped by
-a dead band; a motor that is merely not quite linear shows none of it. Held by `tests/bench_test/test_motor_dynamics.py`.
+a dead band; a motor that is merely not quite linear shows none of it. Held by
+`tests/bench_test/test_motor_dynamics.py`.
 
 Start values of a motor's dynamics from its step responses, and the grid from which the fit starts.
 

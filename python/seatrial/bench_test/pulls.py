@@ -1,7 +1,8 @@
 """What a motor makes of a steady command: static limits and gain, by the model's own chain.
 
 The vehicle is held and the command kept until every limit and lag has settled, so that no rule of the motor
-(lift to the minimum, dead band, clipping, K_V) is written twice. Tests: ``tests/bench_test/test_bench_records.py``.
+(lift to the minimum, dead band, clipping, K_V) is written twice. Tests:
+``tests/bench_test/test_bench_records.py``.
 
 What the characteristic of a pull is a function of: commands behind their motors, or measured revolutions.
 

@@ -1,7 +1,8 @@
 """The legs of a mission as its file names them: length, time, slope and corners of the way that is planned.
 
 As the core plans: straight between waypoints, at the speeds of the legs; a circle is joined at its point
-nearest to where the vehicle comes from. Held by tests/check/test_check_mission.py against the core's own sums.
+nearest to where the vehicle comes from. Held by tests/check/test_check_mission.py against the core's own
+sums.
 
 How near a mission's straight ways come to its fence. Held by tests/check/test_check_mission.py.
 """

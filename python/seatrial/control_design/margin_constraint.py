@@ -9,7 +9,8 @@ L_i = 1/[(I + L)^-1]_ii - 1. Stability comes from the eigenvalues of Phi - Gamma
 The shortfall of a loop at a point is the largest of 1 - margin/limit over its margins, 0 where all hold and 1
 where one is used up, which is the edge of stability. That of a point is the largest of its loops, or 1 + 10 s
 times sigma where a motion grows with the rate sigma in 1/s, and 0.3 of the others'; that of a candidate is
-the sum over the points. Held by tests/control_design/test_margin_constraint.py, tests/control_design/test_margin_shortfall.py.
+the sum over the points. Held by tests/control_design/test_margin_constraint.py,
+tests/control_design/test_margin_shortfall.py.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 A 95 % interval is a promise about repetitions: sail the same trials again, with other noise and other
 biases of the sensors, and 95 of 100 intervals hold the right value. For recordings nobody can check it;
-for generated trials (`seatrial.trial.generated`) the right value is known. The start values and the bounds are
+for generated trials (`seatrial.trial.generated`) the right value is known. The start values and the bounds
+are
 the campaign's: nothing of the truth enters the estimate.
 
 A coefficient that is called identifiable passes when 44 of 50 intervals hold its truth: fewer would be

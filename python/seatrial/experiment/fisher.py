@@ -115,7 +115,8 @@ class Instruments:
         Parameters
         ----------
         kinds : mapping, optional
-            Kinds of `seatrial.sensors.sensor.KINDS`; by default DVL 0.01 m/s, gyro 0.2 deg/s, attitude 0.5 deg,
+            Kinds of `seatrial.sensors.sensor.KINDS`; by default DVL 0.01 m/s, gyro 0.2 deg/s, attitude 0.5
+            deg,
             depth 0.02 m. A position sensor is usually good for 0.5 m.
         **further : float
             Attributes of `Instruments`.

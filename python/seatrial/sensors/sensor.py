@@ -2,7 +2,8 @@
 
 One sensor: how far what it logs is from the truth, and its table in a file.
 
-Noise, bias and quantum are in the unit of its kind (`seatrial.sensors.sensor`), times in s, places in m in the
+Noise, bias and quantum are in the unit of its kind (`seatrial.sensors.sensor`), times in s, places in m in
+the
 body frame from O. Every number is zero, and so perfect, unless it is given.
 
 Sets of sensors: the one that comes with seatrial, "typical", and those of files.

@@ -8,7 +8,8 @@ Columns of one vector that several sensors logged, each at its own times, and th
 A row of such a log has cells of the sensors that sampled then and empty cells elsewhere. A depth that comes
 at other times than north and east is another sensor's: a signal of its own. Other components that come apart
 (a compass beside roll and pitch, a yaw gyro of its own rate) are brought to the stamps of the one with the
-most samples, linearly between their own neighbours and nowhere else. Held by tests/trial/test_several_rates.py.
+most samples, linearly between their own neighbours and nowhere else. Held by
+tests/trial/test_several_rates.py.
 
 Smoothing spline of masked samples: values and derivatives for restarts and for measured axes.
 

@@ -1,7 +1,8 @@
 """Truth vehicles: what sails generated trials, a vehicle with other coefficients, and its sensors.
 
 Its file names a vehicle, factors on its coefficients or values instead of them, and the sensors that it
-carries (`seatrial.trial.truth.TruthFile`). Tests: ``tests/sensors/test_sensors.py``, ``tests/trial/test_truth.py``.
+carries (`seatrial.trial.truth.TruthFile`). Tests: ``tests/sensors/test_sensors.py``,
+``tests/trial/test_truth.py``.
 
 The files of generated trials: which keys truth, recipe and sensor files have, what they may hold.
 

@@ -2,7 +2,8 @@
 
 A factor is searched by its logarithm, between the logarithms of its bounds. A point that no trial comes near
 goes with the nearest one that a trial does; a point that the vehicle never reaches takes its value from the
-nearest one that it does. A gain that starts at zero stays there. Held by tests/tuning/test_gain_parameters.py.
+nearest one that it does. A gain that starts at zero stays there. Held by
+tests/tuning/test_gain_parameters.py.
 
 Smoothness of gains along the supporting points.
 

@@ -14,7 +14,8 @@ Sensors have their noise, digits, rates and delays, but no offset, no drift and 
 is constant through a flight moves the answer, a log that falls silent in the middle of a step leaves any
 gains blind, and neither is a property of the gains. `seatrial.verify` flies with all of them.
 
-Source: Taubert et al. (2014), section "Constraint Criteria Optimization". Held by tests/tuning/test_step_trial.py.
+Source: Taubert et al. (2014), section "Constraint Criteria Optimization". Held by
+tests/tuning/test_step_trial.py.
 """
 
 from __future__ import annotations

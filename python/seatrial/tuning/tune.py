@@ -13,7 +13,8 @@ The run itself is `seatrial.tuning.tune`. Held by tests/tuning/test_tune.py.
 
 One tuning under way: margins, group after group, the groups that violate once more, judgement.
 
-Ctrl-C at any time ends it with the best gains so far. Held by tests/tuning/test_tune.py, tests/tuning/test_second_turn.py,
+Ctrl-C at any time ends it with the best gains so far. Held by tests/tuning/test_tune.py,
+tests/tuning/test_second_turn.py,
 tests/tuning/test_tuning_kept_stages.py and tests/tuning/test_tuning_draws.py.
 
 How much of a tuning is done, and how long the rest takes at most.

@@ -1,6 +1,7 @@
 """A steady turn by movable fins: rudders at half their largest angle, all that drives ahead at half power.
 
-In the horizontal plane, as the turns of `seatrial.vehicle.steady_state`: roll, pitch and heave are held. Held by
+In the horizontal plane, as the turns of `seatrial.vehicle.steady_state`: roll, pitch and heave are held.
+Held by
 tests/check/test_check_fins.py.
 
 The tightest turn that a vehicle flies at a speed ahead.

@@ -3,7 +3,8 @@
 Above: from waypoints to commands and back over the sensors (Taubert et al. 2014, figure 13, with the parts
 that the core has: mode table, reference filters, safety, inverse characteristic). Below: a loop with its
 features: gains scheduled over the desired speed, derivative on the measurement, anti-windup and reset bias
-by what the allocation reached (figure 14, equation 54 corrected). Held by `tests/report/test_control_diagrams.py`.
+by what the allocation reached (figure 14, equation 54 corrected). Held by
+`tests/report/test_control_diagrams.py`.
 
 Sketch of the line of sight in both planes: errors, lookahead point and desired angles with their signs.
 

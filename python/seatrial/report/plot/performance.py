@@ -1,6 +1,7 @@
 """Performance: speed, power, endurance and range over revolutions, and turning circles.
 
-Steady motion from `seatrial.vehicle.steady_state`; tracks are runs of the whole chain in the horizontal plane.
+Steady motion from `seatrial.vehicle.steady_state`; tracks are runs of the whole chain in the horizontal
+plane.
 Held by tests/vehicle/test_performance.py.
 
 Characteristic: thrust over command, at rest and under way, one panel per group of like actuators.

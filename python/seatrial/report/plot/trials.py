@@ -73,7 +73,8 @@ def measured_against_simulated(
     ----------
     trial : Trial
     windows : sequence of Window
-        What was simulated, for example `seatrial.trial.score.Score.windows`; each restarts from the measurement.
+        What was simulated, for example `seatrial.trial.score.Score.windows`; each restarts from the
+        measurement.
     channels : sequence of str
         Those to show, from top to bottom.
     titles : mapping of str to str, optional

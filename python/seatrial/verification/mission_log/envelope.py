@@ -6,7 +6,8 @@ noise of the sensors and, where given, another current; the band of a quantity i
 1), between which a further flight of the same kind falls with 95 % (Weibull 1939; Hyndman & Fan 1996, The
 American Statistician 50:361, definition 6). They exist from 39 flights on; where fewer are still under way
 there is no band. A closed loop hides errors of the model, and a delay of some seconds shifts all that
-follows: the envelope shows how the mission went, and the verdict rests on `seatrial.verification.mission_log.validity`.
+follows: the envelope shows how the mission went, and the verdict rests on
+`seatrial.verification.mission_log.validity`.
 
 Tests: ``tests/verification/test_recorded_mission.py``.
 """

@@ -30,14 +30,17 @@ Tests: ``tests/verification/test_recorded_suspects.py``.
 Suspects: which change of the vehicle explains the misfit of a log, sorted by how much of it.
 
 Residuals and exact derivatives J are in units of a valid model's spread, without what the state at a restart
-explains (`seatrial.verification.mission_log.candidates`). For every candidate (`seatrial.verification.mission_log.candidates`) alone
+explains (`seatrial.verification.mission_log.candidates`). For every candidate
+(`seatrial.verification.mission_log.candidates`) alone
 
     theta = (J'J)^-1 J'r,   gain = (J'r)' (J'J)^-1 (J'r) / r'r,
 
 its scatter by the jackknife over windows (`seatrial.statistics.score_test`). The best ones are then followed
 by Gauss-Newton steps with J held and the non-linear model simulated, and sorted by what they truly explain,
-less Akaike's share for each unknown. Beside them stand offsets of sensors (`seatrial.verification.mission_log.suspects`)
-and actuators that pushed otherwise than their commands say (`seatrial.verification.mission_log.suspects`), with an
+less Akaike's share for each unknown. Beside them stand offsets of sensors
+(`seatrial.verification.mission_log.suspects`)
+and actuators that pushed otherwise than their commands say (`seatrial.verification.mission_log.suspects`),
+with an
 unknown for each window. Candidates whose columns run alike (90 % of one's square lies in the span of the
 other's) cannot be told apart by the log and are named beside it.
 

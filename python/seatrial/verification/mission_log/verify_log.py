@@ -5,7 +5,8 @@ Tests: ``tests/verification/test_recorded_verdict.py``.
 The model's part of a verdict on a log: outcome, reason, suspects, and what the log would have shown.
 
 A current that was not recorded is no change of the vehicle: where it explains the log best, it is fitted to
-the log (`seatrial.verification.mission_log.suspects`) and the model judged anew in it. What such a fit could hide
+the log (`seatrial.verification.mission_log.suspects`) and the model judged anew in it. What such a fit
+could hide
 counts as not shown.
 
 Tests: ``tests/verification/test_recorded_validity.py``, ``tests/verification/test_recorded_current.py``.
@@ -90,7 +91,8 @@ def judge_model(
     ahead_s: float,
     offsets: Mapping[str, float],
 ) -> ModelJudgement:
-    """Judgement of a model by a log, as `seatrial.verification.mission_log.verify_log.verify_log` explains its parameters.
+    """Judgement of a model by a log, as `seatrial.verification.mission_log.verify_log.verify_log` explains
+    its parameters.
 
     Raises
     ------
@@ -139,7 +141,8 @@ def judge_model(
         elif not in_it.failing:
             other = "" if first is None else f" as well as this change: {first.change}"
             reason = (
-                f"The log cannot tell a changed vehicle from the water: {current_words(fitted)}, which was not"
+                f"The log cannot tell a changed vehicle from the water: {current_words(fitted)}, which"
+                " was not"
                 f" recorded, explains it{other}. Log the current (zero in a tank), or fly more than one"
                 " heading."
             )
