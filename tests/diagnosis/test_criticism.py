@@ -19,7 +19,8 @@ from seatrial.diagnosis.missing_terms import (
     missing_terms,
     signal_of,
 )
-from seatrial.diagnosis.residual_analysis import autocorrelations, block_length, block_numbers, criticise
+from seatrial.diagnosis.residual_analysis import criticise
+from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
 from seatrial.diagnosis.residual_signals import motion_signals, recorded_signals
 from seatrial.report.plot.identification import model_criticism
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.campaign.parameters import VELOCITIES
-from seatrial.diagnosis.residual_analysis import autocorrelations, block_length, block_numbers
+from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests, unexplained
 from seatrial.vehicle.actuators import actuator_groups

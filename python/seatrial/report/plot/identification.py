@@ -52,7 +52,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial.diagnosis.assessment import Certainty
-    from seatrial.diagnosis.residual_analysis import Autocorrelation, Criticism
+    from seatrial.diagnosis.residual_analysis import Criticism
+    from seatrial.diagnosis.residual_autocorrelation import Autocorrelation
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.identification import Identification
 
