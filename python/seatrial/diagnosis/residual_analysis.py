@@ -51,11 +51,7 @@ from seatrial.statistics.score_test import score_tests
 if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
 
-__all__ = [
-    "Criticism",
-    "criticise",
-    "criticise_joint",
-]
+__all__ = ["Criticism", "criticise", "criticise_joint"]
 
 _EXCESS = 1.5
 
