@@ -1,12 +1,7 @@
-"""Campaign: a vehicle, its trials and the stages of its identification, checked and ready to run.
+"""Campaign: a vehicle with its bench test, trials and the stages of its identification, checked and ready to run.
 
-The trials of a campaign, each read from its file when it is first asked for.
-
-The bench test that a campaign names: of the same vehicle, evaluated once for all variants of the campaign.
-
-Held by ``test_a_bench_record_that_changes_is_read_again`` and tests/base/test_bad_input.py.
-
-What a run rests on, for the file that says so in every run directory.
+Trials are read when first asked for, the bench test when the campaign is made; both only once. Held by
+``tests/campaign/test_campaign.py`` and ``test_a_bench_record_that_changes_is_read_again``.
 """
 
 from __future__ import annotations
@@ -37,8 +32,8 @@ from seatrial.campaign.file import (
     parse,
 )
 from seatrial.campaign.parameters import Parameter, names, parameters
-from seatrial.campaign.tuning_table import Budget
-from seatrial.campaign.variants import LockedAxes, locked
+from seatrial.campaign.search_budget import Budget
+from seatrial.campaign.variants import LockedAxes, with_locked_axes, with_start_values
 from seatrial.trial.sensor_position import refuse_far
 
 if TYPE_CHECKING:
@@ -46,33 +41,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
     from seatrial.trial.trial import Trial
 
-__all__ = ["Campaign", "TrialsOfCampaign", "bench_test", "run_facts"]
-
-
-class TrialsOfCampaign(Mapping[str, "Trial"]):
-    """Trials by name, read when first asked for."""
-
-    def __init__(self, campaign: Campaign, sources: Mapping[str, TrialSource]) -> None:
-        self._campaign, self._sources = campaign, sources
-        self._read: dict[str, Trial] = {}
-        self._lock = threading.Lock()
-
-    def __getitem__(self, name: str) -> Trial:
-        if name not in self._sources:
-            raise KeyError(name)
-        with self._lock:
-            if name not in self._read:
-                self._read[name] = self._campaign.read(name)
-            return self._read[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._sources  # without reading the trial
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._sources)
-
-    def __len__(self) -> int:
-        return len(self._sources)
+__all__ = ["Campaign", "run_facts"]
 
 
 class Campaign:
@@ -128,10 +97,10 @@ class Campaign:
         self.bench = self._bench_test()
         self.vehicle = self._load_vehicle() if self.bench is None else self.bench.vehicle
         self._sources, self._data = self._trial_sources(dict(trials or {}))
-        self.trials: Mapping[str, Trial] = TrialsOfCampaign(self, self._sources)
+        self.trials: Mapping[str, Trial] = _Trials(self, self._sources)
         self.stages = in_order(file.stages, source)
         self.parameters: dict[str, tuple[Parameter, ...]] = {
-            stage.name: parameters(stage, self.vehicle, self.place(stage)) for stage in self.stages
+            stage.name: parameters(stage, self.vehicle, self.where(stage)) for stage in self.stages
         }
         self._check_trial_names()
         self._check_places()
@@ -192,7 +161,7 @@ class Campaign:
         return cls(parse(text, source), text=text, source=source, folder=Path(folder), trials=trials)
 
     def with_locked_axes(self, mode: LockedAxes) -> Campaign:
-        """Campaign with every axis that a stage does not free frozen or replayed; the polish stays.
+        """Campaign with every axis that a stage does not free frozen or replayed; the joint estimate stays.
 
         Parameters
         ----------
@@ -212,7 +181,39 @@ class Campaign:
         >>> campaign.with_locked_axes("frozen").stages[0].axes.frozen  # doctest: +SKIP
         'YZKMN'
         """
-        return locked(self, mode)
+        text = with_locked_axes(self.text, mode, self.source)
+        return self.with_file(parse(text, self.source), text=text)
+
+    def with_start_values(self, starts: Mapping[str, Mapping[str, float]], *, seed: int) -> Campaign:
+        """Campaign with other start values, by stage and parameter, and another seed; its text stays.
+
+        Parameters
+        ----------
+        starts : mapping
+            Stage to parameter to value, SI; what it leaves out starts where it did.
+        seed : int
+        """
+        file = with_start_values(self.file, self.parameters, starts, self.vehicle)
+        return self.with_file(file.model_copy(update={"seed": seed}))
+
+    def with_file(self, file: CampaignFile, *, text: str | None = None) -> Campaign:
+        """Campaign with another file, checked again; trials that were read are not read again.
+
+        Parameters
+        ----------
+        file : CampaignFile
+        text : str, optional
+            Its text; that of this campaign when omitted.
+
+        Raises
+        ------
+        CampaignError
+            The file asks for what cannot be done.
+        """
+        text = self.text if text is None else text
+        other = Campaign(file, text=text, source=self.source, folder=self.folder, trials=self._data)
+        other.trials = self.trials
+        return other
 
     @property
     def autopilot(self) -> Autopilot:
@@ -263,8 +264,8 @@ class Campaign:
         """Seed of every random number of a run."""
         return self.file.seed
 
-    def place(self, stage: Stage) -> str:
-        """Words for messages: file and stage."""
+    def where(self, stage: Stage) -> str:
+        """File and stage, as messages begin."""
         return f"{self.source}: stage {stage.name!r}"
 
     def before(self, stage: Stage) -> list[str]:
@@ -376,7 +377,7 @@ class Campaign:
             return None
 
         path = self._path(self.file.bench, "key bench")
-        return bench_test(path, self._load_vehicle(), f"{self.source}: key bench")
+        return _bench_test(path, self._load_vehicle(), f"{self.source}: key bench")
 
     def _path(self, text: str, where: str) -> Path:
         """Path relative to the campaign file, ``${VARIABLE}`` replaced by the environment's value."""
@@ -394,12 +395,12 @@ class Campaign:
             for name in stage.trials:
                 if name not in self._sources:
                     raise CampaignError(
-                        f"{self.place(stage)}, key trials: unknown trial {name!r}"
+                        f"{self.where(stage)}, key trials: unknown trial {name!r}"
                         + nearest(name, self._sources)
                     )
                 if self._sources[name].hold_out:
                     raise CampaignError(
-                        f"{self.place(stage)}, key trials: trial {name!r} is held out as a whole;"
+                        f"{self.where(stage)}, key trials: trial {name!r} is held out as a whole;"
                         " remove it from the stage or its hold_out"
                     )
 
@@ -416,12 +417,38 @@ class Campaign:
                 shared = set(names(self.parameters[stage.name])) & set(names(self.parameters[other.name]))
                 if shared and other.name not in self.before(stage):
                     raise CampaignError(
-                        f"{self.place(stage)}: coefficient {min(shared)!r} is also freed by stage"
+                        f"{self.where(stage)}: coefficient {min(shared)!r} is also freed by stage"
                         f" {other.name!r} and neither runs after the other; set after = [{other.name!r}]"
                     )
 
 
-def bench_test(path: Path, vehicle: Vehicle, where: str) -> BenchTest:
+class _Trials(Mapping[str, "Trial"]):
+    """Trials by name, read when first asked for."""
+
+    def __init__(self, campaign: Campaign, sources: Mapping[str, TrialSource]) -> None:
+        self._campaign, self._sources = campaign, sources
+        self._read: dict[str, Trial] = {}
+        self._lock = threading.Lock()
+
+    def __getitem__(self, name: str) -> Trial:
+        if name not in self._sources:
+            raise KeyError(name)
+        with self._lock:
+            if name not in self._read:
+                self._read[name] = self._campaign.read(name)
+            return self._read[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._sources  # without reading the trial
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sources)
+
+    def __len__(self) -> int:
+        return len(self._sources)
+
+
+def _bench_test(path: Path, vehicle: Vehicle, where: str) -> BenchTest:
     """Bench test of a campaign's vehicle from its file; the same records are evaluated once.
 
     Parameters

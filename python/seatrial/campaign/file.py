@@ -1,8 +1,8 @@
-"""The campaign file's format: which keys it has, what they mean, what they may hold.
+"""The campaign file: its tables and keys, what they may hold, and the order in which its stages run.
 
-These models are the only owner of the format; unknown keys are refused with the nearest known name.
-
-The order in which the stages of a campaign run.
+These models are the only owner of the format; unknown keys are refused with the nearest known name. The
+tables ``[tuning]`` and ``[verification]`` have files of their own. Held by
+``tests/campaign/test_campaign_file.py``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from seatrial.base.toml_file import (
     checked,
     tables,
 )
-from seatrial.campaign.tuning_table import Budget, TuningTable
+from seatrial.campaign.search_budget import Budget
+from seatrial.campaign.tuning_table import TuningTable
 from seatrial.campaign.verification_table import VerificationTable
 
 __all__ = [

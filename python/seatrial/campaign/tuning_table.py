@@ -1,10 +1,8 @@
-"""How long a search by evolution strategy and simplex may take: of a stage, or of a group of loops.
+"""The table ``[tuning]`` of a campaign: loops and their steps, corridors, margins, and the search of the gains.
 
-The campaign file's `[tuning]`: which keys it has, what they mean, what they may hold.
-
-These models are the only owner of the table; unknown keys are refused with the nearest known name. What is
-absent and depends on the vehicle (steps, corridors, supporting speeds) is None here and filled by the tuner.
-Held by tests/campaign/test_tuning_file.py.
+These models are the only owner of its keys; unknown ones are refused with the nearest known name. What is
+absent and depends on the vehicle (steps, corridors, speeds) is None here and chosen in `seatrial.tuning`.
+Held by ``tests/campaign/test_tuning_file.py``.
 """
 
 from __future__ import annotations
@@ -15,14 +13,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from seatrial.base.toml_file import Count, Interval, Name, NotNegative, Number, Positive, Section
+from seatrial.base.toml_file import Interval, Name, NotNegative, Number, Positive, Section
 from seatrial.campaign.corridor import Corridor
+from seatrial.campaign.search_budget import Budget
 
 __all__ = [
     "BESIDE",
     "LOOPS",
     "Beside",
-    "Budget",
     "CorridorTable",
     "LeastMargins",
     "Loop",
@@ -33,19 +31,6 @@ __all__ = [
     "Weights",
     "default_steps",
 ]
-
-
-class Budget(Section):
-    """How long a search takes. What is absent is chosen from the number of its parameters."""
-
-    population: Annotated[int, Field(strict=True, ge=2)] | None = None
-    generations: Count | None = None
-    simplex_rounds: Count | None = None
-    tolerance: Positive | None = None
-
-    def over(self, other: Budget) -> Budget:
-        """Budget with what is absent here taken from the other one."""
-        return Budget(**(other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)))
 
 
 @dataclass(frozen=True)

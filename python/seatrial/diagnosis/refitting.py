@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import Coefficient, Polish
 from seatrial.diagnosis.missing_terms import (
     Candidate,
@@ -151,14 +150,7 @@ def _fit(joint: Joint, freed: Mapping[str, Coefficient], start: Array) -> _Fit:
     campaign = joint.campaign
     section = campaign.file.polish or Polish()
     section = section.model_copy(update={"starts": 1, "coefficients": {**section.coefficients, **freed}})
-    other = Campaign(
-        campaign.file.model_copy(update={"polish": section}),
-        text=campaign.text,
-        source=campaign.source,
-        folder=campaign.folder,
-        trials=campaign._data,
-    )
-    other.trials = campaign.trials  # read once
+    other = campaign.with_file(campaign.file.model_copy(update={"polish": section}))
     grown = Joint(other, joint.vehicle, threads=joint.threads)
     polished = polish(grown, start=start, rounds=_ROUNDS)
     if polished.interrupted:

@@ -104,7 +104,7 @@ def cut(campaign: Campaign, stage: Stage) -> StageData:
     CampaignError
         A channel is missing or does not move, everything is held out, or no segment fits.
     """
-    where = campaign.place(stage)
+    where = campaign.where(stage)
     weights = np.array([stage.weights().get(channel, 0.0) for channel in CHANNELS])
     counting = weights > 0
     trials, segments, counted = [], [], []

@@ -138,7 +138,7 @@ def plan(campaign: Campaign) -> tuple[StagePlan, ...]:
             free=stage.axes.free,
             speeds=data.largest_speeds(),
             dt=data.dt,
-            where=campaign.place(stage),
+            where=campaign.where(stage),
         )
         budget = campaign.budget(stage)
         plans[stage.name] = StagePlan(
@@ -204,7 +204,7 @@ def run_stage(
         "tolerance": plan.tolerance,
         "watch": watch,
     }
-    _check_influence(criterion, chosen, start, campaign.place(stage))
+    _check_influence(criterion, chosen, start, campaign.where(stage))
     best = evolve(
         criterion,
         start,
@@ -213,7 +213,7 @@ def run_stage(
         generations=plan.generations,
         **box | {"tolerance": max(plan.tolerance, _COARSE)},
     )
-    step = _fine_step(plan, vehicle, best.elite, campaign.place(stage))
+    step = _fine_step(plan, vehicle, best.elite, campaign.where(stage))
     if step.substeps != plan.step.search:
         criterion = stepped(step.substeps)
     estimated = stage.start == "estimated"
@@ -230,7 +230,7 @@ def run_stage(
             best = join(best, refine(criterion, np.vstack([best.x, elite]), rounds=max(rounds, 1), **box))
     if not math.isfinite(best.cost) and not best.interrupted:
         raise SimulationError(
-            f"{campaign.place(stage)}: every one of {best.evaluations} candidates diverged; check the units"
+            f"{campaign.where(stage)}: every one of {best.evaluations} candidates diverged; check the units"
             " and signs of the commands, the vehicle's masses and the bounds"
         )
     return StageResult(

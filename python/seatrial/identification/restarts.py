@@ -35,7 +35,6 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Progress, Step
 from seatrial.base.run import RUN_FILE, RunDirectory, to_json
 from seatrial.campaign.parameters import Parameter
-from seatrial.campaign.variants import started
 from seatrial.estimation.stage import StageResult, plan
 from seatrial.identification.identify import StageOrder
 
@@ -380,7 +379,7 @@ def restarts(
     interrupted = False
     try:
         for number in range(starts):
-            own = started(campaign, start_values(campaign, seed, number), seed=_stream(seed, number))
+            own = campaign.with_start_values(start_values(campaign, seed, number), seed=_stream(seed, number))
             order = StageOrder(
                 own,
                 plan(own),

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from seatrial.base.channels import AXES
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
+from seatrial.campaign.file import parse
 from seatrial.diagnosis.missing_terms import Suggestion
 from seatrial.diagnosis.refitting import suggested_bounds
 from seatrial.identification.hold_out import POOLED
@@ -109,12 +110,8 @@ def follow(campaign: Campaign, suggestion: Suggestion) -> Campaign:
     CampaignError
         As `followed_text`, or the coefficient cannot be freed there.
     """
-    return Campaign.from_toml(
-        followed_text(campaign, suggestion),
-        folder=campaign.folder,
-        source=campaign.source,
-        trials=campaign._data,
-    )
+    text = followed_text(campaign, suggestion)
+    return campaign.with_file(parse(text, campaign.source), text=text)
 
 
 def hold_out_change(before: Identification, after: Identification) -> HoldOutChange:
