@@ -1,4 +1,4 @@
-"""Campaign: a vehicle with its bench test, trials and the stages of its identification, checked and ready to run.
+"""Campaign: vehicle, bench test, trials and stages of an identification, checked and ready to run.
 
 Trials are read when first asked for, the bench test when the campaign is made; both only once. Held by
 ``tests/campaign/test_campaign.py`` and ``test_a_bench_record_that_changes_is_read_again``.

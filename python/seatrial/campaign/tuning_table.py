@@ -1,4 +1,4 @@
-"""The table ``[tuning]`` of a campaign: loops and their steps, corridors, margins, and the search of the gains.
+"""The table ``[tuning]`` of a campaign: loops and their steps, corridors, margins, search of the gains.
 
 These models are the only owner of its keys; unknown ones are refused with the nearest known name. What is
 absent and depends on the vehicle (steps, corridors, speeds) is None here and chosen in `seatrial.tuning`.
