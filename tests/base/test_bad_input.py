@@ -174,7 +174,7 @@ def test_a_file_that_cannot_be_read_is_said_without_its_number(here: Path, what:
         ('bench = "lauv.toml"', "tests the vehicle lauv, and the campaign identifies cwolf"),
         ('places = { velocity_m = "bow" }', "places, key velocity_m: expected a list"),
         ("places = 3", "key places: expected a table"),
-        ("places = { velocity_m = [350.0, 0.0, 0.0] }", "are the places in m?"),
+        ("places = { velocity_m = [350.0, 0.0, 0.0] }", "far outside the hull of"),
     ],
 )
 def test_new_keys_of_a_campaign_are_answered_in_words(here: Path, line: str, words: str) -> None:

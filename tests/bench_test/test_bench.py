@@ -16,7 +16,7 @@ from seatrial.cli import app
 from seatrial.report.plot.bench import bollard_test
 from tests.bench_test.bench_records import STEPS, both_ways, pull, record, staircase, write_bench
 
-COMMENTED = Path(__file__).parent.parent / "crates" / "seatrial" / "vehicles" / "cwolf.toml"
+COMMENTED = Path(__file__).parents[2] / "crates" / "seatrial" / "vehicles" / "cwolf.toml"
 
 
 def call(*arguments: str | Path) -> Result:

@@ -128,7 +128,7 @@ def test_a_missing_bench_file_is_said(tmp_path: Path) -> None:
 
 
 def test_keys_of_the_bench_file_are_those_of_its_page() -> None:
-    page = (Path(__file__).parent.parent / "docs" / "bench-file.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "bench-file.md").read_text(encoding="utf-8")
     sections = [
         thing
         for thing in vars(bench_file).values()

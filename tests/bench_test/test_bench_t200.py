@@ -16,7 +16,7 @@ from seatrial.bench_test.evaluate import bench
 from seatrial.bench_test.result import BenchTest
 from seatrial.vehicle.actuators import bollard
 
-EXAMPLE = Path(__file__).parent.parent / "python" / "seatrial" / "examples" / "t200" / "bench.toml"
+EXAMPLE = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "t200" / "bench.toml"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "t200" / "t200_bollard_10_20V.csv"
 
 pytestmark = pytest.mark.skipif(

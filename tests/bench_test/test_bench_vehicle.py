@@ -25,7 +25,7 @@ from tests.bench_test.bench_records import (
     write_bench,
 )
 
-COMMENTED = Path(__file__).parent.parent / "crates" / "seatrial" / "vehicles" / "cwolf.toml"
+COMMENTED = Path(__file__).parents[2] / "crates" / "seatrial" / "vehicles" / "cwolf.toml"
 SIGNALS = (-1900.0, -1000.0, -400.0, 400.0, 1000.0, 1900.0)
 
 

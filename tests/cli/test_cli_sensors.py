@@ -131,7 +131,7 @@ def test_beluga_logs_its_supply(here: Path) -> None:
     # 40 samples of 0.02 V and a bias of 0.02 V.
     assert log["voltage_v"].drop_nulls().mean() == pytest.approx(15.0, abs=0.08)
     assert "meas.thruster_0" not in log.columns
-    assert Trial.read("beluga-log.csv").voltage is not None
+    assert Trial.read("beluga-log.csv").voltage_v is not None
 
 
 @pytest.mark.parametrize(

@@ -148,7 +148,7 @@ def test_brackets_in_the_name_of_a_file_are_no_pattern(tmp_path: Path) -> None:
     text = "t_s,u_m_s\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(50))
     (tmp_path / "log[1].csv").write_text(text)
     assert len(Trial.read(tmp_path / "log[1].csv", align=False)) == 50
-    Trial.read(tmp_path / "log[1].csv", align=False).write(tmp_path / "log[2].parquet")
+    Trial.read(tmp_path / "log[1].csv", align=False).save(tmp_path / "log[2].parquet")
     assert len(Trial.read(tmp_path / "log[2].parquet", align=False)) == 50
 
 

@@ -172,7 +172,7 @@ def test_figure_shows_every_vehicle_in_every_panel(found: Comparison, trial: Tri
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory, trial: Trial) -> Path:
     folder = tmp_path_factory.mktemp("files")
-    trial.write(folder / "run.csv")
+    trial.save(folder / "run.csv")
     for name, drag in (("first", -9.8), ("second", -14.0)):
         (folder / name).mkdir()
         vehicle = Vehicle.load("cwolf").with_coefficients({"X_uu": drag})

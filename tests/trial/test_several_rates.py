@@ -101,7 +101,7 @@ def test_sensors_all_over_the_vehicle_come_to_o() -> None:
         sensors[kinds[name]] |= {"position_m": place}
     run = turning_dive(every=EVERY)
     log = measure(run, parse_sensors(sensors), seed=1, every=EVERY)
-    trial = Trial.read(log, places=places)
+    trial = Trial.read(log, sensor_positions=places)
     inside = slice(20, -20)
     t = trial.t[inside]
     u, v, w = (np.interp(t, run.t, column) for column in np.asarray(run.nu)[:, :3].T)

@@ -45,8 +45,8 @@ def test_every_source_gives_the_same_trial(source: str, table: dict[str, Any], t
     np.testing.assert_allclose(np.abs(np.sum(trial.attitude * attitude, axis=1)), 1.0, atol=1e-12)
     np.testing.assert_allclose(trial.nu, motion.nu(T), atol=1e-12)
     np.testing.assert_array_equal(trial.commands["stern"], table["cmd.stern"])
-    assert trial.voltage is not None
-    np.testing.assert_allclose(trial.voltage, table["voltage_v"])
+    assert trial.voltage_v is not None
+    np.testing.assert_allclose(trial.voltage_v, table["voltage_v"])
     assert trial.channels == list(CHANNELS)
     assert trial.valid.all()
     assert trial.startable.all()
@@ -61,7 +61,7 @@ def test_a_written_trial_reads_back_with_its_masks(
     table["u_m_s"][50:53] = np.nan
     table |= {f"tau.{axis}": 0.1 * T for axis in ("X_n", "Y_n", "Z_n", "K_nm", "M_nm", "N_nm")}
     trial = Trial.read(table, align=False, name="first")
-    trial.write(tmp_path / f"again{ending}")
+    trial.save(tmp_path / f"again{ending}")
     again = Trial.read(tmp_path / f"again{ending}", align=False)
     np.testing.assert_allclose(again.observed[again.valid], trial.observed[trial.valid], atol=1e-12)
     np.testing.assert_array_equal(again.valid, trial.valid)
@@ -340,6 +340,6 @@ def test_settings_that_make_no_sense_are_refused(key: str) -> None:
 def test_a_trial_is_written_only_where_it_can_be(tmp_path: Path) -> None:
     trial = Trial.read({"t_s": T, "u_m_s": T})
     with pytest.raises(TrialError, match=r"expected the ending \.csv or \.parquet"):
-        trial.write(tmp_path / "trial.xlsx")
+        trial.save(tmp_path / "trial.xlsx")
     with pytest.raises(TrialError, match="cannot be written"):
-        trial.write(tmp_path / "no folder" / "trial.csv")
+        trial.save(tmp_path / "no folder" / "trial.csv")

@@ -34,7 +34,7 @@ from seatrial.vehicle.steady_state import (
 
 Array = NDArray[np.float64]
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 STARTER = ROOT / "examples" / "starter" / "vehicle.toml"
 CWOLF = Vehicle.load("cwolf")
 VEHICLES = {"cwolf": CWOLF, "beluga": Vehicle.load("beluga"), "starter": Vehicle.load(STARTER)}

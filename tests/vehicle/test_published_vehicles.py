@@ -20,7 +20,7 @@ from seatrial._core import Run, State
 from seatrial.check.vehicle import check_vehicle
 
 NAMES = ("remus100", "lauv", "bluerov2-heavy")
-FOLDER = Path(__file__).parent.parent / "crates" / "seatrial" / "vehicles"
+FOLDER = Path(__file__).parents[2] / "crates" / "seatrial" / "vehicles"
 ROWS = "XYZKMN"
 # A line that sets a number; normals, unit axes and the columns of a table are told above it.
 NUMBER = re.compile(r"(?!format|normal|direction|signal|voltage_v)[A-Za-z]\w* = \[?-?\d")

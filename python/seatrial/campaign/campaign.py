@@ -25,7 +25,7 @@ from seatrial.campaign.file import (
     CampaignFile,
     Environment,
     Input,
-    Places,
+    SensorPositions,
     Stage,
     TrialSource,
     in_order,
@@ -103,7 +103,7 @@ class Campaign:
             stage.name: parameters(stage, self.vehicle, self.where(stage)) for stage in self.stages
         }
         self._check_trial_names()
-        self._check_places()
+        self._check_sensor_positions()
         self._check_side_by_side()
 
     @classmethod
@@ -349,7 +349,7 @@ class Campaign:
             columns=self.file.columns | source.columns or None,
             name=trial,
             rate_hz=source.rate_hz or self.file.rate_hz,
-            places=source.places.over(self.file.places),
+            sensor_positions=source.places.over(self.file.places),
             rho=environment.rho_kg_m3,
             g=environment.g_m_s2,
         )
@@ -404,11 +404,11 @@ class Campaign:
                         " remove it from the stage or its hold_out"
                     )
 
-    def _check_places(self) -> None:
+    def _check_sensor_positions(self) -> None:
         length = self.vehicle.geometry().get("length")
-        refuse_far(self.file.places.over(Places()), length, f"{self.source}: places")
+        refuse_far(self.file.places.over(SensorPositions()), length, f"{self.source}: places")
         for name, trial in self.file.trials.items():
-            refuse_far(trial.places.over(Places()), length, f"{self.source}: trials, {name}, places")
+            refuse_far(trial.places.over(SensorPositions()), length, f"{self.source}: trials, {name}, places")
 
     def _check_side_by_side(self) -> None:
         """Refuse two stages that set one coefficient with no order between them."""

@@ -40,9 +40,8 @@ __all__ = [
     "Environment",
     "Input",
     "Nuisance",
-    "Place",
-    "Places",
     "Polish",
+    "SensorPositions",
     "Stage",
     "Tie",
     "TrialSource",
@@ -60,20 +59,20 @@ class Environment(Section):
     g_m_s2: Positive | None = None
 
 
-Place = tuple[Number, Number, Number]
+Position = tuple[Number, Number, Number]
 
 
-class Places(Section):
+class SensorPositions(Section):
     """Where sensors sit, m forward, starboard and down of O."""
 
-    velocity_m: Place | None = None
-    position_m: Place | None = None
-    depth_m: Place | None = None
+    velocity_m: Position | None = None
+    position_m: Position | None = None
+    depth_m: Position | None = None
 
-    def over(self, other: Places) -> dict[str, Place]:
-        """Places by sensor, with what is absent here taken from the other ones."""
-        found = other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)
-        return {key.removesuffix("_m"): place for key, place in found.items()}
+    def over(self, other: SensorPositions) -> dict[str, Position]:
+        """Positions by sensor, with what is absent here taken from the other ones."""
+        given = other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)
+        return {key.removesuffix("_m"): position for key, position in given.items()}
 
 
 class TrialSource(Section):
@@ -84,7 +83,7 @@ class TrialSource(Section):
     columns: dict[str, Any] = Field(default_factory=dict)
     rate_hz: Positive | None = None
     environment: Environment = Environment()
-    places: Places = Places()
+    places: SensorPositions = SensorPositions()
     hold_out: bool = False
     hold_out_s: tuple[Interval, ...] = ()
     input: Input | None = None
@@ -307,7 +306,7 @@ class CampaignFile(Section):
     description: str = ""
     bench: Name | None = None
     environment: Environment = Environment()
-    places: Places = Places()
+    places: SensorPositions = SensorPositions()
     reader: str | None = None
     rate_hz: Positive | None = None
     input: Input = "commands"

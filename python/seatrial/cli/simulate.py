@@ -157,7 +157,7 @@ class _Simulation:
         self.current: NDArray[np.float64] | None = None if current is None else np.array(current)
         if current is None and trial.current is not None:
             self.current = linear(trial.current, self.every)
-        self.voltage = None if trial.voltage is None else rows_held(trial.voltage, self.every)
+        self.voltage = None if trial.voltage_v is None else rows_held(trial.voltage_v, self.every)
         self.run = vehicle.simulate(
             times(trial.t, self.every),
             {name: rows_held(values, self.every) for name, values in trial.commands.items()},
@@ -178,8 +178,8 @@ class _Simulation:
         from seatrial.trial.generated import write_generated
 
         inputs = {f"cmd.{name}": values for name, values in self.trial.commands.items()}
-        if self.trial.voltage is not None and "voltage" not in self.sensors:
-            inputs["voltage_v"] = self.trial.voltage
+        if self.trial.voltage_v is not None and "voltage" not in self.sensors:
+            inputs["voltage_v"] = self.trial.voltage_v
         if self.trial.tau is not None:
             names = [
                 column for group in GROUPS if group.name in ("force", "moment") for column in group.columns
@@ -213,7 +213,7 @@ def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, flo
             if vehicle.actuators
             else f"{trial.source}: nothing drives the vehicle; expected columns tau.X_n ..."
         )
-    if any(facts["needs_voltage"] for facts in vehicle.actuator_info().values()) and trial.voltage is None:
+    if any(facts["needs_voltage"] for facts in vehicle.actuator_info().values()) and trial.voltage_v is None:
         raise TrialError(
             f"{trial.source}: the thrust of {vehicle.name} depends on the supply voltage; add a column"
             " voltage_v"

@@ -118,8 +118,8 @@ def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[st
         trial = trials[piece.trial]
         at = _samples(piece, trials)
         own = {f"command {name}": signal for name, signal in trial.commands.items()}
-        if trial.voltage is not None:
-            own["voltage"] = trial.voltage
+        if trial.voltage_v is not None:
+            own["voltage"] = trial.voltage_v
         own["time"] = trial.t - trial.t.mean()
         for name, signal in own.items():
             raw.setdefault(name, [np.full(len(p.t), np.nan) for p in lin.pieces])[index] = signal[at]

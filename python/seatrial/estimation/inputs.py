@@ -536,7 +536,7 @@ def _flown(vehicle: Vehicle, trial: Trial, *, measured: bool) -> Array:
         trial.t,
         dict(trial.measured if measured else trial.commands),
         free="",
-        voltage=trial.voltage,
+        voltage=trial.voltage_v,
         max_step=trial.dt,
         rho=trial.rho,
         g=trial.g,

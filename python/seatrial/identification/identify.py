@@ -227,7 +227,7 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: 
     }
     digest.update(to_json(described).encode())
     for trial, counted in zip(data.trials, data.counted, strict=True):
-        signals = [trial.t, trial.observed, counted, trial.nu, trial.tau, trial.voltage, trial.current]
+        signals = [trial.t, trial.observed, counted, trial.nu, trial.tau, trial.voltage_v, trial.current]
         for values in (*signals, *trial.commands.values(), *trial.measured.values()):
             digest.update(b"-" if values is None else np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()

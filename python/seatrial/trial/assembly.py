@@ -180,7 +180,7 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         "commands": _actuators(signals, t, "cmd."),
         "measured": {name: y[:, 0] for name, y in _continuous(signals, t, "meas.").items()},
         "tau": _wrench(signals, t),
-        "voltage": _scalar(signals, t, "voltage"),
+        "voltage_v": _scalar(signals, t, "voltage"),
         "current": _vector(signals, t, "current", ("north", "east", "down")),
         "water": _vector(signals, t, "water velocity", ("u_water", "v_water", "w_water")),
     }

@@ -163,7 +163,7 @@ def _check_inputs(vehicle: Vehicle, trial: Trial, chosen: Input) -> None:
             f"{', '.join(missing)}; map the columns {column}.{missing[0]} ..."
         )
     tables = any(facts["needs_voltage"] for facts in vehicle.actuator_info().values())
-    if trial.voltage is None and tables:
+    if trial.voltage_v is None and tables:
         raise TrialError(
             f"{trial.name}: the thrust tables of the vehicle {vehicle.name} depend on the supply voltage, "
             'which is not recorded; map the column voltage_v, or use input="tau"'

@@ -1,10 +1,10 @@
 """A trial: one recording on a common time base, in SI and NED/FRD, with every bad sample masked.
 
-`Trial.read` converts once, at the edge (columns, units, frames), marks defects, reverses signs that run
-against the pose, removes latencies and the tilt of the pose's frame where it is sure of them, and says all of
-it in `Trial.report`.
-
-A trial written back as a table with canonical columns, in the units that their names carry.
+`Trial.read` is the way of a log into the library, step by step in the files of this room: a reader makes a
+table, the column map turns it into signals (`table`), defects are masked (`defects`), sensors brought to O
+(`sensor_position`), signs and latencies corrected against the pose (`alignment`), the pose's frame levelled
+(`tilt`), and everything put on one time base (`resampling`, `assembly`). `Trial.report` says what was done.
+Held by ``tests/trial/test_trial.py``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from seatrial.trial.assembly import assemble
 from seatrial.trial.columns import GROUPS, parse
 from seatrial.trial.readers import Reader, read_table
 from seatrial.trial.resampling import smooth, spline
-from seatrial.trial.sensor_position import parse_places, to_origin
+from seatrial.trial.sensor_position import parse_positions, to_origin
 from seatrial.trial.signals import RecordingReport
 
 if TYPE_CHECKING:
@@ -36,50 +36,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Record
 
-__all__ = ["Input", "Trial", "canonical_table", "write"]
-
-
-def canonical_table(trial: Trial) -> pl.DataFrame:
-    """Polars table of a trial; masked samples are empty cells, an attitude is a quaternion."""
-    import polars as pl
-
-    known = np.where(trial.valid, trial.observed, np.nan)
-    columns: dict[str, Array] = {"t_s": trial.t}
-    present = trial.channels
-    extra = {
-        "force": None if trial.tau is None else trial.tau[:, :3],
-        "moment": None if trial.tau is None else trial.tau[:, 3:],
-        "current": trial.current,
-        "water velocity": trial.water,
-        "voltage": None if trial.voltage is None else trial.voltage[:, None],
-    }
-    for group in GROUPS:
-        if group.name == "quaternion":
-            if {"roll", "pitch", "yaw"} <= set(present):
-                attitude = np.where(trial.valid[:, 9:10], trial.attitude, np.nan)
-                columns |= dict(zip(group.columns, attitude.T, strict=True))
-        elif (values := extra.get(group.name)) is not None:
-            columns |= dict(zip(group.columns, values.T, strict=True))
-        elif group.name != "euler" or "q_w" not in columns:
-            for column, channel in zip(group.columns, group.channels, strict=True):
-                if channel in present:
-                    columns[column] = known[:, CHANNELS.index(channel)] / group.factor
-    columns |= {f"cmd.{actuator}": values for actuator, values in trial.commands.items()}
-    columns |= {f"meas.{actuator}": values for actuator, values in trial.measured.items()}
-    return pl.DataFrame(columns, nan_to_null=True)
-
-
-def write(frame: pl.DataFrame, path: Path) -> None:
-    """Write the table to a .csv or .parquet file.
-
-    Raises
-    ------
-    TrialError
-        If the ending is another one or the file cannot be written.
-    """
-    if path.suffix not in (".csv", ".parquet"):
-        raise TrialError(f'{path}: expected the ending .csv or .parquet, found "{path.suffix}"')
-    write_table(frame, path)
+__all__ = ["Input", "Trial"]
 
 
 Input = Literal["commands", "measured", "tau"]
@@ -110,7 +67,7 @@ class Trial:
         linearly where masked; zeros where absent. `valid` says which to believe.
     commands, measured
         By actuator (n,), in its own unit, as commanded and as logged.
-    tau, voltage, current, water
+    tau, voltage_v, current, water
         Wrench in N and N m (n, 6), supply in V (n,), current NED in m/s (n, 3), velocity through the water in
         m/s (n, 3); None where not recorded.
     rho, g
@@ -130,7 +87,7 @@ class Trial:
     commands: dict[str, Array]
     measured: dict[str, Array]
     tau: Array | None
-    voltage: Array | None
+    voltage_v: Array | None
     current: Array | None
     water: Array | None
     rho: float | None
@@ -148,7 +105,7 @@ class Trial:
         rate_hz: float | None = None,
         align: bool = True,
         level: bool = True,
-        places: Mapping[str, Sequence[float]] | None = None,
+        sensor_positions: Mapping[str, Sequence[float]] | None = None,
         rho: float | None = None,
         g: float | None = None,
     ) -> Trial:
@@ -173,8 +130,8 @@ class Trial:
             Whether to remove the latency of velocity and rate sensors against the pose.
         level
             Whether to turn a pose upright whose earth frame is tilted against gravity.
-        places
-            Where the sensors "velocity", "position" and "depth" are, (3,) in m forward, starboard and down of
+        sensor_positions
+            Where the sensors "velocity", "position" and "depth" sit, (3,) in m forward, starboard and down of
             O; in O when omitted.
         rho, g
             Density in kg/m^3 and gravity in m/s^2 at this trial.
@@ -201,7 +158,7 @@ class Trial:
                 raise TrialError(f"{file}: {key}: expected a positive number, found {value!r}")
         report = RecordingReport(file)
         sources = parse(columns, cells.columns, file)
-        where = parse_places(places, file)
+        positions = parse_positions(sensor_positions, file)
         time = table.time_base(cells, sources["t_s"], file)
         signals = table.signals(cells, time, sources, file, report)
         used = {source.column for source in sources.values()}
@@ -215,10 +172,10 @@ class Trial:
                 f"{file}: {len(t)} samples at {1.0 / (t[1] - t[0]) if len(t) > 1 else rate_hz:g} Hz;"
                 f" expected at least {table.MINIMUM_ROWS}"
             )
-        if where:
+        if positions:
             # The gyro first: by its signs and stamps the others come to O, where they follow the pose.
             signals = alignment.align(signals, t, report, sources, remove=align, names=("rates",))
-            signals = to_origin(signals, where, report)
+            signals = to_origin(signals, positions, report)
             signals = alignment.align(signals, t, report, sources, remove=align, names=("velocity",))
         else:
             signals = alignment.align(signals, t, report, sources, remove=align)
@@ -324,9 +281,9 @@ class Trial:
     @cached_property
     def table(self) -> pl.DataFrame:
         """Polars table with canonical columns, masked samples as empty cells; `Trial.read` reads it back."""
-        return canonical_table(self)
+        return _canonical_table(self)
 
-    def write(self, path: str | Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write `table` to a .csv or .parquet file.
 
         Parameters
@@ -339,7 +296,10 @@ class Trial:
         TrialError
             If the ending is another one or the file cannot be written.
         """
-        write(self.table, Path(path))
+        path = Path(path)
+        if path.suffix not in (".csv", ".parquet"):
+            raise TrialError(f'{path}: expected the ending .csv or .parquet, found "{path.suffix}"')
+        write_table(self.table, path)
 
     def record(
         self,
@@ -381,7 +341,7 @@ class Trial:
         return Record(
             self.t,
             self.commands if input == "commands" else {},
-            voltage=self.voltage,
+            voltage=self.voltage_v,
             tau=self.tau if input == "tau" else None,
             current=self.current,
             actuators=self.measured if input == "measured" else None,
@@ -402,3 +362,33 @@ class Trial:
         else:
             row = np.ones(12) if weight is None else np.asarray(weight, float)
         return np.where(self.valid, row, 0.0)
+
+
+def _canonical_table(trial: Trial) -> pl.DataFrame:
+    """Polars table of a trial; masked samples are empty cells, an attitude is a quaternion."""
+    import polars as pl
+
+    known = np.where(trial.valid, trial.observed, np.nan)
+    columns: dict[str, Array] = {"t_s": trial.t}
+    present = trial.channels
+    extra = {
+        "force": None if trial.tau is None else trial.tau[:, :3],
+        "moment": None if trial.tau is None else trial.tau[:, 3:],
+        "current": trial.current,
+        "water velocity": trial.water,
+        "voltage": None if trial.voltage_v is None else trial.voltage_v[:, None],
+    }
+    for group in GROUPS:
+        if group.name == "quaternion":
+            if {"roll", "pitch", "yaw"} <= set(present):
+                attitude = np.where(trial.valid[:, 9:10], trial.attitude, np.nan)
+                columns |= dict(zip(group.columns, attitude.T, strict=True))
+        elif (values := extra.get(group.name)) is not None:
+            columns |= dict(zip(group.columns, values.T, strict=True))
+        elif group.name != "euler" or "q_w" not in columns:
+            for column, channel in zip(group.columns, group.channels, strict=True):
+                if channel in present:
+                    columns[column] = known[:, CHANNELS.index(channel)] / group.factor
+    columns |= {f"cmd.{actuator}": values for actuator, values in trial.commands.items()}
+    columns |= {f"meas.{actuator}": values for actuator, values in trial.measured.items()}
+    return pl.DataFrame(columns, nan_to_null=True)

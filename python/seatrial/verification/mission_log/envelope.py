@@ -162,8 +162,8 @@ def mission_envelope(
     trial = log.trial
     if current is None:
         current = np.zeros(3) if trial.current is None else np.nanmean(trial.current, axis=0)
-    if voltage is None and trial.voltage is not None:
-        voltage = float(np.nanmean(trial.voltage))
+    if voltage is None and trial.voltage_v is not None:
+        voltage = float(np.nanmean(trial.voltage_v))
     first = int(np.flatnonzero(trial.startable)[0]) if trial.startable.any() else 0
     drawn = fitted.draws(flights, seed) if fitted.names else None
     flown = fly_batch(

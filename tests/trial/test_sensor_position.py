@@ -14,7 +14,7 @@ from seatrial.base.rotation import matrix
 Array = NDArray[np.float64]
 
 T = np.arange(0.0, 60.0, 0.1)
-PLACE = np.array([0.8, -0.2, 0.15])
+ARM = np.array([0.8, -0.2, 0.15])
 
 
 def _run() -> st.Run:
@@ -37,24 +37,24 @@ def _log(run: st.Run, place: Array) -> dict[str, Array]:
     return table
 
 
-def _read(table: dict[str, Array], places: Any) -> st.Trial:
-    return st.Trial.read(table, places=places, align=False, level=False)
+def _read(table: dict[str, Array], positions: Any) -> st.Trial:
+    return st.Trial.read(table, sensor_positions=positions, align=False, level=False)
 
 
 def test_law_velocity_and_position_of_a_rigid_body_come_back_to_o() -> None:
     run = _run()
-    trial = _read(_log(run, PLACE), {"velocity": PLACE, "position": PLACE})
+    trial = _read(_log(run, ARM), {"velocity": ARM, "position": ARM})
     # Angles go through degrees and a chord between equal samples: rounding of 60 m.
     assert np.abs(trial.observed[:, :3] - np.asarray(run.nu)[:, :3]).max() < 1e-10
     assert np.abs(trial.observed[:, 6:9] - np.asarray(run.position)).max() < 1e-9
-    assert sum("brought to O" in str(finding) for finding in trial.report.findings) == 2
+    assert sum("moved to O" in str(finding) for finding in trial.report.findings) == 2
     # Left where it is, the sensor shows a sway and a depth that the vehicle has not.
-    left = _read(_log(run, PLACE), None)
+    left = _read(_log(run, ARM), None)
     assert np.abs(left.observed[:, 1] - np.asarray(run.nu)[:, 1]).max() > 0.02
     assert np.abs(left.observed[:, 8] - np.asarray(run.position)[:, 2]).max() > 0.05
 
 
-def test_the_depth_cell_has_a_place_of_its_own() -> None:
+def test_the_depth_cell_has_a_lever_arm_of_its_own() -> None:
     run = _run()
     table = _log(run, np.zeros(3))
     aft = np.array([-1.0, 0.0, 0.0])
@@ -64,16 +64,16 @@ def test_the_depth_cell_has_a_place_of_its_own() -> None:
     assert np.abs(trial.observed[:, 6:9] - np.asarray(run.position)).max() < 1e-9
 
 
-def test_without_a_gyro_the_velocity_stays_and_it_is_said() -> None:
+def test_without_a_gyro_the_velocity_stays_and_the_report_says_so() -> None:
     run = _run()
-    table = {name: y for name, y in _log(run, PLACE).items() if name[1:] != "_deg_s"}
-    trial = _read(table, {"velocity": PLACE})
+    table = {name: y for name, y in _log(run, ARM).items() if name[1:] != "_deg_s"}
+    trial = _read(table, {"velocity": ARM})
     assert np.abs(trial.observed[:, 0] - table["u_m_s"]).max() == 0.0
-    assert "place ignored: no rates" in str(trial.report)
+    assert "lever arm ignored: moving the sensor to O needs the rates" in str(trial.report)
 
 
 @pytest.mark.parametrize(
-    ("places", "words"),
+    ("positions", "words"),
     [
         ({"velcity": [0.0, 0.0, 0.0]}, 'unknown sensor "velcity"; did you mean "velocity"'),
         ({"velocity": [0.0, 0.0]}, "expected three numbers"),
@@ -81,6 +81,6 @@ def test_without_a_gyro_the_velocity_stays_and_it_is_said() -> None:
         ({"depth": [0.0, np.nan, 0.0]}, "expected three numbers"),
     ],
 )
-def test_a_bad_place_is_refused(places: Any, words: str) -> None:
+def test_a_bad_position_is_refused(positions: Any, words: str) -> None:
     with pytest.raises(st.TrialError, match=words.replace("?", ".")):
-        _read(_log(_run(), PLACE), places)
+        _read(_log(_run(), ARM), positions)
