@@ -26,7 +26,7 @@ from seatrial.cli import demo as demo_verb
 from seatrial.cli.console import identification_progress
 from seatrial.trial.generated import Recipe
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 MAIN = "from seatrial.cli import main; main()"
 BUDGET = "[budget]\ngenerations = 4\nsimplex_rounds = 2\n\n"
 

@@ -14,7 +14,7 @@ from seatrial.cli import app
 from seatrial.cli.autopilot import weak_points
 from tests.flight.flying import OUT
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 STARTER = EXAMPLES / "starter" / "vehicle.toml"
 
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 from seatrial.cli import app
 from seatrial.trial.trial import Trial
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture

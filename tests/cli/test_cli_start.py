@@ -94,7 +94,7 @@ def test_a_function_keeps_its_name_when_the_module_of_that_name_is_imported() ->
 
 
 def test_the_script_of_the_package_starts_where_ctrl_c_is_answered() -> None:
-    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
     assert project["project"]["scripts"] == {"seatrial": "seatrial.__main__:main"}
 
 

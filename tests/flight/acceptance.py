@@ -16,7 +16,7 @@ from seatrial._core import Flights, Vehicle
 
 Array = NDArray[np.float64]
 
-AUTOPILOTS = Path(__file__).parents[1] / "crates" / "seatrial" / "autopilots"
+AUTOPILOTS = Path(__file__).parents[2] / "crates" / "seatrial" / "autopilots"
 VOLTAGE = {"bluerov2-heavy": 14.8, "beluga": 14.8}
 CURRENTS = ((0.3, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (0.0, -0.3, 0.0))
 """0.3 m/s from all four sides, m/s: of the four legs two have it across, one ahead, one astern."""

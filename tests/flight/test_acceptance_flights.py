@@ -27,7 +27,7 @@ SPEEDS = {
 """The whole supporting range, m/s. BlueROV2 Heavy with 0.3 m/s ahead reaches its top speed of 0.83 m/s."""
 
 USUAL = {"cwolf": 1.5, "remus100": 2.0, "lauv": 1.2, "bluerov2-heavy": 0.5, "beluga": 0.6}
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 BY_HAND = {"remus100": (("guidance", "turn_rate_max_deg_s"),)}
 """Table and key of what is not as `start_autopilot` makes it."""

@@ -8,7 +8,7 @@ import pytest
 
 import seatrial as st
 
-MISSIONS = Path(__file__).parent.parent / "examples" / "missions"
+MISSIONS = Path(__file__).parents[2] / "examples" / "missions"
 VEHICLES = {
     "cage_survey": "cwolf",
     "farm": "cwolf",

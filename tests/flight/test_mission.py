@@ -14,7 +14,7 @@ import seatrial as st
 from seatrial.base.errors import VehicleError
 from seatrial.flight.mission import Mission
 
-EXAMPLES = sorted((Path(__file__).parent.parent / "examples" / "missions").glob("*.toml"))
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "missions").glob("*.toml"))
 TEXT = """
 format = 1
 name = "out"

@@ -136,7 +136,7 @@ def test_sensors_that_are_none_are_refused(tmp_path: Path) -> None:
     cwolf = st.Vehicle.load("cwolf")
     with pytest.raises(TrialError, match='unknown sensor "dvll"; did you mean "dvl"'):
         sensors_of({"dvll": Sensor()}, cwolf)
-    with pytest.raises(TrialError, match=r"gyro: expected a seatrial\.sensors\.Sensor, found 0\.1"):
+    with pytest.raises(TrialError, match=r"gyro: expected a seatrial\.sensors\.sensor\.Sensor, found 0\.1"):
         sensors_of({"gyro": 0.1}, cwolf)  # type: ignore[dict-item]
     with pytest.raises(TrialError, match="position and gps both log x_m"):
         sensors_of({"position": Sensor(), "gps": Sensor()}, cwolf)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st_
 
 import seatrial as st
 from seatrial.base.errors import SimulationError
-from seatrial.flight.cases import checked_obstacles, checked_times, checked_turbulence
+from seatrial.flight.checks import checked_obstacles, checked_times, checked_turbulence
 from tests.flight.flying import OUT, mission
 
 CURRENT = (0.0, 0.2, 0.0)

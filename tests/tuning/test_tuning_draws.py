@@ -13,7 +13,7 @@ from seatrial.identification.fitted import Fitted
 from seatrial.tuning import tune as tuning_run
 from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.step_trial import Samples
-from seatrial.verification.draws import draw_cases
+from seatrial.verification.draws import draw_missions
 from tests.flight.flying import OUT, mission
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan
 from tests.tuning.tuning_runs import Told, values
@@ -90,7 +90,7 @@ def test_all_autopilots_are_judged_on_the_same_and_gains_are_taken_back_on_it(
 def test_a_verification_flies_vehicles_and_noises_that_no_tuning_met(flown: dict[str, list[Samples]]) -> None:
     given, one = made()
     table = parse_verification('[verification]\nmissions = ["out.toml"]\n', "campaign.toml")
-    cases = draw_cases(table, one.fitted, [mission(OUT)], seed=given.seed, numbers=RUNS)
+    cases = draw_missions(table, one.fitted, [mission(OUT)], seed=given.seed, numbers=RUNS)
     drawn = set(cases.coefficients["X_uu"].tolist())
     assert len(drawn) == RUNS
     for samples in (samples for part in flown.values() for samples in part):

@@ -14,7 +14,7 @@ from seatrial.tuning.result import Tuning
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 from seatrial.tuning.tune import plan_of, tune
 
-START = Path(__file__).parent.parent / "examples" / "cwolf" / "start_autopilot.toml"
+START = Path(__file__).parents[2] / "examples" / "cwolf" / "start_autopilot.toml"
 
 HEAD = f"""
 format = 1

@@ -14,7 +14,7 @@ from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.campaign.verification_table import Obstacle, VerificationTable, parse_verification
 from seatrial.cli.new import EXAMPLES
 from seatrial.identification.fitted import Fitted
-from seatrial.verification.draws import Cases, draw_cases
+from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.requirement import obstacles
 from tests.flight.flying import OUT, mission
 
@@ -70,14 +70,14 @@ def deep() -> st.Mission:
 
 
 @pytest.fixture(scope="module")
-def cases(deep: st.Mission) -> Cases:
-    return draw_cases(parsed(FULL), Fitted.of("cwolf"), [deep], seed=5, numbers=K)
+def cases(deep: st.Mission) -> Draws:
+    return draw_missions(parsed(FULL), Fitted.of("cwolf"), [deep], seed=5, numbers=K)
 
 
-def test_law_a_case_depends_on_seed_and_number_alone(cases: Cases, deep: st.Mission) -> None:
+def test_law_a_case_depends_on_seed_and_number_alone(cases: Draws, deep: st.Mission) -> None:
     failing = [case for case, *_ in cases.faults[:2]] + [case for case, *_ in cases.outages[:2]]
     for number in (0, K - 1, *failing):
-        alone = draw_cases(parsed(FULL), Fitted.of("cwolf"), [deep], seed=5, numbers=[number])
+        alone = draw_missions(parsed(FULL), Fitted.of("cwolf"), [deep], seed=5, numbers=[number])
         same = cases.take([number])
         for name in ("numbers", "mission", "current", "turbulence", "position", "attitude", "nu", "seeds"):
             np.testing.assert_array_equal(getattr(alone, name), getattr(same, name), err_msg=name)
@@ -88,7 +88,7 @@ def test_law_a_case_depends_on_seed_and_number_alone(cases: Cases, deep: st.Miss
             assert alone.causes[name].tolist() == column.tolist()
 
 
-def test_golden_a_case_of_a_seed_stays_the_same(cases: Cases) -> None:
+def test_golden_a_case_of_a_seed_stays_the_same(cases: Draws) -> None:
     """Missions that a report names by number fly again: no later version draws them in another order."""
     four = cases.take([4])
     assert four.seeds.tolist() == [5111146439479918]
@@ -120,9 +120,9 @@ def test_golden_a_case_of_a_seed_stays_the_same(cases: Cases) -> None:
     assert (four.faults[0][1], four.outages[0][1]) == ("SbU", 3)
 
 
-def test_a_further_cause_changes_none_of_the_others(cases: Cases, deep: st.Mission) -> None:
+def test_a_further_cause_changes_none_of_the_others(cases: Draws, deep: st.Mission) -> None:
     first_only = FULL[: FULL.index('[[verification.faults]]\nactuator = "any"')]
-    fewer = draw_cases(parsed(first_only), Fitted.of("cwolf"), [deep], seed=5, numbers=200)
+    fewer = draw_missions(parsed(first_only), Fitted.of("cwolf"), [deep], seed=5, numbers=200)
     both = cases.take(range(200))
     assert fewer.current.tolist() == both.current.tolist()
     assert fewer.seeds.tolist() == both.seeds.tolist()
@@ -130,7 +130,7 @@ def test_a_further_cause_changes_none_of_the_others(cases: Cases, deep: st.Missi
     assert fewer.faults == [row for row in both.faults if row[3] == 0.0]  # the second entry's stick at 600
 
 
-def test_current_is_distributed_as_asked(cases: Cases) -> None:
+def test_current_is_distributed_as_asked(cases: Draws) -> None:
     speed = np.hypot(cases.current[:, 0], cases.current[:, 1])
     # Rayleigh: mean s sqrt(pi/2), standard deviation 0.655 s.
     assert speed.mean() == pytest.approx(0.1 * math.sqrt(math.pi / 2.0), abs=0.0655 * FOUR)
@@ -145,7 +145,7 @@ def test_current_is_distributed_as_asked(cases: Cases) -> None:
     np.testing.assert_allclose(cases.turbulence, np.outer(strength, [1.0, 1.0, 0.55]), rtol=1e-12)
 
 
-def test_start_is_scattered_about_that_of_the_mission(cases: Cases, deep: st.Mission) -> None:
+def test_start_is_scattered_about_that_of_the_mission(cases: Draws, deep: st.Mission) -> None:
     off = cases.position - [5.0, -7.0, 10.0]
     for axis, sd in enumerate((2.0, 2.0, 0.3)):
         assert abs(off[:, axis].mean()) < sd * FOUR
@@ -154,7 +154,7 @@ def test_start_is_scattered_about_that_of_the_mission(cases: Cases, deep: st.Mis
     assert not cases.attitude[:, :2].any()
 
 
-def test_vehicle_starts_with_the_water_and_its_speed_through_it(cases: Cases) -> None:
+def test_vehicle_starts_with_the_water_and_its_speed_through_it(cases: Draws) -> None:
     yaw = cases.attitude[:, 2]
     cosine, sine = np.cos(yaw), np.sin(yaw)
     north = cosine * cases.nu[:, 0] - sine * cases.nu[:, 1] - cases.current[:, 0]
@@ -169,7 +169,7 @@ def test_vehicle_starts_with_the_water_and_its_speed_through_it(cases: Cases) ->
 
 
 def test_start_points_about_where_the_mission_does(deep: st.Mission) -> None:
-    found = draw_cases(
+    found = draw_missions(
         parsed("start = { heading_deg = 3.0 }"), Fitted.of("cwolf"), [deep], seed=5, numbers=400
     )
     off = np.degrees(found.attitude[:, 2]) - math.degrees(math.atan2(47.0, 95.0))
@@ -186,7 +186,7 @@ def test_current_is_told_as_a_bow_to_the_north_meets_it(
     towards_deg: float, ahead: float, port: float
 ) -> None:
     table = parsed(f"current = {{ speed_m_s = [0.1, 0.2], direction_deg = {towards_deg} }}")
-    found = draw_cases(table, Fitted.of("cwolf"), [mission(OUT)], seed=5, numbers=20).causes
+    found = draw_missions(table, Fitted.of("cwolf"), [mission(OUT)], seed=5, numbers=20).causes
     speed = found["current speed, m/s"]
     np.testing.assert_allclose(found["current from ahead at the start, m/s"], ahead * speed, atol=1e-12)
     np.testing.assert_allclose(found["current from port at the start, m/s"], port * speed, atol=1e-12)
@@ -195,18 +195,18 @@ def test_current_is_told_as_a_bow_to_the_north_meets_it(
 def test_outages_of_one_group_add_up(farm: st.Mission) -> None:
     entry = 'outages = [{ sensor = "dvl", probability = 1.0, duration_s = 3.0 },'
     table = parsed(entry + '{ sensor = "dvl", probability = 1.0, duration_s = 4.0 }]')
-    found = draw_cases(table, Fitted.of("cwolf"), [farm], seed=5, numbers=5)
+    found = draw_missions(table, Fitted.of("cwolf"), [farm], seed=5, numbers=5)
     np.testing.assert_allclose(found.causes["outage of velocity, s"], 7.0, rtol=1e-12)
 
 
 def test_start_above_the_surface_is_at_the_surface(farm: st.Mission) -> None:
     table = parsed("start = { depth_m = 1.0 }")
-    depth = draw_cases(table, Fitted.of("cwolf"), [farm], seed=1, numbers=400).position[:, 2]
+    depth = draw_missions(table, Fitted.of("cwolf"), [farm], seed=1, numbers=400).position[:, 2]
     assert depth.min() == 0.0
     assert (depth == 0.0).mean() == pytest.approx(0.5, abs=4.0 * 0.5 / 20.0)  # four deviations of a share
 
 
-def test_faults_come_as_often_and_when_asked(cases: Cases, deep: st.Mission) -> None:
+def test_faults_come_as_often_and_when_asked(cases: Draws, deep: st.Mission) -> None:
     stuck = [row for row in cases.faults if row[3] == 600.0]
     dead = [row for row in cases.faults if row[3] == 0.0]
     # A stuck one of six is lost where the same one died before: of 0.1 at most 0.2 / 6.
@@ -235,7 +235,7 @@ def test_an_actuator_fails_once_and_first(deep: st.Mission) -> None:
     probability = 1.0
     between_s = [0.0, 100.0]
     """
-    rows = draw_cases(parsed(twice), Fitted.of("cwolf"), [deep], seed=5, numbers=200).faults
+    rows = draw_missions(parsed(twice), Fitted.of("cwolf"), [deep], seed=5, numbers=200).faults
     assert [case for case, *_ in rows] == list(range(200))
     for _, _, at, command in rows:
         assert at < 60.0 if math.isnan(command) else 50.0 <= at <= 60.0
@@ -243,7 +243,7 @@ def test_an_actuator_fails_once_and_first(deep: st.Mission) -> None:
     assert any(command == 0.0 for *_, command in rows)
 
 
-def test_outages_come_as_often_and_as_long_as_asked(cases: Cases) -> None:
+def test_outages_come_as_often_and_as_long_as_asked(cases: Draws) -> None:
     assert len(cases.outages) / K == pytest.approx(0.3, abs=0.458 * FOUR)
     duration = np.array([stop - start for _, _, start, stop in cases.outages])
     count = math.sqrt(len(duration))
@@ -255,7 +255,7 @@ def test_outages_come_as_often_and_as_long_as_asked(cases: Cases) -> None:
     assert all(0.0 <= start <= 400.0 for _, _, start, _ in cases.outages)
 
 
-def test_law_causes_are_independent(cases: Cases) -> None:
+def test_law_causes_are_independent(cases: Draws) -> None:
     apart = [
         "current speed, m/s",
         "current from ahead at the start, m/s",
@@ -279,7 +279,7 @@ def test_law_causes_are_independent(cases: Cases) -> None:
         assert abs(correlation[a, b]) < 4.5 / math.sqrt(K), (a, b)
 
 
-def test_tied_coefficients_have_one_column(cases: Cases) -> None:
+def test_tied_coefficients_have_one_column(cases: Draws) -> None:
     named = [name for name in cases.causes if name.startswith("coefficient")]
     assert named == ["coefficient X_uu, sigmas", "coefficient SbU.gain, sigmas"]
     assert cases.causes[named[1]].std() == pytest.approx(1.0, abs=FOUR)
@@ -287,7 +287,7 @@ def test_tied_coefficients_have_one_column(cases: Cases) -> None:
 
 def test_missions_are_flown_by_weight(farm: st.Mission, deep: st.Mission) -> None:
     table = parsed("", missions='"farm.toml", { file = "deep.toml", weight = 3.0 }')
-    found = draw_cases(table, Fitted.of("cwolf"), [farm, deep], seed=3, numbers=1000)
+    found = draw_missions(table, Fitted.of("cwolf"), [farm, deep], seed=3, numbers=1000)
     share = float(np.mean(found.mission == 1))
     assert share == pytest.approx(0.75, abs=4.0 * math.sqrt(0.75 * 0.25 / 1000.0))
     assert found.causes["mission deep"].sum() == len(found.of_mission(1))
@@ -296,7 +296,7 @@ def test_missions_are_flown_by_weight(farm: st.Mission, deep: st.Mission) -> Non
     assert found.of_mission(1).position[:, 2].min() > 5.0
 
 
-def test_rows_follow_the_cases_that_are_taken(cases: Cases) -> None:
+def test_rows_follow_the_cases_that_are_taken(cases: Draws) -> None:
     number = cases.faults[3][0]
     taken = cases.take([0, number])
     assert {case for case, *_ in taken.faults} <= {0, 1}
@@ -306,7 +306,7 @@ def test_rows_follow_the_cases_that_are_taken(cases: Cases) -> None:
 
 
 def test_defaults_suit_the_missions(farm: st.Mission) -> None:
-    found = draw_cases(parsed(""), Fitted.of("cwolf"), [farm], seed=1, numbers=500)
+    found = draw_missions(parsed(""), Fitted.of("cwolf"), [farm], seed=1, numbers=500)
     speed = found.causes["current speed, m/s"]
     assert speed.min() > 0.0
     assert speed.max() <= 0.15  # a quarter of the round's 0.6 m/s
@@ -317,8 +317,8 @@ def test_defaults_suit_the_missions(farm: st.Mission) -> None:
 def test_nominal_coefficients_are_asked_for_by_name(farm: st.Mission) -> None:
     fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})
     table = parsed('coefficients = "nominal"')
-    assert draw_cases(table, fitted, [farm], seed=1, numbers=3).coefficients == {}
-    assert list(draw_cases(parsed(""), fitted, [farm], seed=1, numbers=3).coefficients) == ["X_uu"]
+    assert draw_missions(table, fitted, [farm], seed=1, numbers=3).coefficients == {}
+    assert list(draw_missions(parsed(""), fitted, [farm], seed=1, numbers=3).coefficients) == ["X_uu"]
 
 
 def test_what_is_fixed_is_no_cause(farm: st.Mission) -> None:
@@ -326,7 +326,7 @@ def test_what_is_fixed_is_no_cause(farm: st.Mission) -> None:
         "current = { speed_m_s = 0.2, direction_deg = 90, turbulence_m_s = 0.0 }\n"
         "start = { position_m = 0.0, depth_m = 0.0, heading_deg = 0.0 }"
     )
-    found = draw_cases(table, Fitted.of("cwolf"), [farm], seed=1, numbers=4)
+    found = draw_missions(table, Fitted.of("cwolf"), [farm], seed=1, numbers=4)
     assert found.causes == {}
     np.testing.assert_allclose(found.current, np.tile([0.0, 0.2, 0.0], (4, 1)), atol=1e-16)
 
@@ -344,12 +344,12 @@ def test_what_is_fixed_is_no_cause(farm: st.Mission) -> None:
 )
 def test_failures_that_the_vehicle_cannot_have_are_refused(farm: st.Mission, text: str, message: str) -> None:
     with pytest.raises(SimulationError, match=message):
-        draw_cases(parsed(text), Fitted.of("cwolf"), [farm], seed=1, numbers=3)
+        draw_missions(parsed(text), Fitted.of("cwolf"), [farm], seed=1, numbers=3)
 
 
 def test_missions_must_be_those_of_the_table(farm: st.Mission) -> None:
     with pytest.raises(CampaignError, match="expected the 1 of the table"):
-        draw_cases(parsed(""), Fitted.of("cwolf"), [farm, farm], seed=1)
+        draw_missions(parsed(""), Fitted.of("cwolf"), [farm, farm], seed=1)
 
 
 def test_polygon_of_cages_becomes_circles_with_its_clearances() -> None:

@@ -1,358 +1,482 @@
-"""Numbers of a flight that are what they should be: refused with a sentence before anything flies.
+"""`Cases`: closed-loop flights of one mission, with what they share and what differs from case to case.
 
-Held by ``tests/flight/test_bad_input_flights.py``.
-
-What is around a flight besides the bottom: eddies and obstacles, or a sentence on why they are none.
-
-Held by ``tests/flight/test_surroundings.py``.
-
-Set points and corridors of a batch: arrays of the right kind, and for how many cases they are.
-
-The core says what is wrong with their values. Held by ``tests/flight/test_batch_of_steps.py``.
+`Cases.of` checks everything once and refuses in the words of `seatrial.fly`; `dataclasses.replace` then puts
+in what is drawn (`seatrial.verification`) or searched (`seatrial.tuning`), without asking again; `Cases.fly`
+hands all of it to the core in one call. Held by ``tests/flight/test_fly.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from seatrial import _core
+from seatrial._core import Autopilot, Flights, State, Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
-from seatrial.flight.mission import Route
+from seatrial.base.toml_file import loaded
+from seatrial.flight.checks import (
+    Corridor,
+    checked_columns,
+    checked_corridors,
+    checked_failures,
+    checked_list,
+    checked_obstacles,
+    checked_rows,
+    checked_seabed,
+    checked_seed,
+    checked_set_points,
+    checked_step,
+    checked_supply,
+    checked_threads,
+    checked_times,
+    checked_turbulence,
+    longest,
+    within,
+)
+from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
+from seatrial.flight.mission import Mission, Route
+from seatrial.flight.sensor_channels import SensorChannels, sensor_channels, sensors_of
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot, Vehicle
+    from seatrial.sensors.sensor import Sensor
 
-__all__ = [
-    "Corridor",
-    "checked_corridors",
-    "checked_list",
-    "checked_obstacles",
-    "checked_rows",
-    "checked_seabed",
-    "checked_seed",
-    "checked_set_points",
-    "checked_step",
-    "checked_supply",
-    "checked_threads",
-    "checked_times",
-    "checked_turbulence",
-    "checked_vector",
-    "is_number",
-    "longest",
-    "positive",
-    "within",
-]
+__all__ = ["TURBULENCE_TIMES_S", "Cases", "Circumstances", "Shared"]
 
-_LARGEST_SEED = 2**53
-
-_MOST_THREADS = 1024
-
-_FASTEST_WATER_M_S = 15.0  # the fastest tidal streams run at 10 m/s
-
-_MOST_STEPS = 10_000  # of the integration in a control period
-
-_TIMES_PLANNED, _MARGIN_S = 3.0, 300.0
-
-_MOST_LOGGED, _MOST_FLOWN = 2_500_000, 100_000_000  # a row of a log and its table take 2.5 kB
-
-_LARGEST_SUPPLY_V = 1000.0
+TURBULENCE_TIMES_S = (60.0, 2.0)
+"""Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
 
 
-def is_number(value: Any) -> bool:
-    """Whether it is a number, finite or not, and no truth value."""
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool | np.complexfloating)
+@dataclass(frozen=True)
+class Circumstances:
+    """What a flight was exposed to.
 
-
-def positive(name: str, value: Any, unit: str) -> None:
-    """Refuse what is no positive finite number."""
-    if not is_number(value) or not math.isfinite(value) or value <= 0.0:
-        raise SimulationError(f"{name}: expected a positive number in {unit}, found {value!r}")
-
-
-def within(name: str, value: Any, ends: tuple[float, float], unit: str) -> None:
-    """Refuse what is no number between the ends: a wrong unit, mostly."""
-    low, high = ends
-    if not is_number(value) or not low <= value <= high:
-        raise SimulationError(f"{name}: expected {low:g} to {high:g} {unit}, found {value!r}")
-
-
-def checked_seed(seed: Any) -> int:
-    """A seed that is one.
-
-    Raises
-    ------
-    SimulationError
-        It is none.
+    Attributes
+    ----------
+    current
+        Mean, north, east, down, m/s.
+    turbulence, turbulence_times
+        Standard deviation of the current about its mean, m/s, and its two time constants, s.
+    obstacles
+        What stands in the water: north, east and radius of each cylinder, m.
+    sensors
+        Name of the set, and per kind its numbers; perfect ones without kinds.
+    sensor_notes
+        Where the sensors of the flight differ from those of the set.
+    faults, outages
+        What failed.
+    seabed
+        Depth of the bottom below the origin, m, and its slopes north and east; None: no bottom.
+    seed
+        Of the sensors' noise.
+    model
+        The vehicle that the autopilot believes in.
+    voltage
+        Supply, V; None where it does not matter.
+    feedback
+        Whether the autopilot sees what its actuators do.
+    rho, g
+        Density and gravity where they are not the vehicle file's.
+    max_step, max_time
+        Largest step of the integration and longest duration, s.
+    sources
+        Names or paths that were asked for, by "vehicle", "autopilot", "mission".
     """
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if not whole or not 0 <= seed < _LARGEST_SEED:
-        raise SimulationError(f"seed: expected a whole number from 0 to 2^53 - 1, found {seed!r}")
-    return int(seed)
+
+    current: tuple[float, float, float]
+    model: Vehicle
+    max_step: float
+    max_time: float
+    turbulence: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S
+    obstacles: tuple[tuple[float, float, float], ...] = ()
+    sensors: dict[str, Any] = field(default_factory=dict)
+    sensor_notes: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    outages: tuple[Outage, ...] = ()
+    seabed: tuple[float, float, float] | None = None
+    seed: int = 0
+    voltage: float | None = None
+    feedback: bool = True
+    rho: float | None = None
+    g: float | None = None
+    sources: dict[str, str] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data; the model by its name."""
+        return {
+            "sources": dict(self.sources),
+            "model": self.model.name,
+            "current_m_s": list(self.current),
+            "turbulence_m_s": list(self.turbulence),
+            "turbulence_times_s": list(self.turbulence_times),
+            "obstacles_m": [list(one) for one in self.obstacles],
+            "sensors": self.sensors or "perfect",
+            "sensor_notes": list(self.sensor_notes),
+            "faults": [asdict(fault) for fault in self.faults],
+            "outages": [asdict(outage) for outage in self.outages],
+            "seabed": None if self.seabed is None else list(self.seabed),
+            "seed": self.seed,
+            "voltage_v": self.voltage,
+            "feedback": self.feedback,
+            "rho_kg_m3": self.rho,
+            "g_m_s2": self.g,
+            "max_step_s": self.max_step,
+            "max_time_s": self.max_time,
+        }
 
 
-def checked_threads(threads: Any) -> None:
-    """Refuse a number of threads that is none."""
-    whole = isinstance(threads, int | np.integer) and not isinstance(threads, bool)
-    if threads is not None and not (whole and 1 <= threads <= _MOST_THREADS):
-        raise SimulationError(
-            f"threads: expected a whole number from 1 to {_MOST_THREADS}, or None for all, found {threads!r}"
+class Shared(TypedDict, total=False):
+    """What all cases have in common besides vehicle, autopilot and mission; as for `seatrial.fly`."""
+
+    model: Vehicle | str | Path | None
+    sensors: Mapping[str, Sensor] | str | Path | None
+    turbulence_times: tuple[float, float]
+    obstacles: Sequence[tuple[float, float, float]]
+    seabed: ArrayLike | None
+    voltage: float | None
+    feedback: bool
+    max_step: float
+    max_time: float | None
+    rho: float | None
+    g: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """Flights of one mission that are ready to go; made by `Cases.of`. SI and rad, NED.
+
+    What may differ from case to case has a row or value for each of k cases, or one for all of them.
+
+    Attributes
+    ----------
+    vehicle, autopilot, mission, route
+        What flies, and the mission's waypoints.
+    circumstances
+        What all cases share: water, sensors, model, supply; of a single flight everything.
+    channels
+        The sensors as the core takes them.
+    seeds
+        Of the sensors' errors and of the turbulence, (k,).
+    position, attitude, nu
+        Where a case begins: (k, 3) or (3,); quaternion or roll, pitch, yaw; velocities over ground, (k, 6).
+    current, turbulence
+        Mean velocity of the water and its standard deviation, (k, 3) or (3,), m/s.
+    coefficients, gains
+        Of the vehicle that flies and of the autopilot, (k,) each by name.
+    faults
+        Rows (case, actuator, time in s, command or nan).
+    outages, case_outages
+        Rows (group, from, until in s) for all cases, and (case, group, from, until).
+    set_points, corridors
+        A trial of the loops and what its responses are held against, see `seatrial.fly_batch`.
+    logs
+        Whether the flights keep their logs.
+    """
+
+    vehicle: Vehicle
+    autopilot: Autopilot
+    mission: Mission
+    route: Route
+    circumstances: Circumstances
+    channels: SensorChannels
+    seeds: Sequence[int]
+    position: Array
+    attitude: Array
+    nu: Array
+    current: Array
+    turbulence: Array
+    coefficients: Mapping[str, Array] = field(default_factory=dict)
+    gains: Mapping[str, Array] = field(default_factory=dict)
+    faults: Sequence[tuple[int, str, float, float]] = ()
+    outages: Sequence[tuple[int, float, float]] = ()
+    case_outages: Sequence[tuple[int, int, float, float]] = ()
+    set_points: Mapping[str, Array] | None = None
+    corridors: Sequence[Corridor] = ()
+    logs: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        vehicle: Vehicle | str | Path,
+        autopilot: Autopilot | str | Path,
+        mission: Mission | str | Path,
+        *,
+        seeds: int | Sequence[int] = 0,
+        initial: State | Sequence[State] | None = None,
+        current: ArrayLike = (0.0, 0.0, 0.0),
+        turbulence: ArrayLike = (0.0, 0.0, 0.0),
+        coefficients: Mapping[str, ArrayLike] | None = None,
+        gains: Mapping[str, ArrayLike] | None = None,
+        faults: Sequence[Fault] | Sequence[Sequence[Fault]] = (),
+        outages: Sequence[Outage] | Sequence[Sequence[Outage]] = (),
+        set_points: Mapping[str, ArrayLike] | None = None,
+        corridors: Sequence[Corridor] = (),
+        logs: bool = False,
+        **shared: Unpack[Shared],
+    ) -> Cases:
+        """Cases of one mission, checked. See `seatrial.fly_batch` for the parameters.
+
+        Raises
+        ------
+        VehicleError
+            A file is not usable.
+        SimulationError, TrialError
+            Lengths do not fit together, or a number, a failure or a sensor is not usable.
+        """
+        starts_differ = not (initial is None or isinstance(initial, State))
+        states = None if initial is None else _states(initial)
+        failing = checked_failures("faults", faults, Fault)
+        silent = checked_failures("outages", outages, Outage)
+        faults_differ = bool(failing) and not isinstance(failing[0], Fault)
+        outages_differ = bool(silent) and not isinstance(silent[0], Outage)
+        water = checked_rows("current", current)
+        eddies = (
+            np.asarray(checked_turbulence(turbulence))
+            if np.ndim(turbulence) < 2
+            else checked_rows("turbulence", turbulence)
         )
-
-
-def checked_step(max_step: Any, autopilot: Autopilot) -> None:
-    """Refuse a step of the integration that is none, or so small that no flight would end."""
-    positive("max_step", max_step, "s")
-    if autopilot.period_s / max_step > _MOST_STEPS:
-        raise SimulationError(
-            f"max_step: expected at least {autopilot.period_s / _MOST_STEPS:.2g} s, a {_MOST_STEPS}th of the"
-            f" control period of {autopilot.period_s:g} s, found {max_step:g}; 0.02 s is the usual one"
-        )
-
-
-def checked_supply(voltage: Any, vehicle: Vehicle) -> None:
-    """Refuse a supply that is none, and its absence where thrust depends on it."""
-    needed = [name for name, facts in vehicle.actuator_info().items() if facts["needs_voltage"]]
-    if voltage is None:
-        if needed:
-            raise SimulationError(
-                f"voltage: the thrust of {vehicle.name} ({needed[0]}) depends on the supply voltage; give it"
-                " in V, --voltage on the command line"
+        changed = checked_columns("coefficients", coefficients), checked_columns("gains", gains)
+        steering, lengths = checked_set_points(set_points)
+        judged, bases = checked_corridors(corridors)
+        lengths = {name: len(values) for some in changed for name, values in some.items()} | lengths | bases
+        one_seed = isinstance(seeds, int | np.integer)
+        listed = [seeds] if one_seed else checked_list("seeds", seeds, int, "1, 2, 3")
+        lengths |= {
+            name: len(values)
+            for name, values, differs in (
+                ("current", water, water.ndim == 2),
+                ("turbulence", eddies, eddies.ndim == 2),
+                ("initial", states or (), starts_differ),
+                ("outages", silent, outages_differ),
+                ("seeds", listed, not one_seed),
+                ("faults", failing, faults_differ),
             )
-        return
-    positive("voltage", voltage, "V")
-    if voltage > _LARGEST_SUPPLY_V:
-        raise SimulationError(
-            f"voltage: expected at most {_LARGEST_SUPPLY_V:g} V, found {voltage:g}; is it in V?"
+            if differs
+        }
+        k = _count(lengths)
+        sources = {"vehicle": vehicle, "autopilot": autopilot, "mission": mission}
+        flown = loaded(Vehicle, vehicle), loaded(Autopilot, autopilot), loaded(Mission, mission)
+        route = Route.of(flown[2])
+        around, channels = _circumstances(
+            sources,
+            flown[:2],
+            route,
+            logs=logs,
+            current=_triple(np.atleast_2d(water)[0]),
+            turbulence=_triple(eddies) if eddies.ndim == 1 else (0.0, 0.0, 0.0),
+            faults=() if faults_differ else failing,
+            outages=() if outages_differ else silent,
+            seed=checked_seed(listed[0]),
+            **shared,
+        )
+        until = around.max_time
+        position, attitude, nu = _start(route, states, differs=starts_differ)
+        return cls(
+            *flown,
+            route,
+            around,
+            channels,
+            seeds=[checked_seed(seed) for seed in (listed * k if one_seed else listed)],
+            position=position,
+            attitude=attitude,
+            nu=nu,
+            current=water,
+            turbulence=eddies,
+            coefficients=changed[0],
+            gains=changed[1],
+            faults=[
+                row
+                for case, some in enumerate(failing if faults_differ else [failing] * k)
+                for row in fault_rows(some, flown[0], until, case=case)
+            ],
+            outages=outage_rows(() if outages_differ else silent, until),
+            case_outages=[
+                (case, *row)
+                for case, some in enumerate(silent if outages_differ else ())
+                for row in outage_rows(some, until)
+            ],
+            set_points=steering,
+            corridors=judged,
+            logs=logs,
+        )
+
+    def __len__(self) -> int:
+        """Number of cases."""
+        return len(self.seeds)
+
+    def fly(self, *, threads: int | None = None) -> Flights:
+        """Flights of all cases, side by side.
+
+        Parameters
+        ----------
+        threads : int, optional
+            All when omitted; the result does not depend on it.
+
+        Raises
+        ------
+        VehicleError
+            The autopilot does not fit the vehicle, or a name is unknown.
+        SimulationError
+            There is no such number of threads.
+        """
+        checked_threads(threads)
+        around = self.circumstances
+        return _core.fly(
+            self.vehicle,
+            self.autopilot,
+            self.mission.core,
+            list(self.seeds),
+            model=around.model,
+            position=self.position,
+            attitude=self.attitude,
+            nu=self.nu,
+            current=self.current,
+            turbulence=self.turbulence,
+            turbulence_times=around.turbulence_times,
+            obstacles=list(around.obstacles),
+            coefficients=dict(self.coefficients),
+            gains=dict(self.gains),
+            faults=list(self.faults),
+            errors=self.channels.errors,
+            timing=self.channels.timing,
+            outages=list(self.outages),
+            case_outages=list(self.case_outages),
+            set_points=self.set_points,
+            corridors=list(self.corridors),
+            feedback=around.feedback,
+            seabed=around.seabed,
+            voltage=math.nan if around.voltage is None else around.voltage,
+            rho=around.rho,
+            g=around.g,
+            max_step=around.max_step,
+            max_time=around.max_time,
+            logs=self.logs,
+            threads=threads,
         )
 
 
-def checked_list(name: str, values: Any, kind: type, example: str) -> tuple[Any, ...]:
-    """Values as a tuple; one of them alone, a text or nothing at all is answered with an example."""
-    if isinstance(values, kind | str | bytes | Mapping) or not isinstance(values, Iterable):
-        raise SimulationError(f"{name}: expected a list such as [{example}], found {values!r}")
-    return tuple(values)
+def _count(lengths: Mapping[str, int]) -> int:
+    """Number of cases, from the lengths of what is given per case."""
+    k = max(lengths.values(), default=1)
+    for name, length in lengths.items():
+        if length != k:
+            raise SimulationError(f"{name}: expected {k} values, one per case, found {length}")
+    if k == 0:
+        raise SimulationError("fly_batch: expected at least one case, found none")
+    return k
 
 
-def checked_vector(name: str, value: Any) -> tuple[float, float, float]:
-    """North, east, down of a velocity of water, m/s."""
-    rows = checked_rows(name, value)
-    if rows.ndim != 1:
+def _circumstances(
+    sources: Mapping[str, Any],
+    flown: tuple[Vehicle, Autopilot],
+    route: Route,
+    *,
+    current: tuple[float, float, float],
+    turbulence: tuple[float, float, float],
+    faults: tuple[Fault, ...],
+    outages: tuple[Outage, ...],
+    seed: int,
+    logs: bool,
+    model: Vehicle | str | Path | None = None,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
+    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S,
+    obstacles: Sequence[tuple[float, float, float]] = (),
+    seabed: ArrayLike | None = None,
+    voltage: float | None = None,
+    feedback: bool = True,
+    max_step: float = 0.02,
+    max_time: float | None = None,
+    rho: float | None = None,
+    g: float | None = None,
+) -> tuple[Circumstances, SensorChannels]:
+    """What all cases share, checked, and the sensors as the core takes them."""
+    vehicle, autopilot = flown
+    until = longest(route, autopilot, max_time, logs=logs)
+    checked_step(max_step, autopilot)
+    checked_supply(voltage, vehicle)
+    if rho is not None:
+        within("rho", rho, (500.0, 2000.0), "kg/m3")
+    if g is not None:
+        within("g", g, (0.1, 100.0), "m/s2")
+    if not isinstance(feedback, bool):
+        raise SimulationError(f"feedback: expected True or False, found {feedback!r}")
+    fitted = sensors_of(sensors, vehicle)
+    channels = sensor_channels(fitted, autopilot.period_s)
+    around = Circumstances(
+        current=current,
+        turbulence=turbulence,
+        turbulence_times=checked_times(turbulence_times),
+        obstacles=checked_obstacles(obstacles),
+        model=vehicle if model is None else _model(model, vehicle),
+        max_step=max_step,
+        max_time=until,
+        sensors={} if fitted is None else {kind: _stated(sensor) for kind, sensor in fitted.items()},
+        sensor_notes=channels.sentences,
+        faults=faults,
+        outages=outages,
+        seabed=checked_seabed(seabed, route),
+        seed=seed,
+        voltage=voltage,
+        feedback=feedback,
+        rho=rho,
+        g=g,
+        sources={
+            name: str(source) if isinstance(source, str | Path) else str(source.name)
+            for name, source in sources.items()
+        },
+    )
+    return around, channels
+
+
+def _model(source: Any, vehicle: Vehicle) -> Vehicle:
+    """Vehicle that the autopilot believes in, with the actuators of the one that flies."""
+    model: Vehicle = loaded(Vehicle, source, "model")
+    here, there = vehicle.actuator_info(), model.actuator_info()
+    if list(here) != list(there):
         raise SimulationError(
-            f"{name}: expected three finite numbers, north, east, down in m/s, found {value!r}"
+            f"model: expected the actuators of {vehicle.name}, {', '.join(here)}, found those of"
+            f" {model.name}, {', '.join(there)}"
         )
-    return float(rows[0]), float(rows[1]), float(rows[2])
-
-
-def checked_rows(name: str, value: Any) -> Array:
-    """Velocities of water, (3,) or (k, 3), m/s."""
-    try:
-        rows = np.asarray(value, float)
-    except (TypeError, ValueError):
-        rows = np.empty(0)
-    if rows.ndim not in (1, 2) or rows.shape[-1] != 3 or not np.isfinite(rows).all():
-        raise SimulationError(
-            f"{name}: expected three finite numbers, north, east, down in m/s, found {value!r}"
-        )
-    if rows.size and (most := float(np.abs(rows).max())) > _FASTEST_WATER_M_S:
-        raise SimulationError(
-            f"{name}: expected at most {_FASTEST_WATER_M_S:g} m/s, for no sea runs faster, found {most:g};"
-            " give it in m/s (1 kn is 0.514 m/s)"
-        )
-    return rows
-
-
-def checked_seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, float] | None:
-    """Depth of the bottom and its slopes; a mission along the bottom needs one."""
-    if value is None:
-        for k, stop in enumerate(path.stops):
-            if stop.vertical == "altitude":
-                raise SimulationError(
-                    f"seabed: leg {k + 1} ({stop.label}) of {path.name} follows the bottom, and there is"
-                    " none; give its depth in m"
-                )
-        return None
-    try:
-        bottom = np.atleast_1d(np.asarray(value, float))
-    except (TypeError, ValueError):
-        bottom = np.empty(0)
-    if bottom.shape == (1,):
-        bottom = np.array([bottom[0], 0.0, 0.0])
-    if bottom.shape != (3,) or not np.isfinite(bottom).all():
-        raise SimulationError(
-            f"seabed: expected its depth in m, or (depth, slope north, slope east), found {value!r}"
-        )
-    depth, north, east = (float(x) for x in bottom)
-    places = [("the start", path.start, path.start[2])]
-    places += [
-        (f"leg {k + 1} ({stop.label})", stop.position, stop.position[2] if stop.vertical == "depth" else 0.0)
-        for k, stop in enumerate(path.stops)
-    ]
-    for where, position, down in places:
-        there = depth + north * position[0] + east * position[1]
-        if there <= down:
+    for name, facts in here.items():
+        if facts["unit"] != there[name]["unit"]:
             raise SimulationError(
-                f"seabed: expected below {where} of {path.name} at a depth of {down:g} m, found {there:g} m"
+                f"model: {name}: expected commands in {facts['unit']} as {vehicle.name} takes them, found"
+                f" {there[name]['unit']}"
             )
-    return depth, north, east
+    return model
 
 
-def longest(path: Route, autopilot: Autopilot, max_time: float | None, *, logs: bool) -> float:
-    """Duration at which a flight ends at the latest, s: well beyond the plan and the mission's own limit."""
-    if max_time is None:
-        planned = _TIMES_PLANNED * path.planned_time + _MARGIN_S
-        limit = path.longest + _MARGIN_S if math.isfinite(path.longest) else 0.0
-        max_time = max(planned, limit)
-    positive("max_time", max_time, "s")
-    most = (_MOST_LOGGED if logs else _MOST_FLOWN) * autopilot.period_s
-    if max_time > most:
-        raise SimulationError(
-            f"max_time: expected at most {most:g} s, {most / autopilot.period_s:.1e} control periods of"
-            f" {autopilot.period_s:g} s, found {max_time:g} s; give a shorter one, or split the mission"
-        )
-    return float(max_time)
+def _stated(sensor: Sensor) -> dict[str, Any]:
+    """What a sensor's table says, in the units of its kind."""
+    default = {field.name: field.default for field in fields(sensor)}
+    return {name: value for name, value in asdict(sensor).items() if value != default[name]}
 
 
-_MOST_M_S = 5.0
-
-_LONGEST_S = 1e5
-
-
-def checked_turbulence(given: Any) -> tuple[float, float, float]:
-    """Standard deviations north, east, down, m/s; one number is that of both horizontal components.
-
-    Raises
-    ------
-    SimulationError
-        It is none.
-
-    Examples
-    --------
-    >>> checked_turbulence(0.1)
-    (0.1, 0.1, 0.0)
-    """
-    if is_number(given):
-        given = (given, given, 0.0)
-    try:
-        values = [float(x) for x in np.asarray(given, float).ravel()]
-    except (TypeError, ValueError):
-        values = []
-    if len(values) != 3 or not all(0.0 <= x <= _MOST_M_S for x in values):
-        raise SimulationError(
-            f"turbulence: expected a standard deviation from 0 to {_MOST_M_S:g} m/s, or three of them north,"
-            f" east and down, found {given!r}"
-        )
-    return values[0], values[1], values[2]
+def _states(initial: Any) -> tuple[State, ...]:
+    """Where the cases begin: one for all of them, or one per case."""
+    given = (
+        (initial,) if isinstance(initial, State) else checked_list("initial", initial, State, "st.State(...)")
+    )
+    for state in given:
+        if not isinstance(state, State):
+            raise SimulationError(f"initial: expected an st.State, found {state!r}")
+    return given
 
 
-def checked_times(given: Any) -> tuple[float, float]:
-    """Two time constants of a turbulent current, s.
-
-    Raises
-    ------
-    SimulationError
-        They are none.
-    """
-    values = list(given) if isinstance(given, tuple | list) else []
-    if len(values) != 2 or not all(is_number(x) and 0.01 <= x <= _LONGEST_S for x in values):
-        raise SimulationError(
-            f"turbulence_times: expected two times from 0.01 to {_LONGEST_S:g} s, for example (60.0, 2.0),"
-            f" found {given!r}"
-        )
-    return float(values[0]), float(values[1])
+def _start(route: Route, states: tuple[State, ...] | None, *, differs: bool) -> tuple[Array, Array, Array]:
+    """Position, attitude and velocities at the start, a row for all cases or one per case."""
+    begin = states or (State(route.start, [0.0, 0.0, route.heading]),)
+    rows = [np.array([getattr(state, name) for state in begin]) for name in ("position", "attitude", "nu")]
+    position, attitude, nu = rows if differs else [row[0] for row in rows]
+    return position, attitude, nu
 
 
-def checked_obstacles(given: Any) -> tuple[tuple[float, float, float], ...]:
-    """Cylinders: north, east and radius of each, m.
-
-    Raises
-    ------
-    SimulationError
-        One of them is none.
-    """
-    found = []
-    for place, one in enumerate(given):
-        row = list(one) if isinstance(one, tuple | list | np.ndarray) else []
-        sound = len(row) == 3 and all(is_number(x) and math.isfinite(x) for x in row)
-        if not sound or row[2] < 0.0:
-            raise SimulationError(
-                f"obstacles[{place}]: expected north, east and a radius from 0 on in m, found {one!r}"
-            )
-        found.append((float(row[0]), float(row[1]), float(row[2])))
-    return tuple(found)
-
-
-Corridor = tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
-"""Channel, base (k,), scale (k,), and per control period lower, upper, target and clock (p,)."""
-
-_PARTS = ("base", "scale", "lower", "upper", "target", "clock")
-
-_EXAMPLE = '("yaw", base, scale, lower, upper, target, clock)'
-
-_EACH = 2  # parts of a corridor that may differ from case to case: base and scale
-
-
-def checked_set_points(given: Any) -> tuple[dict[str, Array] | None, dict[str, int]]:
-    """Set points by name, and the number of cases of those that differ from case to case.
-
-    Raises
-    ------
-    SimulationError
-        They are no arrays by name.
-
-    Examples
-    --------
-    >>> checked_set_points({"times": [0.0, 5.0], "speed": [1.0, 1.5], "heading": [[0.0, 0.1], [0.0, 0.2]]})[1]
-    {'set_points: heading': 2}
-    """
-    if given is None:
-        return None, {}
-    if not isinstance(given, Mapping):
-        raise SimulationError(
-            "set_points: expected {name: values}, for example {'times': [0.0], 'speed': [1.0]}, found"
-            f" {given!r}"
-        )
-    arrays = {str(name): _array(f"set_points: {name}", values) for name, values in given.items()}
-    times = arrays.get("times", np.empty(0)).size
-    cases = {}
-    for name, values in arrays.items():
-        # At a single time a row of values is one for each case.
-        alone = values.ndim == 1 and times == 1 and values.size > 1
-        if name != "times" and (values.ndim > 1 or alone):
-            cases[f"set_points: {name}"] = len(values)
-    return arrays, cases
-
-
-def checked_corridors(given: Any) -> tuple[list[Corridor], dict[str, int]]:
-    """Corridors, and the number of cases of bases and scales that differ from case to case.
-
-    Raises
-    ------
-    SimulationError
-        One of them is none.
-    """
-    corridors: list[Corridor] = []
-    cases = {}
-    for place, row in enumerate(checked_list("corridors", given, str, _EXAMPLE)):
-        what = f"corridors[{place}]"
-        if not (isinstance(row, tuple | list) and len(row) == 1 + len(_PARTS) and isinstance(row[0], str)):
-            raise SimulationError(f"{what}: expected (channel, {', '.join(_PARTS)}), found {row!r}")
-        arrays = [_array(f"{what}: {part}", values) for part, values in zip(_PARTS, row[1:], strict=True)]
-        for part, values in zip(_PARTS[:_EACH], arrays, strict=False):
-            if values.ndim > 0 and len(values) != 1:
-                cases[f"{what}: {part}"] = len(values)
-        base, scale, lower, upper, target, clock = arrays
-        corridors.append((row[0], base, scale, lower, upper, target, clock))
-    return corridors, cases
-
-
-def _array(what: str, values: Any) -> Array:
-    try:
-        array: Array = np.asarray(values, float)
-    except (TypeError, ValueError):
-        raise SimulationError(f"{what}: expected numbers, found {values!r}") from None
-    return array
+def _triple(row: Array) -> tuple[float, float, float]:
+    return float(row[0]), float(row[1]), float(row[2])

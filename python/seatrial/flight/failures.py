@@ -1,8 +1,6 @@
 """What fails in a flight: actuators that die or stick, groups of channels that go silent.
 
 Tests: ``tests/flight/test_fly.py``, ``tests/cli/test_cli_fly.py``.
-
-What a flight was exposed to: water, sensors, failures, and the vehicle that the autopilot believes in.
 """
 
 from __future__ import annotations
@@ -10,18 +8,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from seatrial._core import autopilot_names
 from seatrial.base.errors import SimulationError, nearest
-from seatrial.flight.cases import is_number
+from seatrial.flight.checks import is_number
 from seatrial.flight.sensor_channels import GROUP_OF_KIND
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["TURBULENCE_TIMES_S", "Circumstances", "Fault", "Outage", "fault_rows", "outage_rows"]
+__all__ = ["Fault", "Outage", "fault_rows", "outage_rows"]
 
 _FAULT = re.compile(r"(?P<actuator>[^@=]+)@(?P<time>[^=]+)(?:=(?P<value>.+))?")
 
@@ -165,10 +163,6 @@ def fault_rows(
     facts = vehicle.actuator_info()
     rows: list[tuple[int, str, float, float]] = []
     for fault in faults:
-        if not isinstance(fault, Fault):
-            raise SimulationError(
-                f"faults: expected st.Fault(actuator, at_s=...), found {fault!r}; give a list of them"
-            )
         name = fault.actuator
         if name not in facts:
             raise SimulationError(
@@ -216,10 +210,6 @@ def outage_rows(outages: Sequence[Outage], max_time: float) -> list[tuple[int, f
     groups = autopilot_names()["groups"]
     rows = []
     for outage in outages:
-        if not isinstance(outage, Outage):
-            raise SimulationError(
-                f"outages: expected st.Outage(group, from_s, until_s), found {outage!r}; give a list of them"
-            )
         name = GROUP_OF_KIND.get(str(outage.of), str(outage.of))
         if name not in groups:
             known = [*groups, *(kind for kind in GROUP_OF_KIND if kind not in groups)]
@@ -252,86 +242,3 @@ def _number(text: str, where: str, expected: str) -> float:
     if not math.isfinite(number):
         raise SimulationError(f"{where}: expected {expected}, found {text!r}")
     return number
-
-
-TURBULENCE_TIMES_S = (60.0, 2.0)
-"""Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
-
-
-@dataclass(frozen=True)
-class Circumstances:
-    """What a flight was exposed to.
-
-    Attributes
-    ----------
-    current
-        Mean, north, east, down, m/s.
-    turbulence, turbulence_times
-        Standard deviation of the current about its mean, m/s, and its two time constants, s.
-    obstacles
-        What stands in the water: north, east and radius of each cylinder, m.
-    sensors
-        Name of the set, and per kind its numbers; perfect ones without kinds.
-    sensor_notes
-        Where the sensors of the flight differ from those of the set.
-    faults, outages
-        What failed.
-    seabed
-        Depth of the bottom below the origin, m, and its slopes north and east; None: no bottom.
-    seed
-        Of the sensors' noise.
-    model
-        The vehicle that the autopilot believes in.
-    voltage
-        Supply, V; None where it does not matter.
-    feedback
-        Whether the autopilot sees what its actuators do.
-    rho, g
-        Density and gravity where they are not the vehicle file's.
-    max_step, max_time
-        Largest step of the integration and longest duration, s.
-    sources
-        Names or paths that were asked for, by "vehicle", "autopilot", "mission".
-    """
-
-    current: tuple[float, float, float]
-    model: Vehicle
-    max_step: float
-    max_time: float
-    turbulence: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S
-    obstacles: tuple[tuple[float, float, float], ...] = ()
-    sensors: dict[str, Any] = field(default_factory=dict)
-    sensor_notes: tuple[str, ...] = ()
-    faults: tuple[Fault, ...] = ()
-    outages: tuple[Outage, ...] = ()
-    seabed: tuple[float, float, float] | None = None
-    seed: int = 0
-    voltage: float | None = None
-    feedback: bool = True
-    rho: float | None = None
-    g: float | None = None
-    sources: dict[str, str] = field(default_factory=dict)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain data; the model by its name."""
-        return {
-            "sources": dict(self.sources),
-            "model": self.model.name,
-            "current_m_s": list(self.current),
-            "turbulence_m_s": list(self.turbulence),
-            "turbulence_times_s": list(self.turbulence_times),
-            "obstacles_m": [list(one) for one in self.obstacles],
-            "sensors": self.sensors or "perfect",
-            "sensor_notes": list(self.sensor_notes),
-            "faults": [asdict(fault) for fault in self.faults],
-            "outages": [asdict(outage) for outage in self.outages],
-            "seabed": None if self.seabed is None else list(self.seabed),
-            "seed": self.seed,
-            "voltage_v": self.voltage,
-            "feedback": self.feedback,
-            "rho_kg_m3": self.rho,
-            "g_m_s2": self.g,
-            "max_step_s": self.max_step,
-            "max_time_s": self.max_time,
-        }

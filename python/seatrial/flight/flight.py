@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Autopilot, Flights, Vehicle
-    from seatrial.flight.failures import Circumstances
+    from seatrial.flight.cases import Cases, Circumstances
     from seatrial.flight.mission import Mission
 
 __all__ = ["Alert", "Flight", "facts", "log_fields", "plain", "sentences", "table"]
@@ -215,37 +215,28 @@ class Flight:
     figures: Mapping[str, float]
 
     @classmethod
-    def of_case(
-        cls,
-        flights: Flights,
-        flown: tuple[Vehicle, Autopilot, Mission, Route],
-        circumstances: Circumstances,
-        *,
-        case: int = 0,
-    ) -> Flight:
+    def of_case(cls, flights: Flights, cases: Cases, *, case: int = 0) -> Flight:
         """Flight of a case of a batch that kept its log.
 
         Parameters
         ----------
         flights : Flights
-        flown : tuple
-            Vehicle, autopilot, mission and its route.
-        circumstances : Circumstances
+        cases : Cases
+            What was flown; their circumstances are those of the case.
         case : int, optional
         """
-        vehicle, autopilot, mission, route = flown
         figures = figures_of(flights)
         return cls(
-            vehicle=vehicle,
-            autopilot=autopilot,
-            mission=mission,
-            route=route,
-            circumstances=circumstances,
-            period_s=autopilot.period_s,
+            vehicle=cases.vehicle,
+            autopilot=cases.autopilot,
+            mission=cases.mission,
+            route=cases.route,
+            circumstances=cases.circumstances,
+            period_s=cases.autopilot.period_s,
             t=np.asarray(flights.t(case)),
             ending=ending_of(figures, case),
             figures={name: float(values[case]) for name, values in figures.items() if name not in CODED},
-            **log_fields(flights, vehicle, autopilot, case),
+            **log_fields(flights, cases.vehicle, cases.autopilot, case),
         )
 
     @property

@@ -42,7 +42,7 @@ from seatrial.control_design.loop_gains import kind, three_digits
 from seatrial.control_design.margin_constraint import refuse_other_laws
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.trim import trim
-from seatrial.flight.cases import checked_supply
+from seatrial.flight.checks import checked_supply
 from seatrial.tuning.relay_trial import RelayTrial, Sensors, commanded_rows, mode_at, relay_trial, straight
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.authority import LOOPS, reach

@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Array
 from seatrial.campaign.corridor import Corridor
 from seatrial.campaign.tuning_table import LOOPS
-from seatrial.flight.fly import SetUp, set_up
+from seatrial.flight.cases import Cases
 from seatrial.flight.mission import Mission
 
 if TYPE_CHECKING:
@@ -228,7 +228,7 @@ class Rig:
     threads: int | None = None
 
     @cached_property
-    def _ready(self) -> dict[tuple[float, float], SetUp]:
+    def _ready(self) -> dict[tuple[float, float], Cases]:
         return {}
 
     def violations(
@@ -360,12 +360,10 @@ class Rig:
         nu[:, 0] = per_trial(speed)
         if trials.loop == "surge":
             nu[:, 0] = per_trial(steps[:, 0])
-        return ready.fly(
-            np.tile(np.repeat(np.asarray(samples.seeds), k), count).tolist(),
-            [],
+        flown = replace(
+            ready,
+            seeds=np.tile(np.repeat(np.asarray(samples.seeds), k), count).tolist(),
             current=per_sample(samples.current),
-            logs=logs,
-            threads=self.threads,
             nu=nu,
             coefficients={
                 name: per_sample(np.asarray(x)[:, None])[:, 0] for name, x in samples.coefficients.items()
@@ -373,9 +371,11 @@ class Rig:
             gains={name: np.tile(values, count * s) for name, values in gains.items()},
             set_points=set_points,
             corridors=corridors,
+            logs=logs,
         )
+        return flown.fly(threads=self.threads)
 
-    def _on_leg(self, speed: float, duration_s: float) -> SetUp:
+    def _on_leg(self, speed: float, duration_s: float) -> Cases:
         """A straight level leg north that nobody reaches the end of."""
         if (speed, duration_s) not in self._ready:
             mission = Mission.from_toml(
@@ -388,23 +388,15 @@ class Rig:
                 legs = [{{ north_m = {_LEG_M}, east_m = 0.0, depth_m = {DEPTH_M} }}]
                 """
             )
-            ready = set_up(
-                (self.vehicle, self.autopilot, mission),
+            ready = Cases.of(
+                self.vehicle,
+                self.autopilot,
+                mission,
                 model=self.model,
                 sensors=self.sensors,
-                current=np.zeros(3),
-                initial=None,
-                faults=(),
-                outages=(),
-                seabed=None,
-                seed=0,
                 voltage=self.voltage,
-                feedback=True,
                 max_step=self.max_step,
                 max_time=duration_s,
-                rho=None,
-                g=None,
-                logs=False,
             )
             errors = ready.channels.errors.copy()
             errors[:, _OFFSETS] = 0.0

@@ -22,7 +22,14 @@ from seatrial._core import Autopilot, Vehicle
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, nearest
 from seatrial.base.toml_file import is_path, loaded
 from seatrial.campaign.verification_table import MissionTable, RequirementTable, VerificationTable
-from seatrial.flight.cases import checked_rows, checked_seabed, checked_supply, checked_times, longest, within
+from seatrial.flight.checks import (
+    checked_rows,
+    checked_seabed,
+    checked_supply,
+    checked_times,
+    longest,
+    within,
+)
 from seatrial.flight.failures import Outage, outage_rows
 from seatrial.flight.mission import Mission, Route
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of

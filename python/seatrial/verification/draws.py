@@ -42,7 +42,7 @@ from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, SimulationError, nearest
 from seatrial.campaign.verification_table import DistributionTable, FaultTable, OutageTable, VerificationTable
-from seatrial.flight.cases import checked_seed
+from seatrial.flight.checks import checked_seed
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.identification.fitted import Fitted
 from seatrial.statistics.draws import checked_numbers, uniforms
@@ -55,9 +55,9 @@ if TYPE_CHECKING:
 __all__ = [
     "FAULT_WIDTH",
     "OUTAGE_WIDTH",
-    "Cases",
+    "Draws",
     "cause_columns",
-    "draw_cases",
+    "draw_missions",
     "fault_draws",
     "outage_draws",
     "targets",
@@ -69,7 +69,7 @@ OutageRow = tuple[int, int, float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Cases:
+class Draws:
     """Drawn cases (k); SI and rad, NED.
 
     Attributes
@@ -114,8 +114,8 @@ class Cases:
         """Number of cases."""
         return len(self.numbers)
 
-    def of_mission(self, index: int) -> Cases:
-        """The cases that fly one mission, in order.
+    def of_mission(self, index: int) -> Draws:
+        """Those that fly one mission, in order.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class Cases:
         """
         return self.take(np.flatnonzero(self.mission == index))
 
-    def take(self, places: ArrayLike) -> Cases:
+    def take(self, places: ArrayLike) -> Draws:
         """Some of the cases, in the order given; rows of faults and outages count within them.
 
         Parameters
@@ -133,7 +133,7 @@ class Cases:
         """
         chosen = np.asarray(places, dtype=np.int_)
         now = {int(old): new for new, old in enumerate(chosen)}
-        return Cases(
+        return Draws(
             numbers=self.numbers[chosen],
             mission=self.mission[chosen],
             coefficients={name: column[chosen] for name, column in self.coefficients.items()},
@@ -262,7 +262,7 @@ _TIED = 1.0 - 1e-9  # correlation from which two coefficients are one
 
 
 def cause_columns(
-    table: VerificationTable, fitted: Fitted, missions: Sequence[Mission], *, cases: Cases
+    table: VerificationTable, fitted: Fitted, missions: Sequence[Mission], *, draws: Draws
 ) -> dict[str, Array]:
     """What was drawn by readable names with units, (k,) each.
 
@@ -273,21 +273,21 @@ def cause_columns(
         As the coefficients were drawn from it.
     missions : sequence of Mission
         Those of the table, in its order.
-    cases : Cases
+    draws : Draws
     """
     begins = np.array([[one.start["north_m"], one.start["east_m"], one.start["depth_m"]] for one in missions])
     bow = np.array([one.start["heading"] for one in missions])
     return (
-        _of_water(table, cases, bow[cases.mission])
-        | _of_start(table, cases, begins[cases.mission], bow[cases.mission])
-        | _of_failures(table, fitted, cases)
-        | _of_mission(table, cases)
-        | _of_vehicle(fitted, cases)
+        _of_water(table, draws, bow[draws.mission])
+        | _of_start(table, draws, begins[draws.mission], bow[draws.mission])
+        | _of_failures(table, fitted, draws)
+        | _of_mission(table, draws)
+        | _of_vehicle(fitted, draws)
     )
 
 
-def _of_water(table: VerificationTable, cases: Cases, bow: Array) -> dict[str, Array]:
-    asked, (north, east, down) = table.current, cases.current.T
+def _of_water(table: VerificationTable, draws: Draws, bow: Array) -> dict[str, Array]:
+    asked, (north, east, down) = table.current, draws.current.T
     found: dict[str, Array] = {}
     steady = asked.speed_m_s is not None and asked.speed_m_s.is_fixed
     if not steady:
@@ -300,13 +300,13 @@ def _of_water(table: VerificationTable, cases: Cases, bow: Array) -> dict[str, A
     if asked.vertical_m_s > 0.0:
         found["current down, m/s"] = down
     if asked.turbulence_m_s is not None and not asked.turbulence_m_s.is_fixed:
-        found["turbulence, m/s"] = cases.turbulence[:, 0]
+        found["turbulence, m/s"] = draws.turbulence[:, 0]
     return found
 
 
-def _of_start(table: VerificationTable, cases: Cases, begins: Array, bow: Array) -> dict[str, Array]:
-    asked, off = table.start, cases.position - begins
-    yaw = cases.attitude[:, 2]
+def _of_start(table: VerificationTable, draws: Draws, begins: Array, bow: Array) -> dict[str, Array]:
+    asked, off = table.start, draws.position - begins
+    yaw = draws.attitude[:, 2]
     found: dict[str, Array] = {}
     if asked.position_m > 0.0:
         found |= {"start off to the north, m": off[:, 0], "start off to the east, m": off[:, 1]}
@@ -315,39 +315,39 @@ def _of_start(table: VerificationTable, cases: Cases, begins: Array, bow: Array)
     if not asked.heading_deg.is_fixed:
         found["start heading off to starboard, deg"] = np.degrees(yaw - bow)
     if asked.speed_m_s is not None and not asked.speed_m_s.is_fixed:
-        drift = cases.current[:, 0] * np.cos(yaw) + cases.current[:, 1] * np.sin(yaw)
-        found["start speed through the water, m/s"] = cases.nu[:, 0] - drift
+        drift = draws.current[:, 0] * np.cos(yaw) + draws.current[:, 1] * np.sin(yaw)
+        found["start speed through the water, m/s"] = draws.nu[:, 0] - drift
     return found
 
 
-def _of_failures(table: VerificationTable, fitted: Fitted, cases: Cases) -> dict[str, Array]:
+def _of_failures(table: VerificationTable, fitted: Fitted, draws: Draws) -> dict[str, Array]:
     found: dict[str, Array] = {}
     if table.faults:
         names = sorted({name for entry in table.faults for name in targets(entry, fitted.vehicle)})
-        found["fault"] = np.zeros(len(cases))
+        found["fault"] = np.zeros(len(draws))
         if len(names) > 1:
-            found |= {f"fault of {name}": np.zeros(len(cases)) for name in names}
-        for case, name, _, _ in cases.faults:
+            found |= {f"fault of {name}": np.zeros(len(draws)) for name in names}
+        for case, name, _, _ in draws.faults:
             for column in ("fault", f"fault of {name}"):
                 if column in found:
                     found[column][case] = 1.0
     groups = autopilot_names()["groups"]
     for entry in table.outages:
         ((group, _, _),) = outage_rows([Outage(entry.sensor, 0.0)], math.inf)
-        found[f"outage of {groups[group]}, s"] = np.zeros(len(cases))
-    for case, group, start, stop in cases.outages:
+        found[f"outage of {groups[group]}, s"] = np.zeros(len(draws))
+    for case, group, start, stop in draws.outages:
         found[f"outage of {groups[group]}, s"][case] += stop - start
     return found
 
 
-def _of_mission(table: VerificationTable, cases: Cases) -> dict[str, Array]:
+def _of_mission(table: VerificationTable, draws: Draws) -> dict[str, Array]:
     titles = list(enumerate(one.title for one in table.missions))
     # Of two missions either one tells the other.
     told = titles[1:] if len(titles) <= 2 else titles
-    return {f"mission {title}": np.asarray(cases.mission == k, dtype=float) for k, title in told}
+    return {f"mission {title}": np.asarray(draws.mission == k, dtype=float) for k, title in told}
 
 
-def _of_vehicle(fitted: Fitted, cases: Cases) -> dict[str, Array]:
+def _of_vehicle(fitted: Fitted, draws: Draws) -> dict[str, Array]:
     sigma, centre = fitted.sigma, fitted.nominal
     found: dict[str, Array] = {}
     kept: list[int] = []
@@ -356,7 +356,7 @@ def _of_vehicle(fitted: Fitted, cases: Cases) -> dict[str, Array]:
             continue
         if not any(abs(fitted.covariance[j, k]) >= _TIED * sigma[j] * sigma[k] for j in kept):
             kept.append(k)
-            found[f"coefficient {name}, sigmas"] = (cases.coefficients[name] - centre[k]) / sigma[k]
+            found[f"coefficient {name}, sigmas"] = (draws.coefficients[name] - centre[k]) / sigma[k]
     return found
 
 
@@ -381,15 +381,15 @@ _SEEDS = 2.0**53
 _QUARTER, _TENTH, _DOWN = 0.25, 0.1, 0.55
 
 
-def draw_cases(
+def draw_missions(
     table: VerificationTable,
     fitted: Fitted,
     missions: Sequence[Mission],
     *,
     seed: int,
     numbers: int | ArrayLike | None = None,
-) -> Cases:
-    r"""Cases of a verification, SI and rad.
+) -> Draws:
+    r"""Draws of a verification, SI and rad.
 
     Parameters
     ----------
@@ -418,9 +418,9 @@ def draw_cases(
     >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
     >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})
-    >>> cases = draw_cases(table, fitted, [farm], seed=1, numbers=100)
-    >>> again = draw_cases(table, fitted, [farm], seed=1, numbers=[41])
-    >>> bool((again.current[0] == cases.current[41]).all()), list(cases.causes)[0]
+    >>> draws = draw_missions(table, fitted, [farm], seed=1, numbers=100)
+    >>> again = draw_missions(table, fitted, [farm], seed=1, numbers=[41])
+    >>> bool((again.current[0] == draws.current[41]).all()), list(draws.causes)[0]
     (True, 'current speed, m/s')
     """
     if len(missions) != len(table.missions):
@@ -449,7 +449,7 @@ def draw_cases(
     outages = outage_draws(
         table.outages, uniforms(seed, which, cause=_OUTAGES, width=OUTAGE_WIDTH * len(table.outages)), planned
     )
-    cases = Cases(
+    draws = Draws(
         numbers=np.array(which, dtype=np.int_),
         mission=mission,
         coefficients=drawn.coefficients,
@@ -464,7 +464,7 @@ def draw_cases(
         causes={},
         notes=tuple(note for note in (*fitted.notes, drawn.sentence()) if note),
     )
-    return replace(cases, causes=cause_columns(table, fitted, missions, cases=cases))
+    return replace(draws, causes=cause_columns(table, fitted, missions, draws=draws))
 
 
 def _mission(table: VerificationTable, u: Array) -> NDArray[np.int_]:

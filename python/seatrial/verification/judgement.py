@@ -45,7 +45,7 @@ from seatrial.verification.requirement import Judgement, Requirement
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.verification.draws import Cases
+    from seatrial.verification.draws import Draws
     from seatrial.verification.missions import CampaignFlights
 
 __all__ = [
@@ -338,19 +338,19 @@ _MANY = 0.5
 """Share of the missions without an end from which their time is spoken of."""
 
 
-def beyond_the_vehicle(flights: CampaignFlights, cases: Cases, flown: FlownMissions) -> tuple[str, ...]:
+def beyond_the_vehicle(flights: CampaignFlights, draws: Draws, flown: FlownMissions) -> tuple[str, ...]:
     """Sentences on missions that time, speed or current keep from being flown, whatever the autopilot does.
 
     Parameters
     ----------
     flights : CampaignFlights
         What was flown.
-    cases : Cases
+    draws : Draws
         What was drawn.
     flown : FlownMissions
         What came of it, of the same numbers.
     """
-    return (*_time(flights, flown), *_speed(flights, cases))
+    return (*_time(flights, flown), *_speed(flights, draws))
 
 
 def _time(flights: CampaignFlights, flown: FlownMissions) -> list[str]:
@@ -367,7 +367,7 @@ def _time(flights: CampaignFlights, flown: FlownMissions) -> list[str]:
     ]
 
 
-def _speed(flights: CampaignFlights, cases: Cases) -> list[str]:
+def _speed(flights: CampaignFlights, draws: Draws) -> list[str]:
     from seatrial.control_design.mode_table import top_speeds
 
     vehicle = flights.fitted.vehicle
@@ -381,10 +381,10 @@ def _speed(flights: CampaignFlights, cases: Cases) -> list[str]:
             said.append(
                 f"{title} asks for {asked:g} m/s, more than the top speed of {vehicle.name}, {top:.2f} m/s."
             )
-    fast = int(np.count_nonzero(np.hypot(cases.current[:, 0], cases.current[:, 1]) > top))
+    fast = int(np.count_nonzero(np.hypot(draws.current[:, 0], draws.current[:, 1]) > top))
     if fast:
         said.append(
-            f"In {fast} of {len(cases)} missions the current is faster than the top speed of {vehicle.name},"
+            f"In {fast} of {len(draws)} missions the current is faster than the top speed of {vehicle.name},"
             f" {top:.2f} m/s."
         )
     return said

@@ -42,12 +42,12 @@ from seatrial import _core
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.campaign.verification_table import VerificationTable
+from seatrial.flight.cases import Cases
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
-from seatrial.flight.fly import SetUp, set_up
 from seatrial.flight.metrics import DIVERGED, figures_of
 from seatrial.identification.fitted import Fitted
-from seatrial.verification.draws import Cases, draw_cases
+from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN
 from seatrial.verification.requirement import obstacles
 
@@ -294,9 +294,9 @@ class CampaignFlights:
         """Names of the missions."""
         return tuple(one.title for one in self.table.missions)
 
-    def cases(self, numbers: int | ArrayLike) -> Cases:
+    def draws(self, numbers: int | ArrayLike) -> Draws:
         """What is drawn for missions of these numbers, or for the first so many."""
-        return draw_cases(self.table, self.fitted, self.missions, seed=self.seed, numbers=numbers)
+        return draw_missions(self.table, self.fitted, self.missions, seed=self.seed, numbers=numbers)
 
     def with_autopilot(self, autopilot: Autopilot) -> CampaignFlights:
         """The same draws for another autopilot."""
@@ -310,7 +310,7 @@ class CampaignFlights:
         SimulationError, TrialError, VehicleError, CampaignError
             A number, name, sensor or file is not usable.
         """
-        self.cases([0])
+        self.draws([0])
         for one in self._ready:
             self.autopilot.engage(self.fitted.vehicle if self.model is None else self.model, one.mission.core)
 
@@ -336,24 +336,26 @@ class CampaignFlights:
             All when omitted; the result does not depend on it.
         """
         began = time.monotonic()
-        cases = self.cases(numbers)
+        drawn = self.draws(numbers)
         figures: dict[str, Any] = {}
-        seen, true = np.zeros((2, len(cases), len(_core.error_edges()) + 1))
-        for index in np.unique(cases.mission).tolist():
-            rows = np.flatnonzero(cases.mission == index)
-            found, samples = figures_for_requirements(self._flights(cases.take(rows), index, threads=threads))
+        seen, true = np.zeros((2, len(drawn), len(_core.error_edges()) + 1))
+        for index in np.unique(drawn.mission).tolist():
+            rows = np.flatnonzero(drawn.mission == index)
+            found, samples = figures_for_requirements(
+                self._cases(drawn.take(rows), index).fly(threads=threads)
+            )
             seen[rows], true[rows] = (counts[: len(rows)] for counts in samples)
             for name, values in found.items():
                 if name not in figures:
                     words = values.dtype.kind == "U"
-                    figures[name] = np.empty(len(cases), dtype="U24" if words else values.dtype)
+                    figures[name] = np.empty(len(drawn), dtype="U24" if words else values.dtype)
                 figures[name][rows] = values[: len(rows)]
         return FlownMissions(
-            numbers=cases.numbers,
-            mission=cases.mission,
-            seeds=cases.seeds,
+            numbers=drawn.numbers,
+            mission=drawn.mission,
+            seeds=drawn.seeds,
             figures=figures,
-            causes=dict(cases.causes),
+            causes=dict(drawn.causes),
             seen_counts=seen,
             true_counts=true,
             wall_s=time.monotonic() - began,
@@ -364,23 +366,21 @@ class CampaignFlights:
 
         The vehicle of the flight is the drawn one, and the autopilot believes in the identified one.
         """
-        case = self.cases([number])
-        index = int(case.mission[0])
-        flights = self._flights(case, index, logs=True)
-        ready = self._ready[index]
-        names = _core.autopilot_names()["groups"]
+        drawn = self.draws([number])
+        cases = replace(self._cases(drawn, int(drawn.mission[0])), logs=True)
+        groups = autopilot_names()["groups"]
         around = replace(
-            ready.circumstances,
-            current=tuple(case.current[0].tolist()),
-            turbulence=tuple(case.turbulence[0].tolist()),
-            faults=tuple(_fault(row, self.fitted.vehicle) for row in case.faults),
-            outages=tuple(Outage(names[group], begin, end) for _, group, begin, end in case.outages),
-            seed=int(case.seeds[0]),
+            cases.circumstances,
+            current=tuple(drawn.current[0].tolist()),
+            turbulence=tuple(drawn.turbulence[0].tolist()),
+            faults=tuple(_fault(row, self.fitted.vehicle) for row in drawn.faults),
+            outages=tuple(Outage(groups[group], begin, end) for _, group, begin, end in drawn.outages),
+            seed=int(drawn.seeds[0]),
         )
-        drawn = self.fitted.vehicle.with_coefficients({
-            name: float(values[0]) for name, values in case.coefficients.items()
+        flown = self.fitted.vehicle.with_coefficients({
+            name: float(values[0]) for name, values in drawn.coefficients.items()
         })
-        return Flight.of_case(flights, (drawn, *ready.flown[1:]), around, case=0)
+        return Flight.of_case(cases.fly(), replace(cases, vehicle=flown, circumstances=around))
 
     @cached_property
     def digest(self) -> str:
@@ -392,7 +392,7 @@ class CampaignFlights:
         fitted = self.fitted
         what = [
             metadata.version("seatrial"),
-            [*KNOWN, *self.cases([0]).causes],
+            [*KNOWN, *self.draws([0]).causes],
             _core.simd_level(),
             self.seed,
             asked,
@@ -405,60 +405,52 @@ class CampaignFlights:
         return hashlib.sha256(json.dumps(what).encode()).hexdigest()
 
     @cached_property
-    def _ready(self) -> tuple[SetUp, ...]:
-        """A set-up per mission, in which everything that is drawn still has its mean."""
-        return tuple(self._set_up(mission) for mission in self.missions)
-
-    def _set_up(self, mission: Mission) -> SetUp:
+    def _ready(self) -> tuple[Cases, ...]:
+        """The case of each mission in which everything that is drawn still has its mean."""
         table, bottom = self.table, self.table.seabed
-        return set_up(
-            (self.fitted.vehicle, self.autopilot, mission),
-            model=self.model,
-            sensors=self.sensors,
-            current=(0.0, 0.0, 0.0),
-            turbulence_times=table.current.turbulence_times_s,
-            obstacles=obstacles(table.obstacles, mission),
-            initial=None,
-            faults=(),
-            outages=(),
-            seabed=None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east),
-            seed=0,
-            voltage=table.voltage_v,
-            feedback=True,
-            max_step=_LARGEST_STEP_S,
-            max_time=table.max_time_s,
-            rho=self.rho,
-            g=self.g,
-            logs=False,
+        return tuple(
+            Cases.of(
+                self.fitted.vehicle,
+                self.autopilot,
+                mission,
+                model=self.model,
+                sensors=self.sensors,
+                turbulence_times=table.current.turbulence_times_s,
+                obstacles=obstacles(table.obstacles, mission),
+                seabed=None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east),
+                voltage=table.voltage_v,
+                max_step=_LARGEST_STEP_S,
+                max_time=table.max_time_s,
+                rho=self.rho,
+                g=self.g,
+            )
+            for mission in self.missions
         )
 
-    def _flights(
-        self, cases: Cases, index: int, *, threads: int | None = None, logs: bool = False
-    ) -> Flights:
-        """Flights of cases of one mission, at least two of them."""
-        if len(cases) == 1:
-            cases = _twice(cases)
-        return self._ready[index].fly(
-            cases.seeds.tolist(),
-            cases.faults,
-            current=cases.current,
-            logs=logs,
-            threads=threads,
-            coefficients=dict(cases.coefficients),
-            turbulence=cases.turbulence,
-            position=cases.position,
-            attitude=cases.attitude,
-            nu=cases.nu,
-            case_outages=cases.outages,
+    def _cases(self, drawn: Draws, index: int) -> Cases:
+        """Drawn cases of one mission, at least two of them."""
+        if len(drawn) == 1:
+            drawn = _twice(drawn)
+        return replace(
+            self._ready[index],
+            seeds=drawn.seeds.tolist(),
+            position=drawn.position,
+            attitude=drawn.attitude,
+            nu=drawn.nu,
+            current=drawn.current,
+            turbulence=drawn.turbulence,
+            coefficients=drawn.coefficients,
+            faults=drawn.faults,
+            case_outages=drawn.outages,
         )
 
 
-def _twice(cases: Cases) -> Cases:
+def _twice(drawn: Draws) -> Draws:
     """A case alone beside itself, so that it flies in lanes as it does among others."""
     return replace(
-        cases.take([0, 0]),
-        faults=[(lane, *row[1:]) for lane in (0, 1) for row in cases.faults],
-        outages=[(lane, *row[1:]) for lane in (0, 1) for row in cases.outages],
+        drawn.take([0, 0]),
+        faults=[(lane, *row[1:]) for lane in (0, 1) for row in drawn.faults],
+        outages=[(lane, *row[1:]) for lane in (0, 1) for row in drawn.outages],
     )
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.run import RunDirectory
-from seatrial.flight.cases import checked_threads
+from seatrial.flight.checks import checked_threads
 from seatrial.verification.comparison import AutopilotComparison, compared
 from seatrial.verification.judgement import beyond_the_vehicle, figures_without_value, judged, seen_and_true
 from seatrial.verification.missions import MissionsFlown, fly_series
@@ -158,7 +158,7 @@ def conduct(
         if directory is not None:
             directory.abandon()
         raise
-    cases = prepared.flights.cases(len(flown))
+    draws = prepared.flights.draws(len(flown))
     found = Verification(
         campaign=prepared.campaign,
         flights=prepared.flights,
@@ -176,8 +176,8 @@ def conduct(
         notes=tuple(
             dict.fromkeys([
                 *prepared.notes,
-                *cases.notes,
-                *beyond_the_vehicle(prepared.flights, cases, flown),
+                *draws.notes,
+                *beyond_the_vehicle(prepared.flights, draws, flown),
                 *figures_without_value(prepared.requirements, flown),
                 *seen_and_true(prepared.requirements, flown),
             ])

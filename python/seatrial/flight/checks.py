@@ -1,0 +1,395 @@
+"""Inputs of a flight, checked before anything flies: each is refused with what was expected and found.
+
+The core itself refuses set points and corridors whose values do not fit together. Held by
+``tests/flight/test_bad_input_flights.py``, ``test_surroundings.py`` and ``test_batch_of_steps.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import SimulationError
+from seatrial.flight.mission import Route
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+
+__all__ = [
+    "Corridor",
+    "checked_columns",
+    "checked_corridors",
+    "checked_failures",
+    "checked_list",
+    "checked_obstacles",
+    "checked_rows",
+    "checked_seabed",
+    "checked_seed",
+    "checked_set_points",
+    "checked_step",
+    "checked_supply",
+    "checked_threads",
+    "checked_times",
+    "checked_turbulence",
+    "checked_vector",
+    "is_number",
+    "longest",
+    "positive",
+    "within",
+]
+
+_LARGEST_SEED = 2**53
+
+_MOST_THREADS = 1024
+
+_FASTEST_WATER_M_S = 15.0  # the fastest tidal streams run at 10 m/s
+
+_MOST_STEPS = 10_000  # of the integration in a control period
+
+_TIMES_PLANNED, _MARGIN_S = 3.0, 300.0
+
+_MOST_LOGGED, _MOST_FLOWN = 2_500_000, 100_000_000  # a row of a log and its table take 2.5 kB
+
+_LARGEST_SUPPLY_V = 1000.0
+
+_MOST_EDDIES = 5.0  # m/s
+
+_LONGEST = 1e5  # s, of eddies
+
+
+def is_number(value: Any) -> bool:
+    """Whether it is a number, finite or not, and no truth value."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool | np.complexfloating)
+
+
+def positive(name: str, value: Any, unit: str) -> None:
+    """Refuse what is no positive finite number."""
+    if not is_number(value) or not math.isfinite(value) or value <= 0.0:
+        raise SimulationError(f"{name}: expected a positive number in {unit}, found {value!r}")
+
+
+def within(name: str, value: Any, ends: tuple[float, float], unit: str) -> None:
+    """Refuse what is no number between the ends: a wrong unit, mostly."""
+    low, high = ends
+    if not is_number(value) or not low <= value <= high:
+        raise SimulationError(f"{name}: expected {low:g} to {high:g} {unit}, found {value!r}")
+
+
+def checked_seed(seed: Any) -> int:
+    """A seed that is one.
+
+    Raises
+    ------
+    SimulationError
+        It is none.
+    """
+    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    if not whole or not 0 <= seed < _LARGEST_SEED:
+        raise SimulationError(f"seed: expected a whole number from 0 to 2^53 - 1, found {seed!r}")
+    return int(seed)
+
+
+def checked_threads(threads: Any) -> None:
+    """Refuse a number of threads that is none."""
+    whole = isinstance(threads, int | np.integer) and not isinstance(threads, bool)
+    if threads is not None and not (whole and 1 <= threads <= _MOST_THREADS):
+        raise SimulationError(
+            f"threads: expected a whole number from 1 to {_MOST_THREADS}, or None for all, found {threads!r}"
+        )
+
+
+def checked_step(max_step: Any, autopilot: Autopilot) -> None:
+    """Refuse a step of the integration that is none, or so small that no flight would end."""
+    positive("max_step", max_step, "s")
+    if autopilot.period_s / max_step > _MOST_STEPS:
+        raise SimulationError(
+            f"max_step: expected at least {autopilot.period_s / _MOST_STEPS:.2g} s, a {_MOST_STEPS}th of the"
+            f" control period of {autopilot.period_s:g} s, found {max_step:g}; 0.02 s is the usual one"
+        )
+
+
+def checked_supply(voltage: Any, vehicle: Vehicle) -> None:
+    """Refuse a supply that is none, and its absence where thrust depends on it."""
+    needed = [name for name, facts in vehicle.actuator_info().items() if facts["needs_voltage"]]
+    if voltage is None:
+        if needed:
+            raise SimulationError(
+                f"voltage: the thrust of {vehicle.name} ({needed[0]}) depends on the supply voltage; give it"
+                " in V, --voltage on the command line"
+            )
+        return
+    positive("voltage", voltage, "V")
+    if voltage > _LARGEST_SUPPLY_V:
+        raise SimulationError(
+            f"voltage: expected at most {_LARGEST_SUPPLY_V:g} V, found {voltage:g}; is it in V?"
+        )
+
+
+def checked_list(name: str, values: Any, kind: type, example: str) -> tuple[Any, ...]:
+    """Values as a tuple; one of them alone, a text or nothing at all is answered with an example."""
+    if isinstance(values, kind | str | bytes | Mapping) or not isinstance(values, Iterable):
+        raise SimulationError(f"{name}: expected a list such as [{example}], found {values!r}")
+    return tuple(values)
+
+
+def checked_vector(name: str, value: Any) -> tuple[float, float, float]:
+    """North, east, down of a velocity of water, m/s."""
+    rows = checked_rows(name, value)
+    if rows.ndim != 1:
+        raise SimulationError(
+            f"{name}: expected three finite numbers, north, east, down in m/s, found {value!r}"
+        )
+    return float(rows[0]), float(rows[1]), float(rows[2])
+
+
+def checked_rows(name: str, value: Any) -> Array:
+    """Velocities of water, (3,) or (k, 3), m/s."""
+    try:
+        rows = np.asarray(value, float)
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    if rows.ndim not in (1, 2) or rows.shape[-1] != 3 or not np.isfinite(rows).all():
+        raise SimulationError(
+            f"{name}: expected three finite numbers, north, east, down in m/s, found {value!r}"
+        )
+    if rows.size and (most := float(np.abs(rows).max())) > _FASTEST_WATER_M_S:
+        raise SimulationError(
+            f"{name}: expected at most {_FASTEST_WATER_M_S:g} m/s, for no sea runs faster, found {most:g};"
+            " give it in m/s (1 kn is 0.514 m/s)"
+        )
+    return rows
+
+
+def checked_seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, float] | None:
+    """Depth of the bottom and its slopes; a mission along the bottom needs one."""
+    if value is None:
+        for k, stop in enumerate(path.stops):
+            if stop.vertical == "altitude":
+                raise SimulationError(
+                    f"seabed: leg {k + 1} ({stop.label}) of {path.name} follows the bottom, and there is"
+                    " none; give its depth in m"
+                )
+        return None
+    try:
+        bottom = np.atleast_1d(np.asarray(value, float))
+    except (TypeError, ValueError):
+        bottom = np.empty(0)
+    if bottom.shape == (1,):
+        bottom = np.array([bottom[0], 0.0, 0.0])
+    if bottom.shape != (3,) or not np.isfinite(bottom).all():
+        raise SimulationError(
+            f"seabed: expected its depth in m, or (depth, slope north, slope east), found {value!r}"
+        )
+    depth, north, east = (float(x) for x in bottom)
+    places = [("the start", path.start, path.start[2])]
+    places += [
+        (f"leg {k + 1} ({stop.label})", stop.position, stop.position[2] if stop.vertical == "depth" else 0.0)
+        for k, stop in enumerate(path.stops)
+    ]
+    for where, position, down in places:
+        there = depth + north * position[0] + east * position[1]
+        if there <= down:
+            raise SimulationError(
+                f"seabed: expected below {where} of {path.name} at a depth of {down:g} m, found {there:g} m"
+            )
+    return depth, north, east
+
+
+def longest(path: Route, autopilot: Autopilot, max_time: float | None, *, logs: bool) -> float:
+    """Duration at which a flight ends at the latest, s: well beyond the plan and the mission's own limit."""
+    if max_time is None:
+        planned = _TIMES_PLANNED * path.planned_time + _MARGIN_S
+        limit = path.longest + _MARGIN_S if math.isfinite(path.longest) else 0.0
+        max_time = max(planned, limit)
+    positive("max_time", max_time, "s")
+    most = (_MOST_LOGGED if logs else _MOST_FLOWN) * autopilot.period_s
+    if max_time > most:
+        raise SimulationError(
+            f"max_time: expected at most {most:g} s, {most / autopilot.period_s:.1e} control periods of"
+            f" {autopilot.period_s:g} s, found {max_time:g} s; give a shorter one, or split the mission"
+        )
+    return float(max_time)
+
+
+def checked_turbulence(given: Any) -> tuple[float, float, float]:
+    """Standard deviations north, east, down, m/s; one number is that of both horizontal components.
+
+    Raises
+    ------
+    SimulationError
+        It is none.
+
+    Examples
+    --------
+    >>> checked_turbulence(0.1)
+    (0.1, 0.1, 0.0)
+    """
+    if is_number(given):
+        given = (given, given, 0.0)
+    try:
+        values = [float(x) for x in np.asarray(given, float).ravel()]
+    except (TypeError, ValueError):
+        values = []
+    if len(values) != 3 or not all(0.0 <= x <= _MOST_EDDIES for x in values):
+        raise SimulationError(
+            f"turbulence: expected a standard deviation from 0 to {_MOST_EDDIES:g} m/s, or three of them,"
+            f" north, east and down, found {given!r}"
+        )
+    return values[0], values[1], values[2]
+
+
+def checked_times(given: Any) -> tuple[float, float]:
+    """Two time constants of a turbulent current, s.
+
+    Raises
+    ------
+    SimulationError
+        They are none.
+    """
+    values = list(given) if isinstance(given, tuple | list) else []
+    if len(values) != 2 or not all(is_number(x) and 0.01 <= x <= _LONGEST for x in values):
+        raise SimulationError(
+            f"turbulence_times: expected two times from 0.01 to {_LONGEST:g} s, for example (60.0, 2.0),"
+            f" found {given!r}"
+        )
+    return float(values[0]), float(values[1])
+
+
+def checked_obstacles(given: Any) -> tuple[tuple[float, float, float], ...]:
+    """Cylinders: north, east and radius of each, m.
+
+    Raises
+    ------
+    SimulationError
+        One of them is none.
+    """
+    found = []
+    for place, one in enumerate(given):
+        row = list(one) if isinstance(one, tuple | list | np.ndarray) else []
+        sound = len(row) == 3 and all(is_number(x) and math.isfinite(x) for x in row)
+        if not sound or row[2] < 0.0:
+            raise SimulationError(
+                f"obstacles[{place}]: expected north, east and a radius from 0 on in m, found {one!r}"
+            )
+        found.append((float(row[0]), float(row[1]), float(row[2])))
+    return tuple(found)
+
+
+Corridor = tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
+"""Channel, base (k,), scale (k,), and per control period lower, upper, target and clock (p,)."""
+
+_PARTS = ("base", "scale", "lower", "upper", "target", "clock")
+
+_EXAMPLE = '("yaw", base, scale, lower, upper, target, clock)'
+
+_EACH = 2  # parts of a corridor that may differ from case to case: base and scale
+
+
+def checked_set_points(given: Any) -> tuple[dict[str, Array] | None, dict[str, int]]:
+    """Set points by name, and the number of cases of those that differ from case to case.
+
+    Raises
+    ------
+    SimulationError
+        They are no arrays by name.
+
+    Examples
+    --------
+    >>> checked_set_points({"times": [0.0, 5.0], "speed": [1.0, 1.5], "heading": [[0.0, 0.1], [0.0, 0.2]]})[1]
+    {'set_points: heading': 2}
+    """
+    if given is None:
+        return None, {}
+    if not isinstance(given, Mapping):
+        raise SimulationError(
+            "set_points: expected {name: values}, for example {'times': [0.0], 'speed': [1.0]}, found"
+            f" {given!r}"
+        )
+    arrays = {str(name): _array(f"set_points: {name}", values) for name, values in given.items()}
+    times = arrays.get("times", np.empty(0)).size
+    cases = {}
+    for name, values in arrays.items():
+        # At a single time a row of values is one for each case.
+        alone = values.ndim == 1 and times == 1 and values.size > 1
+        if name != "times" and (values.ndim > 1 or alone):
+            cases[f"set_points: {name}"] = len(values)
+    return arrays, cases
+
+
+def checked_corridors(given: Any) -> tuple[list[Corridor], dict[str, int]]:
+    """Corridors, and the number of cases of bases and scales that differ from case to case.
+
+    Raises
+    ------
+    SimulationError
+        One of them is none.
+    """
+    corridors: list[Corridor] = []
+    cases = {}
+    for place, row in enumerate(checked_list("corridors", given, str, _EXAMPLE)):
+        what = f"corridors[{place}]"
+        if not (isinstance(row, tuple | list) and len(row) == 1 + len(_PARTS) and isinstance(row[0], str)):
+            raise SimulationError(f"{what}: expected (channel, {', '.join(_PARTS)}), found {row!r}")
+        arrays = [_array(f"{what}: {part}", values) for part, values in zip(_PARTS, row[1:], strict=True)]
+        for part, values in zip(_PARTS[:_EACH], arrays, strict=False):
+            if values.ndim > 0 and len(values) != 1:
+                cases[f"{what}: {part}"] = len(values)
+        base, scale, lower, upper, target, clock = arrays
+        corridors.append((row[0], base, scale, lower, upper, target, clock))
+    return corridors, cases
+
+
+def _array(what: str, values: Any) -> Array:
+    try:
+        array: Array = np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise SimulationError(f"{what}: expected numbers, found {values!r}") from None
+    return array
+
+
+_FAILURES = {
+    "Fault": ('st.Fault("NAME", at_s=60)', "st.Fault(actuator, at_s=...)"),
+    "Outage": ('st.Outage("position", from_s=100)', "st.Outage(group, from_s, until_s)"),
+}
+
+
+def checked_failures(what: str, given: Any, kind: type, *, per_case: bool = True) -> tuple[Any, ...]:
+    """Failures for all cases, or a list of them per case."""
+    example, call = _FAILURES[kind.__name__]
+    failures = checked_list(what, given, kind, example)
+    shared = [isinstance(one, kind) for one in failures]
+    if per_case and any(shared) and not all(shared):
+        raise SimulationError(
+            f"{what}: expected either {what} for all cases or a list of them per case, found both"
+        )
+    nested = per_case and not any(shared)
+    for some in [checked_list(what, one, kind, example) for one in failures] if nested else [failures]:
+        for one in some:
+            if not isinstance(one, kind):
+                raise SimulationError(f"{what}: expected {call}, found {one!r}; give a list of them")
+    return failures
+
+
+def checked_columns(what: str, given: Any) -> dict[str, Array]:
+    """Finite values by name, (k,) each; none for None."""
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise SimulationError(f"{what}: expected {{name: values}}, found {given!r}")
+    columns = {}
+    for name, values in given.items():
+        try:
+            column = np.asarray(values, float)
+        except (TypeError, ValueError):
+            column = np.empty(())
+        if column.ndim != 1 or not np.isfinite(column).all():
+            raise SimulationError(
+                f"{what}: {name}: expected finite numbers (k,), one per case, found {values!r}"
+            )
+        columns[name] = column
+    return columns
