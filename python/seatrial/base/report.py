@@ -1,18 +1,189 @@
-"""A table in plain text, for summaries that are files."""
+"""A result described once, as plain data: three lines, then sections of tables and sentences.
+
+Every result has a method ``report()`` in its own room; ``summary()`` is `Report.text` of it, and the command line
+shows the same report with rich (`seatrial.report.terminal`). Held by tests/report/test_report.py.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
-__all__ = ["text_table"]
+__all__ = ["Column", "Report", "Section", "Table", "text_table"]
 
 
-def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Text table with aligned columns; empty without rows."""
+@dataclass(frozen=True)
+class Column:
+    """Head of a column: name, unit (in the head, after a comma) and alignment of its cells."""
+
+    name: str
+    unit: str = ""
+    align: Literal["left", "right"] = "right"
+
+    @property
+    def head(self) -> str:
+        """Name and unit."""
+        return f"{self.name}, {self.unit}" if self.unit else self.name
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as text under named columns; `note` explains them below."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+    @classmethod
+    def of(
+        cls,
+        title: str,
+        head: Sequence[str | Column],
+        rows: Iterable[Sequence[str]],
+        *,
+        left: int = 1,
+        note: str = "",
+    ) -> Table:
+        """Table whose first `left` columns are aligned to the left, the others to the right."""
+        columns = (
+            one if isinstance(one, Column) else Column(one, align="left" if k < left else "right")
+            for k, one in enumerate(head)
+        )
+        return cls(title, tuple(columns), tuple(tuple(row) for row in rows), note)
+
+    def filled(self) -> Table:
+        """The table without columns that are empty in every row."""
+        kept = [k for k in range(len(self.columns)) if any(row[k] for row in self.rows)]
+        return replace(
+            self,
+            columns=tuple(self.columns[k] for k in kept),
+            rows=tuple(tuple(row[k] for k in kept) for row in self.rows),
+        )
+
+    def text(self) -> str:
+        """Aligned plain text with title and note; empty without rows."""
+        shown = self.filled()
+        if not shown.rows:
+            return ""
+        body = text_table(
+            [one.head for one in shown.columns], shown.rows, align=[one.align for one in shown.columns]
+        )
+        return "\n".join(part for part in (self.title, body, self.note) if part)
+
+
+@dataclass(frozen=True)
+class Section:
+    """Tables, then sentences, under a title; `details` are shown only on request and in files."""
+
+    title: str = ""
+    sentences: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    details: bool = False
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a result says, the most important first.
+
+    Attributes
+    ----------
+    title
+        Name of what was judged: a campaign, a vehicle, a flight.
+    outcome
+        The result in a word or two: "identified", "failed", "interrupted".
+    good
+        How good it is: a sentence with a number and a unit, against a limit or a baseline where there is one.
+    worst
+        The worst problem, a sentence.
+    next_step
+        What to do next, a sentence.
+    sections
+        Tables and sentences in the order of reading.
+    """
+
+    title: str
+    outcome: str
+    good: str
+    worst: str
+    next_step: str
+    sections: tuple[Section, ...] = ()
+
+    def lines(self) -> tuple[str, str, str]:
+        """How good, the worst problem, what to do next: a line each."""
+        return (
+            f"{self.title}: {self.outcome}. {_sentence(self.good)}",
+            f"Worst: {_sentence(self.worst)}",
+            f"Next: {_sentence(self.next_step)}",
+        )
+
+    def shown(self, *, verbose: bool = True) -> Iterator[Section]:
+        """Sections that have something to show, without details unless `verbose`; each sentence once."""
+        said = {_key(text) for text in (self.good, self.worst, self.next_step)}
+        for section in self.sections:
+            if section.details and not verbose:
+                continue
+            fresh = []
+            for sentence in section.sentences:
+                if _key(sentence) not in said:
+                    said.add(_key(sentence))
+                    fresh.append(sentence)
+            tables = tuple(table for table in section.tables if table.rows)
+            if fresh or tables:
+                yield replace(section, sentences=tuple(fresh), tables=tables)
+
+    @property
+    def hidden(self) -> int:
+        """Number of tables and sentences that only `verbose` shows."""
+        count = [
+            sum(len(s.sentences) + len(s.tables) for s in self.shown(verbose=wide)) for wide in (True, False)
+        ]
+        return count[0] - count[1]
+
+    def text(self, *, verbose: bool = True) -> str:
+        """The report as plain text: the three lines, then the sections."""
+        parts = ["\n".join(self.lines())]
+        for section in self.shown(verbose=verbose):
+            body = [table.text() for table in section.tables]
+            if section.sentences:
+                body.append("\n".join(f"- {sentence}" for sentence in section.sentences))
+            if section.title:
+                body[0] = f"{section.title}\n{body[0]}"
+            parts += body
+        return "\n\n".join(parts)
+
+
+def text_table(
+    head: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    align: Sequence[Literal["left", "right"]] | None = None,
+) -> str:
+    """Text table with aligned columns, to the left unless said otherwise; empty without rows."""
     if not rows:
         return ""
+    sides = align or ["left"] * len(head)
     widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
     lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in [head, *rows]
+        "  ".join(
+            cell.rjust(width) if side == "right" else cell.ljust(width)
+            for cell, width, side in zip(row, widths, sides, strict=True)
+        )
+        for row in [head, *rows]
     ]
     return "\n".join(line.rstrip() for line in lines)
+
+
+def _sentence(text: str) -> str:
+    """The text with a capital first letter of its first word and a full stop."""
+    text = text.strip()
+    first = text.partition(" ")[0]
+    # A symbol such as K_p or u keeps its case; an ordinary word begins with a capital.
+    capital = text[:1].upper() + text[1:] if first.isalpha() and len(first) > 2 and first.islower() else text
+    return capital if capital.endswith((".", "!", "?")) else f"{capital}."
+
+
+def _key(text: str) -> str:
+    """What two sentences that say the same have in common."""
+    return text.strip().removesuffix(".").lower()

@@ -1,4 +1,7 @@
-"""Where the command line prints: tables to standard output, progress and complaints to standard error."""
+"""Where the command line prints: answers to standard output, progress and messages to standard error.
+
+A verb prints its answer first (`answer`) and draws afterwards. Options that several verbs share stand here.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,18 +21,34 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from seatrial.base.progress import Progress as State
+    from seatrial.base.report import Report
 
 __all__ = [
+    "Figures",
+    "Json",
+    "Pdf",
+    "Verbose",
+    "answer",
     "check_axes",
     "complain",
+    "formats",
     "identification_progress",
     "list_figures",
     "long_work",
     "output",
     "print_json",
+    "say",
     "search_progress",
     "table",
 ]
+
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all tables and remarks.")]
+
+Figures = Annotated[bool, typer.Option(help="Write figures (PNG) into the run directory.")]
+
+Pdf = Annotated[bool, typer.Option("--pdf", help="Write figures as PDF, too.")]
 
 _PIPED_WIDTH = 118
 
@@ -41,6 +62,46 @@ def output() -> Console:
     from rich.console import Console
 
     return Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH, highlight=False)
+
+
+def answer(
+    report: Report,
+    *,
+    verbose: bool = False,
+    results: str = "",
+    draw: Callable[[], Sequence[Path]] | None = None,
+) -> None:
+    """Print a report and where its files are; only then draw, and say where figures are.
+
+    Parameters
+    ----------
+    report : Report
+    verbose : bool, optional
+        Whether to print details, too.
+    results : str, optional
+        Sentence on the files that were written.
+    draw : callable, optional
+        Writes the figures, gives their paths.
+    """
+    from seatrial.report.terminal import show
+
+    console = output()
+    show(report, console, verbose=verbose)
+    if results:
+        say(results)
+    if draw is not None:
+        sys.stdout.flush()
+        list_figures(console, draw())
+
+
+def say(line: str) -> None:
+    """Print a line as it is on standard output."""
+    output().print(line, soft_wrap=True, markup=False)
+
+
+def formats(pdf: bool) -> tuple[str, ...]:
+    """Endings of figures: PNG, and PDF on request."""
+    return ("png", "pdf") if pdf else ("png",)
 
 
 def complain(message: str) -> None:

@@ -53,7 +53,7 @@ def demo(
         results |= chain.results
         interrupted, held = chain.interrupted, chain.held
     if not interrupted and (campaign := _beluga(console, quiet=json)) is not None:
-        beluga = _identified(console, campaign, out / "beluga", threads=threads, quiet=json)
+        beluga = _identified(campaign, out / "beluga", threads=threads, quiet=json)
         results["beluga"] = beluga.to_dict()
         interrupted = beluga.interrupted
     if json:
@@ -79,9 +79,7 @@ def _cwolf(
         console.rule(
             "CWolf: four stages of Taubert et al. (2014), trials GENERATED from a truth vehicle", align="left"
         )
-    fit = _identified(
-        console, campaign, folder, threads=threads, quiet=quiet, truth=truth.vehicle.coefficients()
-    )
+    fit = _identified(campaign, folder, threads=threads, quiet=quiet, truth=truth.vehicle.coefficients())
     logs = folder / "trials"
     logs.mkdir(exist_ok=True)
     for name in campaign.trials:
@@ -114,7 +112,6 @@ def _beluga(console: Console, *, quiet: bool) -> Campaign | None:
 
 
 def _identified(
-    console: Console,
     campaign: Campaign,
     folder: Path,
     *,
@@ -122,17 +119,22 @@ def _identified(
     quiet: bool,
     truth: Mapping[str, float] | None = None,
 ) -> Identification:
-    from seatrial.cli.console import list_figures
-    from seatrial.cli.identify import draw, print_identification, run
+    from seatrial.cli.console import answer
+    from seatrial.cli.identify import run_identification
+    from seatrial.report.plot.identification import gallery
 
     began = time.monotonic()
-    fit = run(campaign, folder, threads=threads, resume=False, quiet=quiet)
+    fit = run_identification(campaign, folder, threads=threads, resume=False, quiet=quiet)
     took = time.monotonic() - began
-    written = [] if fit.interrupted else draw(fit, folder, formats=("png",))
-    if not quiet:
-        print_identification(console, fit, truth=truth)
-        console.print(f"Identified in {took:.1f} s; results in {folder}", soft_wrap=True, markup=False)
-        list_figures(console, written)
+
+    def draw() -> list[Path]:
+        return [] if fit.interrupted else gallery(fit, folder / "figures")
+
+    if quiet:
+        draw()
+    else:
+        results = f"Identified in {took:.1f} s; results in {folder}"
+        answer(fit.report(truth=truth), results=results, draw=draw)
     return fit
 
 

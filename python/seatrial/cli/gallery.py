@@ -75,7 +75,7 @@ def _identified(
 ) -> tuple[Identification, Path]:
     """Identification of a campaign, its run directory inside the folder of the figures."""
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.identify import run as identified
+    from seatrial.cli.identify import run_identification as identified
 
     campaign = Campaign.load(target)
     folder = out or Path("runs") / f"gallery-{campaign.name}"

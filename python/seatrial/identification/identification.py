@@ -1,7 +1,4 @@
-"""Identification: what a campaign found, for people, for machines and as files.
-
-An identification in words and tables: what `Identification.summary` prints.
-"""
+"""Result of an identification: coefficients with uncertainty, stages, scores; as report, plain data and files."""
 
 from __future__ import annotations
 
@@ -13,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.channels import CHANNELS
-from seatrial.base.report import text_table
+from seatrial.base.channels import CHANNELS, readable
+from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RUN_FILE, RunDirectory, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
+from seatrial.identification.hold_out import POOLED
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -37,7 +35,8 @@ __all__ = [
     "distinct",
     "estimates",
     "plus_minus",
-    "summary",
+    "report",
+    "score_text",
 ]
 
 _AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -119,9 +118,19 @@ class Identification:
     interrupted: bool
     not_run: tuple[str, ...]
 
+    def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
+        """What a control engineer reads: how good, the worst problem, what to do next, then tables and remarks.
+
+        Parameters
+        ----------
+        truth : mapping of str to float, optional
+            True coefficients of generated trials, shown beside the estimates.
+        """
+        return report(self, truth=truth)
+
     def summary(self) -> str:
-        """Text that a control engineer reads: stages, coefficients, what they mean, scores, advice."""
-        return summary(self)
+        """The report as text."""
+        return self.report().text()
 
     @property
     def stages_vehicle(self) -> Vehicle:
@@ -312,48 +321,205 @@ def _rows(
     return rows
 
 
-def summary(fit: Identification) -> str:
-    """Text that a control engineer reads: stages, coefficients, what they mean, scores, advice."""
-    parts = [_stage_table(fit), _coefficient_table(fit), _nuisance_table(fit), _meaning(fit)]
-    parts += [_score_table(fit), "\n".join(advice(fit))]
-    return "\n\n".join(part for part in parts if part)
+def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> Report:
+    """Three lines, coefficients, scores, what they mean, stages and advice.
+
+    Parameters
+    ----------
+    fit : Identification
+    truth : mapping of str to float, optional
+        True coefficients of generated trials, shown beside the estimates.
+    """
+    worst, next_step = _worst(fit)
+    tables = (_coefficient_table(fit, truth or {}), _nuisance_table(fit), _held_out_table(fit))
+    return Report(
+        title=fit.campaign.name,
+        outcome="interrupted" if fit.interrupted else "identified",
+        good=_how_good(fit),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(tables=(*tables, _meaning_table(fit), _stage_table(fit))),
+            Section(tables=(_score_table(fit),), details=True),
+            Section("Remarks", tuple(advice(fit)), details=True),
+        ),
+    )
 
 
-def _stage_table(fit: Identification) -> str:
+def _how_good(fit: Identification) -> str:
+    """R2 of the prediction ten seconds ahead: best and worst channel, on held-out trials if there are any."""
+    part, words = "hold_out", "Predicts held-out motion"
+    if not fit.scores.get(part, {}).get("ahead"):
+        part, words = "fit", "Reproduces its own training data (nothing is held out)"
+    score = _pooled(fit.scores.get(part, {}).get("ahead", {}))
+    r2 = {} if score is None else {name: value for name, value in score.r2.items() if value == value}
+    if score is None or not r2:
+        return f"{len(fit.coefficients)} coefficients estimated; nothing could be scored"
+    best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
+    trials = len(score.trials)
+    channels = f"{_r2(r2[best])} in {best}" + (f", worst {_r2(r2[worst])} in {worst}" if len(r2) > 1 else "")
+    return (
+        f"{words} {score.ahead_s:g} s ahead with R2 {channels}"
+        f" ({trials} trial{'s' if trials > 1 else ''}; 1 is perfect, 0 no better than the mean)"
+    )
+
+
+def _worst(fit: Identification) -> tuple[str, str]:
+    """The worst problem of an identification, and what to do about it."""
+    verify = "tune the autopilot on this vehicle (seatrial tune) or check its scores on another log"
+    if fit.interrupted:
+        left = f"; not run: {', '.join(fit.not_run)}" if fit.not_run else ""
+        return f"Ctrl-C ended the search early{left}", "run the same command again; finished stages are kept"
+    combinations = () if fit.identifiability is None else fit.identifiability.combinations
+    verdicts = {} if fit.identifiability is None else fit.identifiability.verdicts
+    absent = {name for name, verdict in verdicts.items() if verdict == "not identifiable"}
+    if missing := [one for one in combinations if absent.intersection(one.names)]:
+        return _problem_and_remedy(missing[0].sentence, "not identifiable")
+    if bounds := [row for row in distinct(fit) if row.at_bound]:
+        names = ", ".join(
+            f"{row.name} ({row.at_bound} bound {row.estimate:.4g} {row.unit})" for row in bounds
+        )
+        return f"the search stopped at a bound of {names}", (
+            "widen the bounds of these coefficients in the campaign if the values are plausible; otherwise"
+            " hold them, the data do not determine them"
+        )
+    criticism = None if fit.certainty is None else fit.certainty.criticism
+    if criticism is not None and criticism.suggestions:
+        first = criticism.suggestions[0]
+        return (
+            f"the residual of {first.channel} follows {first.follows}: the model misses a term"
+            f" (freeing {first.name} lowers the cost by {first.gain:.2g} %)",
+            f"free {first.name} in a stage of the campaign, identify again and compare the held-out scores",
+        )
+    if criticism is not None and criticism.warning:
+        loudest = max(criticism.autocorrelations, key=lambda one: one.excess)
+        return (
+            f"the residual of {loudest.channel} is {loudest.excess:.2g} times the noise of its sensor and"
+            f" correlated over {loudest.correlation_s:.2g} s",
+            "take the intervals as those of the best model of this structure; judge a change by the held-out"
+            " scores alone",
+        )
+    if combinations:
+        return _problem_and_remedy(combinations[0].sentence, "weakly identifiable")
+    if fit.notes:
+        return fit.notes[0], verify
+    return "no problem found: all coefficients identifiable, none at a bound, residuals like noise", verify
+
+
+def _problem_and_remedy(sentence: str, verdict: str) -> tuple[str, str]:
+    """The two halves of a sentence of the diagnosis: what the data do not tell, and what would tell it."""
+    problem, semicolon, remedy = sentence.partition("; ")
+    if not semicolon:
+        problem, _, remedy = sentence.rpartition(": ")
+    return f"{verdict}: {problem or sentence}", remedy or "see the remarks"
+
+
+def _r2(value: float) -> str:
+    return f"{value:.2f}" if value > -10.0 else f"{value:.0f}"
+
+
+def _pooled(scores: Mapping[str, Score]) -> Score | None:
+    """Score over all trials together, or the only one there is."""
+    return scores.get(POOLED) or next(iter(scores.values()), None)
+
+
+def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table:
+    rows = []
+    for row in distinct(fit):
+        true = truth.get(row.name, 0.0)
+        error = f"{round(100.0 * (row.estimate / true - 1.0), 1) + 0.0:+.1f} %" if true else ""
+        rows.append((
+            row.name,
+            row.unit,
+            f"{true:.4g}" if truth else "",
+            f"{row.start:.4g}",
+            plus_minus(row.estimate, row.sigma),
+            "" if row.factor is None else f"{row.factor:.3g}",
+            error,
+            "" if row.verdict == "identifiable" else row.verdict or "",
+            f"at {row.at_bound} {row.lower if row.at_bound == 'lower' else row.upper:.4g}"
+            if row.at_bound
+            else "",
+            row.stage,
+        ))
+    head = ["coefficient", "unit", "truth", "start", "estimate", "factor", "error", "verdict", "bound"]
+    return Table.of(
+        f"{fit.vehicle.name}: identified coefficients", [*head, Column("stage", align="left")], rows, left=2
+    )
+
+
+def _nuisance_table(fit: Identification) -> Table:
+    """What the trials added to their records, estimated with the coefficients."""
+    nuisances = [] if fit.certainty is None else fit.certainty.nuisances()
+    rows = [(row["name"], row["unit"], plus_minus(row["estimate"], row["sigma"])) for row in nuisances]
+    head = ("nuisance parameter", "unit", "estimate")
+    return Table.of("Sensor errors and currents of the trials, estimated with them", head, rows, left=2)
+
+
+def _held_out_table(fit: Identification) -> Table:
+    """Scores per channel on the part that was held out, over all trials that have one."""
+    kinds = fit.scores.get("hold_out", {})
+    ahead, free = _pooled(kinds.get("ahead", {})), _pooled(kinds.get("free", {}))
+    rows = []
+    for channel, score in {} if ahead is None else ahead.items():
+        scale, unit = readable(channel)
+        run = free[channel].r2 if free is not None and channel in free else math.nan
+        cells = (score_text(score.r2), score_text(run), f"{scale * score.mae:.3g}", str(score.n))
+        rows.append((channel, unit, *cells))
+    trials = "" if ahead is None else ", ".join(ahead.trials)
+    head = ("channel", "unit", "R2 10 s ahead", "R2 free run", "mean error 10 s ahead", "samples")
+    return Table.of(
+        f"Held-out data ({trials}; R2 = 1 is perfect, 0 no better than the mean)", head, rows, left=2
+    )
+
+
+def _meaning_table(fit: Identification) -> Table:
+    """Apparent masses, net buoyancy, gains and lags."""
+    rows = [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
+    return Table.of("What the coefficients mean", ("quantity", "value"), rows)
+
+
+def _stage_table(fit: Identification) -> Table:
+    """Stages with cost before and after, candidates and time."""
     rows = [
         (
             stage.name + (" (interrupted)" if stage.interrupted else " (kept)" if stage.reused else ""),
-            ", ".join(stage.trials),
             f"{stage.start_cost:.4g}",
             f"{stage.cost:.4g}",
-            f"{stage.evaluations}",
+            str(stage.evaluations),
+            str(stage.samples),
             f"{1e3 * stage.step_s:.3g} ms",
             f"{stage.wall_s:.1f} s",
         )
         for stage in fit.stages
     ]
-    head = ("Stage", "trials", "cost at start", "best", "candidates", "step", "time")
-    return text_table(head, rows)
+    if fit.certainty is not None and fit.certainty.polished.rounds:
+        polished = fit.certainty.polished
+        costs = (f"{polished.rms(cost):.4g}" for cost in (polished.start_cost, polished.cost))
+        name = "joint estimate (rms in sd of the residual)"
+        rows.append((name, *costs, str(polished.evaluations), "", "", f"{polished.wall_s:.1f} s"))
+    head = ("stage", "cost at start", "best", "candidates", "samples", "step", "time")
+    return Table.of("Stages (cost: mean weighted error in standard deviations)", head, rows)
 
 
-def _coefficient_table(fit: Identification) -> str:
-    rows = [
-        (
-            row.name,
-            row.unit,
-            f"{row.start:.4g}",
-            plus_minus(row.estimate, row.sigma),
-            row.verdict or "",
-            "" if row.factor is None else f"{row.factor:.3g}",
-            f"[{row.lower + 0.0:.4g}, {row.upper + 0.0:.4g}]"
-            + (f" at {row.at_bound}" if row.at_bound else ""),
-            row.stage,
-        )
-        for row in distinct(fit)
-    ]
-    return text_table(
-        ("Coefficient", "unit", "start", "estimate", "verdict", "factor", "bounds", "stage"), rows
-    )
+def _score_table(fit: Identification) -> Table:
+    titles = {"ahead": "10 s ahead", "free": "free run"}
+    scored = {row["channel"] for row in fit.score_rows()}
+    channels = [channel for channel in CHANNELS if channel in scored]
+    rows = []
+    for part, kinds in fit.scores.items():
+        for kind, per_trial in kinds.items():
+            for trial, score in per_trial.items():
+                cells = (f"{score.r2[c]:.3f}" if c in score.r2 else "" for c in channels)
+                rows.append((f"R2 {part.replace('_', ' ')}, {titles[kind]}", trial, *cells))
+    return Table.of("Scores of every trial", ("score", "trial", *channels), rows, left=2)
+
+
+def score_text(value: float) -> str:
+    """An R2 in three decimals, in short where it is far below zero, in words where there is none."""
+    if not math.isfinite(value):
+        return "none" if math.isnan(value) else "diverged"
+    return f"{value:.3f}" if value > -10.0 else f"{value:.0f}"
 
 
 def distinct(fit: Identification) -> tuple[Estimate, ...]:
@@ -364,25 +530,6 @@ def distinct(fit: Identification) -> tuple[Estimate, ...]:
         name = row.name if row.parameter in names else row.parameter
         rows.setdefault((name, row.estimate), replace(row, name=name))
     return tuple(rows.values())
-
-
-def _meaning(fit: Identification) -> str:
-    return text_table(
-        ("Quantity", "value"), [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
-    )
-
-
-def _score_table(fit: Identification) -> str:
-    titles = {"ahead": "10 s ahead", "free": "free run"}
-    scored = {row["channel"] for row in fit.score_rows()}
-    channels = [channel for channel in CHANNELS if channel in scored]
-    rows = []
-    for part, kinds in fit.scores.items():
-        for kind, per_trial in kinds.items():
-            for trial, score in per_trial.items():
-                cells = (f"{score.r2[c]:.3f}" if c in score.r2 else "" for c in channels)
-                rows.append((f"R2 {part.replace('_', ' ')}, {titles[kind]}", trial, *cells))
-    return text_table(("Score", "trial", *channels), rows) if rows else ""
 
 
 def advice(fit: Identification) -> list[str]:
@@ -404,12 +551,6 @@ def advice(fit: Identification) -> list[str]:
             + ". Run again with the same run directory to go on"
         )
     return lines
-
-
-def _nuisance_table(fit: Identification) -> str:
-    found = [] if fit.certainty is None else fit.certainty.nuisances()
-    rows = [(row["name"], row["unit"], plus_minus(row["estimate"], row["sigma"])) for row in found]
-    return text_table(("Nuisance parameter", "unit", "estimate"), rows)
 
 
 def plus_minus(estimate: float, sigma: float | None) -> str:

@@ -33,6 +33,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Progress, Step
+from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RUN_FILE, RunDirectory, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult, plan
@@ -264,6 +265,14 @@ class Restarts:
         """A sentence per stage."""
         return tuple(stage.sentence() for stage in self.stages)
 
+    def report(self) -> Report:
+        """How many starts agree, the stage that agrees least, what to do, then the ends by coefficient."""
+        return _report(self)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
     def __str__(self) -> str:
         return "\n".join(self.sentences())
 
@@ -287,7 +296,7 @@ class Restarts:
             "random_starts.json": to_json(self.to_dict()),
             "random_starts.parquet": parquet(pl.DataFrame(list(self._ends()), infer_schema_length=None)),
             "history.parquet": parquet(pl.DataFrame(list(self._steps()), infer_schema_length=None)),
-            "summary.txt": f"{self}\n",
+            "summary.txt": self.summary() + "\n",
             "campaign.toml": text,
         })
 
@@ -314,6 +323,74 @@ class Restarts:
             for i, history in enumerate(stage.histories):
                 for step in history:
                     yield {"stage": stage.name, "start": i + 1} | asdict(step)
+
+
+def _report(found: Restarts) -> Report:
+    """Three lines, ends by stage and coefficient, a sentence per stage."""
+    agreed = [stage.name for stage in found.stages if stage.verdict == "same optimum"]
+    worst, next_step = _worst(found)
+    return Report(
+        title=f"{found.campaign}, random starts",
+        outcome="interrupted"
+        if found.interrupted
+        else "same optimum"
+        if found.same_optimum
+        else "starts disagree",
+        good=(
+            f"{len(agreed)} of {len(found.stages)} stages reach the same optimum from all {found.starts} random"
+            f" starts (seed {found.seed})"
+        ),
+        worst=worst,
+        next_step=next_step,
+        sections=(Section(sentences=found.sentences(), tables=(_end_table(found),)),),
+    )
+
+
+def _worst(found: Restarts) -> tuple[str, str]:
+    """The stage whose starts agree least, and what to do about it."""
+    if found.interrupted:
+        return (
+            f"Ctrl-C ended the run after {found.starts} finished starts",
+            "run the same command again; finished stages are kept",
+        )
+    for stage in found.stages:
+        if stage.verdict == "several optima":
+            away = int((~stage.low).sum())
+            return (
+                f"{stage.name}: {away} of {found.starts} starts end up to {100 * stage.excess.max():.2g} % above"
+                " the lowest criterion",
+                "raise generations under [budget], or narrow the bounds of this stage",
+            )
+    for stage in found.stages:
+        if stage.verdict == "flat direction":
+            return (
+                f"{stage.name}: estimates differ at the same criterion, along {' and '.join(stage.direction)}",
+                f"hold one of {', '.join(stage.direction)} or add a trial that separates them (see the"
+                " identifiability remarks of seatrial identify)",
+            )
+    widths = [(row["range_percent_of_bounds"], row["parameter"]) for s in found.stages for row in s.rows()]
+    widest = max(widths, default=(0.0, "no coefficient"))
+    return (
+        f"{widest[1]} scatters most, by {widest[0]:.2g} % of the width of its bounds",
+        "rely on the search: the optimum does not depend on the start values",
+    )
+
+
+def _end_table(found: Restarts) -> Table:
+    rows = []
+    for stage in found.stages:
+        for k, row in enumerate(stage.rows()):
+            ratio = row["scatter_in_sigma"]
+            rows.append((
+                "" if k else stage.name,
+                row["parameter"],
+                row["unit"],
+                f"{row['least']:.5g} to {row['most']:.5g}",
+                f"{row['range_percent_of_bounds']:.2g}",
+                "" if math.isnan(ratio) else f"{ratio:.2g}",
+            ))
+    head = ("stage", "coefficient", "unit", "ends", "% of bounds", "scatter in sd")
+    return Table.of(f"Ends of {found.starts} random starts (seed {found.seed})", head, rows, left=3)
 
 
 def restarts(

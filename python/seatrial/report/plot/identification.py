@@ -321,9 +321,7 @@ def _panel(axes: Axes, stage: StageResult) -> None:
 AHEAD_S = 10.0
 
 
-def gallery(
-    fit: Identification, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
-) -> list[Path]:
+def gallery(fit: Identification, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
     """Paths of the figures of an identification after they were written into a folder.
 
     Raises

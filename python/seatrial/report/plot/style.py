@@ -134,7 +134,7 @@ def tidy(number: float) -> str:
 
 
 def save(
-    figure: Figure, path: str | Path, *, formats: tuple[str, ...] = ("png", "pdf"), dpi: int = DPI
+    figure: Figure, path: str | Path, *, formats: tuple[str, ...] = ("png",), dpi: int = DPI
 ) -> list[Path]:
     """Paths of the files after the figure was written beside `path` in every format, by its ending.
 

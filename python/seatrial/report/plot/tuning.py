@@ -57,7 +57,7 @@ def tuning_gallery(
     tuning: Tuning,
     folder: str | Path,
     *,
-    formats: tuple[str, ...] = ("png", "pdf"),
+    formats: tuple[str, ...] = ("png",),
     loops: Collection[str] | None = None,
 ) -> list[Path]:
     """Paths of the figures of a tuning after they were written into a folder.

@@ -339,7 +339,7 @@ _VERIFICATION_GALLERY_LONGEST = 50  # letters of a requirement's name in that of
 
 
 def verification_gallery(
-    found: Verification, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
+    found: Verification, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
 ) -> list[Path]:
     """Paths of the figures of a verification after they were written into a folder.
 
