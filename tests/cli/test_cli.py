@@ -92,9 +92,7 @@ def test_check_says_what_actuators_do_and_draws_three_views(here: Path) -> None:
     assert "+1000 rpm on SbU: 19 N ahead, bow to port" in result.stdout
     assert "Top speed" in result.stdout
     assert {path.name for path in (here / "runs" / "check-cwolf").iterdir()} == {
-        f"{name}.{ending}"
-        for name in ("three_views", "characteristic", "performance")
-        for ending in ("png", "pdf")
+        f"{name}.png" for name in ("three_views", "characteristic", "performance")
     }
 
 
@@ -338,7 +336,7 @@ def test_interrupted_identification_keeps_the_best_so_far(tmp_path: Path) -> Non
     process.send_signal(signal.SIGINT)
     output, complaint = process.communicate(timeout=120.0)
     assert process.returncode == 130, complaint
-    assert "Interrupted: the best so far is shown" in output
+    assert "Ctrl-C ended the search early" in output
     known = json.loads((tmp_path / "run" / "identification.json").read_text())
     assert known["interrupted"]
     assert known["coefficients"]

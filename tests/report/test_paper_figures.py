@@ -33,7 +33,7 @@ from seatrial.report.plot.stage import polished_cost, stage_result
 from seatrial.report.plot.style import number, symbol
 from tests.report.figures import CWOLF, VEHICLES, assert_printable, texts
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 CAMPAIGN = """
 format = 1

@@ -114,8 +114,10 @@ def test_law_intervals_side_by_side_never_overlap(entries: list[tuple[float, flo
 
 
 def test_files_are_sharp_enough_for_print_and_the_same_every_time(tmp_path: Path) -> None:
-    first = save(three_views(CWOLF), tmp_path / "one" / "views")
-    second = save(three_views(CWOLF), tmp_path / "two" / "views")
+    first, second = (
+        save(three_views(CWOLF), tmp_path / folder / "views", formats=("png", "pdf"))
+        for folder in ("one", "two")
+    )
     png, pdf = first
     assert imread(png).shape[1] == round(DPI * WIDTH_IN) >= 150 * WIDTH_IN
     assert pdf.read_bytes().startswith(b"%PDF")

@@ -22,8 +22,14 @@ REPORT = Report(
     worst="K_p is not identifiable: nothing rolls in these trials",
     next_step="record a free decay in roll",
     sections=(
-        Section(tables=(TABLE,), sentences=("Scale rests on the bench test", "Scale rests on the bench test.")),
-        Section("Remarks", ("K_p is not identifiable: nothing rolls in these trials", "A long remark"), details=True),
+        Section(
+            tables=(TABLE,), sentences=("Scale rests on the bench test", "Scale rests on the bench test.")
+        ),
+        Section(
+            "Remarks",
+            ("K_p is not identifiable: nothing rolls in these trials", "A long remark"),
+            details=True,
+        ),
         Section("Nothing", tables=(Table.of("Empty", ["a"], []),)),
     ),
 )
@@ -62,7 +68,12 @@ def test_the_terminal_shows_the_same_words_and_says_what_it_hides() -> None:
     show(REPORT, Console(file=stream, width=80))
     said = stream.getvalue()
     assert said.splitlines()[:3] == list(REPORT.lines())
-    for words in ("speed, m/s", "1.25", "- Scale rests on the bench test", "1 more tables and remarks: --verbose"):
+    for words in (
+        "speed, m/s",
+        "1.25",
+        "- Scale rests on the bench test",
+        "1 more tables and remarks: --verbose",
+    ):
         assert words in said
     stream = StringIO()
     show(REPORT, Console(file=stream, width=80), verbose=True)

@@ -1,7 +1,7 @@
 """A result described once, as plain data: three lines, then sections of tables and sentences.
 
-Every result has a method ``report()`` in its own room; ``summary()`` is `Report.text` of it, and the command line
-shows the same report with rich (`seatrial.report.terminal`). Held by tests/report/test_report.py.
+Every result has a method ``report()`` in its own room; ``summary()`` is `Report.text` of it, and the command
+line shows the same report with rich (`seatrial.report.terminal`). Held by tests/report/test_report.py.
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.base.errors import SeatrialError, nearest
-from seatrial.base.toml_file import CAMPAIGN, EMPTY, VEHICLE, file_kind
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ _ADVICE = {
     "a bench file": "evaluate it with seatrial bench {}",
     "the recipe of a generated trial": "check the campaign that names it",
     "the truth of generated trials": "check the vehicle that it names",
-    EMPTY: "seatrial new writes one to begin with",
+    "an empty file": "seatrial new writes one to begin with",
     "a set of sensors": "fly with it: seatrial fly --sensors {}",
 }
 """What to do with files that are taken for a vehicle by mistake."""
@@ -151,6 +150,7 @@ def _check_options(voltage: float, speed_kn: list[float]) -> None:
 def _kind(target: str) -> str:
     """What the file is; a vehicle where nothing tells."""
     from seatrial._core import Vehicle
+    from seatrial.base.toml_file import VEHICLE, file_kind
 
     kind = file_kind(target)
     if kind is not None and kind in _ADVICE:
@@ -171,6 +171,8 @@ def _kind(target: str) -> str:
 
 def _is_campaign(target: str) -> bool:
     """Whether the file is a campaign."""
+    from seatrial.base.toml_file import CAMPAIGN, file_kind
+
     return file_kind(target) == CAMPAIGN
 
 

@@ -120,21 +120,20 @@ def _identified(
     truth: Mapping[str, float] | None = None,
 ) -> Identification:
     from seatrial.cli.console import answer
-    from seatrial.cli.identify import run_identification
-    from seatrial.report.plot.identification import gallery
+    from seatrial.cli.identify import draw, run_identification
 
     began = time.monotonic()
     fit = run_identification(campaign, folder, threads=threads, resume=False, quiet=quiet)
     took = time.monotonic() - began
 
-    def draw() -> list[Path]:
-        return [] if fit.interrupted else gallery(fit, folder / "figures")
+    def drawn() -> list[Path]:
+        return [] if fit.interrupted else draw(fit, folder)
 
     if quiet:
-        draw()
+        drawn()
     else:
         results = f"Identified in {took:.1f} s; results in {folder}"
-        answer(fit.report(truth=truth), results=results, draw=draw)
+        answer(fit.report(truth=truth), results=results, draw=drawn)
     return fit
 
 

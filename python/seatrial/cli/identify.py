@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.identification.restarts import Restarts
 
-__all__ = ["identify", "run_identification"]
+__all__ = ["draw", "identify", "run_identification"]
 
 
 def identify(
@@ -70,34 +70,27 @@ def identify(
     fit = run_identification(loaded, folder, threads=threads, resume=resume, quiet=json)
     again: Restarts | None = None
 
-    def draw() -> list[Path]:
-        from seatrial.report.plot.identification import gallery
+    def drawn() -> list[Path]:
+        return draw(fit, folder, formats(pdf)) if figures and not fit.interrupted else []
 
-        wanted = figures and not fit.interrupted
-        return gallery(fit, folder / "figures", formats=formats(pdf)) if wanted else []
-
-    def draw_starts() -> list[Path]:
-        from seatrial.report.plot.restarts import random_starts as starts_figure
-        from seatrial.report.plot.style import save
-
-        if again is None or again.interrupted or not figures:
-            return []
-        return save(starts_figure(again), beside / "figures" / "random_starts", formats=formats(pdf))
+    def drawn_starts() -> list[Path]:
+        wanted = figures and again is not None and not again.interrupted
+        return _draw_starts(again, beside, formats(pdf)) if again is not None and wanted else []
 
     if not json:
         files = "vehicle.toml, identification.json, summary.txt, Parquet tables"
-        answer(fit.report(), verbose=verbose, results=f"Results in {folder}: {files}", draw=draw)
+        answer(fit.report(), verbose=verbose, results=f"Results in {folder}: {files}", draw=drawn)
     if random_starts is not None and not fit.interrupted:
         again = _restart(fit, beside, random_starts, threads=threads, resume=resume, quiet=json)
         if not json:
             files = "random_starts.json, Parquet tables, summary.txt"
             results = "" if again.interrupted else f"Random starts in {beside}: {files}"
-            answer(again.report(), verbose=verbose, results=results, draw=draw_starts)
+            answer(again.report(), verbose=verbose, results=results, draw=drawn_starts)
     if json:
         result: dict[str, Any] = fit.to_dict()
-        result |= {"run_directory": str(folder), "figures": [str(path) for path in draw()]}
+        result |= {"run_directory": str(folder), "figures": [str(path) for path in drawn()]}
         if again is not None:
-            draw_starts()
+            drawn_starts()
             result["random_starts"] = again.to_dict()
         print_json(result)
     if fit.interrupted or (again is not None and again.interrupted):
@@ -113,6 +106,20 @@ def run_identification(
 
     with identification_progress(quiet=quiet) as progress:
         return identified(campaign, run_dir=folder, progress=progress, resume=resume, threads=threads)
+
+
+def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",)) -> list[Path]:
+    """Paths of the figures of an identification in its run directory."""
+    from seatrial.report.plot.identification import gallery
+
+    return gallery(fit, folder / "figures", formats=endings)
+
+
+def _draw_starts(again: Restarts, folder: Path, endings: tuple[str, ...]) -> list[Path]:
+    from seatrial.report.plot.restarts import random_starts
+    from seatrial.report.plot.style import save
+
+    return save(random_starts(again), folder / "figures" / "random_starts", formats=endings)
 
 
 def _mode(text: str) -> LockedAxes:

@@ -1,4 +1,4 @@
-"""Result of an identification: coefficients with uncertainty, stages, scores; as report, plain data and files."""
+"""Result of an identification: coefficients with uncertainty, stages, scores; as report, data and files."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Identification:
     not_run: tuple[str, ...]
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
-        """What a control engineer reads: how good, the worst problem, what to do next, then tables and remarks.
+        """How good, the worst problem, what to do next; then tables and remarks.
 
         Parameters
         ----------
@@ -415,7 +415,11 @@ def _problem_and_remedy(sentence: str, verdict: str) -> tuple[str, str]:
 
 
 def _r2(value: float) -> str:
-    return f"{value:.2f}" if value > -10.0 else f"{value:.0f}"
+    """An R2 with two decimals, or as many up to four as tell it from 1."""
+    if value <= -10.0:
+        return f"{value:.0f}"
+    digits = next((n for n in (2, 3) if float(f"{value:.{n}f}") < 1.0), 4)
+    return f"{value:.{digits}f}"
 
 
 def _pooled(scores: Mapping[str, Score]) -> Score | None:
@@ -481,7 +485,7 @@ def _meaning_table(fit: Identification) -> Table:
 
 def _stage_table(fit: Identification) -> Table:
     """Stages with cost before and after, candidates and time."""
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             stage.name + (" (interrupted)" if stage.interrupted else " (kept)" if stage.reused else ""),
             f"{stage.start_cost:.4g}",
@@ -495,9 +499,15 @@ def _stage_table(fit: Identification) -> Table:
     ]
     if fit.certainty is not None and fit.certainty.polished.rounds:
         polished = fit.certainty.polished
-        costs = (f"{polished.rms(cost):.4g}" for cost in (polished.start_cost, polished.cost))
-        name = "joint estimate (rms in sd of the residual)"
-        rows.append((name, *costs, str(polished.evaluations), "", "", f"{polished.wall_s:.1f} s"))
+        costs = [f"{polished.rms(cost):.4g}" for cost in (polished.start_cost, polished.cost)]
+        rows.append((
+            "joint estimate (rms in sd of the residual)",
+            *costs,
+            str(polished.evaluations),
+            "",
+            "",
+            f"{polished.wall_s:.1f} s",
+        ))
     head = ("stage", "cost at start", "best", "candidates", "samples", "step", "time")
     return Table.of("Stages (cost: mean weighted error in standard deviations)", head, rows)
 

@@ -331,19 +331,21 @@ def _report(found: Restarts) -> Report:
     worst, next_step = _worst(found)
     return Report(
         title=f"{found.campaign}, random starts",
-        outcome="interrupted"
-        if found.interrupted
-        else "same optimum"
-        if found.same_optimum
-        else "starts disagree",
+        outcome=_outcome(found),
         good=(
-            f"{len(agreed)} of {len(found.stages)} stages reach the same optimum from all {found.starts} random"
-            f" starts (seed {found.seed})"
+            f"{len(agreed)} of {len(found.stages)} stages reach the same optimum from all {found.starts}"
+            f" random starts (seed {found.seed})"
         ),
         worst=worst,
         next_step=next_step,
         sections=(Section(sentences=found.sentences(), tables=(_end_table(found),)),),
     )
+
+
+def _outcome(found: Restarts) -> str:
+    if found.interrupted:
+        return "interrupted"
+    return "same optimum" if found.same_optimum else "starts disagree"
 
 
 def _worst(found: Restarts) -> tuple[str, str]:
@@ -357,14 +359,14 @@ def _worst(found: Restarts) -> tuple[str, str]:
         if stage.verdict == "several optima":
             away = int((~stage.low).sum())
             return (
-                f"{stage.name}: {away} of {found.starts} starts end up to {100 * stage.excess.max():.2g} % above"
-                " the lowest criterion",
+                f"{stage.name}: {away} of {found.starts} starts end up to {100 * stage.excess.max():.2g} %"
+                " above the lowest criterion",
                 "raise generations under [budget], or narrow the bounds of this stage",
             )
     for stage in found.stages:
         if stage.verdict == "flat direction":
             return (
-                f"{stage.name}: estimates differ at the same criterion, along {' and '.join(stage.direction)}",
+                f"{stage.name}: estimates differ at the same criterion: {', '.join(stage.direction)}",
                 f"hold one of {', '.join(stage.direction)} or add a trial that separates them (see the"
                 " identifiability remarks of seatrial identify)",
             )
