@@ -1,11 +1,11 @@
-"""What a bounded search keeps: candidates and costs, the best distinct ones, history and elapsed time."""
+"""Types of arrays."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array"]
+__all__ = ["Array", "Mask"]
 
 Array = NDArray[np.float64]
 

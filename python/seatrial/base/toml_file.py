@@ -1,16 +1,9 @@
-"""TOML files that people write: tables whose unknown keys are refused, messages that name file and key.
+"""TOML files that people write: read, checked against a model, told apart; messages name file and key.
 
-Every format (campaign, bench test, recipes of generated trials) is a `Section` of sections; `tables` and
-`checked` read it, `file_path` resolves the paths in it.
-
-Tests: ``tests/campaign/test_campaign_file.py``, ``tests/bench_test/test_bench_file.py``,
-``tests/sensors/test_sensors.py``.
-
-What a TOML file is, by the keys that only its kind has: so that a wrong one is answered by its kind.
-
-A mission where a vehicle is expected has an unknown key, and a list of the keys of a vehicle helps nobody.
-
-Held by ``tests/flight/test_bad_input_flights.py``.
+Every format (campaign, bench test, sensors, generated trial) is a `Section` of sections: `text_of` reads the
+file, `tables` and `checked` make the model, `file_path` resolves the paths in it. `loaded` takes a vehicle,
+an autopilot or a mission as object, name or path, and `file_kind` says which other kind a wrong file is.
+Held by ``tests/campaign/test_campaign_file.py`` and ``tests/flight/test_bad_input_flights.py``.
 """
 
 from __future__ import annotations
@@ -21,7 +14,7 @@ import reprlib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -83,6 +76,10 @@ class Section(BaseModel):
                     )
         return data
 
+    def over(self, other: Self) -> Self:
+        """The same section with what is absent here taken from the other one."""
+        return type(self)(**(other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)))
+
 
 _File = TypeVar("_File", bound=Section)
 
@@ -102,7 +99,32 @@ _EXPECTED = {
     "too_short": "expected at least one entry",
     "too_long": "expected fewer entries",
 }
-"""What was expected, by pydantic's name of the complaint, where its own words speak of Python."""
+"""What was expected, by pydantic's name of the error, where its own words speak of Python."""
+
+
+def text_of(
+    path: Any, what: str, *, error: type[SeatrialError] = CampaignError, advice: str = "check the path"
+) -> str:
+    """Text of a file in UTF-8, with or without a byte order mark.
+
+    Parameters
+    ----------
+    path : str or Path
+    what : str
+        What is expected, for messages: "a mission file".
+    error : type
+        Raised where it cannot be read.
+    advice : str
+        End of the message.
+    """
+    if not isinstance(path, str | Path):
+        raise error(f"expected the path of {what}, found {type(path).__name__}")
+    if "\n" in str(path):
+        raise error(f"expected the path of {what}, found its text; use from_toml for text")
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, ValueError) as wrong:  # ValueError: not UTF-8, or a zero byte in the path
+        raise error(f"{path}: not readable as {what} ({reason(wrong)}); {advice}") from None
 
 
 def tables(text: str, source: str, *, error: type[SeatrialError] = CampaignError) -> dict[str, Any]:
@@ -148,14 +170,42 @@ def checked(
         return model.model_validate(data)
     except ValidationError as wrong:
         details = wrong.errors()
-        places = [detail["loc"] for detail in details]
+        paths = [detail["loc"] for detail in details]
         # An array whose entries are all wrong is also reported as too short: the entries say why.
         own = [
             d
             for d in details
-            if not any(len(p) > len(d["loc"]) and p[: len(d["loc"])] == d["loc"] for p in places)
+            if not any(len(p) > len(d["loc"]) and p[: len(d["loc"])] == d["loc"] for p in paths)
         ]
         raise error("\n".join(_message(data, source, detail) for detail in own)) from None
+
+
+def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
+    where = _key_path(data, detail["loc"])
+    found = detail["input"]
+    if detail["type"] == "missing":
+        return f"{source}: {where}: this key is required and missing; add it"
+    text = str(detail["msg"]).removeprefix("Value error, ")
+    if detail["type"] == "value_error":
+        return f"{source}: {where}: {text}"
+    text = _EXPECTED.get(detail["type"]) or text.replace("Input should be", "expected")
+    return f"{source}: {where}: {text}, found {reprlib.repr(found)}; correct the value"
+
+
+def _key_path(data: Any, loc: tuple[int | str, ...]) -> str:
+    """Path of a key as people say it: ``stages 'yaw', key segment_s``."""
+    parts: list[str] = []
+    for key in loc:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            data = None
+        if isinstance(key, int):
+            name = data.get("name") if isinstance(data, Mapping) else None
+            parts[-1] += f" {name!r}" if isinstance(name, str) else f"[{key + 1}]"
+        else:
+            parts.append(str(key))
+    return ", ".join([*parts[:-1], f"key {parts[-1]}"]) if parts else "the file"
 
 
 def is_path(name: str) -> bool:
@@ -188,34 +238,6 @@ def file_path(text: str, folder: Path, where: str) -> Path:
         return os.environ[variable]
 
     return folder / Path(re.sub(r"\$\{(\w+)\}", value, text)).expanduser()
-
-
-def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
-    place = _place(data, detail["loc"])
-    found = detail["input"]
-    if detail["type"] == "missing":
-        return f"{source}: {place}: this key is required and missing; add it"
-    text = str(detail["msg"]).removeprefix("Value error, ")
-    if detail["type"] == "value_error":
-        return f"{source}: {place}: {text}"
-    text = _EXPECTED.get(detail["type"]) or text.replace("Input should be", "expected")
-    return f"{source}: {place}: {text}, found {reprlib.repr(found)}; correct the value"
-
-
-def _place(data: Any, loc: tuple[int | str, ...]) -> str:
-    """Path of a key as people say it: ``stages 'yaw', key segment_s``."""
-    parts: list[str] = []
-    for key in loc:
-        try:
-            data = data[key]
-        except (KeyError, IndexError, TypeError):
-            data = None
-        if isinstance(key, int):
-            name = data.get("name") if isinstance(data, Mapping) else None
-            parts[-1] += f" {name!r}" if isinstance(name, str) else f"[{key + 1}]"
-        else:
-            parts.append(str(key))
-    return ", ".join([*parts[:-1], f"key {parts[-1]}"]) if parts else "the file"
 
 
 CAMPAIGN, MISSION, AUTOPILOT, VEHICLE = "a campaign", "a mission", "an autopilot", "a vehicle"
@@ -293,24 +315,4 @@ def loaded(kind: Any, source: Any, name: str | None = None) -> Any:
             raise error from None
         raise VehicleError(
             f"{source}: expected {expected} file, found {other}; check which file goes where"
-        ) from None
-
-
-def text_of(path: Any, what: str) -> str:
-    """Text of a file in UTF-8, with or without a byte order mark.
-
-    Raises
-    ------
-    VehicleError
-        It cannot be read.
-    """
-    if not isinstance(path, str | Path):
-        raise VehicleError(f"expected the path of {what} file, found {type(path).__name__}")
-    if "\n" in str(path):
-        raise VehicleError(f"expected the path of {what} file, found its text; use from_toml for text")
-    try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a zero byte in the path
-        raise VehicleError(
-            f"{path}: expected {what} file, but it cannot be read ({reason(error)}); check the path"
         ) from None

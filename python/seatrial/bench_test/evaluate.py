@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.errors import CampaignError, TrialError, VehicleError, nearest, reason
-from seatrial.base.toml_file import file_path, is_path
+from seatrial.base.errors import CampaignError, TrialError, VehicleError, nearest
+from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.bench_test.characteristic import UnitFit, fit_unit, motor_warnings, warnings_of
 from seatrial.bench_test.columns import Unit, listed, read_bench_table, unit_of
 from seatrial.bench_test.file import BenchFile, Pull, Steps, parse
@@ -139,7 +139,7 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
     from seatrial._core import Vehicle
 
     path = Path(source)
-    text = _text(path)
+    text = text_of(path, "a bench file")
     file = parse(text, str(path))
     base, vehicle_path, vehicle_text = _vehicle(file, path, vehicle)
     _check_units(file, base, str(path))
@@ -200,7 +200,7 @@ def fingerprint(source: str | Path) -> str:
         The recipe of a generated record cannot be read.
     """
     path = Path(source)
-    text = _text(path)
+    text = text_of(path, "a bench file")
     digest = hashlib.sha256(text.encode())
     file = parse(text, str(path))
     for entry in (*file.pulls, *file.steps):
@@ -224,16 +224,7 @@ def vehicle_of(source: str | Path) -> Vehicle:
         The vehicle cannot be loaded.
     """
     path = Path(source)
-    return _vehicle(parse(_text(path), str(path)), path, None)[0]
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CampaignError(
-            f"{path}: not readable as a bench file ({reason(error)}); check the path"
-        ) from None
+    return _vehicle(parse(text_of(path, "a bench file"), str(path)), path, None)[0]
 
 
 def _vehicle(file: BenchFile, path: Path, given: Vehicle | None) -> tuple[Vehicle, Path | None, str]:

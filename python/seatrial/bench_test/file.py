@@ -116,10 +116,6 @@ class Regression(Section):
         """Whether the supply voltage is an input."""
         return self.inputs is not None and "voltage" in self.inputs
 
-    def over(self, other: Regression) -> Regression:
-        """Regression with what is absent here taken from the other one."""
-        return Regression(**(other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)))
-
 
 class Steps(_Driven):
     """A record of commanded and measured revolutions, for the motor's dynamics."""

@@ -19,18 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial import _core
-from seatrial.base.errors import CampaignError, VehicleError, nearest, reason
-from seatrial.base.toml_file import file_path, is_path
-from seatrial.campaign.file import (
-    CampaignFile,
-    Environment,
-    Input,
-    SensorPositions,
-    Stage,
-    TrialSource,
-    in_order,
-    parse,
-)
+from seatrial.base.errors import CampaignError, VehicleError, nearest
+from seatrial.base.toml_file import file_path, is_path, text_of
+from seatrial.campaign.file import CampaignFile, Environment, Input, Stage, TrialSource, in_order, parse
 from seatrial.campaign.parameters import Parameter, names, parameters
 from seatrial.campaign.search_budget import Budget
 from seatrial.campaign.variants import LockedAxes, with_locked_axes, with_start_values
@@ -125,12 +116,7 @@ class Campaign:
             The vehicle cannot be loaded.
         """
         path = Path(path)
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise CampaignError(
-                f"{path}: not readable as a campaign file ({reason(error)}); check the path"
-            ) from None
+        text = text_of(path, "a campaign file")
         return cls(parse(text, str(path)), text=text, source=str(path), folder=path.parent, trials=trials)
 
     @classmethod
@@ -290,8 +276,7 @@ class Campaign:
 
     def environment_of(self, trial: str) -> Environment:
         """Water and gravity of a trial, None where the vehicle's own hold."""
-        own, common = self._sources[trial].environment, self.file.environment
-        return Environment(**(common.model_dump(exclude_none=True) | own.model_dump(exclude_none=True)))
+        return self._sources[trial].environment.over(self.file.environment)
 
     def held_out(self, trial: str) -> NDArray[np.bool_]:
         """Mask (n,): True where a sample of the trial is held out of the fit."""
@@ -349,7 +334,7 @@ class Campaign:
             columns=self.file.columns | source.columns or None,
             name=trial,
             rate_hz=source.rate_hz or self.file.rate_hz,
-            sensor_positions=source.places.over(self.file.places),
+            sensor_positions=source.places.over(self.file.places).by_sensor(),
             rho=environment.rho_kg_m3,
             g=environment.g_m_s2,
         )
@@ -406,9 +391,9 @@ class Campaign:
 
     def _check_sensor_positions(self) -> None:
         length = self.vehicle.geometry().get("length")
-        refuse_far(self.file.places.over(SensorPositions()), length, f"{self.source}: places")
+        refuse_far(self.file.places.by_sensor(), length, f"{self.source}: places")
         for name, trial in self.file.trials.items():
-            refuse_far(trial.places.over(SensorPositions()), length, f"{self.source}: trials, {name}, places")
+            refuse_far(trial.places.by_sensor(), length, f"{self.source}: trials, {name}, places")
 
     def _check_side_by_side(self) -> None:
         """Refuse two stages that set one coefficient with no order between them."""

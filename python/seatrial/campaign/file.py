@@ -41,7 +41,6 @@ __all__ = [
     "Input",
     "Nuisance",
     "Polish",
-    "SensorPositions",
     "Stage",
     "Tie",
     "TrialSource",
@@ -69,9 +68,9 @@ class SensorPositions(Section):
     position_m: Position | None = None
     depth_m: Position | None = None
 
-    def over(self, other: SensorPositions) -> dict[str, Position]:
-        """Positions by sensor, with what is absent here taken from the other ones."""
-        given = other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)
+    def by_sensor(self) -> dict[str, Position]:
+        """Positions that are given, by sensor."""
+        given = self.model_dump(exclude_none=True)
         return {key.removesuffix("_m"): position for key, position in given.items()}
 
 

@@ -21,7 +21,3 @@ class Budget(Section):
     generations: Count | None = None
     simplex_rounds: Count | None = None
     tolerance: Positive | None = None
-
-    def over(self, other: Budget) -> Budget:
-        """Budget with what is absent here taken from the other one."""
-        return Budget(**(other.model_dump(exclude_none=True) | self.model_dump(exclude_none=True)))

@@ -27,7 +27,7 @@ from seatrial import _core
 from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError
 from seatrial.base.frames import FARTHEST_M, LocalFrame
-from seatrial.base.toml_file import MISSION, text_of
+from seatrial.base.toml_file import text_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -98,7 +98,7 @@ class Mission:
         ----------
         path : str or Path
         """
-        return cls.from_toml(text_of(path, MISSION), str(path))
+        return cls.from_toml(text_of(path, "a mission file", error=VehicleError), str(path))
 
     @classmethod
     def from_toml(cls, text: str, source: str = "<text>") -> Mission:

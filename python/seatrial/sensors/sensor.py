@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from pydantic import Field
 
-from seatrial.base.errors import TrialError, nearest, reason
-from seatrial.base.toml_file import Section, checked, tables
+from seatrial.base.errors import TrialError, nearest
+from seatrial.base.toml_file import Section, checked, tables, text_of
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -237,14 +237,11 @@ def read_as(model: type[_File], path: Path) -> _File:
     TrialError
         The file cannot be read, is no TOML, or a key or value is wrong.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        what = "a set of sensors" if model is SensorFile else "the file of a generated trial"
-        advice = "check the path, or say typical" if model is SensorFile else "check the path"
-        raise TrialError(f"{path}: not readable as {what} ({reason(error)}); {advice}") from None
-    data = tables(text, str(path), error=TrialError)
-    if model is SensorFile:
+    sensors = model is SensorFile
+    what = "a set of sensors" if sensors else "the file of a generated trial"
+    advice = f"check the path, or use {TYPICAL}" if sensors else "check the path"
+    data = tables(text_of(path, what, error=TrialError, advice=advice), str(path), error=TrialError)
+    if sensors:
         # What a truth file says of its vehicle is another reader's business.
         data = {key: value for key, value in data.items() if key not in _OF_THE_VEHICLE}
     return checked(model, data, str(path), error=TrialError)

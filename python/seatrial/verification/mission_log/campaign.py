@@ -123,7 +123,6 @@ def campaign_log(campaign: Campaign, source: str | Path) -> CampaignLog:
 
 def _read(campaign: Campaign, path: Path) -> MissionLog:
     """A recording with the campaign's column map, or as it is where it has the canonical names."""
-    from seatrial.campaign.file import SensorPositions
     from seatrial.trial.readers import read_table
 
     file = campaign.file
@@ -140,7 +139,7 @@ def _read(campaign: Campaign, path: Path) -> MissionLog:
         columns=file.columns or None,
         reader=file.reader,
         rate_hz=file.rate_hz,
-        sensor_positions=file.places.over(SensorPositions()),
+        sensor_positions=file.places.by_sensor(),
         rho=file.environment.rho_kg_m3,
         g=file.environment.g_m_s2,
     )
