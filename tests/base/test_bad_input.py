@@ -321,7 +321,7 @@ def test_interrupted_bench_leaves_nothing_half_written(
     here: Path, monkeypatch: pytest.MonkeyPatch, files: int
 ) -> None:
     """Ctrl-C while the run directory is written, after so many of its files."""
-    write, count = whole_file.write_whole, 0
+    write, count = whole_file.write_atomic, 0
 
     def interrupted(path: Path, content: bytes) -> None:
         nonlocal count
@@ -330,7 +330,7 @@ def test_interrupted_bench_leaves_nothing_half_written(
             raise KeyboardInterrupt
         write(path, content)
 
-    monkeypatch.setattr(run_directory, "write_whole", interrupted)
+    monkeypatch.setattr(run_directory, "write_atomic", interrupted)
     result = call("bench", "bench.toml", "--write", "v.toml")
     assert result.exit_code == 130
     assert "interrupted" in result.stderr

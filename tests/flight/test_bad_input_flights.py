@@ -251,7 +251,7 @@ def test_ctrl_c_while_a_flight_is_written_leaves_nothing(
     here: Path, monkeypatch: pytest.MonkeyPatch, written: int
 ) -> None:
     """Interrupted after so many files of the run directory."""
-    write, count = whole_file.write_whole, 0
+    write, count = whole_file.write_atomic, 0
 
     def interrupted(path: Path, content: bytes) -> None:
         nonlocal count
@@ -260,7 +260,7 @@ def test_ctrl_c_while_a_flight_is_written_leaves_nothing(
             raise KeyboardInterrupt
         write(path, content)
 
-    monkeypatch.setattr(run_directory, "write_whole", interrupted)
+    monkeypatch.setattr(run_directory, "write_atomic", interrupted)
     result = call("fly", "cwolf", "cwolf", "out.toml", "--no-figures")
     assert result.exit_code == 130
     assert "interrupted" in result.stderr

@@ -1,6 +1,6 @@
-"""Files written whole or not at all: under another name first, which is changed when they are complete.
+"""Atomic writes: a file is complete or not there, since it is written under another name and then renamed.
 
-Held by `test_a_file_that_cannot_be_finished_leaves_the_former_one`.
+Held by ``test_a_file_that_cannot_be_finished_leaves_the_former_one``.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from seatrial.base.errors import TrialError, reason
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["parquet", "write_table", "write_whole"]
+__all__ = ["parquet", "write_atomic", "write_table"]
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that its name never stands for a part of it.
+def write_atomic(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all.
 
     Raises
     ------
     OSError
-        It cannot be written; what the name stood for before is still there.
+        It cannot be written; the former file of that name is still there.
     """
     partial = path.with_name(path.name + ".writing")
     try:
@@ -46,7 +46,7 @@ def parquet(frame: pl.DataFrame) -> bytes:
 
 
 def write_table(
-    frame: pl.DataFrame, path: str | Path, *, comments: str = "", advice: str = "choose another place"
+    frame: pl.DataFrame, path: str | Path, *, comments: str = "", advice: str = "choose another folder"
 ) -> None:
     """Write a table as CSV, or as Parquet where the path ends so.
 
@@ -67,6 +67,6 @@ def write_table(
     target = Path(path)
     content = parquet(frame) if target.suffix == ".parquet" else (comments + frame.write_csv()).encode()
     try:
-        write_whole(target, content)
+        write_atomic(target, content)
     except OSError as error:
         raise TrialError(f"{path}: cannot be written ({reason(error)}); {advice}") from None

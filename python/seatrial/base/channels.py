@@ -1,9 +1,8 @@
-"""Channels of a trial one by one: the unit that people read, and angles, which have no beginning.
+"""Channels of a trial and axes of the vehicle: order, the unit that people read, and differences of angles.
 
 The mean of an angle is that of its direction, ``arg mean(exp(i phi))``, and its differences are taken the
-shorter way round (Mardia and Jupp, *Directional Statistics*, 2000, section 2.2).
-
-Tests: ``tests/trial/test_score.py``, ``tests/estimation/test_segment_scale.py``.
+shorter way round (Mardia and Jupp, *Directional Statistics*, 2000, section 2.2). Held by
+``tests/trial/test_score.py`` and ``tests/estimation/test_segment_scale.py``.
 """
 
 from __future__ import annotations
@@ -13,15 +12,19 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.rotation import shorter
 
-__all__ = ["ANGLES", "AXES", "CHANNELS", "deviations", "difference", "readable"]
+__all__ = ["ANGLES", "AXES", "CHANNELS", "DEGREE", "VELOCITIES", "deviations", "difference", "readable"]
 
 CHANNELS = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "roll", "pitch", "yaw")
 """Order of the channels wherever an array has twelve columns: m/s, rad/s, m, rad."""
 
-DEGREE = float(np.pi / 180.0)
-
 AXES = "XYZKMN"
 """Letters of the axes in the core's order."""
+
+VELOCITIES = "uvwpqr"
+"""Velocity of each axis: m/s, rad/s."""
+
+DEGREE = float(np.pi / 180.0)
+"""One degree in rad."""
 
 ANGLES = ("roll", "pitch", "yaw")
 """Channels that are angles, rad."""
@@ -53,7 +56,7 @@ def readable(channel: str) -> tuple[float, str]:
     >>> readable("u"), readable("yaw")[1]
     ((1.0, 'm/s'), 'deg')
     """
-    degrees = channel in ("p", "q", "r", *ANGLES)
+    degrees = channel in (*VELOCITIES[3:], *ANGLES)
     return 1.0 / DEGREE if degrees else 1.0, ("deg" if degrees else "m") + (
-        "/s" if channel in "uvwpqr" else ""
+        "/s" if channel in VELOCITIES else ""
     )

@@ -1,19 +1,16 @@
-"""Frames by name: vectors and attitudes of a recording into NED (earth) and FRD (body).
+"""Frames: vectors and attitudes of a recording into NED and FRD by name; north and east about an origin.
 
 Body frames: FRD (x forward, y starboard, z down), FLU (y port, z up). Earth frames: NED, NWU (z up, y west),
 ENU (x east, y north, z up). An attitude turns the body frame into the earth frame and names both: "FLU/ENU".
 With ``v_NED = E v`` and ``v_FRD = B v`` for the recording's frames, its rotation R becomes ``E R B'``.
-ROS uses FLU and ENU (REP 103). Held by the ``test_law_`` functions of tests/base/test_frames.py.
+ROS uses FLU and ENU (REP 103). Held by the ``test_law_`` functions of ``tests/base/test_frames.py``.
 
-North and east in metres about an origin, and back: the azimuthal equidistant projection of WGS 84.
-
-A place lies at its geodesic distance s from the origin, in the direction of the geodesic's azimuth α there:
-north = s cos α, east = s sin α. Distances and bearings from the origin are exact; across, lengths grow with
-the distance by (s/R)²/6, 0.4 ppm at 10 km (4 mm) and 41 ppm at 100 km (4 m). North is that of the origin: at
-s to the east of it true north differs by s tan(latitude)/R, 0.16° at 10 km and 60° latitude.
-
+A local frame is the azimuthal equidistant projection of WGS 84: a point lies at its geodesic distance s from
+the origin, in the direction of the geodesic's azimuth α there, north = s cos α, east = s sin α. Distances and
+bearings from the origin are exact; across, lengths grow by (s/R)²/6, 0.4 ppm at 10 km (4 mm) and 41 ppm at
+100 km (4 m). At s to the east, true north differs by s tan(latitude)/R, 0.16° at 10 km and 60° latitude.
 Source: Snyder, *Map Projections: A Working Manual* (USGS Professional Paper 1395, 1987), chapter 25; Karney,
-*Algorithms for geodesics*, Journal of Geodesy 87 (2013). Held by tests/flight/test_mission_geographic.py.
+*Algorithms for geodesics*, Journal of Geodesy 87 (2013). Held by ``tests/flight/test_mission_geographic.py``.
 """
 
 from __future__ import annotations
@@ -124,21 +121,21 @@ class LocalFrame:
     Examples
     --------
     >>> frame = LocalFrame(63.44, 10.40)
-    >>> place = frame.metres([63.45, 10.42])
-    >>> place.round(2)
+    >>> point = frame.metres([63.45, 10.42])
+    >>> point.round(2)
     array([1114.84,  997.82])
-    >>> frame.geographic(place).round(6)
+    >>> frame.geographic(point).round(6)
     array([63.45, 10.42])
     """
 
     latitude_deg: float
     longitude_deg: float
 
-    def metres(self, places: ArrayLike) -> NDArray[np.float64]:
-        """North and east (..., 2) in m of places (..., 2), latitude and longitude in degrees."""
+    def metres(self, points: ArrayLike) -> NDArray[np.float64]:
+        """North and east (..., 2) in m of points (..., 2), latitude and longitude in degrees."""
         from pyproj import Geod
 
-        latitude, longitude = np.moveaxis(np.asarray(places, dtype=float), -1, 0)
+        latitude, longitude = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
         origin = np.full_like(longitude, self.longitude_deg), np.full_like(latitude, self.latitude_deg)
         azimuth, _, distance = Geod(ellps="WGS84").inv(origin[0], origin[1], longitude, latitude)
         angle = np.deg2rad(azimuth)

@@ -1,4 +1,4 @@
-"""What an identification reports while it runs."""
+"""What a search and an identification report while they run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Progress:
 
     ``best`` is that stage's best cost, ``fraction`` the share of all stages' work that is done and ``left_s``
     the time left, s, if every search uses its whole budget. ``notes`` are sentences to show at once: what the
-    data cannot tell, known before the search.
+    data cannot determine, known before the search.
     """
 
     stage: str

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from seatrial.base.atomic_write import write_whole
+from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError
 
 __all__ = ["RUN_FILE", "Part", "RunDirectory", "StageStore", "check_writable", "to_json"]
@@ -87,7 +87,7 @@ class RunDirectory:
                 )
         try:
             (self.workspace / _STAGES).mkdir(parents=True, exist_ok=True)
-            write_whole(self.workspace / ".probe", b"\0" * 4096)
+            write_atomic(self.workspace / ".probe", b"\0" * 4096)
             (self.workspace / ".probe").unlink()
         except OSError as error:
             raise _refusal(self.workspace, error) from None
@@ -172,7 +172,7 @@ class RunDirectory:
     def _put(self, path: Path, content: bytes) -> None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, content)
+            write_atomic(path, content)
         except OSError as error:
             raise _refusal(path, error) from None
 

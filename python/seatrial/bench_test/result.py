@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import write_whole
+from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.run import RUN_FILE, RunDirectory, to_json
 from seatrial.bench_test.characteristic import unlike
@@ -287,7 +287,7 @@ class BenchTest:
                 " vehicle file of the bench test"
             )
         try:
-            write_whole(target, self.vehicle_text.encode())
+            write_atomic(target, self.vehicle_text.encode())
         except OSError as error:
             raise SeatrialError(
                 f"{target}: cannot be written ({reason(error)}); choose a place that you may write to"

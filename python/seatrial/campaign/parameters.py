@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import AXES
+from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Coefficient, Stage
 from seatrial.vehicle.actuators import actuator_groups
@@ -22,9 +22,7 @@ from seatrial.vehicle.actuators import actuator_groups
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["VELOCITIES", "Parameter", "coefficients", "names", "parameters", "spread"]
-
-VELOCITIES = "uvwpqr"
+__all__ = ["Parameter", "coefficients", "names", "parameters", "spread"]
 
 
 @dataclass(frozen=True)

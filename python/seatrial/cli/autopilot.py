@@ -37,7 +37,7 @@ def autopilot(
 ) -> None:
     """Write an autopilot with start gains from a vehicle's model, and say what they are worth."""
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.atomic_write import write_whole
+    from seatrial.base.atomic_write import write_atomic
     from seatrial.check.autopilot import check_autopilot
     from seatrial.cli.console import output, print_json
     from seatrial.control_design.margins import autopilot_margins, sound_speeds
@@ -51,7 +51,7 @@ def autopilot(
     margins = autopilot_margins(loaded, made)
     between = sound_speeds(loaded, made)
     told = [*authority(loaded, found), *_left_out(text)]
-    write_whole(out, text.encode())
+    write_atomic(out, text.encode())
     if json:
         rows = [vars(row) | {"verdict": row.verdict} for row in margins]
         beside = {"authority": told, "margins": rows, "sound_m_s": between, "file": str(out)}

@@ -260,10 +260,10 @@ def _refuse_place(path: Path) -> None:
 
 def _write(path: Path, text: str) -> None:
     """Write a file that was asked for beside the run directory."""
-    from seatrial.base.atomic_write import write_whole
+    from seatrial.base.atomic_write import write_atomic
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, text.encode())
+    write_atomic(path, text.encode())
 
 
 _LONGEST_NAME = 80

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import AXES
-from seatrial.campaign.parameters import VELOCITIES
+from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests, unexplained

@@ -40,10 +40,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.channels import AXES
+from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Anchor, Ballast, Bollard, DryMass
-from seatrial.campaign.parameters import VELOCITIES, names, parameters
+from seatrial.campaign.parameters import names, parameters
 from seatrial.estimation.joint import joint_stage
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard, pushes
 

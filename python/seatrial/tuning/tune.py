@@ -38,7 +38,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.atomic_write import write_whole
+from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.progress import Progress, Step
 from seatrial.control_design.margin_constraint import refuse_other_laws
@@ -488,7 +488,7 @@ def _left_behind(found: Tuning, directory: RunDirectory) -> Tuning:
         return found
     path = directory.workspace / "autopilot.toml"
     try:
-        write_whole(path, found.autopilot.to_toml().encode())
+        write_atomic(path, found.autopilot.to_toml().encode())
     except OSError:  # the gains are in what is returned all the same
         return found
     return replace(found, kept=path)

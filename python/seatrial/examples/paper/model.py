@@ -24,8 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.base.channels import AXES
-from seatrial.campaign.parameters import VELOCITIES
+from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.examples.paper.diagram import bar, block, connect, dot, page, summing, words
 from seatrial.report.plot.style import WIDTH_IN, house_style, number, symbol
 
