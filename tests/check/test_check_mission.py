@@ -19,7 +19,7 @@ from seatrial.flight.mission import Mission
 from seatrial.vehicle.steady_state import Turn, cruise, speeds, turns
 from seatrial.vehicle.turning import FinTurn, fin_turn, turning_radius
 
-EXAMPLES = Path(__file__).parent.parent / "examples" / "missions"
+EXAMPLES = Path(__file__).parents[2] / "examples" / "missions"
 CWOLF, REMUS, ROV = (Vehicle.load(name) for name in ("cwolf", "remus100", "bluerov2-heavy"))
 HEAD = 'format = 1\nname = "made"\nspeed_m_s = {speed}\nacceptance_radius_m = {radius}\n'
 

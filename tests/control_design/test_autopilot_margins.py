@@ -12,7 +12,7 @@ from seatrial.control_design.lqr import design_lqr
 from seatrial.control_design.margins import MarginRow, autopilot_margins, sound_speeds
 
 CWOLF = st.Vehicle.load("cwolf")
-STARTER = st.Vehicle.load(Path(__file__).parent.parent / "examples" / "starter" / "vehicle.toml")
+STARTER = st.Vehicle.load(Path(__file__).parents[2] / "examples" / "starter" / "vehicle.toml")
 LOOPS = {"hover": ("surge", "heave", "pitch", "heading"), "cruise": ("surge", "pitch", "heading")}
 LEG = """
 format = 1

@@ -27,7 +27,7 @@ from seatrial.control_design.margins import (
 CWOLF = st.Vehicle.load("cwolf")
 LAUV = st.Vehicle.load("lauv")
 BUILT_IN = st.Autopilot.load("cwolf")
-START = Path(__file__).parent.parent / "examples" / "cwolf" / "start_autopilot.toml"
+START = Path(__file__).parents[2] / "examples" / "cwolf" / "start_autopilot.toml"
 AHEAD = (0.881, 1.951, 3.021)
 PLACED = 0.005
 """Of a gain margin: 180 frequencies place a crossing within half a per cent, and in phase within 0.1 deg."""

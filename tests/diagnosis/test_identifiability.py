@@ -18,7 +18,7 @@ from seatrial.estimation.joint_estimate import linearise
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.trial.truth import Truth
 
-CWOLF = Path(__file__).parent.parent / "examples" / "cwolf"
+CWOLF = Path(__file__).parents[2] / "examples" / "cwolf"
 ROLL = ("K_pdot", "K_p", "K_pp")
 # Trial, axes, coefficients, what is held out to save time. Roll's coefficients are asked of all stages.
 STAGES: dict[str, tuple[str, str, dict[str, str], str]] = {

@@ -174,7 +174,7 @@ def test_every_column_channel_and_coefficient_is_in_the_conventions() -> None:
     for column in CANONICAL:
         assert f"`{column}`" in page, column
     assert " ".join(CHANNELS) in page
-    polynomial = st.Vehicle.load(ROOT / "tests" / "every_term.toml")
+    polynomial = st.Vehicle.load(ROOT / "tests" / "core" / "every_term.toml")
     for vehicle in (st.Vehicle.load("cwolf"), polynomial):
         for name in vehicle.coefficient_info():
             short = name.partition(".")[2] or name

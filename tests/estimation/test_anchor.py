@@ -27,7 +27,7 @@ from seatrial.estimation.scale import (
 )
 from seatrial.vehicle.actuators import bollard
 
-VEHICLES = [*Vehicle.names(), str(Path(__file__).parent / "every_term.toml")]
+VEHICLES = [*Vehicle.names(), str(Path(__file__).parents[1] / "core" / "every_term.toml")]
 CENTRES = {f"{axis}_{centre}" for axis in "xyz" for centre in "gb"}
 BELUGA = Vehicle.load("beluga")
 

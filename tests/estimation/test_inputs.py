@@ -18,7 +18,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.estimation.inputs import dependence, judge_inputs, thrusts, trained
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"
 T = np.arange(0.0, 60.0, 0.1)
 
@@ -211,7 +211,7 @@ def test_of_a_logged_wrench_only_the_rows_are_judged(tmp_path: Path) -> None:
 
 
 def test_a_reaction_torque_is_no_thrust() -> None:
-    vehicle = Vehicle.load(Path(__file__).parent / "every_term.toml")
+    vehicle = Vehicle.load(Path(__file__).parents[1] / "core" / "every_term.toml")
     column = np.asarray(vehicle.allocation_matrix())[:, 0]
     torque = np.array([0.0, 0.0, 0.0, 2.0, -0.2, 0.4])
     each = np.zeros((1, len(vehicle.actuators), 6))

@@ -25,7 +25,7 @@ from seatrial.trial.generated import Recipe
 from seatrial.trial.trial import Trial
 from seatrial.trial.truth import Truth
 
-CWOLF = Path(__file__).parent.parent / "examples" / "cwolf"
+CWOLF = Path(__file__).parents[2] / "examples" / "cwolf"
 
 TRUTH = """
 format = 1

@@ -27,7 +27,7 @@ from seatrial.experiment.manoeuvre import (
 from seatrial.trial.trial import Trial
 from seatrial.vehicle.actuators import bollard, largest
 
-STARTER = Path(__file__).parent.parent / "python" / "seatrial" / "examples" / "starter" / "vehicle.toml"
+STARTER = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "starter" / "vehicle.toml"
 VEHICLES = {name: Vehicle.load(name) for name in ("cwolf", "beluga")} | {"starter": Vehicle.load(STARTER)}
 CWOLF = VEHICLES["cwolf"]
 THRUSTERS = Thrusters(CWOLF)

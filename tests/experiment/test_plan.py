@@ -36,8 +36,8 @@ from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 
 Array = NDArray[np.float64]
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
-STARTER = Path(__file__).parent.parent / "python" / "seatrial" / "examples" / "starter"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+STARTER = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "starter"
 CWOLF = Vehicle.load("cwolf")
 THRUSTERS = Thrusters(CWOLF)
 SURGE, YAW, HEAVE = (THRUSTERS.drives_of(axis)[0] for axis in "XNZ")

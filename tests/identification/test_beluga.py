@@ -15,7 +15,7 @@ from seatrial.estimation.stage import plan
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
 
-EXAMPLE = Path(__file__).parent.parent / "python" / "seatrial" / "examples" / "beluga"
+EXAMPLE = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "beluga"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"
 
 pytestmark = pytest.mark.skipif(
