@@ -191,7 +191,7 @@ def test_law_a_drift_over_ground_is_fed_back_only_where_sway_is_held() -> None:
 )
 def test_the_regulator_flies_the_missions_of_the_pid(name: str, speed: float, sensors: str | None) -> None:
     for flown in flights(name, speed, sensors=sensors, text=regulated(name)):
-        assert flown.ending == "complete"
+        assert flown.outcome == "complete"
         assert flown.missed_by <= RADIUS_M[name]
         assert flown.cross_track < 0.5
         assert flown.vertical < 0.5

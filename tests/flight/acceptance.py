@@ -59,7 +59,7 @@ class Figures:
     ``starts_and_stops`` and ``reversals`` are those of the actuator that has most of them.
     """
 
-    ending: str
+    outcome: str
     waypoints: int
     missed_by: float
     cross_track: float
@@ -126,7 +126,7 @@ def _figures(flown: Flights, case: int, name: str, vehicle: Vehicle) -> Figures:
     ending = names["endings"][int(figures["ending"])]
     assert ending != "complete" or steady.any()  # else the largest of no errors is zero
     return Figures(
-        ending=ending,
+        outcome=ending,
         waypoints=int(figures["waypoints"]),
         missed_by=figures["missed_by"],
         cross_track=float(np.abs(column["cross_track"][steady]).max(initial=0.0)),

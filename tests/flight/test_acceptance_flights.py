@@ -48,7 +48,7 @@ def test_issue_every_waypoint_is_reached_and_the_line_is_kept(
     name: str, speed: float, sensors: str | None
 ) -> None:
     for current, flown in zip(CURRENTS, flights(name, speed, sensors=sensors), strict=True):
-        assert flown.ending == "complete", current
+        assert flown.outcome == "complete", current
         assert flown.waypoints == 4
         assert flown.missed_by <= RADIUS_M[name], current
         assert flown.cross_track < 0.5, current
@@ -80,7 +80,7 @@ def test_lauv_at_its_slowest_is_moved_by_the_trim_that_changes_at_a_turn() -> No
     learn: the waypoints are reached, the depth is 0.5 m off for a while.
     """
     for flown in flights("lauv", 0.7):
-        assert flown.ending == "complete"
+        assert flown.outcome == "complete"
         assert flown.cross_track < 0.5
         assert flown.vertical < 0.5
         assert flown.overshoot_percent < 6.0
@@ -97,7 +97,7 @@ def test_remus_slower_than_its_lift_allows_is_told_by_its_file_and_does_not_keep
 def test_start_values_fly_out_of_the_box(name: str) -> None:
     text = start_autopilot(Vehicle.load(name))
     for flown in flights(name, USUAL[name], sensors="typical", text=text):
-        assert flown.ending == "complete"
+        assert flown.outcome == "complete"
         assert flown.missed_by <= RADIUS_M[name]
         assert flown.cross_track < 0.5
         assert flown.overshoot_percent < 5.0
@@ -138,11 +138,11 @@ def test_start_gains_of_the_tuning_fly_in_cruise_and_overshoot_where_the_modes_c
     """What the tuning begins from: see the head of the file."""
     text = (EXAMPLES / "cwolf" / "start_autopilot.toml").read_text()
     for flown in flights("cwolf", 1.5, sensors="typical", text=text):
-        assert flown.ending == "complete"
+        assert flown.outcome == "complete"
         assert flown.cross_track < 0.5
         assert flown.overshoot_percent < 5.0
     between = flights("cwolf", 1.0, sensors="typical", text=text)
-    assert all(flown.ending == "complete" for flown in between)
+    assert all(flown.outcome == "complete" for flown in between)
     assert 5.0 < max(flown.overshoot_percent for flown in between) < 20.0
 
 
@@ -194,7 +194,7 @@ def test_issue_a_dead_stern_propeller_is_found_and_the_mission_completed(
     fault: st.Fault, sensors: str | None
 ) -> None:
     for flown in flights("cwolf", 1.5, sensors=sensors, faults=(fault,)):
-        assert flown.ending == "complete"
+        assert flown.outcome == "complete"
         assert flown.missed_by <= RADIUS_M["cwolf"]
         assert flown.cross_track < 0.5
         assert flown.overshoot_percent < 5.0
@@ -202,7 +202,7 @@ def test_issue_a_dead_stern_propeller_is_found_and_the_mission_completed(
 
 def test_issue_a_dead_propeller_without_feedback_costs_depth_but_not_the_mission() -> None:
     for flown in flights("cwolf", 1.5, faults=(st.Fault("SbU", at_s=100.0),), feedback=False):
-        assert flown.ending == "complete"
+        assert flown.outcome == "complete"
         assert flown.missed_by <= RADIUS_M["cwolf"]
         # Nobody takes the dead one out: the loops fight its share until the integrals carry it.
         assert 5.0 < flown.overshoot_percent < 30.0
@@ -212,7 +212,7 @@ def test_issue_a_dead_propeller_without_feedback_costs_depth_but_not_the_mission
 @pytest.mark.parametrize("sensors", SENSORS)
 def test_issue_a_dead_thruster_of_bluerov2_heavy_is_survived(name: str, sensors: str | None) -> None:
     for flown in flights("bluerov2-heavy", 0.5, sensors=sensors, faults=(st.Fault(name, at_s=30.0),)):
-        assert flown.ending == "complete"
+        assert flown.outcome == "complete"
         assert flown.missed_by <= RADIUS_M["bluerov2-heavy"]
         assert flown.vertical < 0.5
         # A horizontal one leaves three, which give less thrust ahead than 0.8 m/s through the water need.
@@ -224,7 +224,7 @@ def test_a_dead_horizontal_thruster_does_not_push_beluga_aside(number: int) -> N
     """In cruise no loop holds sway: the allocation keeps the row at zero, or three thrusters would push."""
     fault = st.Fault(Vehicle.load("beluga").actuators[number], at_s=20.0)
     for flown in flights("beluga", 0.6, sensors="typical", faults=(fault,)):
-        assert flown.ending == "complete"
+        assert flown.outcome == "complete"
         assert flown.missed_by <= RADIUS_M["beluga"]
         assert flown.cross_track < 0.5
 
@@ -239,7 +239,7 @@ def test_issue_a_stuck_fin_is_found_and_buoyancy_brings_remus_up(fin: str, angle
     fault = st.Fault(fin, at_s=100.0, stuck_at=float(np.deg2rad(angle)))
     for sensors in SENSORS:
         for flown in flights("remus100", 2.0, sensors=sensors, faults=(fault,)):
-            assert flown.ending == "aborted"
+            assert flown.outcome == "aborted"
             assert flown.alert == "actuator"
             assert flown.surfaced
             assert flown.duration < 400.0
@@ -253,12 +253,12 @@ def test_issue_a_stuck_fin_without_feedback_is_flown_with_or_ends_at_a_limit(fin
         held = abs(angle) <= 5.0 if fin == "rudder_upper" else angle <= 0.0
         if held:
             # The other half of the pair has the reach for it.
-            assert flown.ending == "complete"
+            assert flown.outcome == "complete"
             assert flown.missed_by <= RADIUS_M["remus100"]
         else:
             # A rudder that holds the turn: no progress, or no more time. A plane that holds the bow down:
             # the depth limit.
-            assert flown.ending == ("surfaced" if fin == "rudder_upper" else "aborted")
+            assert flown.outcome == ("surfaced" if fin == "rudder_upper" else "aborted")
             assert flown.alert in (("progress", "time") if fin == "rudder_upper" else ("depth",))
             # An abort is followed for two minutes, and 7 N bring it up by some tenths of a metre per second.
             assert flown.surfaced if fin == "rudder_upper" else flown.risen > 10.0
@@ -271,13 +271,13 @@ def test_issue_a_stuck_fin_may_be_flown_on_with_where_the_file_says_so() -> None
     for fin, angle in (("rudder_upper", 0.0), ("rudder_upper", 3.0), ("stern_plane_port", -3.0)):
         fault = st.Fault(fin, at_s=100.0, stuck_at=float(np.deg2rad(angle)))
         for flown in flights("remus100", 2.0, faults=(fault,), text=on):
-            assert flown.ending == "complete"
+            assert flown.outcome == "complete"
             assert flown.missed_by <= RADIUS_M["remus100"]
 
 
 def test_issue_a_dead_propeller_brings_remus_up() -> None:
     for flown in flights("remus100", 2.0, faults=(st.Fault("propeller", at_s=100.0),)):
-        assert flown.ending == "aborted"
+        assert flown.outcome == "aborted"
         assert flown.surfaced
 
 

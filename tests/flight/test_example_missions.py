@@ -29,4 +29,4 @@ def test_every_waypoint_is_reached(name: str, current: str) -> None:
     vehicle = VEHICLES[name]
     flight = st.fly(vehicle, vehicle, MISSIONS / f"{name}.toml", current=CURRENTS[current], voltage=16.0)
     missed = [leg.label for leg in flight.legs if not leg.reached]
-    assert flight.complete, f"{flight.ending}, missed {missed}"
+    assert flight.complete, f"{flight.outcome}, missed {missed}"

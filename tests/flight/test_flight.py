@@ -136,7 +136,7 @@ def test_a_flight_says_what_happened_row_by_row() -> None:
     assert flight.nu.shape == flight.demanded.shape == flight.achieved.shape == (n, 6)
     assert flight.modes == ("hover", "cruise")
     assert set(flight.commands) == set(flight.actuators) == set(flight.vehicle.actuators)
-    assert flight.ending == "complete"
+    assert flight.outcome == "complete"
     assert flight.complete
     # The water drifts east with 0.3 m/s: on the first leg, due north, that is what the hull does not feel.
     row = int(np.flatnonzero(flight.leg == 0)[-1])
@@ -174,7 +174,7 @@ def test_depth_overshoot_counts_beyond_a_change_until_the_next_one() -> None:
 
 def test_station_keeping_is_judged_by_its_distance() -> None:
     flight = flown(STATION, (0.0, 0.1, 0.0))
-    assert flight.ending == "complete"
+    assert flight.outcome == "complete"
     (leg,) = flight.legs
     near = np.linalg.norm(flight.position - [40.0, 0.0, 5.0], axis=1) <= 3.0
     held = flight.holding & ~flight.done & (np.cumsum(near) > 0)
@@ -275,7 +275,7 @@ def test_sentences_tell_ending_way_errors_and_depth() -> None:
 def test_a_missed_waypoint_is_no_complete_mission() -> None:
     # 0.05 m is less than the vehicle moves in a period: it passes the plane beside the point.
     flight = flown(BOX.replace("acceptance_radius_m = 5.0", "acceptance_radius_m = 0.05"))
-    assert flight.ending == "complete"
+    assert flight.outcome == "complete"
     missed = [leg for leg in flight.legs if not leg.reached]
     assert missed
     assert not flight.complete
@@ -300,7 +300,7 @@ def test_a_waypoint_is_reached_as_the_sensors_show_it_and_truly_nearly_so() -> N
 
 def test_a_flight_that_ends_early_has_legs_that_were_never_begun() -> None:
     flight = flown(BOX, max_time=20.0)
-    assert flight.ending == "out of time"
+    assert flight.outcome == "out of time"
     assert math.isnan(flight.legs[2].begin_s)
     assert not flight.legs[2].reached
     assert flight.legs[2].depth_step_m == -5.0
@@ -311,7 +311,7 @@ def test_a_flight_that_ends_early_has_legs_that_were_never_begun() -> None:
 def test_a_diverged_flight_is_a_result() -> None:
     wild = st.Vehicle.load("cwolf").with_coefficients({"X_uu": 400.0})  # drag that pushes
     flight = st.fly(wild, "cwolf", st.Mission.from_toml(OUT), model="cwolf")
-    assert flight.ending == "diverged"
+    assert flight.outcome == "diverged"
     assert not flight.complete
     assert "diverged" in str(flight)
     json.loads(to_json(flight.to_dict()))

@@ -62,14 +62,14 @@ def test_sensor_noise_has_the_size_that_the_file_says() -> None:
     off = np.rad2deg(flight.measured["q"] - flight.nu[:, 4])
     # 2,000 samples: the deviation is known to 1.6 %; digits of 0.001 deg/s add nothing.
     assert off.std() == pytest.approx(sensors["gyro"].noise, rel=0.08)
-    assert flight.ending == "complete"
+    assert flight.outcome == "complete"
     assert any("dead reckoning" in line for line in flight.sentences())
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_typical_sensors_do_not_stop_a_mission(seed: int) -> None:
     flight = st.fly("cwolf", "cwolf", mission(BOX), sensors="typical", current=CROSS, seed=seed)
-    assert flight.ending == "complete", str(flight)
+    assert flight.outcome == "complete", str(flight)
     assert flight.alerts == ()
 
 
@@ -99,7 +99,7 @@ def test_an_outage_keeps_the_last_sample_and_calls_for_its_reaction(what: str) -
     silent = flight.t >= 20.0
     assert np.ptp(flight.measured["x"][silent]) == 0.0
     assert np.ptp(flight.measured["z"][silent]) > 1.0
-    assert flight.ending == "surfaced"
+    assert flight.outcome == "surfaced"
     (alert,) = flight.alerts
     assert (alert.reaction, alert.cause) == ("surface", "stale_position")
     # The safety of the built-in autopilot waits 60 s.
@@ -108,7 +108,7 @@ def test_an_outage_keeps_the_last_sample_and_calls_for_its_reaction(what: str) -
 
 def test_an_outage_that_ends_is_survived() -> None:
     flight = st.fly("cwolf", "cwolf", mission(BOX), outages=[st.Outage("position", 20.0, 30.0)])
-    assert flight.ending == "complete"
+    assert flight.outcome == "complete"
     assert flight.alerts == ()
     assert not np.array_equal(flight.position, flown(BOX, (0.0, 0.0, 0.0)).position)
 
@@ -118,7 +118,7 @@ def test_the_model_of_the_autopilot_may_be_another_vehicle() -> None:
     heavy = cwolf.with_coefficients({"X_uu": 1.5 * cwolf.coefficients()["X_uu"]})
     flight = st.fly(heavy, "cwolf", mission(OUT), model=cwolf)
     own = st.fly(heavy, "cwolf", mission(OUT))
-    assert flight.ending == own.ending == "complete"
+    assert flight.outcome == own.outcome == "complete"
     # On the way up to speed the feed-forward of the lighter model asks for less.
     soon = int(2.0 / flight.period_s)
     assert flight.demanded[soon, 0] < own.demanded[soon, 0] - 0.1

@@ -202,5 +202,5 @@ def test_a_flight_that_diverges_is_drawn_as_far_as_it_went(draw: object) -> None
     changed: dict[str, Any] = {name: until_lost(getattr(flight, name)) for name in arrays}
     for name in tables:
         changed[name] = {key: until_lost(one) for key, one in getattr(flight, name).items()}
-    broken = replace(flight, ending="diverged", **changed)
+    broken = replace(flight, outcome="diverged", **changed)
     assert_on_page(draw(broken))  # type: ignore[operator]

@@ -234,7 +234,7 @@ def test_the_tuned_autopilot_flies_a_mission_with_noise_and_current() -> None:
     flight = st.fly(
         VEHICLE, tuned().autopilot, "examples/missions/farm.toml", sensors="typical", current=[0.1, 0.2, 0.0]
     )
-    assert flight.ending == "complete"
+    assert flight.outcome == "complete"
     # The start gains, whose weak integral leaves the pitch far from its set point, are 1.0 m off.
     assert flight.figures["vertical_rms_m"] < 0.4
 

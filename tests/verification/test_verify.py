@@ -110,7 +110,7 @@ def test_a_replay_has_the_figures_of_its_mission_to_the_bit(found: Verification)
     for number in (0, 5, *{run.number for run in found.requirement("is complete").worst[:2]}):
         flight = found.replay(number)
         row = flown.place(number)
-        assert flight.ending == flown.figures["ending"][row]
+        assert flight.outcome == flown.figures["ending"][row]
         for name, value in flight.figures.items():
             assert np.array_equal(flown.figures[name][row], value, equal_nan=True), (number, name)
         words = [alert.cause for alert in flight.alerts][-1:] or [""]

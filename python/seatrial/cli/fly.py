@@ -161,7 +161,9 @@ def _folder(flight: Flight) -> str:
 
 
 def _print(console: Console, flight: Flight) -> None:
-    console.print(_whole(flight.figures, f"{flight.vehicle.name} on {flight.route.name}: {flight.verdict}"))
+    console.print(
+        _whole(flight.figures, f"{flight.vehicle.name} on {flight.route.name}: {flight.outcome_in_words}")
+    )
     console.print(_legs(flight))
     if not flight.diverged:
         console.print(_loops(flight))

@@ -1,25 +1,6 @@
-"""`Flight`: one closed-loop flight, what was desired, done and achieved at every control period.
+"""`Flight`: one closed-loop flight, what came of it, and the files and words that tell it.
 
-Arrays are SI and rad, a row per control period; figures carry units in their names.
-
-Held by ``tests/flight/test_flight.py``.
-
-From the columns of the core's log to the fields of a `Flight`.
-
-Held by ``tests/flight/test_flight.py``.
-
-A flight as a table with the canonical columns of a trial, so that it reads back as one.
-
-True motion under the trial's names, what the autopilot was told as ``measured.…``, what guidance wanted as
-``desired.…``, the errors as ``error.…``; other columns are of no trial and are passed over when it is read.
-
-Held by ``test_a_flight_reads_back_as_a_trial_of_its_vehicle`` in ``tests/flight/test_flight.py``.
-
-What a flight leaves in its run directory: inputs and their hashes, versions, results, log, figures.
-
-Held by ``tests/cli/test_cli_fly.py``.
-
-A flight in words, and as plain data.
+Metrics carry units in their names. Held by ``tests/flight/test_flight.py``, ``tests/cli/test_cli_fly.py``.
 """
 
 from __future__ import annotations
@@ -28,21 +9,19 @@ import hashlib
 import math
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seatrial import _core
 from seatrial._core import autopilot_names
-from seatrial.base.arrays import Array, Mask
 from seatrial.base.atomic_write import parquet
-from seatrial.base.rotation import from_euler, matrix
 from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
     DIVERGED,
@@ -55,82 +34,12 @@ from seatrial.flight.metrics import (
     legs_of,
     loops_of,
 )
-from seatrial.flight.mission import Route
 
 if TYPE_CHECKING:
-    import polars as pl
+    from seatrial._core import Flights
+    from seatrial.flight.cases import Cases
 
-    from seatrial._core import Autopilot, Flights, Vehicle
-    from seatrial.flight.cases import Cases, Circumstances
-    from seatrial.flight.mission import Mission
-
-__all__ = ["Alert", "Flight", "facts", "log_fields", "plain", "sentences", "table"]
-
-_AXES = "XYZKMN"
-
-_DESIRED = ("speed", "lateral", "heading", "pitch", "depth")
-
-
-def log_fields(flights: Flights, vehicle: Vehicle, autopilot: Autopilot, case: int) -> dict[str, Any]:
-    """Fields of a flight by name, from the log of a case; SI and rad."""
-    columns = dict(zip(flights.columns, np.asarray(flights.log(case)).T, strict=True))
-    modes = autopilot.modes
-
-    def several(*names: str) -> Array:
-        return np.stack([columns[name] for name in names], axis=1)
-
-    def whole(name: str) -> NDArray[np.int64]:
-        return np.asarray(np.nan_to_num(columns[name]).astype(np.int64))
-
-    desired = {name: columns[f"desired_{name}"] for name in _DESIRED}
-    mode = np.clip(whole("mode"), 0, len(modes) - 1)
-    by_pitch = np.array([one["depth_by"] == "pitch" for one in modes])[mode]
-    return {
-        "position": several("x", "y", "z"),
-        "euler": several("roll", "pitch", "yaw"),
-        "nu": several("u", "v", "w", "p", "q", "r"),
-        "altitude": columns["altitude"],
-        "water": several("u_water", "v_water", "w_water"),
-        "measured": {name: columns[f"measured_{name}"] for name in autopilot_names()["channels"]},
-        "desired": desired,
-        "errors": _errors(columns, desired, by_pitch),
-        "distance": columns["distance"],
-        "leg": whole("leg"),
-        "holding": columns["holding"] > 0.5,
-        "done": columns["done"] > 0.5,
-        "mode": mode,
-        "modes": tuple(str(one["name"]) for one in modes),
-        "alert": whole("alert"),
-        "cause": whole("cause"),
-        "commands": {name: columns[f"cmd.{name}"] for name in vehicle.actuators},
-        "actuators": {name: columns[f"act.{name}"] for name in vehicle.actuators},
-        "demanded": several(*(f"demanded_{axis}" for axis in _AXES)),
-        "achieved": several(*(f"achieved_{axis}" for axis in _AXES)),
-        "power": columns["power"],
-        "battery": columns["battery"],
-    }
-
-
-def _errors(
-    columns: Mapping[str, Array], desired: Mapping[str, Array], by_pitch: NDArray[np.bool_]
-) -> dict[str, Array]:
-    """Errors of guidance as it saw them, and of the loops, desired less true."""
-    pitch = np.where(by_pitch, desired["pitch"], 0.0)
-    return {
-        "cross_track": columns["cross_track"],
-        "vertical": columns["vertical_error"],
-        "surge": desired["speed"] - columns["u"],
-        "sway": desired["lateral"] - columns["v"],
-        "heave": desired["depth"] - columns["z"],
-        "roll": -columns["roll"],
-        "pitch": pitch - columns["pitch"],
-        "heading": (desired["heading"] - columns["yaw"] + np.pi) % (2.0 * np.pi) - np.pi,
-    }
-
-
-Numbers = NDArray[np.int64]
-
-_ABORT = 3
+__all__ = ["Alert", "Flight"]
 
 
 @dataclass(frozen=True)
@@ -143,75 +52,18 @@ class Alert:
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
-    """A flight of a vehicle with its autopilot on a mission.
+class Flight(FlightLog):
+    """A flight of a vehicle with its autopilot on a mission: its log, and what came of it.
 
     Attributes
     ----------
-    vehicle, autopilot, mission, route
-        What flew, and the mission's waypoints.
-    circumstances
-        Current, sensors, faults, outages, seed: what the flight was exposed to.
-    period_s, t
-        Control period; times (n,), s.
-    position, euler, nu
-        True motion: NED in m, roll pitch yaw in rad, m/s and rad/s; (n, 3), (n, 3), (n, 6).
-    altitude, water
-        Above the bottom, (n,), m (infinite without one); velocity through the water, (n, 3), m/s.
-    measured
-        What the autopilot was told, by channel, (n,).
-    desired
-        By guidance: speed, lateral, heading, pitch, depth, (n,).
-    errors
-        cross_track, vertical (as guidance saw them, m), and per loop desired less true, (n,).
-    distance, leg, holding, done
-        To the active waypoint, m; its index; whether station was kept; whether all was done; (n,).
-    mode, modes
-        Index of the mode, (n,), and the names.
-    alert, cause
-        Level of the reaction and number of the watch that called for it, (n,); `alerts` in words.
-    commands, actuators
-        Asked for, and done by the actuators, {name: (n,)} in the unit of the command.
-    demanded, achieved
-        Wrench of the loops, and what the allocation reached of it, (n, 6), N and N m.
-    power, battery
-        Electrical power, W, and share of the charge that is left, (n,).
-    ending
+    outcome
         "complete", "surfaced", "aborted", "out of time" or "diverged".
     figures
         Figures of the whole flight, units in the names.
     """
 
-    vehicle: Vehicle
-    autopilot: Autopilot
-    mission: Mission
-    route: Route
-    circumstances: Circumstances
-    period_s: float
-    t: Array
-    position: Array
-    euler: Array
-    nu: Array
-    altitude: Array
-    water: Array
-    measured: Mapping[str, Array]
-    desired: Mapping[str, Array]
-    errors: Mapping[str, Array]
-    distance: Array
-    leg: Numbers
-    holding: Mask
-    done: Mask
-    mode: Numbers
-    modes: tuple[str, ...]
-    alert: Numbers
-    cause: Numbers
-    commands: Mapping[str, Array]
-    actuators: Mapping[str, Array]
-    demanded: Array
-    achieved: Array
-    power: Array
-    battery: Array
-    ending: str
+    outcome: str
     figures: Mapping[str, float]
 
     @classmethod
@@ -234,7 +86,7 @@ class Flight:
             circumstances=cases.circumstances,
             period_s=cases.autopilot.period_s,
             t=np.asarray(flights.t(case)),
-            ending=ending_of(figures, case),
+            outcome=ending_of(figures, case),
             figures={name: float(values[case]) for name, values in figures.items() if name not in CODED},
             **log_fields(flights, cases.vehicle, cases.autopilot, case),
         )
@@ -242,42 +94,18 @@ class Flight:
     @property
     def diverged(self) -> bool:
         """Whether the motion ended in numbers that are none."""
-        return self.ending == DIVERGED
+        return self.outcome == DIVERGED
 
     @property
     def complete(self) -> bool:
         """Whether the mission was flown to its end and every waypoint reached."""
-        return self.ending == "complete" and all(leg.reached for leg in self.legs)
+        return self.outcome == "complete" and all(leg.reached for leg in self.legs)
 
     @property
-    def verdict(self) -> str:
-        """How it ended, in words that do not call a mission complete whose waypoints were missed."""
-        missed = self.ending == "complete" and not self.complete
-        return "flown to its end, waypoints missed" if missed else self.ending
-
-    @property
-    def under_way(self) -> Mask:
-        """Rows on the mission: not complete yet and without any reaction, (n,)."""
-        return np.asarray((self.alert == 0) & ~self.done & np.isfinite(self.position).all(axis=1))
-
-    @cached_property
-    def active(self) -> Mask:
-        """Loops at work, (n, 6), in the order surge, sway, heave, roll, pitch, heading."""
-        table = np.array([one["loops"] for one in self.autopilot.modes]) > 0.5
-        live = (self.alert < _ABORT) & np.isfinite(self.nu).all(axis=1)
-        return np.asarray(table[self.mode] & live[:, None])
-
-    @cached_property
-    def energy_wh(self) -> Array:
-        """Electrical energy used up to each row, (n,), Wh."""
-        used = np.cumsum(self.power[:-1]) * self.period_s / 3600.0
-        return np.concatenate([[0.0], used])
-
-    @property
-    def loiter_radius(self) -> float:
-        """Radius of the circle that is flown where station cannot be kept, m; 0 for a vehicle that can."""
-        can_stop = self.autopilot.modes[0]["depth_by"] == "heave"
-        return 0.0 if can_stop else float(self.autopilot.gains().get("guidance.loiter_radius_m", 0.0))
+    def outcome_in_words(self) -> str:
+        """How it ended; a mission whose waypoints were missed is not called complete."""
+        missed = self.outcome == "complete" and not self.complete
+        return "flown to its end, waypoints missed" if missed else self.outcome
 
     @cached_property
     def alerts(self) -> tuple[Alert, ...]:
@@ -310,13 +138,26 @@ class Flight:
         """What happened, in sentences for a reader of a report."""
         return sentences(self)
 
+    def summary(self) -> str:
+        """The same as a text, a line per sentence."""
+        return "\n".join(self.sentences())
+
     def to_dict(self) -> dict[str, Any]:
         """Figures, legs, loops, actuators, reactions and circumstances as plain data, without the log."""
-        return plain(self)
-
-    def table(self) -> pl.DataFrame:
-        """Log with the canonical columns of a trial, and beside them what was measured and desired."""
-        return table(self)
+        return {
+            "vehicle": self.vehicle.name,
+            "autopilot": self.autopilot.name,
+            "mission": self.route.name,
+            "outcome": self.outcome,
+            "complete": self.complete,
+            "figures": dict(self.figures),
+            "legs": [leg.to_dict() for leg in self.legs],
+            "loops": {name: loop.to_dict() for name, loop in self.loops.items()},
+            "actuators": {name: use.to_dict() for name, use in self.actuator_use.items()},
+            "alerts": [asdict(alert) for alert in self.alerts],
+            "circumstances": self.circumstances.to_dict(),
+            "sentences": self.sentences(),
+        }
 
     def save(self, folder: str | Path, *, beside: Mapping[str, bytes] | None = None) -> Path:
         """Path of a run directory with the flight: JSON, Parquet, summary and inputs.
@@ -336,10 +177,10 @@ class Flight:
             The directory cannot be written; nothing is left half-written.
         """
         files: dict[str, str | bytes] = {
-            RUN_FILE: to_json(facts(self)),
+            RUN_FILE: to_json(_facts(self)),
             **{f"{name}.toml": text for name, text in _inputs(self).items()},
             "flight.json": to_json(self.to_dict()),
-            "summary.txt": "\n".join(self.sentences()) + "\n",
+            "summary.txt": self.summary() + "\n",
             "flight.parquet": parquet(self.table()),
             **(beside or {}),
         }
@@ -351,82 +192,10 @@ class Flight:
             raise
 
     def __str__(self) -> str:
-        return "\n".join(self.sentences())
+        return self.summary()
 
 
-_DEG = 180.0 / math.pi
-
-_UNIT = {"x": "m", "y": "m", "z": "m", "altitude": "m"}
-
-_UNIT |= dict.fromkeys(("roll", "pitch", "yaw"), "deg") | dict.fromkeys(("p", "q", "r"), "deg_s")
-
-_UNIT |= dict.fromkeys(("u", "v", "w", "u_water", "v_water", "w_water"), "m_s")
-
-_DESIRED_COLUMNS = {"speed": "m_s", "lateral": "m_s", "heading": "deg", "pitch": "deg", "depth": "m"}
-
-_ERRORS = {"cross_track": "m", "vertical": "m", "surge": "m_s", "sway": "m_s", "heave": "m"}
-
-_ERRORS |= dict.fromkeys(("roll", "pitch", "heading"), "deg")
-
-_FORCES = ("X_n", "Y_n", "Z_n", "K_nm", "M_nm", "N_nm")
-
-
-def table(flight: Flight) -> pl.DataFrame:
-    """Log of a flight, a row per control period."""
-    import polars as pl
-
-    rows = len(flight.t)
-    columns: dict[str, Any] = {"t_s": np.round(flight.t, 9)}
-    true = np.column_stack([flight.position, flight.euler, flight.nu, flight.water])
-    for name, values in zip(_TRUE, true.T, strict=True):
-        columns[f"{name}_{_UNIT[name]}"] = _given(values, _UNIT[name])
-    columns |= {f"cmd.{name}": values for name, values in flight.commands.items()}
-    columns |= {f"meas.{name}": values for name, values in flight.actuators.items()}
-    around = flight.circumstances
-    for axis, values in zip(("north", "east", "down"), _current(flight).T, strict=True):
-        columns[f"current_{axis}_m_s"] = values
-    if around.voltage is not None:
-        columns["voltage_v"] = np.full(rows, around.voltage)
-    if np.isfinite(flight.altitude).all():
-        columns["altitude_m"] = flight.altitude
-    for name, values in flight.measured.items():
-        columns[f"measured.{name}_{_UNIT[name]}"] = _given(values, _UNIT[name])
-    for name, unit in _DESIRED_COLUMNS.items():
-        columns[f"desired.{name}_{unit}"] = _given(flight.desired[name], unit)
-    for name, unit in _ERRORS.items():
-        columns[f"error.{name}_{unit}"] = _given(flight.errors[name], unit)
-    for k, name in enumerate(_FORCES):
-        columns[f"demanded.{name}"] = flight.demanded[:, k]
-        columns[f"achieved.{name}"] = flight.achieved[:, k]
-    columns |= {"leg": flight.leg, "mode": [flight.modes[k] for k in flight.mode], "reaction": flight.alert}
-    columns |= {"distance_m": flight.distance, "power_w": flight.power, "energy_wh": flight.energy_wh}
-    return pl.DataFrame(columns | {"battery": flight.battery})
-
-
-_TRUE = (
-    *("x", "y", "z", "roll", "pitch", "yaw"),
-    *("u", "v", "w", "p", "q", "r", "u_water", "v_water", "w_water"),
-)
-
-
-def _given(values: Array, unit: str) -> Array:
-    """Values in the unit of their column."""
-    return values * _DEG if unit.startswith("deg") else values
-
-
-def _current(flight: Flight) -> Array:
-    """Velocity of the water (n, 3), north, east, down, m/s: of a turbulent one, as met."""
-    around = flight.circumstances
-    if not any(around.turbulence):
-        return np.tile(np.asarray(around.current, dtype=float), (len(flight.t), 1))
-    turned = matrix(from_euler(flight.euler))
-    return np.asarray(np.einsum("nij,nj->ni", turned, flight.nu[:, :3] - flight.water))
-
-
-_DIGEST = "sha256"
-
-
-def facts(flight: Flight) -> dict[str, Any]:
+def _facts(flight: Flight) -> dict[str, Any]:
     """What a flight rests on: versions, machine, seed, hashes of the inputs."""
     return {
         "kind": "flight",
@@ -436,7 +205,7 @@ def facts(flight: Flight) -> dict[str, Any]:
         "machine": platform.machine(),
         "simd": _core.simd_level(),
         "seed": flight.circumstances.seed,
-        _DIGEST: {name: hashlib.sha256(text.encode()).hexdigest() for name, text in _inputs(flight).items()},
+        "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in _inputs(flight).items()},
         "circumstances": flight.circumstances.to_dict(),
     }
 
@@ -504,24 +273,6 @@ def sentences(flight: Flight) -> list[str]:
     return found
 
 
-def plain(flight: Flight) -> dict[str, Any]:
-    """A flight as plain data, without its log."""
-    return {
-        "vehicle": flight.vehicle.name,
-        "autopilot": flight.autopilot.name,
-        "mission": flight.route.name,
-        "ending": flight.ending,
-        "complete": flight.complete,
-        "figures": dict(flight.figures),
-        "legs": [leg.to_dict() for leg in flight.legs],
-        "loops": {name: loop.to_dict() for name, loop in flight.loops.items()},
-        "actuators": {name: use.to_dict() for name, use in flight.actuator_use.items()},
-        "alerts": [{"t_s": a.t_s, "reaction": a.reaction, "cause": a.cause} for a in flight.alerts],
-        "circumstances": flight.circumstances.to_dict(),
-        "sentences": flight.sentences(),
-    }
-
-
 def _ending(flight: Flight) -> str:
     who = f"{flight.vehicle.name} on {flight.route.name}"
     behind = sum(leg.reached for leg in flight.legs)
@@ -534,8 +285,8 @@ def _ending(flight: Flight) -> str:
         "aborted": "aborted",
         "out of time": f"not complete after {_time(float(flight.t[-1]))}, the longest time allowed",
         "diverged": "the motion diverged; check gains, vehicle and the largest step",
-    }[flight.ending]
-    return f"{who}: {what}, {count}{by if flight.ending == 'complete' else ''}."
+    }[flight.outcome]
+    return f"{who}: {what}, {count}{by if flight.outcome == 'complete' else ''}."
 
 
 def _reactions(flight: Flight) -> list[str]:

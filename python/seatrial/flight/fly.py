@@ -58,7 +58,7 @@ def fly(
     """Flight of a vehicle with its autopilot on a mission: track, errors, commands, modes, energy, figures.
 
     Once per control period the sensors are read and the autopilot steps; its commands hold until the next. A
-    flight that diverges or is not complete is a result, never an error: see `Flight.ending`.
+    flight that diverges or is not complete is a result, never an error: see `Flight.outcome`.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def fly(
     ... depth_m = 5.0
     ... ''')
     >>> flight = st.fly("cwolf", "cwolf", mission, current=[0.0, 0.3, 0.0])
-    >>> flight.ending, flight.legs[0].reached
+    >>> flight.outcome, flight.legs[0].reached
     ('complete', True)
     """
     if initial is not None and not isinstance(initial, State):

@@ -1,30 +1,21 @@
-"""The figures of a flight under names that carry their units.
+"""Metrics of a flight: of the whole, of its legs, of its control loops and actuators.
 
-The core sums them while it flies (`closed_loop/tally.rs`). Errors of guidance count on the second half of
-straight legs, where the vehicle has had time to settle, and are those that guidance saw; ``true_...`` is
-where the vehicle really was. Without a settled sample there is none. The depth excursion is how far the
-vehicle leaves the band between the depths of a leg's two ends. The quantiles p50, p95 and p99 are those of
-one flight's error over time; the clearance is the smallest distance to an obstacle's edge, and travel the
-mean rate at which commands move, in shares of an actuator's range.
-
-Held by ``test_figures_of_the_core_are_those_of_the_log`` in ``tests/flight/test_flight.py``.
-
-What became of every leg: was its waypoint reached, how far off the path, how far beyond the depth.
+The whole is summed by the core while it flies (`closed_loop/tally.rs`); names carry units. Errors of guidance
+count on the second half of straight legs, where the vehicle has had time to settle, and are those that
+guidance perceived; ``true_...`` is where the vehicle really was. Without a settled sample there is none. The
+depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends. The quantiles
+p50, p95 and p99 are those of one flight's error over time; the clearance is the smallest distance to an
+obstacle's edge, and travel the mean rate at which commands move, in shares of an actuator's range.
 
 A waypoint is reached when the autopilot saw the vehicle within its radius of acceptance R, and the vehicle
-truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. Errors of guidance are those of
-the second half of a straight leg, where the vehicle has had time to settle. The overshoot in depth counts
+truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. The overshoot in depth counts
 after a change of depth, beyond the new one, until the next change, as a share of the change.
-
-Held by ``tests/flight/test_flight.py``.
-
-How well the control loops and the actuators of a flight did.
 
 The error of a loop is what was desired less what the vehicle really did, over the time in which the loop was
 at work. A demand is saturated where it stands at the loop's limit, or where what the actuators reach differs
 from it by more than a hundredth of that limit.
 
-Held by ``tests/flight/test_flight.py``.
+Held by ``tests/flight/test_flight.py``; there ``test_figures_of_the_core_are_those_of_the_log``.
 """
 
 from __future__ import annotations
@@ -43,7 +34,7 @@ from seatrial.base.arrays import Array
 from seatrial.flight.mission import Route
 
 if TYPE_CHECKING:
-    from seatrial.flight.flight import Flight
+    from seatrial.flight.log import FlightLog
 
 __all__ = [
     "CODED",
@@ -201,7 +192,7 @@ class Leg:
 class _Rows:
     """Rows of the log that are under way, leg by leg: many legs share a long log."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: FlightLog) -> None:
         under_way = np.flatnonzero(flight.under_way)
         self.rows = under_way[np.argsort(flight.leg[under_way], kind="stable")]
         self.ends = np.searchsorted(flight.leg[self.rows], np.arange(len(flight.route.stops) + 1))
@@ -211,14 +202,14 @@ class _Rows:
         return np.asarray(self.rows[self.ends[first] : self.ends[last + 1]])
 
 
-def legs_of(flight: Flight) -> tuple[Leg, ...]:
+def legs_of(flight: FlightLog) -> tuple[Leg, ...]:
     """Legs of a flight, one per waypoint of its mission."""
     rows = _Rows(flight)
     told = np.stack([flight.measured[name] for name in ("x", "y", "z")], axis=1)
     return tuple(_leg(flight, k, rows, told) for k in range(len(flight.route.stops)))
 
 
-def _leg(flight: Flight, k: int, of_legs: _Rows, told: Array) -> Leg:
+def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
     path = flight.route
     stop = path.stops[k]
     found = of_legs.of(k, k)
@@ -288,7 +279,7 @@ def _never(path: Route, k: int) -> Leg:
     )
 
 
-def _distance(flight: Flight, k: int, position: Array, altitude: Array) -> Array:
+def _distance(flight: FlightLog, k: int, position: Array, altitude: Array) -> Array:
     """Distance to waypoint `k`, or to its circle, of rows (n, 3) with their altitude (n,), (n,), m."""
     stop = flight.route.stops[k]
     aside = np.hypot(*(position[:, :2] - stop.position[:2]).T)
@@ -311,7 +302,7 @@ def _step(path: Route, k: int) -> float:
     return step if abs(step) >= _LEAST_STEP_M else math.nan
 
 
-def _overshoot(flight: Flight, k: int, of_legs: _Rows) -> tuple[float, float]:
+def _overshoot(flight: FlightLog, k: int, of_legs: _Rows) -> tuple[float, float]:
     """Change of depth on leg `k` and how far beyond it the vehicle went before the next change, m."""
     path = flight.route
     step = _step(path, k)
@@ -400,7 +391,7 @@ class ActuatorUse:
         return asdict(self)
 
 
-def loops_of(flight: Flight) -> dict[str, Loop]:
+def loops_of(flight: FlightLog) -> dict[str, Loop]:
     """Figures of the loops that were at work, by name."""
     tables = tomllib.loads(flight.autopilot.to_toml())["loops"]
     found = {}
@@ -429,7 +420,7 @@ def loops_of(flight: Flight) -> dict[str, Loop]:
     return found
 
 
-def actuators_of(flight: Flight) -> dict[str, ActuatorUse]:
+def actuators_of(flight: FlightLog) -> dict[str, ActuatorUse]:
     """What was asked of every actuator, by name."""
     facts = flight.vehicle.actuator_info()
     found = {}

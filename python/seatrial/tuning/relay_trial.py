@@ -413,8 +413,8 @@ class _Sea:
                 max_time=duration,
             )
             settled = flight.t > _SETTLED_FROM * duration
-            if not (flight.ending == "out of time" and np.isfinite(flight.nu).all()):
-                return None, None, f"the flight is not straight and level: {flight.ending}"
+            if not (flight.outcome == "out of time" and np.isfinite(flight.nu).all()):
+                return None, None, f"the flight is not straight and level: {flight.outcome}"
             t, wrench = flight.t[settled], flight.achieved[settled, LOOPS.index(loop)]
             measured = _measured(flight, loop)[settled]
             if (found := relay_cycle(t, measured, wrench)) is not None:

@@ -298,7 +298,7 @@ def _remark(flight: Flight) -> str:
     way = flight.figures.get("distance_m", math.nan)
     length = f"{way / 1e3:.2f} km" if way >= 1e3 else f"{way:.0f} m"
     # Short: it shares its line with the panel's name.
-    verdict = flight.verdict.removeprefix("flown to its end, ")
+    verdict = flight.outcome_in_words.removeprefix("flown to its end, ")
     return f"{verdict}, {length} in {flight.t[-1]:.0f} s"
 
 
