@@ -125,7 +125,7 @@ def test_a_vehicle_that_cannot_be_steered_is_refused() -> None:
 
 
 def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
-    from seatrial.control_design.margins import MarginRow
+    from seatrial.control_design.margin_report import MarginRow
 
     def row(speed: float, doubles: float | None, phase: float = 60.0) -> MarginRow:
         return MarginRow("hover", speed, phase, 3.0, 0.5, doubles, "pitch" if doubles else "", True)

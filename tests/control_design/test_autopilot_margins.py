@@ -9,7 +9,7 @@ import pytest
 
 import seatrial as st
 from seatrial.control_design.lqr import design_lqr
-from seatrial.control_design.margins import MarginRow, autopilot_margins, sound_speeds
+from seatrial.control_design.margin_report import MarginRow, autopilot_margins, sound_speeds
 
 CWOLF = st.Vehicle.load("cwolf")
 STARTER = st.Vehicle.load(Path(__file__).parents[2] / "examples" / "starter" / "vehicle.toml")

@@ -13,13 +13,13 @@ from seatrial.control_design.loops import (
     Plant,
     closed,
     feedback,
-    margins,
     plant,
     restoring_law,
     sampled,
     step_response,
     with_law,
 )
+from seatrial.control_design.margins import least_margins
 from seatrial.control_design.trim import trim
 from seatrial.vehicle.authority import Delay, commandable, delays, mixing, reach
 from seatrial.vehicle.stability import neutral_fins
@@ -131,7 +131,7 @@ def test_lit_astrom_wittenmark_margins_of_a_double_integrator() -> None:
     crossover = np.sqrt((d**2 + np.sqrt(d**4 + 4.0 * k**2)) / 2.0)
     phase = np.rad2deg(np.arctan2(d * crossover, k))
     system = sampled(double_integrator(), {"N": Delay(0.0, 0.0, 0.0)}, 0.005, ())
-    found = margins(system, law(k_p, k_d))
+    found = least_margins(system, law(k_p, k_d))
     # The grid of frequencies is 0.6 % wide; sampling takes half a period, 0.14 deg.
     assert found.phase_deg == pytest.approx(phase, abs=0.5)
     assert found.delay_s == pytest.approx(np.deg2rad(phase) / crossover, rel=1e-2)
@@ -140,12 +140,12 @@ def test_lit_astrom_wittenmark_margins_of_a_double_integrator() -> None:
 
 def test_law_a_delay_beyond_the_margin_is_unstable() -> None:
     gain = law(0.5, 1.8, 0.05)
-    margin = margins(
+    margin = least_margins(
         sampled(double_integrator(), {"N": Delay(0.0, 0.0, 0.0)}, 0.02, ("heading",)), gain
     ).delay_s
     for share, stable in ((0.95, True), (1.05, False)):
         system = sampled(double_integrator(), {"N": Delay(0.0, share * margin, 0.0)}, 0.02, ("heading",))
-        assert margins(system, gain).stable == stable
+        assert least_margins(system, gain).stable == stable
 
 
 def test_law_an_integral_brings_the_step_response_to_its_reference() -> None:

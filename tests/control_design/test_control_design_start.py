@@ -9,27 +9,20 @@ import numpy as np
 import pytest
 
 from seatrial._core import Vehicle
-from seatrial.control_design.loop_gains import law
 from seatrial.control_design.loops import (
     closed,
-    margins,
     plant,
     reference_drive,
     restoring_law,
     sampled,
     step_response,
 )
+from seatrial.control_design.margins import least_margins
 from seatrial.control_design.mode_table import flies, top_speeds
-from seatrial.control_design.start_autopilot import autopilot_text, commented
-from seatrial.control_design.start_autopilot import pid_autopilot as start_autopilot
-from seatrial.control_design.start_gains import (
-    StartGains,
-    following_delay,
-    guidance,
-    heavy,
-    start_gains,
-    without_substitute,
-)
+from seatrial.control_design.pole_placement import law
+from seatrial.control_design.start_autopilot import autopilot_text, commented, start_autopilot
+from seatrial.control_design.start_gains import StartGains, start_gains
+from seatrial.control_design.start_guidance import following_delay, guidance, heavy, without_substitute
 from seatrial.control_design.trim import trim
 from seatrial.vehicle.authority import LOOPS, ROWS, delays
 
@@ -91,8 +84,8 @@ def test_law_every_loop_is_stable_and_overshoots_less_than_a_quarter(name: str) 
             )
             own = law({loop: values.loops[loop].gains[k] for loop in mode.loops}, speed)
             fed = own + restoring_law(vehicle, rows)
-            assert margins(system, own).stable
-            reached = margins(system, fed)
+            assert least_margins(system, own).stable
+            reached = least_margins(system, fed)
             assert reached.stable
             # Designed with half a period more of lag: the margin is at least what was asked for there.
             assert reached.phase_deg > 35.0

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.control_design.margin_constraint import MarginConstraint, decibel
-from seatrial.control_design.margins import ReportedMargins, measurement_delays, report_margins
+from seatrial.control_design.margin_constraint import MarginConstraint
+from seatrial.control_design.margin_report import ReportedMargins, report_margins
+from seatrial.control_design.margins import decibel
+from seatrial.control_design.operating_points import measurement_delays
 from seatrial.sensors.sensor import Sensor
 from seatrial.tuning.step_trial import Rig
 from tests.tuning.tuning_campaigns import start, still, trials

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.tuning_table import LeastMargins, Margins
-from seatrial.control_design.loops import LoopMargins
 from seatrial.control_design.margin_constraint import PointMargins
-from seatrial.control_design.margins import ReportedMargins
+from seatrial.control_design.margin_report import ReportedMargins
+from seatrial.control_design.margins import LoopMargins
 from seatrial.tuning.result import Tuning
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, start
 
 LIMITS = Margins(phase_deg=40.0, gain_db=8.0, delay_s=0.5)
 AMPLE = {"phase_deg": 80.0, "gain": 10.0, "reduction": 10.0, "delay_s": 5.0}
+RAD_S = ("phase_rad_s", "gain_rad_s", "reduction_rad_s", "delay_rad_s")
 HALF = {"phase_deg": 20.0, "gain": 10.0**0.2, "reduction": 10.0**0.2, "delay_s": 0.25}
 """Half of each limit: 4 dB are the factor 10^0.2."""
 
@@ -24,7 +25,8 @@ def point(*loops: dict[str, float], speed_m_s: float = 1.0, growth_per_s: float 
     """One candidate whose loops have these margins."""
     of = {name: np.array([[loop[name] for loop in loops]]) for name in AMPLE}
     names = ("surge", "heave", "pitch", "heading")[: len(loops)]
-    margins = LoopMargins(**of, sensitivity=np.ones((1, len(loops))))
+    rad_s = dict.fromkeys(RAD_S, np.ones((1, len(loops))))
+    margins = LoopMargins(**of, **rad_s, sensitivity=np.ones((1, len(loops))))
     return PointMargins("hover", speed_m_s, names, margins, np.array([growth_per_s]))
 
 

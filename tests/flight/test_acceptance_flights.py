@@ -14,7 +14,7 @@ import pytest
 
 import seatrial as st
 from seatrial._core import Vehicle
-from seatrial.control_design.start_autopilot import pid_autopilot as start_autopilot
+from seatrial.control_design.start_autopilot import start_autopilot
 from tests.flight.acceptance import AUTOPILOTS, CURRENTS, LEG_M, RADIUS_M, STEADY, autopilot, flights, station
 
 SPEEDS = {

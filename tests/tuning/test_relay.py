@@ -13,8 +13,8 @@ from hypothesis import strategies as draw
 
 import seatrial as st
 from seatrial.base.errors import CampaignError, SimulationError
-from seatrial.control_design.loop_gains import LoopGain, law
 from seatrial.control_design.loops import feedback, plant, restoring_law, sampled
+from seatrial.control_design.pole_placement import LoopGain, law
 from seatrial.control_design.trim import trim
 from seatrial.tuning.relay import RelayTuning, pid_gains, relay_autopilot
 from seatrial.tuning.relay_trial import RelayTrial, relay_cycle, relay_trial

@@ -14,7 +14,7 @@ import tomlkit
 import seatrial as st
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LOOPS, TuningTable, Weights, default_steps
-from seatrial.control_design.margins import reachable_points
+from seatrial.control_design.operating_points import reachable_points
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.corridors import StartFigures, default_corridor, start_figures, steps_above_noise
 from seatrial.tuning.plan import TuningPlan

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Vehicle
     from seatrial.check.autopilot import AutopilotCheck
-    from seatrial.control_design.margins import MarginRow
+    from seatrial.control_design.margin_report import MarginRow
 
 __all__ = ["authority", "autopilot", "weak_points"]
 
@@ -40,7 +40,7 @@ def autopilot(
     from seatrial.base.atomic_write import write_atomic
     from seatrial.check.autopilot import check_autopilot
     from seatrial.cli.console import output, print_json
-    from seatrial.control_design.margins import autopilot_margins, sound_speeds
+    from seatrial.control_design.margin_report import autopilot_margins, sound_speeds
     from seatrial.control_design.start_autopilot import start_autopilot
 
     _check_place(out, force=force)

@@ -1,7 +1,6 @@
-"""Gains of the linear-quadratic regulator with integral action, per mode and supporting speed.
+"""Gains of the linear-quadratic regulator with integral action, per mode and breakpoint, and their file.
 
-The linear motion about a trim is sampled behind lag and dead time of the actuators (`closed_loop`); the
-cost is
+The linear motion about a trim is sampled behind lag and dead time of the actuators (`loops`); the cost is
 
     J = sum (x_i / tolerated_i)^2 + sum (tau_j / (share tau_max_j))^2
 
@@ -10,19 +9,17 @@ and past demands, too, which nobody measures. The static gain of what is measure
 to it in the mean square is ``K P C' (C P C')^-1``, with P the covariance of all motions of the regulated
 plant that begin with tolerated deviations.
 
-The margins of every row are then judged on the whole plant: while the phase margin is below 40 deg or
+The margins of every row then count on the whole plant: while the phase margin is below 40 deg or
 |1/(1 + L)| above 2, that row of the wrench is made dearer and the gain designed again, so that lag and
 dead time lower the bandwidth instead of eating the margin. A hull that falls over by itself may have no
 such gain; it gets the best of smaller margins (`TARGETS`), or none.
 
+In the autopilot file the regulator takes the place of the PID loops: everything else stays as written,
+comments included.
+
 Source: Anderson and Moore, *Optimal Control* (1990), chapters 2 and 3; Bryson and Ho (1975), section 5.2;
 Kosut, IEEE Transactions on Automatic Control 15 (1970), 557-563 (static gain of minimum error
 excitation). Held by tests/control_design/test_control_design_lqr.py.
-
-An autopilot file with the linear-quadratic regulator in place of the PID: same modes, limits, guidance.
-
-The gains are designed for the file's own supporting speeds, modes, actuators at work and largest demands;
-everything else stays as written, comments included. Held by tests/control_design/test_control_design_lqr.py.
 """
 
 from __future__ import annotations
@@ -36,18 +33,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.loops import (
-    STATES,
-    Margins,
-    Sampled,
-    margins,
-    plant,
-    restoring_law,
-    row_margins,
-    sampled,
-    with_law,
-)
-from seatrial.control_design.trim import Trim, trim
+from seatrial.control_design.loops import STATES, Sampled, plant, restoring_law, sampled, with_law
+from seatrial.control_design.margins import LawMargins, law_margins, least_margins
+from seatrial.control_design.trim import level, trim
 from seatrial.vehicle.authority import LOOPS, ROWS, delays, reach
 
 if TYPE_CHECKING:
@@ -117,7 +105,7 @@ class LqrGains:
     loops: tuple[str, ...]
     speeds_m_s: tuple[float, ...]
     gain: Array
-    margins: tuple[Margins, ...]
+    margins: tuple[LawMargins, ...]
     dearness: tuple[tuple[float, ...], ...]
     trimmed: tuple[bool, ...]
     borrowed: tuple[bool, ...]
@@ -134,7 +122,7 @@ def design_lqr(
     restoring: bool = True,
     period_s: float = 0.1,
 ) -> dict[str, LqrGains]:
-    """Gains of the regulator per mode, at the supporting speeds.
+    """Gains of the regulator per mode, at the breakpoints.
 
     Parameters
     ----------
@@ -184,13 +172,10 @@ def design_lqr(
         working = tuple(actuators[name]) if actuators and name in actuators else None
         for u in speeds_m_s:
             flight = trim(vehicle, u, rows, working)
-            nu = np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0])
-            level = Trim(u, rows, np.zeros(3), nu, np.zeros(6), working)
-            systems.append(
-                sampled(plant(vehicle, flight or level, loops, motion=MOTION), late, period_s, loops)
-            )
+            about = flight or level(u, rows, working)
+            systems.append(sampled(plant(vehicle, about, loops, motion=MOTION), late, period_s, loops))
             trimmed.append(flight is not None)
-        results: dict[int, tuple[Array, Margins, tuple[float, ...]]] = {}
+        results: dict[int, tuple[Array, LawMargins, tuple[float, ...]]] = {}
         refusals = []
         for k, system in enumerate(systems):
             try:
@@ -210,7 +195,9 @@ def design_lqr(
             loops=loops,
             speeds_m_s=tuple(speeds_m_s),
             gain=np.stack([results[j][0] for j in own]),
-            margins=tuple(margins(of, results[j][0] + known) for of, j in zip(systems, own, strict=True)),
+            margins=tuple(
+                least_margins(of, results[j][0] + known) for of, j in zip(systems, own, strict=True)
+            ),
             dearness=tuple(results[j][2] for j in own),
             trimmed=tuple(trimmed),
             borrowed=tuple(j != k for k, j in enumerate(own)),
@@ -243,7 +230,7 @@ def _of_rates(gains: LqrGains) -> Array:
 
 def _safe_gain(
     system: Sampled, known: Array, weights: tuple[Tolerances, Array]
-) -> tuple[Array, Margins, tuple[float, ...]]:
+) -> tuple[Array, LawMargins, tuple[float, ...]]:
     """Gain (6, 15) with the margins asked for, the margins, and how dear each row had to be.
 
     ``known`` is the feed-forward as a law; the margins are those of both together. A hull that falls over by
@@ -254,11 +241,11 @@ def _safe_gain(
     tried, dearness = [], np.ones(len(limits))
     for _ in range(_ROUNDS):
         gain = _gain(fed, tolerances, limits * tolerances.wrench_share / dearness)
-        reached = margins(system, gain + known)
+        reached = least_margins(system, gain + known)
         tried.append((gain, reached, tuple(map(float, dearness))))
         if _holds(reached, TARGETS[0]):
             break
-        rows = row_margins(system, gain + known).values()
+        rows = law_margins(system, gain + known).values()
         short = np.array([not _holds(row, TARGETS[0]) for row in rows])
         dearness = dearness * np.where(short, _DEARER, 1.0)
     for target in TARGETS:
@@ -269,7 +256,7 @@ def _safe_gain(
     raise ValueError("none is stable" if most is None else f"phase margin {most:.0f} deg at most")
 
 
-def _holds(reached: Margins, target: tuple[float, float]) -> bool:
+def _holds(reached: LawMargins, target: tuple[float, float]) -> bool:
     phase, sensitivity = target
     return reached.stable and reached.phase_deg >= phase and reached.sensitivity <= sensitivity
 

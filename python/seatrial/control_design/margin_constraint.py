@@ -1,41 +1,55 @@
 """Margins of thousands of candidate gains at once, and by how much they fall short of their limits.
 
-What the laws see of the linear motion, (zI - Phi)^-1 Gamma, does not depend on the gains: it is solved once
-per supporting point and mode (`seatrial.control_design.loops`). A candidate is then a weighted sum over
-K_P, K_I, K_D and the restoring feed-forward; each row of the wrench is opened alone, the others closed,
-L_i = 1/[(I + L)^-1]_ii - 1. Stability comes from the eigenvalues of Phi - Gamma K. Sensors are a dead time
-(`seatrial.control_design.margins`).
+What the laws see of the linear motion does not depend on the gains: it is solved once per breakpoint and
+mode. A candidate is then a weighted sum over K_P, K_I, K_D and the restoring feed-forward, whose rows the
+margin engine opens (`seatrial.control_design.margins`). Stability comes from the eigenvalues of Phi - Gamma
+K. Sensors are a dead time (`seatrial.control_design.operating_points`).
 
 The shortfall of a loop at a point is the largest of 1 - margin/limit over its margins, 0 where all hold and 1
 where one is used up, which is the edge of stability. That of a point is the largest of its loops, or 1 + 10 s
 times sigma where a motion grows with the rate sigma in 1/s, and 0.3 of the others'; that of a candidate is
-the sum over the points. Held by tests/control_design/test_margin_constraint.py,
+the sum over the points. Held by tests/control_design/test_margin_constraint.py and
 tests/control_design/test_margin_shortfall.py.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.control_design.margins import reachable_points, working_points
+from seatrial.campaign.tuning_table import Margins
+from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, refuse_other_laws
+from seatrial.control_design.loops import closed, feedback, responses
+from seatrial.control_design.margins import (
+    LoopMargins,
+    decibel,
+    frequencies,
+    loop_margins,
+    neutral_radius,
+    open_each,
+)
+from seatrial.control_design.operating_points import (
+    ModeLoop,
+    measurement_delays,
+    mode_loop,
+    operating_points,
+    reachable_speeds,
+)
+from seatrial.control_design.pole_placement import LoopGain, law
+from seatrial.vehicle.authority import LOOPS, ROWS
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.campaign.tuning_table import Margins
-    from seatrial.control_design.loops import LoopMargins
-    from seatrial.control_design.margins import ModeLoop
     from seatrial.sensors.sensor import Sensor
 
-__all__ = ["MarginConstraint", "PointMargins", "decibel", "refuse_other_laws"]
+__all__ = ["MarginConstraint", "PointMargins"]
 
 Complex = NDArray[np.complex128]
 
@@ -93,22 +107,6 @@ class PointMargins:
         return np.asarray(grown + others)
 
 
-def refuse_other_laws(autopilot: Autopilot) -> None:
-    """Refuse an autopilot whose gains are not those of PID loops.
-
-    Raises
-    ------
-    CampaignError
-        Its control is another one.
-    """
-    control = tomllib.loads(autopilot.to_toml())["control"]
-    if control != "pid":
-        raise CampaignError(
-            f'{autopilot.name}: expected control = "pid", whose gains can be tuned, found "{control}";'
-            " begin with an autopilot of PID loops"
-        )
-
-
 class MarginConstraint:
     """Limits on the margins of an autopilot's loops, for many candidates of its gains at once.
 
@@ -117,9 +115,9 @@ class MarginConstraint:
     vehicle : Vehicle
         The model that the margins are of.
     autopilot : Autopilot
-        Modes, supporting points, feed-forward, and the gains that a candidate does not name.
+        Modes, breakpoints, feed-forward, and the gains that a candidate does not name.
     speeds_m_s : sequence of float, optional
-        Desired speeds, m/s; the supporting points that the vehicle reaches when missing. Every mode that can
+        Desired speeds, m/s; the breakpoints that the vehicle reaches when missing. Every mode that can
         work at a speed counts, and between the slowest and the fastest every switching speed with both modes.
     limits : Margins, optional
         Least margins; those of a campaign that gives none when missing.
@@ -150,25 +148,21 @@ class MarginConstraint:
         limits: Margins | None = None,
         sensors: Mapping[str, Sensor] | str | Path | None = None,
     ) -> None:
-        from seatrial.campaign.tuning_table import Margins
-        from seatrial.control_design.margins import measurement_delays, mode_loop
-
-        tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
         refuse_other_laws(autopilot)
+        facts = autopilot_facts(autopilot)
         if speeds_m_s is None:
-            reached = reachable_points(vehicle, autopilot)
-            speeds_m_s = [u for u, hit in zip(autopilot.speeds_m_s, reached, strict=True) if hit]
+            speeds_m_s = reachable_speeds(vehicle, autopilot)
         if not len(speeds_m_s):
             raise CampaignError(
-                f"{autopilot.name}: expected supporting points that {vehicle.name} reaches, found none;"
+                f"{autopilot.name}: expected breakpoints that {vehicle.name} reaches, found none;"
                 " give schedule.speeds_m_s between its top speeds"
             )
         self.limits = limits or Margins()
-        self.points = working_points(tables, speeds_m_s)
+        self.points = operating_points(facts, speeds_m_s)
         self._gains = {name: float(value) for name, value in autopilot.gains().items()}
         late = measurement_delays(sensors, vehicle)
         self._systems = [
-            _Point(mode_loop(vehicle, tables, *point, measured_late_s=late), tables) for point in self.points
+            _Point(mode_loop(vehicle, facts, *point, measured_late_s=late), facts) for point in self.points
         ]
 
     def margins(self, gains: Gains) -> list[PointMargins]:
@@ -234,15 +228,9 @@ class MarginConstraint:
 class _Point:
     """A mode at a speed: what each gain adds to the loops and to the step of the closed loop."""
 
-    def __init__(self, at: ModeLoop, tables: dict[str, Any]) -> None:
-        from seatrial.control_design.loop_gains import LoopGain, law
-        from seatrial.control_design.loops import closed, feedback, frequencies, responses
-        from seatrial.control_design.margins import neutral_radius
-        from seatrial.vehicle.authority import LOOPS, ROWS
-
+    def __init__(self, at: ModeLoop, facts: AutopilotFacts) -> None:
         self.at, of = at, at.system
-        points = tables["schedule"]["speeds_m_s"]
-        self.shares = np.array([np.interp(at.speed_m_s, points, unit) for unit in np.eye(len(points))])
+        self.shares = facts.shares(at.speed_m_s)
         self.omega = frequencies(of.period_s, _FREQUENCIES)
         seen = responses(of, self.omega)
         self.known = feedback(of, at.known)[:, of.seen] @ seen  # (F, n, n)
@@ -262,17 +250,12 @@ class _Point:
 
     def margins(self, weights: Array) -> PointMargins:
         """Margins of candidates with the gains weights (k, n, 3)."""
-        from seatrial.control_design.loops import LoopMargins, loop_margins
-
-        parts = []
-        for begin in range(0, len(weights), _TOGETHER):
-            parts.append(loop_margins(self.opened(weights[begin : begin + _TOGETHER]), self.omega))
-        joined = {
-            name: np.concatenate([getattr(part, name) for part in parts])
-            for name in LoopMargins.__dataclass_fields__
-        }
+        batches = range(0, len(weights), _TOGETHER)
+        parts = [
+            loop_margins(self.opened(weights[begin : begin + _TOGETHER]), self.omega) for begin in batches
+        ]
         return PointMargins(
-            self.at.mode, self.at.speed_m_s, self.at.loops, LoopMargins(**joined), self._growth(weights)
+            self.at.mode, self.at.speed_m_s, self.at.loops, LoopMargins.joined(parts), self._growth(weights)
         )
 
     def opened(self, weights: Array) -> Complex:
@@ -283,9 +266,7 @@ class _Point:
             # A real product: the weights are.
             parts = (weights[:, row] @ self.loops[row].view(float)).view(complex)
             whole[row] = parts.reshape(count, n, -1).swapaxes(0, 1) + self.known[:, row].T[:, None]
-        whole[range(n), range(n)] += 1.0
-        opened = 1.0 / _diagonal_of_inverse(whole) - 1.0
-        return np.ascontiguousarray(opened.swapaxes(0, 1))
+        return np.ascontiguousarray(open_each(whole).swapaxes(0, 1))
 
     def _growth(self, weights: Array) -> Array:
         """Rate of growth (k,) in 1/s of the fastest motion, 0 where none grows."""
@@ -293,23 +274,3 @@ class _Point:
         radius = np.abs(np.linalg.eigvals(closed)).max(axis=1)
         growth: Array = np.maximum(np.log(radius) / self.at.system.period_s - self.neutral, 0.0)
         return growth
-
-
-def _diagonal_of_inverse(matrices: Complex) -> Complex:
-    """Diagonals (n, ...) of the inverses of matrices (n, n, ...), by Gauss and Jordan in place."""
-    n = len(matrices)
-    for pivot in range(n):
-        inverse = 1.0 / matrices[pivot, pivot]
-        matrices[pivot, pivot] = 1.0
-        matrices[pivot] *= inverse
-        for row in range(n):
-            if row != pivot:
-                factor = matrices[row, pivot].copy()
-                matrices[row, pivot] = 0.0
-                matrices[row] -= factor * matrices[pivot]
-    return matrices[range(n), range(n)]
-
-
-def decibel(factor: ArrayLike) -> Array:
-    """A factor in dB, 20 log10; inf stays inf."""
-    return np.asarray(20.0 * np.log10(factor), dtype=float)

@@ -1,319 +1,297 @@
-"""How old the measurements are that each loop closes on, on the average: a dead time of the linear loop.
+"""The margin engine: phase, gain both ways, delay, sensitivity and disk margin of linear loops.
 
-A sensor tells what was latency_s ago, and holds it until its next sample: 1/rate_hz later, so that the hold
-adds half of that on the average. Sample and hold is taken as this dead time: its phase is the same, its fall
-in magnitude is left out. A loop counts with the older of its measurements, of what it holds and of that
-one's rate. A sensor without rate_hz is as fast as the control period. Source: Åström and Wittenmark,
-*Computer-Controlled Systems* (1997), section 2. Held by tests/control_design/test_margin_sensors.py.
+Everything that tells or limits a margin asks here: `seatrial autopilot`, start gains, the regulator, the
+constraint of a tuning and its report. One candidate or thousands, the steps are the same:
 
-Supporting points that a vehicle reaches, and the modes that can work at a speed.
+1. What the law sees of the sampled motion, (zI - Phi)^-1 Gamma, at each frequency (`loops.responses`).
+2. L = K (zI - Phi)^-1 Gamma, of which each row is opened alone, the others closed:
+   L_i = 1/[(I + L)^-1]_ii - 1 (`open_each`).
+3. Crossings of |L_i| = 1 and of the negative real axis, placed between two frequencies by the logarithm of
+   L_i (`loop_margins`). A loop L crosses |L| = 1 at a phase margin, which over its frequency is a delay
+   margin, and the negative real axis at a gain margin: upwards where |L| < 1, downwards where |L| > 1 (a
+   conditionally stable loop).
 
-Held by tests/control_design/test_margin_constraint.py.
+0.2 ms for one loop and 0.01 ms each in a batch. The report's margins (`law_margins(..., refine=True)`) divide
+each interval with a crossing further, until what is printed does not change.
 
-Margins of an autopilot on a vehicle's model, per mode and speed, and the speeds at which it is sound.
-
-All loops of the mode are closed on the linear motion about its trim, behind lag and dead time of the
-actuators and the control period (`seatrial.control_design.loops`), with the restoring feed-forward
-where the file has it; each row of the wrench is then opened alone. A motion that neither grows nor dies
-away within an hour (an undamped roll that nothing commands) counts as neutral. Held by
-tests/control_design/test_autopilot_margins.py.
-
-Margins of an autopilot's loops for the report, by python-control.
-
-Each row of the wrench is opened alone, the others closed: a discrete `control.StateSpace`, of which
-`control.disk_margins` takes the balanced disk margin, and as frequency response data
-`control.stability_margins` the gain and phase margins. Not from the state space: its polynomials have the
-poles of the dead time at 0 and of the integrators at 1 several times over, and with CWolf's 22 states a gain
-margin of 4.5 comes out as 1.2. Source: Seiler, Packard and Gahinet (2020), *An introduction to disk
-margins*, IEEE Control Systems 40(5). Held by tests/control_design/test_margin_constraint.py.
+Sources: Åström and Hägglund, *Advanced PID Control* (2006), section 4.4; Seiler, Packard and Gahinet (2020),
+*An introduction to disk margins*, IEEE Control Systems 40(5). Held against python-control by
+tests/control_design/test_margin_engine.py.
 """
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.flight.sensor_channels import sensors_of
-from seatrial.vehicle.actuators import NOMINAL_V
-
-if TYPE_CHECKING:
-    from seatrial._core import Autopilot, Vehicle
-    from seatrial.control_design.loops import Sampled
-    from seatrial.sensors.sensor import Sensor
+from seatrial.control_design.loops import Sampled, closed, feedback, responses
 
 __all__ = [
-    "ENOUGH_DEG",
-    "MarginRow",
-    "ReportedMargins",
-    "autopilot_margins",
-    "margin_table",
-    "measurement_delays",
-    "open_loop",
-    "reachable_points",
-    "report_margins",
-    "sound_speeds",
-    "working_points",
+    "LawMargins",
+    "LoopMargins",
+    "decibel",
+    "disk_margin",
+    "frequencies",
+    "law_margins",
+    "least_margins",
+    "loop_margins",
+    "neutral_radius",
+    "open_each",
 ]
 
-_READ = {
-    "surge": ("dvl",),
-    "sway": ("dvl",),
-    "heave": ("depth", "dvl"),
-    "roll": ("attitude", "gyro"),
-    "pitch": ("attitude", "gyro"),
-    "heading": ("attitude", "gyro"),
-}
-"""Per loop the kinds of sensor that it closes on: of what it holds, and of its rate."""
+Complex = NDArray[np.complex128]
 
+_FREQUENCIES = 400
 
-def measurement_delays(
-    sensors: Mapping[str, Sensor] | str | Path | None, vehicle: Vehicle
-) -> dict[str, float]:
-    """Mean age in s of the measurements of each loop, the older of those that it closes on.
+_BELOW_NYQUIST = 0.9999  # at half the sampling rate every response is real: it is looked at by itself
 
-    Parameters
-    ----------
-    sensors : mapping of str to Sensor, "typical" or a file, optional
-        By kind; nothing is late where they are perfect (None), nor where a kind is missing.
-    vehicle : Vehicle
-        The one that carries them.
-
-    Raises
-    ------
-    TrialError
-        The file or a kind is not usable.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> found = measurement_delays("typical", st.Vehicle.load("cwolf"))
-    >>> {loop: round(late, 3) for loop, late in found.items() if loop in ("surge", "heading")}
-    {'surge': 0.22, 'heading': 0.07}
-    """
-    there = sensors_of(sensors, vehicle) or {}
-    return {
-        loop: max((_age(there[kind]) for kind in kinds if kind in there), default=0.0)
-        for loop, kinds in _READ.items()
-    }
-
-
-def _age(sensor: Sensor) -> float:
-    """Mean age of what a sensor shows, s."""
-    return sensor.latency_s + (0.0 if sensor.rate_hz is None else 0.5 / sensor.rate_hz)
-
-
-def reachable_points(
-    vehicle: Vehicle, autopilot: Autopilot, *, voltage_v: float = NOMINAL_V
-) -> NDArray[np.bool_]:
-    """Whether each supporting point (6,) lies between the top speeds astern and ahead.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    autopilot : Autopilot
-    voltage_v : float, optional
-        Supply at which tables of thrust are read, V.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> reachable_points(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"))
-    array([ True,  True,  True,  True,  True,  True])
-    """
-    from seatrial.control_design.mode_table import top_speeds
-
-    astern, ahead = top_speeds(vehicle, voltage_v=voltage_v)
-    speeds = np.asarray(autopilot.speeds_m_s)
-    return np.asarray((speeds >= astern) & (speeds <= ahead))
-
-
-def working_points(tables: dict[str, Any], speeds_m_s: Sequence[float]) -> list[tuple[str, float]]:
-    """Mode and speed in m/s of every mode that can work at a speed, and of both at a switching speed.
-
-    ``tables`` are those of the autopilot file. Between a switching speed and its hysteresis below it, either
-    mode may be at work.
-    """
-    modes, found = tables["modes"], []
-    switching = [float(mode["from_speed_m_s"]) for mode in modes[1:]]
-    least, most = min(speeds_m_s), max(speeds_m_s)
-    every = {float(u) for u in speeds_m_s} | {u for u in switching if least < u < most}
-    for speed in sorted(every):
-        for k, mode in enumerate(modes):
-            begun = k == 0 or speed >= mode["from_speed_m_s"] - mode["hysteresis_m_s"]
-            if begun and (k + 1 == len(modes) or speed <= modes[k + 1]["from_speed_m_s"]):
-                found.append((str(mode["name"]), speed))
-    return found
-
-
-ENOUGH_DEG = 35.0
-"""Phase margin in deg that start gains are made for."""
-
-_STATES = ("depth", "roll", "pitch", "heading", "speed", "sway", "heave", "roll", "pitch", "heading")
-"""The first states of the closed loop in words, rates as what they move."""
-
-_POINTS = 6
+_DIVISIONS = 64  # of an interval with a crossing: its place is then known to 1e-7 of its frequency
 
 _HOUR_S = 3600.0
 
-_MUCH = 0.3  # of what moves most
+_REAL = 1e-9  # imaginary part, as a share, that is rounding
 
-_FINE = 61  # speeds at which the sound range is looked for
-
-
-@dataclass(frozen=True)
-class MarginRow:
-    """Margins of a mode at a desired speed in m/s.
-
-    ``phase_deg``, ``gain`` (a factor upwards) and ``delay_s`` are the least over the rows of the wrench,
-    each opened alone; ``doubles_s`` is the time in which a motion doubles, None where none grows, and
-    ``grows`` what moves most in it. ``trimmed`` says whether there is straight level motion at that speed.
-    """
-
-    mode: str
-    speed_m_s: float
-    phase_deg: float
-    gain: float
-    delay_s: float
-    doubles_s: float | None
-    grows: str
-    trimmed: bool
-
-    @property
-    def sound(self) -> bool:
-        """Whether nothing grows and the phase margin is enough."""
-        return self.doubles_s is None and self.phase_deg >= ENOUGH_DEG
-
-    @property
-    def verdict(self) -> str:
-        """In a word or two."""
-        if self.doubles_s is not None:
-            return f"{self.grows}: x2 in {self.doubles_s:.2g} s"
-        return "sound" if self.sound else "little margin"
-
-
-def autopilot_margins(
-    vehicle: Vehicle, autopilot: Autopilot, *, speeds_m_s: Sequence[float] | None = None
-) -> list[MarginRow]:
-    """Margins of the mode that works at each desired speed.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The model, as good as it is.
-    autopilot : Autopilot
-    speeds_m_s : sequence of float, optional
-        Desired speeds, m/s; the supporting points when missing.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> rows = autopilot_margins(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"))
-    >>> sorted({row.mode for row in rows})
-    ['cruise', 'hover']
-    """
-    tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
-    modes = tables["modes"]
-    found = []
-    for speed in autopilot.speeds_m_s if speeds_m_s is None else speeds_m_s:
-        reached = [mode for mode in modes[1:] if speed >= mode["from_speed_m_s"]]
-        found.append(_at(vehicle, tables, (reached or modes[:1])[-1]["name"], float(speed)))
-    return found
-
-
-def sound_speeds(vehicle: Vehicle, autopilot: Autopilot) -> tuple[float, float] | None:
-    """Least and largest desired speed ahead in m/s between which every margin is sound; None without any.
-
-    They are looked for between the supporting points, too, from the slowest sound one upwards.
-    """
-    points = autopilot.speeds_m_s
-    grid = np.linspace(max(points[0], 0.0), points[-1], _FINE)
-    rows = autopilot_margins(vehicle, autopilot, speeds_m_s=list(grid))
-    first = next((k for k, row in enumerate(rows) if row.sound), None)
-    if first is None:
-        return None
-    last = next((k for k in range(first, len(rows)) if not rows[k].sound), len(rows)) - 1
-    return float(grid[first]), float(grid[last])
+_TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
-class ModeLoop:
-    """A mode at a desired speed in m/s, before its gains: the sampled plant and what else acts on it.
+class LoopMargins:
+    """Margins of loops, each array of the loops' shape; inf (phase: 180 deg) where nothing is crossed.
 
-    ``known`` is K (6, 15) of the restoring feed-forward, zero where the file has none; ``trimmed`` says
-    whether there is straight level motion at that speed.
+    They are distances from the edge of stability and tell nothing about the side: an unstable loop has
+    margins, too.
+
+    Attributes
+    ----------
+    phase_deg, phase_rad_s
+        Phase margin, deg: the least angle between -1 and a crossing of the unit circle; its frequency.
+    gain, gain_rad_s
+        Gain margin upwards, a factor above one; its frequency.
+    reduction, reduction_rad_s
+        Gain margin downwards: the factor above one by which the gain may be divided; its frequency.
+    delay_s, delay_rad_s
+        Delay margin, s; its frequency.
+    sensitivity
+        Largest size of 1/(1 + L) over the frequencies.
+
+    Frequencies are NaN where nothing is crossed.
     """
 
-    mode: str
-    speed_m_s: float
-    loops: tuple[str, ...]
-    system: Sampled
-    known: NDArray[np.float64]
-    trimmed: bool
+    phase_deg: Array
+    phase_rad_s: Array
+    gain: Array
+    gain_rad_s: Array
+    reduction: Array
+    reduction_rad_s: Array
+    delay_s: Array
+    delay_rad_s: Array
+    sensitivity: Array
+
+    @classmethod
+    def joined(cls, parts: list[LoopMargins]) -> LoopMargins:
+        """Margins of batches of loops, one after another along the first axis."""
+        return cls(*(np.concatenate([getattr(part, of.name) for part in parts]) for of in fields(cls)))
 
 
-def mode_loop(
-    vehicle: Vehicle,
-    tables: dict[str, Any],
-    mode: str,
-    speed_m_s: float,
-    *,
-    measured_late_s: Mapping[str, float] | None = None,
-) -> ModeLoop:
-    """Sampled motion about the trim of a mode at a speed in m/s, of the tables of an autopilot file.
+def loop_margins(loops: Complex, omega: Array) -> LoopMargins:
+    """Margins of loops (..., F) from their responses at rising frequencies omega (F,) in rad/s.
 
-    ``measured_late_s`` is the age in s of what each loop measures, 0 where missing. The loop is opened at
-    its row of the wrench: there dead time of its measurements and of its actuators are the same.
+    Of sampled loops the last frequency is half the sampling rate, where a real response below zero counts
+    as a crossing of the negative real axis.
+
+    Examples
+    --------
+    >>> omega = np.geomspace(0.1, 10.0, 400)
+    >>> found = loop_margins(1.0 / (1j * omega) * np.exp(-0.5j * omega), omega)
+    >>> round(float(found.phase_deg), 1), round(float(found.gain), 2), round(float(found.delay_s), 2)
+    (61.4, 3.14, 1.07)
     """
-    from seatrial.control_design.loops import STATES, plant, restoring_law, sampled
-    from seatrial.control_design.trim import Trim, trim
-    from seatrial.vehicle.authority import LOOPS, ROWS, delays
+    shape = loops.shape[:-1]
+    flat = loops.reshape(-1, loops.shape[-1])
+    distance = (1.0 + flat.real) ** 2 + flat.imag**2
+    with np.errstate(divide="ignore"):
+        sensitivity = 1.0 / np.sqrt(distance.min(axis=1))
+    phase, delay, gain, reduction = (_Least(len(flat), none) for none in (180.0, np.inf, np.inf, np.inf))
 
-    table = next(one for one in tables["modes"] if one["name"] == mode)
-    loops = tuple(loop for loop in LOOPS if loop in table["loops"])
-    rows = "".join(ROWS[LOOPS.index(loop)] for loop in loops)
-    actuators = _at_work(vehicle, table.get("actuators", ()))
-    flight = trim(vehicle, speed_m_s, rows, actuators)
-    nu = np.array([speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
-    about = flight or Trim(speed_m_s, rows, np.zeros(3), nu, np.zeros(6), actuators)
-    motion = plant(vehicle, about, loops)
-    late = {ROWS[LOOPS.index(loop)]: (measured_late_s or {}).get(loop, 0.0) for loop in loops}
-    behind = {
-        row: replace(delay, dead_s=delay.dead_s + late[row]) for row, delay in delays(vehicle, rows).items()
+    def between(at: NDArray[np.intp], share: Array) -> Array:
+        return np.asarray(omega[at] * (omega[at + 1] / omega[at]) ** share)
+
+    # Crossings of the unit circle.
+    loud = flat.real**2 + flat.imag**2 >= 1.0
+    case, at = np.nonzero(loud[:, 1:] != loud[:, :-1])
+    size, angle, change = _steps(flat, case, at)
+    share = size / np.where(change.real == 0.0, 1.0, -change.real)
+    over = angle + share * change.imag  # above -180 deg
+    over = (over + np.pi) % (2.0 * np.pi) - np.pi
+    crossing = between(at, share)
+    phase.take(case, np.abs(np.rad2deg(over)), crossing)
+    delay.take(case, (over % (2.0 * np.pi)) / crossing, crossing)
+
+    # Crossings of the negative real axis.
+    above = flat.imag >= 0.0
+    case, at = np.nonzero(above[:, 1:] != above[:, :-1])
+    size, angle, change = _steps(flat, case, at)
+    met = (angle < 0.0) != (angle + change.imag < 0.0)
+    case, at, size, angle, change = case[met], at[met], size[met], angle[met], change[met]
+    share = -angle / np.where(change.imag == 0.0, 1.0, change.imag)
+    crossed = size - angle / np.where(change.imag == 0.0, 1.0, change.imag) * change.real
+    crossing, up = between(at, share), crossed < 0.0
+    gain.take(case[up], np.exp(-crossed[up]), crossing[up])
+    reduction.take(case[~up], np.exp(crossed[~up]), crossing[~up])
+
+    # A sampled loop is real at half the sampling rate: a pole may leave through z = -1.
+    end = flat[:, -1]
+    at_edge = np.nonzero((np.abs(end.imag) <= _REAL * np.abs(end)) & (end.real < 0.0))[0]
+    size = np.abs(end[at_edge])
+    up, edge = size < 1.0, np.full(len(at_edge), omega[-1])
+    gain.take(at_edge[up], 1.0 / np.maximum(size[up], _TINY), edge[up])
+    reduction.take(at_edge[~up], size[~up], edge[~up])
+    found = [array for of in (phase, gain, reduction, delay) for array in (of.value, of.rad_s)]
+    return LoopMargins(*(array.reshape(shape) for array in (*found, np.maximum(sensitivity, 1.0))))
+
+
+class _Least:
+    """Least value per loop and the frequency where it is met."""
+
+    def __init__(self, loops: int, none: float) -> None:
+        self.value, self.rad_s = np.full(loops, none), np.full(loops, np.nan)
+
+    def take(self, case: NDArray[np.intp], values: Array, rad_s: Array) -> None:
+        """Take over values of some loops (each as often as it likes) where they are less."""
+        before = self.value[case]
+        np.minimum.at(self.value, case, values)
+        met = (values == self.value[case]) & (values < before)
+        self.rad_s[case[met]] = rad_s[met]
+
+
+def _steps(loops: Complex, case: NDArray[np.intp], at: NDArray[np.intp]) -> tuple[Array, Array, Complex]:
+    """Logarithm of |L|, angle from the negative real axis, and the change of both to the next frequency."""
+    with np.errstate(divide="ignore"):
+        here, there = np.log(-loops[case, at]), np.log(-loops[case, at + 1])
+    change = there - here
+    change.imag = (change.imag + np.pi) % (2.0 * np.pi) - np.pi
+    return here.real, here.imag, change
+
+
+def disk_margin(loops: Complex) -> Array:
+    """Balanced disk margin (...) of loops (..., F): 2 min |1 + L|/|1 - L| over the frequencies."""
+    return np.asarray(2.0 * (np.abs(1.0 + loops) / np.abs(1.0 - loops)).min(axis=-1))
+
+
+def open_each(loop: Complex) -> Complex:
+    """Each row of loops (n, n, ...) opened alone, the others closed: (n, ...). Overwrites ``loop``.
+
+    L_i = 1/[(I + L)^-1]_ii - 1, by Gauss and Jordan in place: n is six at most, and the candidates and
+    frequencies of the trailing axes go through together.
+    """
+    n = len(loop)
+    rows = range(n)
+    loop[rows, rows] += 1.0
+    for pivot in rows:
+        inverse = 1.0 / loop[pivot, pivot]
+        loop[pivot, pivot] = 1.0
+        loop[pivot] *= inverse
+        for row in rows:
+            if row != pivot:
+                factor = loop[row, pivot].copy()
+                loop[row, pivot] = 0.0
+                loop[row] -= factor * loop[pivot]
+    opened: Complex = 1.0 / loop[rows, rows] - 1.0
+    return opened
+
+
+def frequencies(period_s: float, count: int = _FREQUENCIES) -> Array:
+    """Frequencies (count,) in rad/s, even by their logarithm, from 0.001 rad/s to half the sampling rate."""
+    return np.geomspace(1e-3, np.pi / period_s, count)
+
+
+@dataclass(frozen=True)
+class LawMargins:
+    """Largest closed-loop |eigenvalue| per step, and margins of one row or the least over the rows.
+
+    Phase margin in deg, gain margin upwards as a factor, delay margin in s; ``sensitivity`` is the largest
+    |1/(1 + L)|.
+    """
+
+    radius: float
+    phase_deg: float
+    gain: float
+    delay_s: float
+    sensitivity: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether every motion dies away."""
+        return self.radius < 1.0
+
+
+def law_margins(of: Sampled, gain: Array) -> dict[str, LawMargins]:
+    """Margins of the law K (6, 15) per row: opened alone at the vehicle's input, the others closed."""
+    omega = frequencies(of.period_s)
+    found, radius = loop_margins(_opened(of, gain)(omega), omega), spectral_radius(of, gain)
+    return {
+        name: LawMargins(
+            radius,
+            phase_deg=float(found.phase_deg[row]),
+            gain=float(found.gain[row]),
+            delay_s=float(found.delay_s[row]),
+            sensitivity=float(found.sensitivity[row]),
+        )
+        for row, name in enumerate(of.rows)
     }
-    system = sampled(motion, behind, float(tables["period_s"]), loops)
-    known = np.zeros((len(ROWS), len(STATES)))
-    if tables["feed_forward"]["restoring"]:
-        known = restoring_law(vehicle, rows)
-    return ModeLoop(mode, speed_m_s, loops, system, known, flight is not None)
 
 
-def _at(vehicle: Vehicle, tables: dict[str, Any], mode: str, speed: float) -> MarginRow:
-    from seatrial.control_design.loops import closed, margins
-
-    at = mode_loop(vehicle, tables, mode, speed)
-    gain = mode_law(tables, mode, at.loops, speed) + at.known
-    reached = margins(at.system, gain)
-    doubles, grows = None, ""
-    if reached.radius > neutral_radius(at.system.period_s):
-        doubles = float(at.system.period_s * np.log(2.0) / np.log(reached.radius))
-        grows = _moves_most(closed(at.system, gain), at.system)
-    return MarginRow(
-        mode=mode,
-        speed_m_s=speed,
-        phase_deg=reached.phase_deg,
-        gain=reached.gain,
-        delay_s=reached.delay_s,
-        doubles_s=doubles,
-        grows=grows,
-        trimmed=at.trimmed,
+def least_margins(of: Sampled, gain: Array) -> LawMargins:
+    """Least margins of the law K (6, 15) over the rows, each opened alone at the vehicle's input."""
+    rows = law_margins(of, gain).values()
+    return LawMargins(
+        radius=max(row.radius for row in rows),
+        phase_deg=min(row.phase_deg for row in rows),
+        gain=min(row.gain for row in rows),
+        delay_s=min(row.delay_s for row in rows),
+        sensitivity=max(row.sensitivity for row in rows),
     )
+
+
+def refined_margins(of: Sampled, gain: Array) -> tuple[LoopMargins, Array]:
+    """Margins (rows,) of the law K (6, 15) to the digits of a report, and the disk margins (rows,).
+
+    Each interval of the frequencies in which a row crosses the unit circle or the negative real axis is
+    divided into 64: the logarithm of a response is straight enough over the rest.
+    """
+    opened = _opened(of, gain)
+    below = np.geomspace(1e-3, _BELOW_NYQUIST * np.pi / of.period_s, _FREQUENCIES)
+    omega = np.append(below, np.pi / of.period_s)
+    coarse = opened(omega)
+    loud, above = np.abs(coarse) >= 1.0, coarse.imag >= 0.0
+    crossed = (loud[:, 1:] != loud[:, :-1]) | (above[:, 1:] != above[:, :-1])
+    extra = [
+        np.geomspace(omega[k], omega[k + 1], _DIVISIONS + 1)[1:-1] for k in np.nonzero(crossed.any(axis=0))[0]
+    ]
+    between = np.concatenate([*extra, []])
+    order = np.argsort(np.concatenate([omega, between]))
+    fine = np.concatenate([coarse, opened(between)], axis=1)[:, order]
+    return loop_margins(fine, np.concatenate([omega, between])[order]), disk_margin(coarse[:, :-1])
+
+
+def _opened(of: Sampled, gain: Array) -> Callable[[Array], Complex]:
+    """Function that gives each row of the law K (6, 15) opened alone, (rows, F), at frequencies (F,)."""
+    seen = feedback(of, gain)[:, of.seen]
+
+    def at(omega: Array) -> Complex:
+        whole = np.moveaxis(seen @ responses(of, omega), 0, -1)
+        return open_each(np.ascontiguousarray(whole))
+
+    return at
+
+
+def spectral_radius(of: Sampled, gain: Array) -> float:
+    """Largest |eigenvalue| per step of the loop closed by the law K (6, 15)."""
+    return float(np.abs(np.linalg.eigvals(closed(of, gain))).max())
 
 
 def neutral_radius(period_s: float) -> float:
@@ -321,217 +299,6 @@ def neutral_radius(period_s: float) -> float:
     return float(2.0 ** (period_s / _HOUR_S))
 
 
-def _moves_most(step: NDArray[np.float64], system: Sampled) -> str:
-    """What moves, against what is tolerated, in the motion that grows fastest: the most first."""
-    from seatrial.control_design.lqr import Tolerances
-
-    values, vectors = np.linalg.eig(step)
-    vector = np.abs(vectors[:, np.abs(values).argmax()])
-    tolerated = Tolerances().of_states()
-    sizes: dict[str, float] = {}
-    for place, column in zip(system.seen, system.columns, strict=True):
-        if column < len(_STATES):
-            name = _STATES[column]
-            sizes[name] = max(sizes.get(name, 0.0), float(vector[place]) / tolerated[column])
-    much = [name for name in sizes if sizes[name] >= _MUCH * max(sizes.values())]
-    return " and ".join(sorted(much, key=lambda name: -sizes[name])[:2])
-
-
-def mode_law(tables: dict[str, Any], mode: str, loops: tuple[str, ...], speed: float) -> NDArray[np.float64]:
-    """The control law of a mode at a desired speed as K (6, 15), between the points linear as in the core."""
-    from seatrial.control_design.loop_gains import LoopGain, law
-
-    points = tables["schedule"]["speeds_m_s"]
-    if tables["control"] == "lqr":
-        given = np.asarray(
-            next(table["gain"] for table in tables["lqr"] if table["mode"] == mode), dtype=float
-        )
-        shape = given.shape[-2:]
-        flat = np.broadcast_to(given, (_POINTS, *shape)).reshape(_POINTS, -1)
-        return np.array([np.interp(speed, points, column) for column in flat.T]).reshape(shape)
-
-    def value(loop: str, key: str) -> float:
-        return float(np.interp(speed, points, np.broadcast_to(tables["loops"][loop].get(key, 0.0), _POINTS)))
-
-    gains = {
-        loop: LoopGain(value(loop, "K_P"), value(loop, "K_I_per_s"), value(loop, "K_D_s"), np.nan)
-        for loop in loops
-    }
-    return law(gains, speed)
-
-
-def _at_work(vehicle: Vehicle, named: Any) -> tuple[str, ...] | None:
-    """Actuators of a mode, groups resolved; None for all."""
-    facts = vehicle.actuator_info()
-    found = tuple(name for name in vehicle.actuators if name in named or facts[name]["group"] in named)
-    return found or None
-
-
-_FREQUENCIES = 400
-
-_BELOW_NYQUIST = 0.9999  # at half the sampling rate every response is real: it is looked at by itself
-
-
-@dataclass(frozen=True)
-class ReportedMargins:
-    """Margins of a loop in a mode at a desired speed in m/s, the other loops closed.
-
-    Each margin is None where nothing bounds it, and so is its frequency in rad/s.
-
-    Attributes
-    ----------
-    mode, speed_m_s, loop
-        Which.
-    stable
-        Whether nothing grows with all loops closed; otherwise the margins are distances from the other side.
-    gain_up_db, gain_up_rad_s
-        By how much the gain may rise.
-    gain_down_db, gain_down_rad_s
-        By how much it may fall, positive.
-    phase_deg, phase_rad_s
-        Phase margin.
-    delay_s, delay_rad_s
-        Delay that may be added.
-    disk
-        Balanced disk margin, at most 2.
-    disk_gain_db, disk_phase_deg
-        Gain (either way) and phase that it stands for; the gain is None where any is tolerated.
-    """
-
-    mode: str
-    speed_m_s: float
-    loop: str
-    stable: bool
-    gain_up_db: float | None
-    gain_up_rad_s: float | None
-    gain_down_db: float | None
-    gain_down_rad_s: float | None
-    phase_deg: float | None
-    phase_rad_s: float | None
-    delay_s: float | None
-    delay_rad_s: float | None
-    disk: float
-    disk_gain_db: float | None
-    disk_phase_deg: float | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """The margins as plain data for JSON."""
-        return asdict(self)
-
-
-def report_margins(
-    vehicle: Vehicle,
-    autopilot: Autopilot,
-    speeds_m_s: Sequence[float] | None = None,
-    *,
-    sensors: Mapping[str, Sensor] | str | Path | None = None,
-) -> list[ReportedMargins]:
-    """Margins per mode, speed and loop of an autopilot on a vehicle's model.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    autopilot : Autopilot
-        PID loops or a regulator.
-    speeds_m_s : sequence of float, optional
-        Desired speeds, m/s, and the switching speeds between them; the supporting points that the vehicle
-        reaches when missing.
-    sensors : mapping of str to Sensor, "typical" or a file, optional
-        Whose latency and interval the loops bear; perfect ones when missing.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> found = report_margins(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"), [3.021])
-    >>> [(row.mode, row.loop, round(row.gain_up_db), round(row.phase_deg)) for row in found]
-    [('cruise', 'surge', 38, 95), ('cruise', 'pitch', 28, 89), ('cruise', 'heading', 29, 65)]
-    """
-    from seatrial.control_design.loops import closed, feedback
-
-    tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
-    if speeds_m_s is None:
-        reached = reachable_points(vehicle, autopilot)
-        speeds_m_s = [u for u, hit in zip(autopilot.speeds_m_s, reached, strict=True) if hit]
-    late = measurement_delays(sensors, vehicle)
-    found = []
-    for mode, speed in working_points(tables, speeds_m_s):
-        at = mode_loop(vehicle, tables, mode, speed, measured_late_s=late)
-        law = mode_law(tables, mode, at.loops, speed) + at.known
-        radius = np.abs(np.linalg.eigvals(closed(at.system, law))).max()
-        stable = bool(radius <= neutral_radius(at.system.period_s))
-        gain = feedback(at.system, law)
-        for row, loop in enumerate(at.loops):
-            margins = _margins(open_loop(at.system, gain, row), at.system.period_s)
-            found.append(ReportedMargins(mode, speed, loop, stable, **margins))
-    return found
-
-
-def open_loop(of: Sampled, gain: Array, row: int) -> Any:
-    """Discrete `control.StateSpace` of a row opened alone, the others closed by K (rows, state)."""
-    import control
-
-    others = [k for k in range(len(gain)) if k != row]
-    step = of.phi - of.gamma[:, others] @ gain[others]
-    return control.ss(step, of.gamma[:, [row]], gain[[row]], 0.0, of.period_s)
-
-
-def _margins(loop: Any, period_s: float) -> dict[str, Any]:
-    """Margins of an open loop by the names of `ReportedMargins`."""
-    import control
-
-    omega = np.geomspace(1e-3, _BELOW_NYQUIST * np.pi / period_s, _FREQUENCIES)
-    response = control.frd(loop, omega)
-    gains, phases, _, at_gain, at_phase, _ = control.stability_margins(response, returnall=True)
-    edge = complex(loop(-1.0))  # a pole may leave through z = -1, half the sampling rate
-    if edge.real < 0.0:
-        gains, at_gain = np.append(gains, 1.0 / -edge.real), np.append(at_gain, np.pi / period_s)
-    decibel = 20.0 * np.log10(gains)
-    up, down = decibel > 0.0, decibel <= 0.0
-    late = np.deg2rad(phases % 360.0) / at_phase
-    disk, disk_gain, disk_phase = (float(value) for value in control.disk_margins(loop, omega))
-    least = {
-        ("gain_up_db", "gain_up_rad_s"): (decibel[up], at_gain[up]),
-        ("gain_down_db", "gain_down_rad_s"): (-decibel[down], at_gain[down]),
-        ("phase_deg", "phase_rad_s"): (np.abs(phases), at_phase),
-        ("delay_s", "delay_rad_s"): (late, at_phase),
-    }
-    found: dict[str, Any] = {
-        "disk": disk,
-        "disk_gain_db": disk_gain if np.isfinite(disk_gain) else None,
-        "disk_phase_deg": disk_phase if np.isfinite(disk_phase) else None,
-    }
-    for names, (values, frequencies) in least.items():
-        first = int(np.argmin(values)) if len(values) else None
-        for name, column in zip(names, (values, frequencies), strict=True):
-            found[name] = None if first is None else float(column[first])
-    return found
-
-
-def margin_table(rows: Sequence[ReportedMargins]) -> str:
-    """The margins as a table in text, one line per mode, speed and loop.
-
-    Examples
-    --------
-    >>> row = ReportedMargins("cruise", 2.0, "heading", True, 29.1, 2.8, None, None, 61.2, 0.35, 3.05, 0.35,
-    ...     1.16, 11.5, 60.3)
-    >>> print(margin_table([row]))
-    mode    m/s    loop     gain up  gain down  phase  delay  disk
-                                 dB         dB    deg      s
-    cruise   2.00  heading     29.1         -   61.2   3.05  1.16
-    """
-    lines = [
-        "mode    m/s    loop     gain up  gain down  phase  delay  disk",
-        "                             dB         dB    deg      s",
-    ]
-
-    def number(value: float | None, width: int, digits: int) -> str:
-        return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
-
-    for row in rows:
-        lines.append(
-            f"{row.mode:<7} {row.speed_m_s:5.2f}  {row.loop:<7}"
-            f"{number(row.gain_up_db, 9, 1)} {number(row.gain_down_db, 10, 1)}"
-            f" {number(row.phase_deg, 6, 1)} {number(row.delay_s, 6, 2)} {number(row.disk, 5, 2)}"
-            + ("" if row.stable else "  unstable")
-        )
-    return "\n".join(lines)
+def decibel(factor: ArrayLike) -> Array:
+    """A factor in dB, 20 log10; inf stays inf."""
+    return np.asarray(20.0 * np.log10(factor), dtype=float)

@@ -1,9 +1,9 @@
-"""Modes and supporting speeds that suit a vehicle, from the rows that its actuators can command.
+"""Modes and breakpoints that suit a vehicle, from the rows that its actuators can command.
 
 A vehicle that commands the heave force hovers. A frame that also commands the sway force cruises as it
 hovers, without swaying; any other pitches under way, with its depth by pitch, by the actuators that drive
 it and its fins: a vertical thruster that only helped the pitch moment would keep crossing its minimum
-revolutions. The supporting speeds span 95 % of the reachable range; those of a vehicle that cannot hover
+revolutions. The breakpoints span 95 % of the reachable range; those of a vehicle that cannot hover
 begin where it flies level. Held by tests/control_design/test_control_design_start.py.
 """
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.control_design.trim import trim
+from seatrial.control_design.trim import Trim, level, trim
 from seatrial.vehicle.actuators import NOMINAL_V, command
 from seatrial.vehicle.authority import LOOPS, ROWS, reach
 from seatrial.vehicle.steady_state import drivers, steady
@@ -22,10 +22,10 @@ from seatrial.vehicle.steady_state import drivers, steady
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["CRUISE", "POINTS", "Mode", "flies", "mode_table", "supporting_speeds", "top_speeds"]
+__all__ = ["CRUISE", "POINTS", "Mode", "breakpoint_speeds", "flies", "mode_table", "mode_trim", "top_speeds"]
 
 POINTS = 6
-"""Number of supporting speeds, that of the core."""
+"""Number of breakpoints, that of the core."""
 
 RANGE = 0.95
 
@@ -66,8 +66,8 @@ def top_speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[float
     return min(found[0], 0.0), found[1]
 
 
-def supporting_speeds(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> list[float]:
-    """Six supporting speeds in m/s over 95 % of the reachable range; without hovering, of level flight."""
+def breakpoint_speeds(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> list[float]:
+    """Six breakpoints in m/s over 95 % of the reachable range; without hovering, of level flight."""
     if "Z" in rows:
         return [float(u) for u in np.linspace(RANGE * top[0], RANGE * top[1], POINTS)]
     slowest = _slowest(vehicle, rows, top[1])
@@ -123,3 +123,9 @@ def flies(mode: Mode, modes: tuple[Mode, ...], speed: float) -> bool:
         return True
     start = modes[-1].from_speed_m_s or 0.0
     return speed >= start if mode is modes[-1] else speed < start
+
+
+def mode_trim(vehicle: Vehicle, speed_m_s: float, mode: Mode) -> Trim:
+    """The trim of a mode at a speed in m/s, or level motion where there is none."""
+    rows = "".join(ROWS[LOOPS.index(loop)] for loop in LOOPS if loop in mode.loops)
+    return trim(vehicle, speed_m_s, rows, mode.actuators) or level(speed_m_s, rows, mode.actuators)

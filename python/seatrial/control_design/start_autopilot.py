@@ -1,12 +1,8 @@
-"""The autopilot file of start values: TOML text, with the reasons and what the vehicle cannot do as comments.
+"""An autopilot file for a vehicle, computed from its model: TOML text with the reasons as comments.
 
-The keys are those of the core's autopilot file. `seatrial.control_design.start_gains` makes the table of
-the guidance, `seatrial.control_design.start_gains` that of the reactions. Held by
-tests/control_design/test_control_design_start.py and tests/flight/test_acceptance_flights.py.
-
-An autopilot file for a vehicle, computed from its model; the public face of `seatrial.control_design`.
-
-Held by tests/cli/test_cli_autopilot.py.
+The keys are those of the core's autopilot file; what the vehicle cannot do stands at the head. Held by
+tests/control_design/test_control_design_start.py, tests/cli/test_cli_autopilot.py and
+tests/flight/test_acceptance_flights.py.
 """
 
 from __future__ import annotations
@@ -16,43 +12,62 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import VehicleError
-from seatrial.control_design.loop_gains import three_digits
+from seatrial.control_design.lqr import lqr_autopilot
 from seatrial.control_design.mode_table import Mode
-from seatrial.control_design.start_gains import LoopStart, StartGains, guidance, safety, start_gains
+from seatrial.control_design.pole_placement import three_digits
+from seatrial.control_design.start_gains import LoopStart, StartGains, start_gains
+from seatrial.control_design.start_guidance import guidance, safety
 from seatrial.vehicle.authority import LOOPS, ROWS
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LAWS", "autopilot_tables", "autopilot_text", "commented", "pid_autopilot", "start_autopilot"]
+__all__ = ["LAWS", "autopilot_text", "commented", "start_autopilot"]
 
 _START_SHARE, _STOP_SHARE = 2.0, 0.2  # of the minimum revolutions
 
 _OWN_WORK = 0.05  # cost of thrusters that do not drive, against those that do
 
+LAWS = ("pid", "lqr")
 
-def pid_autopilot(vehicle: Vehicle, *, period_s: float = 0.1) -> str:
-    """TOML text of an autopilot file with start values for a vehicle.
+SHORTEST_S, LONGEST_S = 0.005, 1.0
+"""Control periods for which gains are made, s: the design samples the vehicle's motion."""
+
+
+def start_autopilot(vehicle: Vehicle, *, law: str = "pid", period_s: float = 0.1) -> str:
+    """TOML text of an autopilot file with start values for a vehicle, the reasons as comments.
 
     Parameters
     ----------
     vehicle : Vehicle
+    law : str
+        Control law: ``pid``, decoupled loops, or ``lqr``, all of a mode at once.
     period_s : float
         Control period, s.
 
     Raises
     ------
-    ValueError
-        A vehicle that cannot be steered.
+    VehicleError
+        The vehicle cannot be steered, or law or period are none.
 
     Examples
     --------
     >>> import seatrial as st
-    >>> print(start_autopilot(st.Vehicle.load("remus100")).splitlines()[0])
-    # Start values for remus100, computed from its model; tune them before they fly at sea.
+    >>> text = st.start_autopilot(st.Vehicle.load("lauv"))
+    >>> [mode["name"] for mode in st.Autopilot.from_toml(text).modes]
+    ['cruise']
     """
-    start = start_gains(vehicle, period_s=period_s)
-    return autopilot_text(vehicle, start)
+    if law not in LAWS:
+        raise VehicleError(f"law: expected pid or lqr, found {law!r}")
+    if not (math.isfinite(period_s) and SHORTEST_S <= period_s <= LONGEST_S):
+        raise VehicleError(
+            f"period_s: expected a control period from {SHORTEST_S:g} to {LONGEST_S:g} s, found {period_s:g}"
+        )
+    try:
+        text = autopilot_text(vehicle, start_gains(vehicle, period_s=period_s))
+        return lqr_autopilot(vehicle, text) if law == "lqr" else text
+    except ValueError as error:
+        raise VehicleError(f"{vehicle.name}: no autopilot can be made: {error}") from None
 
 
 def autopilot_text(vehicle: Vehicle, start: StartGains) -> str:
@@ -66,7 +81,7 @@ def autopilot_text(vehicle: Vehicle, start: StartGains) -> str:
         notes.append(
             f"Slower than {start.speeds_m_s[0]:.2g} m/s through the water it is not level: plan to be faster."
         )
-    body = commented(tomlkit.dumps(autopilot_tables(vehicle, start)), _reasons(vehicle, start))
+    body = commented(tomlkit.dumps(_tables(vehicle, start)), _reasons(vehicle, start))
     return "".join(f"# {note}\n" for note in notes) + body
 
 
@@ -83,7 +98,7 @@ def commented(text: str, reasons: Mapping[tuple[str, str], str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def autopilot_tables(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
+def _tables(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
     """Tables of the autopilot file of some start values, as nested dictionaries."""
     tables: dict[str, Any] = {
         "format": 1,
@@ -182,48 +197,3 @@ def _loop(loop: LoopStart) -> dict[str, Any]:
     table["anti_windup"] = "back-calculation"
     table["reference_rad_s"] = three_digits(loop.reference_rad_s)
     return table
-
-
-LAWS = ("pid", "lqr")
-
-SHORTEST_S, LONGEST_S = 0.005, 1.0
-"""Control periods for which gains are made, s: the design samples the vehicle's motion."""
-
-
-def start_autopilot(vehicle: Vehicle, *, law: str = "pid", period_s: float = 0.1) -> str:
-    """TOML text of an autopilot file with start values for a vehicle, the reasons as comments.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    law : str
-        Control law: ``pid``, decoupled loops, or ``lqr``, all of a mode at once.
-    period_s : float
-        Control period, s.
-
-    Raises
-    ------
-    VehicleError
-        The vehicle cannot be steered, or law or period are none.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> text = st.start_autopilot(st.Vehicle.load("lauv"))
-    >>> [mode["name"] for mode in st.Autopilot.from_toml(text).modes]
-    ['cruise']
-    """
-    if law not in LAWS:
-        raise VehicleError(f"law: expected pid or lqr, found {law!r}")
-    if not (math.isfinite(period_s) and SHORTEST_S <= period_s <= LONGEST_S):
-        raise VehicleError(
-            f"period_s: expected a control period from {SHORTEST_S:g} to {LONGEST_S:g} s, found {period_s:g}"
-        )
-    from seatrial.control_design.lqr import lqr_autopilot
-    from seatrial.control_design.start_autopilot import pid_autopilot as with_pid
-
-    try:
-        text = with_pid(vehicle, period_s=period_s)
-        return lqr_autopilot(vehicle, text) if law == "lqr" else text
-    except ValueError as error:
-        raise VehicleError(f"{vehicle.name}: no autopilot can be made: {error}") from None

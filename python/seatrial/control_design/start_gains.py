@@ -1,56 +1,47 @@
-"""Start values of an autopilot from the vehicle's model: modes, supporting speeds, gains and limits.
+"""Start gains of an autopilot from the vehicle's model: modes, breakpoints, gains and largest demands.
 
-Which loops there are follows from the rows that the actuators can command; gains are placed by
-`seatrial.control_design.loop_gains` and tried by `seatrial.control_design.loop_gains`. The largest demand
-of a row is 80 % of its reach, half of it where the actuators that give it also drive ahead.
+Which loops there are follows from the rows that the actuators can command. Each loop begins with the gains of
+`seatrial.control_design.pole_placement`; its bandwidth is then moved in a trial of all loops on the coupled
+motion behind lag and dead time, until the motion is stable with and without the restoring feed-forward, the
+phase margin is 35 deg, and the step response overshoots less than 24 % and settles.
 
-The reference filters are five times as fast as their position loops: they hold back a jump, not the
-guidance. A loop has at most 0.2/T of the delay T of its actuators, so that these can still follow a reference
-of 1/T. Held by tests/control_design/test_control_design_start.py.
-
-How late the course follows what guidance asks for: reference filter, loop, and drift of the hull.
-
-The line of sight asks for a heading ``-atan(y_e / Delta)``; the way of the vehicle, ``psi + v/U``, follows
-a time tau later, and the cross-track error is a loop with the crossover ``U / Delta`` behind that delay. With
-
-    Delta = 2 U tau
-
-a phase margin of 61 deg is left, of 47 deg with the integral (kappa = U/4 takes atan(1/4)), and of 36 deg at
-1.6 times that speed. In the vertical plane alike, with ``theta - w/U``. A longer lookahead is smoother and
-slower: the integral has learnt the drift after about ten of them.
-
-tau is the phase of the linear motion behind lag and dead time at that crossover, over its frequency; the
-third-order reference filter has ``3 atan(w / w_r) / w`` of it, 3/w_r when slow. Held by
-tests/control_design/test_control_design_start.py.
-
-The table of the guidance that goes with start gains: distances, limits, station-keeping.
-
-Lookahead distances are twice the speed times the delay of the course (`seatrial.control_design.start_gains`),
-the integral gains a quarter of the speed in the horizontal plane (critical damping) and a tenth in the
-vertical one, where only trim and lift are to be learnt. Turns and accelerations take a share of the largest
-demands.
-Held by tests/control_design/test_control_design_start.py.
-
-The table of the reactions that goes with start gains: what the vehicle can still do when something fails.
-
-The core's defaults suit a vehicle that is lighter than water, hovers, and has a substitute for every
-actuator. Where one of these is not so, other reactions are written. Held by
-tests/control_design/test_control_design_start.py and tests/flight/test_acceptance_flights.py.
+The largest demand of a row is 80 % of its reach, half of it where the actuators that give it also drive
+ahead. The reference filters are five times as fast as their position loops: they hold back a jump, not the
+guidance. A loop has at most 0.2/T of the delay T of its actuators, so that these can still follow a
+reference of 1/T. Held by tests/control_design/test_control_design_start.py.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.loop_gains import LoopGain, Trial, kind, law, three_digits
-from seatrial.control_design.loops import Sampled, plant, reference_drive, restoring_law, sampled
-from seatrial.control_design.mode_table import CRUISE, Mode, flies, mode_table, supporting_speeds, top_speeds
-from seatrial.control_design.trim import Trim, trim
+from seatrial.control_design.loops import Plant, plant, restoring_law, sampled, step_response
+from seatrial.control_design.margins import least_margins, spectral_radius
+from seatrial.control_design.mode_table import (
+    CRUISE,
+    Mode,
+    breakpoint_speeds,
+    flies,
+    mode_table,
+    mode_trim,
+    top_speeds,
+)
+from seatrial.control_design.pole_placement import (
+    USUAL_ERROR,
+    USUAL_SHARE,
+    Axis,
+    LoopGain,
+    bandwidth,
+    kind,
+    law,
+    loop_gain,
+)
+from seatrial.control_design.trim import level
 from seatrial.vehicle.actuators import NOMINAL_V, bollard, command
 from seatrial.vehicle.authority import LOOPS, ROWS, Delay, commandable, delays, reach
 from seatrial.vehicle.stability import neutral_fins
@@ -59,19 +50,7 @@ from seatrial.vehicle.steady_state import drivers
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "CROSSINGS",
-    "CRUISE_LEG",
-    "LoopStart",
-    "StartGains",
-    "following_delay",
-    "guidance",
-    "heavy",
-    "lookahead",
-    "safety",
-    "start_gains",
-    "without_substitute",
-]
+__all__ = ["LoopStart", "StartGains", "start_gains"]
 
 _SHARED, _ALONE = 0.5, 0.8  # share of the reach for a row whose actuators also drive ahead, and for another
 
@@ -84,7 +63,7 @@ _NOISE_SHARE = 0.25
 
 @dataclass(frozen=True)
 class LoopStart:
-    """A loop's gains at the six supporting speeds; tau_max in N or N m, reference filter in rad/s."""
+    """A loop's gains at the six breakpoints; tau_max in N or N m, reference filter in rad/s."""
 
     gains: tuple[LoopGain, ...]
     tau_max: float
@@ -145,7 +124,7 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
         )
     late = {row: _with_hold(delay, period_s) for row, delay in delays(vehicle, rows).items()}
     rows = _without_stiff_roll(vehicle, rows, late, left_out)
-    speeds = supporting_speeds(vehicle, rows, top)
+    speeds = breakpoint_speeds(vehicle, rows, top)
     modes = mode_table(vehicle, rows, top)
     limits = [reach(vehicle, u, rows, voltage_v=voltage_v) for u in speeds]
     shares = {row: _share(vehicle, row) for row in rows}
@@ -232,218 +211,168 @@ def _without_stiff_roll(vehicle: Vehicle, rows: str, late: dict[str, Delay], lef
     return rows.replace("K", "")
 
 
-CROSSINGS = 2.0
-"""Lookahead distance over speed and delay."""
+OVERSHOOT, PHASE_DEG = 0.24, 35.0
 
-MOTION = 0.1
-"""In m/s and rad/s, of a correction: quadratic damping counts by its secant over that."""
+CURRENT_M_S = 0.3
+"""Current that the gains are made for."""
 
-_ROUNDS = 20
+_SETTLED = 0.05
 
-_WAY = {"heading": ((3, 1.0), (5, 1.0)), "pitch": ((2, 1.0), (6, -1.0))}
-"""Angle of the course: the angle that is controlled, and the cross-flow over the speed with its sign."""
+_OPEN_DEPTH = 1e-6  # rounding of the eigenvalue 1, at ten steps per second e^(1/28 h)
+
+_SETTLING = 90.0  # times 1/bandwidth
+
+_FACTORS = (1.0, 0.9, 0.8, 1.25, 0.7, 1.6, 0.6, 0.5, 2.0, 0.4)
+
+_STIFFNESS = (1.0, 0.7, 0.5)
+
+_TILT = {"K": 1, "M": 2}  # the angle, as a column of K, that a righting moment goes with
 
 
-def lookahead(
-    vehicle: Vehicle,
-    flight: tuple[Mode, float, dict[str, LoopGain], dict[str, Delay]],
-    loop: str,
-    reference_rad_s: float,
-    period_s: float,
-) -> tuple[float, float]:
-    """Lookahead distance in m of "heading" or "pitch", and the delay in s that it is made for.
+@dataclass(frozen=True)
+class Trial:
+    """Gains of all loops at one speed after another."""
 
-    ``flight`` is the mode, the speed in m/s, the gains of its loops there, and the delays of its rows.
+    vehicle: Vehicle
+    rows: str
+    late: dict[str, Delay]
+    period_s: float
+    top_m_s: float
+    surge_most: float = np.inf
+    """Largest proportional gain of the surge, N per m/s."""
+
+    def at(
+        self, speed: float, tau_max: dict[str, float], modes: tuple[Mode, ...]
+    ) -> tuple[dict[str, LoopGain], list[str]]:
+        """Gains per loop, and the loops of a mode that fail their trial."""
+        used = [mode for mode in modes if flies(mode, modes, speed)]
+        plants = {
+            mode.name: plant(self.vehicle, mode_trim(self.vehicle, speed, mode), mode.loops) for mode in used
+        }
+        axes = {
+            loop: self._axis(loop, tau_max, plants, speed)
+            for loop in (LOOPS[ROWS.index(row)] for row in self.rows)
+        }
+        widths = {loop: bandwidth(loop, axis) for loop, axis in axes.items()}
+        widths["surge"] = min(widths["surge"], self.surge_most / axes["surge"].inertia)
+        factors, stiff = dict.fromkeys(widths, 1.0), dict.fromkeys(widths, 1.0)
+
+        def gains() -> dict[str, LoopGain]:
+            return {
+                loop: loop_gain(
+                    loop,
+                    replace(axes[loop], stiffness=axes[loop].stiffness * stiff[loop]),
+                    widths[loop] * factors[loop],
+                )
+                for loop in widths
+            }
+
+        # Pitch and heading first: the other loops ride on them.
+        for loop in sorted(widths, key=lambda name: name not in ("pitch", "heading", "roll")):
+            for stiff[loop], factors[loop] in product(_STIFFNESS, _FACTORS):
+                if all(
+                    self._passes(plants[m.name], gains(), m, loop, speed) for m in used if loop in m.loops
+                ):
+                    break
+            else:
+                stiff[loop], factors[loop] = 1.0, 1.0
+        final = gains()
+        weak = []
+        for mode in used:
+            failing = [
+                loop
+                for loop in mode.loops
+                if not self._passes(plants[mode.name], final, mode, loop, speed, together=True)
+            ]
+            if failing:
+                weak.append(f"{mode.name} at {speed:.2f} m/s ({', '.join(failing)})")
+        return final, weak
+
+    def _axis(self, loop: str, tau_max: dict[str, float], plants: dict[str, Plant], speed: float) -> Axis:
+        row = ROWS[LOOPS.index(loop)]
+        inertia = float(np.asarray(self.vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
+        damping = min(_damping(of, row) for of in plants.values())
+        upset = max((self._upset(of, speed) for of in plants.values() if row == "M"), default=0.0)
+        usual = USUAL_ERROR.get(loop, USUAL_SHARE * self.top_m_s)
+        late = self.late[row].total_s
+        righting = restoring_law(self.vehicle, row)[ROWS.index(row), _TILT.get(row, 1)]
+        stiffness = inertia * upset + max(-float(righting), 0.0)
+        # No more than what the reach can hold at twice the usual error.
+        held = min(stiffness, 2.0 * tau_max[row] / usual) if row in _TILT else 0.0
+        return Axis(inertia, inertia * damping, held, late, tau_max[row], usual)
+
+    def _upset(self, of: Plant, speed: float) -> float:
+        """Stiffness over inertia, 1/s^2, with which a pitched hull is upset while its depth is held.
+
+        It meets the flow at its pitch angle, and the Munk moment turns it further. Gains go by the speed over
+        ground: a current ahead adds to it in the water.
+        """
+        if "Z" not in of.rows:
+            return 0.0
+        most = max(abs(speed), self.top_m_s)
+        found = 0.0
+        for u in (speed, np.copysign(min(abs(speed) + CURRENT_M_S, most), speed)):
+            mode_loops = tuple(LOOPS[ROWS.index(row)] for row in of.rows)
+            there = plant(self.vehicle, level(u, of.rows), mode_loops)
+            found = max(found, _upset(there, u))
+        return found
+
+    def _passes(
+        self,
+        of: Plant,
+        gains: dict[str, LoopGain],
+        mode: Mode,
+        loop: str,
+        speed: float,
+        *,
+        together: bool = False,
+    ) -> bool:
+        """Whether a loop is well behaved, with the loops of the angles or all of the mode closed."""
+        first = tuple(name for name in mode.loops if together or name in (loop, "pitch", "heading", "roll"))
+        system = sampled(of, self.late, self.period_s, first)
+        chosen = law({name: gains[name] for name in first}, speed)
+        with_feed_forward = chosen + restoring_law(self.vehicle, of.rows)
+        # While the depth is not yet held, it is a pole at 1.
+        most = 1.0 - 1e-9 if together else 1.0 + _OPEN_DEPTH
+        for k in (chosen, with_feed_forward):
+            if spectral_radius(system, k) >= most:
+                return False
+        if least_margins(system, with_feed_forward).phase_deg < PHASE_DEG:
+            return False
+        if loop in ("roll", "pitch") and mode.depth_by == "heave":
+            return True  # held level: its reference does not move
+        known = self._known(of, loop, with_feed_forward - chosen)
+        duration = _SETTLING / gains[loop].bandwidth
+        answer = step_response(system, with_feed_forward, loop, duration, known=known)
+        tail = answer[-len(answer) // 10 :]
+        return bool(answer.max() < 1.0 + OVERSHOOT and np.abs(tail - 1.0).max() < _SETTLED)
+
+    def _known(self, of: Plant, loop: str, forward: Array) -> float:
+        """Part of a loop's own gain that does not act on its reference; below zero: of the drag."""
+        row = LOOPS.index(loop)
+        if ROWS[row] in _TILT:
+            return float(forward[row, _TILT[ROWS[row]]])
+        if loop not in ("surge", "sway"):
+            return 0.0
+        place = of.states.index(row + 4)
+        return float(np.asarray(self.vehicle.mass_matrix())[row, row] * of.a[place, place])
+
+
+def _damping(of: Plant, row: str) -> float:
+    """Damping over inertia, 1/s, of a row: the lesser of its own and of that with a free cross-flow settled.
+
+    A hull that drifts outwards in a turn is turned further by the Munk moment: the sum may be negative.
     """
-    mode, speed, gains, late = flight
-    rows = "".join(ROWS[LOOPS.index(name)] for name in LOOPS if name in mode.loops)
-    at = trim(vehicle, speed, rows, mode.actuators) or Trim(
-        speed, rows, np.zeros(3), np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6), mode.actuators
-    )
-    system = sampled(plant(vehicle, at, mode.loops, motion=MOTION), late, period_s, mode.loops)
-    own = law({name: gains[name] for name in mode.loops}, speed)
-    both = (own, own + restoring_law(vehicle, rows))
-    inertia = float(np.asarray(vehicle.mass_matrix())[LOOPS.index(loop), LOOPS.index(loop)])
-    tau = 3.0 / reference_rad_s
-    for _ in range(_ROUNDS):
-        crossover = 1.0 / (CROSSINGS * tau)
-        tau = 0.5 * tau + 0.5 * following_delay(
-            system, both, (loop, speed, inertia), reference_rad_s, crossover
-        )
-    return CROSSINGS * speed * tau, tau
+    place = of.states.index({"X": 4, "Y": 5, "Z": 6, "K": 7, "M": 8, "N": 9}[row])
+    own = -float(of.a[place, place])
+    passive = {"M": 6, "N": 5}.get(row)
+    if passive is None or "XYZ"[passive - 4] in of.rows:
+        return own
+    flow = of.states.index(passive)
+    settled = own + float(of.a[place, flow] * of.a[flow, place] / min(of.a[flow, flow], -1e-3))
+    return min(own, settled)
 
 
-def following_delay(
-    system: Sampled,
-    laws: tuple[Array, Array],
-    loop: tuple[str, float, float],
-    reference_rad_s: float,
-    omega: float,
-) -> float:
-    """Delay in s at omega (rad/s) from the angle that guidance asks for to the angle of the course.
-
-    ``laws`` are those of the loops, without and with the feed-forward at the measured attitude; ``loop`` its
-    name, the speed in m/s and the inertia of the row, which is fed forward.
-    """
-    name, speed, inertia = loop
-    own, fed = laws
-    z = np.exp(1j * omega * system.period_s)
-    step, drive = reference_drive(system, (own, fed), name, (1j * omega, inertia))
-    x = np.linalg.solve(z * np.eye(len(step)) - step, drive)
-    (angle, one), (flow, sign) = _WAY[name]
-    answer = one * x[system.seen[system.columns.index(angle)]]
-    answer += sign * x[system.seen[system.columns.index(flow)]] / speed
-    lag = -float(np.angle(answer)) % (2.0 * np.pi)
-    lag -= 2.0 * np.pi if lag > 1.5 * np.pi else 0.0
-    return (lag + 3.0 * float(np.arctan(omega / reference_rad_s))) / omega
-
-
-CRUISE_LEG = 0.6
-"""Cruising speed as a share of the top speed."""
-
-_INTEGRAL, _INTEGRAL_VERTICAL = 0.25, 0.1  # of the cruising speed
-
-_LEAST_LENGTHS = 2.0  # of lookahead
-
-_PITCH_DEG, _HELD = 20.0, 0.5  # largest pitch asked for; share of the reach that holds it
-
-_TURN_DEG_S = 20.0
-
-_SHARE = 0.5  # of the largest demand, for what the guidance asks
-
-_START_S = 4.0  # to the cruising speed, at the least
-
-_TURN_SHARE = 0.2  # of the speed while the bow is a right angle off: who can stop turns on the spot
-
-_HOLD_RADIUS_M, _WATCH = 2.0, 2.5  # largest; watch radius over hold radius
-
-_WEATHERVANE = 5.0  # times the hold gain: well damped in currents from 0.2 m/s on
-
-
-def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[str, float]]:
-    """Table of the guidance, in m, m/s and deg, and the course's delay in s per "heading" and "pitch"."""
-    cruise = CRUISE_LEG * start.top_m_s[1]
-    mass = float(np.asarray(vehicle.mass_matrix())[0, 0])
-    length = vehicle.geometry().get("length", 1.0)
-    mode = next(m for m in start.modes if flies(m, start.modes, cruise))
-    by_pitch = mode.depth_by == "pitch"
-    surge, heading = start.loops["surge"], start.loops["heading"]
-    turn = _steady_turn(vehicle, cruise, _SHARE * heading.tau_max)
-    table: dict[str, Any] = {"method": "integral"}
-    late: dict[str, float] = {}
-    for key, loop in (("lookahead_m", "heading"), ("lookahead_vertical_m", "pitch")):
-        if loop == "heading" or by_pitch:
-            distance, late[loop] = _lookahead(vehicle, start, mode, loop)
-            table[key] = max(distance, _LEAST_LENGTHS * length)
-    hold = min(0.2 * float(np.median([gain.bandwidth for gain in surge.gains])), 0.2)
-    table |= {
-        "lookahead_speed_m_s": start.speeds_m_s[_nearest(start, cruise)],
-        "integral_gain_m_s": _INTEGRAL * cruise,
-        "integral_gain_vertical_m_s": _INTEGRAL_VERTICAL * cruise,
-        "speed_max_m_s": 0.9 * start.speeds_m_s[-1],
-        "acceleration_max_m_s2": min(0.5 * _SHARE * surge.tau_max / mass, cruise / _START_S),
-        "turn_rate_max_deg_s": float(min(_TURN_DEG_S, np.rad2deg(turn))),
-        "loiter_radius_m": max(5.0, 1.5 * cruise / max(min(turn, np.deg2rad(_TURN_DEG_S)), 1e-3)),
-        "hold_gain_per_s": hold,
-    }
-    if "heave" in start.loops:
-        radius = float(np.clip(length, 0.5, _HOLD_RADIUS_M))
-        table |= {"hold_radius_m": radius, "watch_radius_m": _WATCH * radius}
-        table["depth_rate_max_m_s"] = _steady_heave(vehicle, _SHARE * start.loops["heave"].tau_max)
-        if "sway" in start.loops:
-            table["turn_speed_share"] = _TURN_SHARE
-        else:
-            table["weathervane_gain_rad_m"] = _WEATHERVANE * hold
-    if by_pitch:
-        table["pitch_max_deg"] = _largest_pitch(vehicle, start, cruise)
-        pitch = start.loops["pitch"].gains[_nearest(start, cruise)].bandwidth
-        table["pitch_rate_max_deg_s"] = 0.5 * table["pitch_max_deg"] * pitch
-    return {
-        key: value if isinstance(value, str) else three_digits(value) for key, value in table.items()
-    }, late
-
-
-def _lookahead(vehicle: Vehicle, start: StartGains, mode: Mode, loop: str) -> tuple[float, float]:
-    """Lookahead distance in m of a loop at the cruising speed, and the delay of the course in s."""
-    k = _nearest(start, CRUISE_LEG * start.top_m_s[1])
-    flight = mode, start.speeds_m_s[k], {name: of.gains[k] for name, of in start.loops.items()}, start.late
-    return lookahead(vehicle, flight, loop, start.loops[loop].reference_rad_s, start.period_s)
-
-
-def _nearest(start: StartGains, speed: float) -> int:
-    """Index of the supporting point nearest to a speed."""
-    return int(np.argmin(np.abs(np.array(start.speeds_m_s) - speed)))
-
-
-def _largest_pitch(vehicle: Vehicle, start: StartGains, speed: float) -> float:
-    """Pitch in deg that half of the reach holds against the righting moment at a speed, at most 20."""
-    rows = "".join(row for row in ROWS if row not in start.left_out and row != "Z")
-    low, high = reach(vehicle, speed, rows)["M"]
-    angles = np.deg2rad(np.arange(1.0, _PITCH_DEG + 0.5))
-    attitude = np.stack([0.0 * angles, angles, 0.0 * angles], axis=1)
-    righting = np.asarray(vehicle.forces(np.zeros((len(angles), 6)), attitude)["restoring"])[:, 4]
-    held = np.abs(righting) <= _HELD * min(high, -low)
-    return float(np.rad2deg(angles[held][-1])) if held.any() else 1.0
-
-
-def _steady_turn(vehicle: Vehicle, speed: float, moment: float) -> float:
-    """Turning rate in rad/s at which damping balances a yaw moment, the hull not drifting."""
-    return _balance(vehicle, np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), 5, moment)
-
-
-def _steady_heave(vehicle: Vehicle, force: float) -> float:
-    """Sinking speed in m/s at which damping balances a heave force."""
-    return _balance(vehicle, np.zeros(6), 2, force)
-
-
-def _balance(vehicle: Vehicle, nu: Array, axis: int, force: float) -> float:
-    velocities = np.linspace(0.0, 2.0, 401)
-    motion = np.tile(nu, (len(velocities), 1))
-    motion[:, axis] = velocities
-    terms: Mapping[str, Any] = vehicle.forces(motion, np.zeros(3))
-    damping = -(np.asarray(terms["damping"]) + np.asarray(terms["lift"]))[:, axis]
-    return float(velocities[np.searchsorted(np.maximum.accumulate(damping), force, side="right") - 1])
-
-
-_FASTER = 1.1  # than the slowest level flight, while surfacing
-
-_DOPPLER_S = 20.0
-
-_SINGLE_ACTUATOR = 0.02  # smallest over largest singular value of what is left
-
-
-def safety(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
-    """Table of the reactions that differ from the core's defaults."""
-    table: dict[str, Any] = {}
-    hovers = start.modes[0].depth_by == "heave"
-    if not hovers:
-        table["surface_speed_m_s"] = three_digits(_FASTER * start.speeds_m_s[0])
-    table["stale_velocity"] = {"after_s": _DOPPLER_S, "reaction": "surface"}
-    if heavy(vehicle):
-        for group, after in (("depth", 5.0), ("attitude", 2.0), ("rates", 2.0)):
-            table[f"stale_{group}"] = {"after_s": after, "reaction": "surface" if hovers else "abort"}
-    elif not hovers:
-        table["depth"] = "abort"
-    if without_substitute(vehicle, start):
-        sinks_or_hovers = hovers or heavy(vehicle)
-        reaction = "surface" if sinks_or_hovers else "abort"
-        table["actuator"] = {"deviation": 0.2, "after_s": 2.0, "reaction": reaction}
-    return table
-
-
-def heavy(vehicle: Vehicle) -> bool:
-    """Whether the vehicle sinks with all actuators at rest."""
-    return bool(np.asarray(vehicle.forces(np.zeros((1, 6)), np.zeros(3))["restoring"])[0, 2] > 0.0)
-
-
-def without_substitute(vehicle: Vehicle, start: StartGains) -> tuple[str, ...]:
-    """Actuators without which the rows of the first mode cannot be commanded any more."""
-    rows = [LOOPS.index(loop) for loop in start.modes[0].loops]
-    matrix = np.asarray(vehicle.allocation_matrix())[rows]
-    matrix = matrix / np.abs(matrix).max(axis=1, keepdims=True)
-    found = []
-    for k, name in enumerate(vehicle.actuators):
-        values = np.linalg.svd(np.delete(matrix, k, axis=1), compute_uv=False)
-        if len(values) < len(rows) or values[-1] < _SINGLE_ACTUATOR * values[0]:
-            found.append(name)
-    return tuple(found)
+def _upset(of: Plant, speed: float) -> float:
+    """Stiffness over inertia, 1/s^2, with which a pitched hull is upset while its depth is held."""
+    return max(speed * float(of.a[of.states.index(8), of.states.index(6)]), 0.0)

@@ -21,7 +21,7 @@ from seatrial.vehicle.stability import neutral_fins
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Trim", "trim"]
+__all__ = ["Trim", "level", "trim"]
 
 _LARGEST = np.deg2rad(25.0)  # beyond it, the model and straight flight are not what they claim to be
 
@@ -41,6 +41,12 @@ class Trim:
     nu: Array
     tau: Array
     actuators: tuple[str, ...] | None = None
+
+
+def level(speed_m_s: float, rows: str, actuators: tuple[str, ...] | None = None) -> Trim:
+    """Level motion at a speed in m/s without any wrench: it stands in where there is no trim."""
+    nu = np.array([speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return Trim(speed_m_s, rows, np.zeros(3), nu, np.zeros(6), actuators)
 
 
 def trim(

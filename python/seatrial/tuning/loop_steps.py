@@ -134,7 +134,7 @@ def slowest_level_m_s(vehicle: Vehicle, autopilot: Autopilot) -> float | None:
     >>> slowest_level_m_s(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")) is None
     True
     """
-    from seatrial.control_design.mode_table import supporting_speeds, top_speeds
+    from seatrial.control_design.mode_table import breakpoint_speeds, top_speeds
     from seatrial.vehicle.authority import ROWS
 
     modes = autopilot.modes
@@ -142,7 +142,7 @@ def slowest_level_m_s(vehicle: Vehicle, autopilot: Autopilot) -> float | None:
         return None
     used = np.max([mode["loops"] for mode in modes], axis=0) > 0.5
     rows = "".join(row for row, at_work in zip(ROWS, used, strict=True) if at_work)
-    slowest = supporting_speeds(vehicle, rows, top_speeds(vehicle))[0]
+    slowest = breakpoint_speeds(vehicle, rows, top_speeds(vehicle))[0]
     return slowest * (1.0 - _ROUNDING)
 
 

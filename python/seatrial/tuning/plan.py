@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LoopTable, TuningTable
-from seatrial.control_design.margins import reachable_points
+from seatrial.control_design.operating_points import reachable_points
 from seatrial.tuning.loop_steps import slowest_level_m_s, steps_of, usual_speeds
 from seatrial.tuning.objective import GainParameters, excited_points
 from seatrial.tuning.step_trial import CHANNELS, RIDES_ON, LoopTrials, Rig, Samples

@@ -38,9 +38,9 @@ from typing import Any
 from seatrial._core import Autopilot, Vehicle
 from seatrial.base.errors import SimulationError, nearest
 from seatrial.base.toml_file import loaded
-from seatrial.control_design.loop_gains import kind, three_digits
-from seatrial.control_design.margin_constraint import refuse_other_laws
+from seatrial.control_design.autopilot_facts import refuse_other_laws
 from seatrial.control_design.mode_table import top_speeds
+from seatrial.control_design.pole_placement import kind, three_digits
 from seatrial.control_design.trim import trim
 from seatrial.flight.checks import checked_supply
 from seatrial.tuning.relay_trial import RelayTrial, Sensors, commanded_rows, mode_at, relay_trial, straight

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Autopilot, Vehicle
     from seatrial.campaign.campaign import Campaign
-    from seatrial.control_design.margins import ReportedMargins
+    from seatrial.control_design.margin_report import ReportedMargins
     from seatrial.tuning.judgement import JudgedTrial
     from seatrial.tuning.plan import TuningPlan
     from seatrial.tuning.relay import RelayTuning
@@ -125,8 +125,8 @@ class Tuning:
 
     @cached_property
     def margins(self) -> Mapping[str, list[ReportedMargins]]:
-        """Margins by python-control per mode, reachable supporting point and loop, "start" and "tuned"."""
-        from seatrial.control_design.margins import report_margins
+        """Margins per mode, reachable supporting point and loop, "start" and "tuned"."""
+        from seatrial.control_design.margin_report import report_margins
 
         pairs = {"start": self.start, "tuned": self.autopilot}
         plan = self.plan
@@ -304,7 +304,7 @@ COMPARISON_TITLE = "Side by side: outside in all, samples held"
 
 def summary(tuning: Tuning) -> str:
     """Text that a control engineer reads: verdict, responses before and after, gains, margins."""
-    from seatrial.control_design.margins import margin_table
+    from seatrial.control_design.margin_report import margin_table
 
     parts = ["\n".join(sentences(tuning))]
     for judged in tuning.judged:

@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.progress import Progress, Step
-from seatrial.control_design.margin_constraint import refuse_other_laws
+from seatrial.control_design.autopilot_facts import refuse_other_laws
 from seatrial.estimation.search import LANES, batch_size
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.tuning.judgement import Judged, judge, judged_without_noise

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins, decibel
+from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
+from seatrial.control_design.margins import decibel
 from seatrial.report.plot.style import (
     FAINT,
     MEASURED,

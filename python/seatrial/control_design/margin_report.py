@@ -1,0 +1,303 @@
+"""Margins of an autopilot on a vehicle's model in tables: per speed for a glance, per loop for the report.
+
+Both ask `seatrial.control_design.margins` at the operating points of the autopilot. A motion that neither
+grows nor dies away within an hour (an undamped roll that nothing commands) counts as neutral. Held by
+tests/control_design/test_autopilot_margins.py, and against python-control by
+tests/control_design/test_margin_engine.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
+from seatrial.control_design.loops import Sampled, closed
+from seatrial.control_design.lqr import Tolerances
+from seatrial.control_design.margins import (
+    LoopMargins,
+    decibel,
+    least_margins,
+    neutral_radius,
+    refined_margins,
+    spectral_radius,
+)
+from seatrial.control_design.operating_points import (
+    measurement_delays,
+    mode_law,
+    mode_loop,
+    operating_points,
+    reachable_speeds,
+)
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.sensors.sensor import Sensor
+
+__all__ = [
+    "ENOUGH_DEG",
+    "MarginRow",
+    "ReportedMargins",
+    "autopilot_margins",
+    "margin_table",
+    "report_margins",
+    "sound_speeds",
+]
+
+ENOUGH_DEG = 35.0
+"""Phase margin in deg that start gains are made for."""
+
+_STATES = ("depth", "roll", "pitch", "heading", "speed", "sway", "heave", "roll", "pitch", "heading")
+"""The first states of the closed loop in words, rates as what they move."""
+
+_MUCH = 0.3  # of what moves most
+
+_FINE = 61  # speeds at which the sound range is looked for
+
+
+@dataclass(frozen=True)
+class MarginRow:
+    """Margins of a mode at a desired speed in m/s.
+
+    ``phase_deg``, ``gain`` (a factor upwards) and ``delay_s`` are the least over the rows of the wrench,
+    each opened alone; ``doubles_s`` is the time in which a motion doubles, None where none grows, and
+    ``grows`` what moves most in it. ``trimmed`` says whether there is straight level motion at that speed.
+    """
+
+    mode: str
+    speed_m_s: float
+    phase_deg: float
+    gain: float
+    delay_s: float
+    doubles_s: float | None
+    grows: str
+    trimmed: bool
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing grows and the phase margin is enough."""
+        return self.doubles_s is None and self.phase_deg >= ENOUGH_DEG
+
+    @property
+    def verdict(self) -> str:
+        """In a word or two."""
+        if self.doubles_s is not None:
+            return f"{self.grows}: x2 in {self.doubles_s:.2g} s"
+        return "sound" if self.sound else "little margin"
+
+
+def autopilot_margins(
+    vehicle: Vehicle, autopilot: Autopilot, *, speeds_m_s: Sequence[float] | None = None
+) -> list[MarginRow]:
+    """Margins of the mode that works at each desired speed.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The model, as good as it is.
+    autopilot : Autopilot
+    speeds_m_s : sequence of float, optional
+        Desired speeds, m/s; the breakpoints when missing.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> rows = autopilot_margins(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"))
+    >>> sorted({row.mode for row in rows})
+    ['cruise', 'hover']
+    """
+    facts = autopilot_facts(autopilot)
+    speeds = facts.speeds_m_s if speeds_m_s is None else speeds_m_s
+    return [_at(vehicle, facts, mode_at(facts, speed).name, float(speed)) for speed in speeds]
+
+
+def sound_speeds(vehicle: Vehicle, autopilot: Autopilot) -> tuple[float, float] | None:
+    """Least and largest desired speed ahead in m/s between which every margin is sound; None without any.
+
+    They are looked for between the breakpoints, too, from the slowest sound one upwards.
+    """
+    points = autopilot.speeds_m_s
+    grid = np.linspace(max(points[0], 0.0), points[-1], _FINE)
+    rows = autopilot_margins(vehicle, autopilot, speeds_m_s=list(grid))
+    first = next((k for k, row in enumerate(rows) if row.sound), None)
+    if first is None:
+        return None
+    last = next((k for k in range(first, len(rows)) if not rows[k].sound), len(rows)) - 1
+    return float(grid[first]), float(grid[last])
+
+
+def _at(vehicle: Vehicle, facts: AutopilotFacts, mode: str, speed: float) -> MarginRow:
+    at = mode_loop(vehicle, facts, mode, speed)
+    gain = mode_law(facts, mode, at.loops, speed) + at.known
+    reached = least_margins(at.system, gain)
+    doubles, grows = None, ""
+    if reached.radius > neutral_radius(at.system.period_s):
+        doubles = float(at.system.period_s * np.log(2.0) / np.log(reached.radius))
+        grows = _moves_most(closed(at.system, gain), at.system)
+    return MarginRow(
+        mode=mode,
+        speed_m_s=speed,
+        phase_deg=reached.phase_deg,
+        gain=reached.gain,
+        delay_s=reached.delay_s,
+        doubles_s=doubles,
+        grows=grows,
+        trimmed=at.trimmed,
+    )
+
+
+def _moves_most(step: Array, system: Sampled) -> str:
+    """What moves, against what is tolerated, in the motion that grows fastest: the most first."""
+    values, vectors = np.linalg.eig(step)
+    vector = np.abs(vectors[:, np.abs(values).argmax()])
+    tolerated = Tolerances().of_states()
+    sizes: dict[str, float] = {}
+    for place, column in zip(system.seen, system.columns, strict=True):
+        if column < len(_STATES):
+            name = _STATES[column]
+            sizes[name] = max(sizes.get(name, 0.0), float(vector[place]) / tolerated[column])
+    much = [name for name in sizes if sizes[name] >= _MUCH * max(sizes.values())]
+    return " and ".join(sorted(much, key=lambda name: -sizes[name])[:2])
+
+
+@dataclass(frozen=True)
+class ReportedMargins:
+    """Margins of a loop in a mode at a desired speed in m/s, the other loops closed.
+
+    Each margin is None where nothing bounds it, and so is its frequency in rad/s.
+
+    Attributes
+    ----------
+    mode, speed_m_s, loop
+        Which.
+    stable
+        Whether nothing grows with all loops closed; otherwise the margins are distances from the other side.
+    gain_up_db, gain_up_rad_s
+        By how much the gain may rise.
+    gain_down_db, gain_down_rad_s
+        By how much it may fall, positive.
+    phase_deg, phase_rad_s
+        Phase margin.
+    delay_s, delay_rad_s
+        Delay that may be added.
+    disk
+        Balanced disk margin, at most 2.
+    disk_gain_db, disk_phase_deg
+        Gain (either way) and phase that it stands for; the gain is None where any is tolerated.
+    """
+
+    mode: str
+    speed_m_s: float
+    loop: str
+    stable: bool
+    gain_up_db: float | None
+    gain_up_rad_s: float | None
+    gain_down_db: float | None
+    gain_down_rad_s: float | None
+    phase_deg: float | None
+    phase_rad_s: float | None
+    delay_s: float | None
+    delay_rad_s: float | None
+    disk: float
+    disk_gain_db: float | None
+    disk_phase_deg: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The margins as plain data for JSON."""
+        return asdict(self)
+
+
+def report_margins(
+    vehicle: Vehicle,
+    autopilot: Autopilot,
+    speeds_m_s: Sequence[float] | None = None,
+    *,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
+) -> list[ReportedMargins]:
+    """Margins per mode, speed and loop of an autopilot on a vehicle's model.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    autopilot : Autopilot
+        PID loops or a regulator.
+    speeds_m_s : sequence of float, optional
+        Desired speeds, m/s, and the switching speeds between them; the breakpoints that the vehicle
+        reaches when missing.
+    sensors : mapping of str to Sensor, "typical" or a file, optional
+        Whose latency and interval the loops bear; perfect ones when missing.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> found = report_margins(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"), [3.021])
+    >>> [(row.mode, row.loop, round(row.gain_up_db), round(row.phase_deg)) for row in found]
+    [('cruise', 'surge', 38, 95), ('cruise', 'pitch', 28, 89), ('cruise', 'heading', 29, 65)]
+    """
+    facts = autopilot_facts(autopilot)
+    late = measurement_delays(sensors, vehicle)
+    found = []
+    speeds = reachable_speeds(vehicle, autopilot) if speeds_m_s is None else speeds_m_s
+    for mode, speed in operating_points(facts, speeds):
+        at = mode_loop(vehicle, facts, mode, speed, measured_late_s=late)
+        law = mode_law(facts, mode, at.loops, speed) + at.known
+        stable = spectral_radius(at.system, law) <= neutral_radius(at.system.period_s)
+        rows, disks = refined_margins(at.system, law)
+        for row, loop in enumerate(at.loops):
+            found.append(ReportedMargins(mode, speed, loop, stable, **_reported(rows, disks, row)))
+    return found
+
+
+def _reported(of: LoopMargins, disks: Array, row: int) -> dict[str, Any]:
+    """Margins of a row by the names of `ReportedMargins`, None where nothing bounds them."""
+    found: dict[str, float | None] = {}
+    for name, value, rad_s in (
+        ("gain_up_db", decibel(of.gain[row]), of.gain_rad_s),
+        ("gain_down_db", decibel(of.reduction[row]), of.reduction_rad_s),
+        ("phase_deg", of.phase_deg[row], of.phase_rad_s),
+        ("delay_s", of.delay_s[row], of.delay_rad_s),
+    ):
+        bounded = bool(np.isfinite(rad_s[row]))
+        found[name] = float(value) if bounded else None
+        found[f"{name.rpartition('_')[0]}_rad_s"] = float(rad_s[row]) if bounded else None
+    half = 0.5 * float(disks[row])
+    return found | {
+        "disk": 2.0 * half,
+        "disk_gain_db": float(decibel((1.0 + half) / (1.0 - half))) if half < 1.0 else None,
+        "disk_phase_deg": float(np.rad2deg(2.0 * np.arctan(half))),
+    }
+
+
+def margin_table(rows: Sequence[ReportedMargins]) -> str:
+    """The margins as a table in text, one line per mode, speed and loop.
+
+    Examples
+    --------
+    >>> row = ReportedMargins("cruise", 2.0, "heading", True, 29.1, 2.8, None, None, 61.2, 0.35, 3.05, 0.35,
+    ...     1.16, 11.5, 60.3)
+    >>> print(margin_table([row]))
+    mode    m/s    loop     gain up  gain down  phase  delay  disk
+                                 dB         dB    deg      s
+    cruise   2.00  heading     29.1         -   61.2   3.05  1.16
+    """
+    lines = [
+        "mode    m/s    loop     gain up  gain down  phase  delay  disk",
+        "                             dB         dB    deg      s",
+    ]
+
+    def number(value: float | None, width: int, digits: int) -> str:
+        return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
+
+    for row in rows:
+        lines.append(
+            f"{row.mode:<7} {row.speed_m_s:5.2f}  {row.loop:<7}"
+            f"{number(row.gain_up_db, 9, 1)} {number(row.gain_down_db, 10, 1)}"
+            f" {number(row.phase_deg, 6, 1)} {number(row.delay_s, 6, 2)} {number(row.disk, 5, 2)}"
+            + ("" if row.stable else "  unstable")
+        )
+    return "\n".join(lines)

@@ -1,0 +1,209 @@
+"""Where an autopilot works: modes and speeds, the linear loop at each of them, and the age of measurements.
+
+All loops of a mode are closed on the linear motion about its trim, behind lag and dead time of the actuators
+and the control period (`seatrial.control_design.loops`), with the restoring feed-forward where the file has
+it.
+
+A sensor tells what was latency_s ago, and holds it until its next sample: 1/rate_hz later, so that the hold
+adds half of that on the average. Sample and hold is taken as this dead time: its phase is the same, its fall
+in magnitude is left out. A loop counts with the older of its measurements, of what it holds and of that
+one's rate. A sensor without rate_hz is as fast as the control period. Source: Åström and Wittenmark,
+*Computer-Controlled Systems* (1997), section 2.
+
+Held by tests/control_design/test_margin_sensors.py and tests/control_design/test_margin_constraint.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.control_design.autopilot_facts import AutopilotFacts
+from seatrial.control_design.loops import STATES, Sampled, plant, restoring_law, sampled
+from seatrial.control_design.mode_table import top_speeds
+from seatrial.control_design.pole_placement import LoopGain, law
+from seatrial.control_design.trim import level, trim
+from seatrial.flight.sensor_channels import sensors_of
+from seatrial.vehicle.actuators import NOMINAL_V
+from seatrial.vehicle.authority import LOOPS, ROWS, delays
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.sensors.sensor import Sensor
+
+__all__ = [
+    "ModeLoop",
+    "measurement_delays",
+    "mode_law",
+    "mode_loop",
+    "operating_points",
+    "reachable_points",
+    "reachable_speeds",
+]
+
+_READ = {
+    "surge": ("dvl",),
+    "sway": ("dvl",),
+    "heave": ("depth", "dvl"),
+    "roll": ("attitude", "gyro"),
+    "pitch": ("attitude", "gyro"),
+    "heading": ("attitude", "gyro"),
+}
+"""Per loop the kinds of sensor that it closes on: of what it holds, and of its rate."""
+
+
+def measurement_delays(
+    sensors: Mapping[str, Sensor] | str | Path | None, vehicle: Vehicle
+) -> dict[str, float]:
+    """Mean age in s of the measurements of each loop, the older of those that it closes on.
+
+    Parameters
+    ----------
+    sensors : mapping of str to Sensor, "typical" or a file, optional
+        By kind; nothing is late where they are perfect (None), nor where a kind is missing.
+    vehicle : Vehicle
+        The one that carries them.
+
+    Raises
+    ------
+    TrialError
+        The file or a kind is not usable.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> found = measurement_delays("typical", st.Vehicle.load("cwolf"))
+    >>> {loop: round(late, 3) for loop, late in found.items() if loop in ("surge", "heading")}
+    {'surge': 0.22, 'heading': 0.07}
+    """
+    there = sensors_of(sensors, vehicle) or {}
+    return {
+        loop: max((_age(there[kind]) for kind in kinds if kind in there), default=0.0)
+        for loop, kinds in _READ.items()
+    }
+
+
+def _age(sensor: Sensor) -> float:
+    """Mean age of what a sensor shows, s."""
+    return sensor.latency_s + (0.0 if sensor.rate_hz is None else 0.5 / sensor.rate_hz)
+
+
+def reachable_points(
+    vehicle: Vehicle, autopilot: Autopilot, *, voltage_v: float = NOMINAL_V
+) -> NDArray[np.bool_]:
+    """Whether each breakpoint (6,) of the schedule lies between the top speeds astern and ahead.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    autopilot : Autopilot
+    voltage_v : float, optional
+        Supply at which tables of thrust are read, V.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> reachable_points(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"))
+    array([ True,  True,  True,  True,  True,  True])
+    """
+    astern, ahead = top_speeds(vehicle, voltage_v=voltage_v)
+    speeds = np.asarray(autopilot.speeds_m_s)
+    return np.asarray((speeds >= astern) & (speeds <= ahead))
+
+
+def reachable_speeds(vehicle: Vehicle, autopilot: Autopilot) -> list[float]:
+    """Speeds in m/s of the breakpoints that the vehicle reaches."""
+    reached = reachable_points(vehicle, autopilot)
+    return [u for u, hit in zip(autopilot.speeds_m_s, reached, strict=True) if hit]
+
+
+def operating_points(facts: AutopilotFacts, speeds_m_s: Sequence[float]) -> list[tuple[str, float]]:
+    """Mode and speed in m/s of every mode that can work at a speed, and of both at a switching speed.
+
+    Between a switching speed and its hysteresis below it, either mode may be at work.
+    """
+    modes, found = facts.modes, []
+    switching = [mode.from_speed_m_s for mode in modes[1:]]
+    least, most = min(speeds_m_s), max(speeds_m_s)
+    every = {float(u) for u in speeds_m_s} | {u for u in switching if least < u < most}
+    for speed in sorted(every):
+        for k, mode in enumerate(modes):
+            begun = k == 0 or speed >= mode.from_speed_m_s - mode.hysteresis_m_s
+            if begun and (k + 1 == len(modes) or speed <= modes[k + 1].from_speed_m_s):
+                found.append((mode.name, speed))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class ModeLoop:
+    """A mode at a desired speed in m/s, before its gains: the sampled plant and what else acts on it.
+
+    ``known`` is K (6, 15) of the restoring feed-forward, zero where the file has none; ``trimmed`` says
+    whether there is straight level motion at that speed.
+    """
+
+    mode: str
+    speed_m_s: float
+    loops: tuple[str, ...]
+    system: Sampled
+    known: Array
+    trimmed: bool
+
+
+def mode_loop(
+    vehicle: Vehicle,
+    facts: AutopilotFacts,
+    mode: str,
+    speed_m_s: float,
+    *,
+    measured_late_s: Mapping[str, float] | None = None,
+) -> ModeLoop:
+    """Sampled motion about the trim of a mode at a speed in m/s.
+
+    ``measured_late_s`` is the age in s of what each loop measures, 0 where missing. The loop is opened at
+    its row of the wrench: there dead time of its measurements and of its actuators are the same.
+    """
+    of = facts.mode(mode)
+    loops = tuple(loop for loop in LOOPS if loop in of.loops)
+    rows = "".join(ROWS[LOOPS.index(loop)] for loop in loops)
+    actuators = _at_work(vehicle, of.actuators)
+    flight = trim(vehicle, speed_m_s, rows, actuators)
+    motion = plant(vehicle, flight or level(speed_m_s, rows, actuators), loops)
+    late = {ROWS[LOOPS.index(loop)]: (measured_late_s or {}).get(loop, 0.0) for loop in loops}
+    behind = {
+        row: replace(delay, dead_s=delay.dead_s + late[row]) for row, delay in delays(vehicle, rows).items()
+    }
+    system = sampled(motion, behind, facts.period_s, loops)
+    known = restoring_law(vehicle, rows) if facts.restoring else np.zeros((len(ROWS), len(STATES)))
+    return ModeLoop(mode, speed_m_s, loops, system, known, flight is not None)
+
+
+def mode_law(facts: AutopilotFacts, mode: str, loops: tuple[str, ...], speed_m_s: float) -> Array:
+    """The control law of a mode at a desired speed as K (6, 15), without the restoring feed-forward."""
+    if facts.control == "lqr":
+        given, points = facts.regulators[mode], facts.speeds_m_s
+        shape = given.shape[-2:]
+        flat = np.broadcast_to(given, (len(points), *shape)).reshape(len(points), -1)
+        return np.array([np.interp(speed_m_s, points, column) for column in flat.T]).reshape(shape)
+
+    def gain(loop: str, key: str) -> float:
+        return facts.gain(loop, key, speed_m_s)
+
+    gains = {
+        loop: LoopGain(gain(loop, "K_P"), gain(loop, "K_I_per_s"), gain(loop, "K_D_s"), np.nan)
+        for loop in loops
+    }
+    return law(gains, speed_m_s)
+
+
+def _at_work(vehicle: Vehicle, named: Sequence[str]) -> tuple[str, ...] | None:
+    """Actuators of a mode, groups resolved; None for all."""
+    facts = vehicle.actuator_info()
+    found = tuple(name for name in vehicle.actuators if name in named or facts[name]["group"] in named)
+    return found or None

@@ -1,0 +1,264 @@
+"""The guidance and the safety reactions that go with start gains.
+
+How late the course follows what guidance asks for sets the lookahead: reference filter, loop, and drift of
+the hull. The line of sight asks for a heading ``-atan(y_e / Delta)``; the way of the vehicle, ``psi +
+v/U``, follows a time tau later, and the cross-track error is a loop with the crossover ``U / Delta`` behind
+that delay. With
+
+    Delta = 2 U tau
+
+a phase margin of 61 deg is left, of 47 deg with the integral (kappa = U/4 takes atan(1/4)), and of 36 deg at
+1.6 times that speed. In the vertical plane alike, with ``theta - w/U``. A longer lookahead is smoother and
+slower: the integral has learnt the drift after about ten of them. tau is the phase of the linear motion
+behind lag and dead time at that crossover, over its frequency; the third-order reference filter has ``3
+atan(w / w_r) / w`` of it, 3/w_r when slow.
+
+The integral gains are a quarter of the speed in the horizontal plane (critical damping) and a tenth in the
+vertical one, where only trim and lift are to be learnt. Turns and accelerations take a share of the largest
+demands. The core's default reactions suit a vehicle that is lighter than water, hovers, and has a substitute
+for every actuator; where one of these is not so, other reactions are written.
+
+Held by tests/control_design/test_control_design_start.py and tests/flight/test_acceptance_flights.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.control_design.loops import Sampled, plant, reference_drive, restoring_law, sampled
+from seatrial.control_design.mode_table import Mode, flies, mode_trim
+from seatrial.control_design.pole_placement import LoopGain, law, three_digits
+from seatrial.control_design.start_gains import StartGains
+from seatrial.vehicle.authority import LOOPS, ROWS, Delay, reach
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+
+__all__ = [
+    "CROSSINGS",
+    "CRUISE_LEG",
+    "following_delay",
+    "guidance",
+    "heavy",
+    "lookahead",
+    "safety",
+    "without_substitute",
+]
+
+CROSSINGS = 2.0
+"""Lookahead distance over speed and delay."""
+
+MOTION = 0.1
+"""In m/s and rad/s, of a correction: quadratic damping counts by its secant over that."""
+
+_ROUNDS = 20
+
+_WAY = {"heading": ((3, 1.0), (5, 1.0)), "pitch": ((2, 1.0), (6, -1.0))}
+"""Angle of the course: the angle that is controlled, and the cross-flow over the speed with its sign."""
+
+
+def lookahead(
+    vehicle: Vehicle,
+    flight: tuple[Mode, float, dict[str, LoopGain], dict[str, Delay]],
+    loop: str,
+    reference_rad_s: float,
+    period_s: float,
+) -> tuple[float, float]:
+    """Lookahead distance in m of "heading" or "pitch", and the delay in s that it is made for.
+
+    ``flight`` is the mode, the speed in m/s, the gains of its loops there, and the delays of its rows.
+    """
+    mode, speed, gains, late = flight
+    rows = "".join(ROWS[LOOPS.index(name)] for name in LOOPS if name in mode.loops)
+    at = mode_trim(vehicle, speed, mode)
+    system = sampled(plant(vehicle, at, mode.loops, motion=MOTION), late, period_s, mode.loops)
+    own = law({name: gains[name] for name in mode.loops}, speed)
+    both = (own, own + restoring_law(vehicle, rows))
+    inertia = float(np.asarray(vehicle.mass_matrix())[LOOPS.index(loop), LOOPS.index(loop)])
+    tau = 3.0 / reference_rad_s
+    for _ in range(_ROUNDS):
+        crossover = 1.0 / (CROSSINGS * tau)
+        tau = 0.5 * tau + 0.5 * following_delay(
+            system, both, (loop, speed, inertia), reference_rad_s, crossover
+        )
+    return CROSSINGS * speed * tau, tau
+
+
+def following_delay(
+    system: Sampled,
+    laws: tuple[Array, Array],
+    loop: tuple[str, float, float],
+    reference_rad_s: float,
+    omega: float,
+) -> float:
+    """Delay in s at omega (rad/s) from the angle that guidance asks for to the angle of the course.
+
+    ``laws`` are those of the loops, without and with the feed-forward at the measured attitude; ``loop`` its
+    name, the speed in m/s and the inertia of the row, which is fed forward.
+    """
+    name, speed, inertia = loop
+    own, fed = laws
+    z = np.exp(1j * omega * system.period_s)
+    step, drive = reference_drive(system, (own, fed), name, (1j * omega, inertia))
+    x = np.linalg.solve(z * np.eye(len(step)) - step, drive)
+    (angle, one), (flow, sign) = _WAY[name]
+    answer = one * x[system.seen[system.columns.index(angle)]]
+    answer += sign * x[system.seen[system.columns.index(flow)]] / speed
+    lag = -float(np.angle(answer)) % (2.0 * np.pi)
+    lag -= 2.0 * np.pi if lag > 1.5 * np.pi else 0.0
+    return (lag + 3.0 * float(np.arctan(omega / reference_rad_s))) / omega
+
+
+CRUISE_LEG = 0.6
+"""Cruising speed as a share of the top speed."""
+
+_INTEGRAL, _INTEGRAL_VERTICAL = 0.25, 0.1  # of the cruising speed
+
+_LEAST_LENGTHS = 2.0  # of lookahead
+
+_PITCH_DEG, _HELD = 20.0, 0.5  # largest pitch asked for; share of the reach that holds it
+
+_TURN_DEG_S = 20.0
+
+_SHARE = 0.5  # of the largest demand, for what the guidance asks
+
+_START_S = 4.0  # to the cruising speed, at the least
+
+_TURN_SHARE = 0.2  # of the speed while the bow is a right angle off: who can stop turns on the spot
+
+_HOLD_RADIUS_M, _WATCH = 2.0, 2.5  # largest; watch radius over hold radius
+
+_WEATHERVANE = 5.0  # times the hold gain: well damped in currents from 0.2 m/s on
+
+
+def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[str, float]]:
+    """Table of the guidance, in m, m/s and deg, and the course's delay in s per "heading" and "pitch"."""
+    cruise = CRUISE_LEG * start.top_m_s[1]
+    mass = float(np.asarray(vehicle.mass_matrix())[0, 0])
+    length = vehicle.geometry().get("length", 1.0)
+    mode = next(m for m in start.modes if flies(m, start.modes, cruise))
+    by_pitch = mode.depth_by == "pitch"
+    surge, heading = start.loops["surge"], start.loops["heading"]
+    turn = _steady_turn(vehicle, cruise, _SHARE * heading.tau_max)
+    table: dict[str, Any] = {"method": "integral"}
+    late: dict[str, float] = {}
+    for key, loop in (("lookahead_m", "heading"), ("lookahead_vertical_m", "pitch")):
+        if loop == "heading" or by_pitch:
+            distance, late[loop] = _lookahead(vehicle, start, mode, loop)
+            table[key] = max(distance, _LEAST_LENGTHS * length)
+    hold = min(0.2 * float(np.median([gain.bandwidth for gain in surge.gains])), 0.2)
+    table |= {
+        "lookahead_speed_m_s": start.speeds_m_s[_nearest(start, cruise)],
+        "integral_gain_m_s": _INTEGRAL * cruise,
+        "integral_gain_vertical_m_s": _INTEGRAL_VERTICAL * cruise,
+        "speed_max_m_s": 0.9 * start.speeds_m_s[-1],
+        "acceleration_max_m_s2": min(0.5 * _SHARE * surge.tau_max / mass, cruise / _START_S),
+        "turn_rate_max_deg_s": float(min(_TURN_DEG_S, np.rad2deg(turn))),
+        "loiter_radius_m": max(5.0, 1.5 * cruise / max(min(turn, np.deg2rad(_TURN_DEG_S)), 1e-3)),
+        "hold_gain_per_s": hold,
+    }
+    if "heave" in start.loops:
+        radius = float(np.clip(length, 0.5, _HOLD_RADIUS_M))
+        table |= {"hold_radius_m": radius, "watch_radius_m": _WATCH * radius}
+        table["depth_rate_max_m_s"] = _steady_heave(vehicle, _SHARE * start.loops["heave"].tau_max)
+        if "sway" in start.loops:
+            table["turn_speed_share"] = _TURN_SHARE
+        else:
+            table["weathervane_gain_rad_m"] = _WEATHERVANE * hold
+    if by_pitch:
+        table["pitch_max_deg"] = _largest_pitch(vehicle, start, cruise)
+        pitch = start.loops["pitch"].gains[_nearest(start, cruise)].bandwidth
+        table["pitch_rate_max_deg_s"] = 0.5 * table["pitch_max_deg"] * pitch
+    return {
+        key: value if isinstance(value, str) else three_digits(value) for key, value in table.items()
+    }, late
+
+
+def _lookahead(vehicle: Vehicle, start: StartGains, mode: Mode, loop: str) -> tuple[float, float]:
+    """Lookahead distance in m of a loop at the cruising speed, and the delay of the course in s."""
+    k = _nearest(start, CRUISE_LEG * start.top_m_s[1])
+    flight = mode, start.speeds_m_s[k], {name: of.gains[k] for name, of in start.loops.items()}, start.late
+    return lookahead(vehicle, flight, loop, start.loops[loop].reference_rad_s, start.period_s)
+
+
+def _nearest(start: StartGains, speed: float) -> int:
+    """Index of the breakpoint nearest to a speed."""
+    return int(np.argmin(np.abs(np.array(start.speeds_m_s) - speed)))
+
+
+def _largest_pitch(vehicle: Vehicle, start: StartGains, speed: float) -> float:
+    """Pitch in deg that half of the reach holds against the righting moment at a speed, at most 20."""
+    rows = "".join(row for row in ROWS if row not in start.left_out and row != "Z")
+    low, high = reach(vehicle, speed, rows)["M"]
+    angles = np.deg2rad(np.arange(1.0, _PITCH_DEG + 0.5))
+    attitude = np.stack([0.0 * angles, angles, 0.0 * angles], axis=1)
+    righting = np.asarray(vehicle.forces(np.zeros((len(angles), 6)), attitude)["restoring"])[:, 4]
+    held = np.abs(righting) <= _HELD * min(high, -low)
+    return float(np.rad2deg(angles[held][-1])) if held.any() else 1.0
+
+
+def _steady_turn(vehicle: Vehicle, speed: float, moment: float) -> float:
+    """Turning rate in rad/s at which damping balances a yaw moment, the hull not drifting."""
+    return _balance(vehicle, np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), 5, moment)
+
+
+def _steady_heave(vehicle: Vehicle, force: float) -> float:
+    """Sinking speed in m/s at which damping balances a heave force."""
+    return _balance(vehicle, np.zeros(6), 2, force)
+
+
+def _balance(vehicle: Vehicle, nu: Array, axis: int, force: float) -> float:
+    velocities = np.linspace(0.0, 2.0, 401)
+    motion = np.tile(nu, (len(velocities), 1))
+    motion[:, axis] = velocities
+    terms: Mapping[str, Any] = vehicle.forces(motion, np.zeros(3))
+    damping = -(np.asarray(terms["damping"]) + np.asarray(terms["lift"]))[:, axis]
+    return float(velocities[np.searchsorted(np.maximum.accumulate(damping), force, side="right") - 1])
+
+
+_FASTER = 1.1  # than the slowest level flight, while surfacing
+
+_DOPPLER_S = 20.0
+
+_SINGLE_ACTUATOR = 0.02  # smallest over largest singular value of what is left
+
+
+def safety(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
+    """Table of the reactions that differ from the core's defaults."""
+    table: dict[str, Any] = {}
+    hovers = start.modes[0].depth_by == "heave"
+    if not hovers:
+        table["surface_speed_m_s"] = three_digits(_FASTER * start.speeds_m_s[0])
+    table["stale_velocity"] = {"after_s": _DOPPLER_S, "reaction": "surface"}
+    if heavy(vehicle):
+        for group, after in (("depth", 5.0), ("attitude", 2.0), ("rates", 2.0)):
+            table[f"stale_{group}"] = {"after_s": after, "reaction": "surface" if hovers else "abort"}
+    elif not hovers:
+        table["depth"] = "abort"
+    if without_substitute(vehicle, start):
+        sinks_or_hovers = hovers or heavy(vehicle)
+        reaction = "surface" if sinks_or_hovers else "abort"
+        table["actuator"] = {"deviation": 0.2, "after_s": 2.0, "reaction": reaction}
+    return table
+
+
+def heavy(vehicle: Vehicle) -> bool:
+    """Whether the vehicle sinks with all actuators at rest."""
+    return bool(np.asarray(vehicle.forces(np.zeros((1, 6)), np.zeros(3))["restoring"])[0, 2] > 0.0)
+
+
+def without_substitute(vehicle: Vehicle, start: StartGains) -> tuple[str, ...]:
+    """Actuators without which the rows of the first mode cannot be commanded any more."""
+    rows = [LOOPS.index(loop) for loop in start.modes[0].loops]
+    matrix = np.asarray(vehicle.allocation_matrix())[rows]
+    matrix = matrix / np.abs(matrix).max(axis=1, keepdims=True)
+    found = []
+    for k, name in enumerate(vehicle.actuators):
+        values = np.linalg.svd(np.delete(matrix, k, axis=1), compute_uv=False)
+        if len(values) < len(rows) or values[-1] < _SINGLE_ACTUATOR * values[0]:
+            found.append(name)
+    return tuple(found)
