@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from seatrial.bench_test.identify_motor import recommended_steps
 from seatrial.bench_test.motor_estimate import MotorEstimate
-from seatrial.bench_test.motor_model import MotorModel
-from seatrial.bench_test.motor_record import StepRecord
+from seatrial.bench_test.motor_model import MotorModel, StepRecord
 
 Array = NDArray[np.float64]
 

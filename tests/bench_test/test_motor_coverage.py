@@ -62,7 +62,7 @@ def test_law_dead_time_is_finer_than_the_sample(noisy: Pairs) -> None:
 
 def test_law_rounding_that_plateaus_hide_is_in_the_intervals() -> None:
     # With noise far below the quantum each level is rounded alike for all of its samples, and the residual of
-    # a limit is zero: without the part of `motor_certainty._hidden` those of n_min hold in 26 of 50.
+    # a limit is zero: without the part of `motor_fit._hidden` those of n_min hold in 26 of 50.
     found = identified(0.5, 20.0)
     for name in ("n_max_ahead", "n_max_astern", "n_min_ahead", "n_min_astern"):
         inside = sum(

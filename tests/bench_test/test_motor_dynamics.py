@@ -12,9 +12,8 @@ import pytest
 import seatrial as st
 from seatrial.bench_test.identify_motor import identify_motor, recommended_steps
 from seatrial.bench_test.motor_estimate import MotorEstimate
-from seatrial.bench_test.motor_model import NAMES, MotorModel
+from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
 from seatrial.bench_test.motor_plateaus import noise_of, plateaus, starts, statics, transitions
-from seatrial.bench_test.motor_record import StepRecord
 from tests.bench_test.motor_steps import TABLE, TRUTH, designed, held, measured, rng, with_signal
 
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.bench_test.motor_model import NAMES, MotorModel
-from seatrial.bench_test.motor_record import StepRecord
+from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
 from tests.bench_test.motor_steps import TRUTH, reference, steps_of
 
 COMMANDS = (0.0, 80.0, 900.0, 950.0, -1700.0, -60.0, 2400.0, -2400.0, 0.0)

@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial._core import State, Vehicle
+from seatrial.check.plausibility import implausible
 from seatrial.check.vehicle import VehicleCheck, check_vehicle
 from seatrial.vehicle.actuators import bollard, command, pushes
-from seatrial.vehicle.plausibility import commanded_rows, implausible
+from seatrial.vehicle.authority import commanded_rows
 from seatrial.vehicle.stability import damping_gain, growth, statics
 from seatrial.vehicle.steady_state import KNOT_M_S, speeds, turns
 

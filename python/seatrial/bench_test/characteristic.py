@@ -1,14 +1,11 @@
-"""Characteristic of one group from its points: a fit per direction, or a table.
+"""Characteristic of a group: a regression per direction or a table, and warnings about what looks wrong.
 
 Ahead and astern are fitted apart, because a propeller's blades are made for one of them; the astern fit is of
 magnitudes. Points of all pulls of a group are pooled, each pull with the zero error of its own cell.
 
-Tests: ``tests/bench_test/test_bench.py``, ``tests/bench_test/test_bench_coverage.py``.
-
-What a fitted characteristic must not do between n_min and n_max: fall, push the wrong way, be guessed.
-
-Checked on a fine grid from the motor's smallest to its largest signal; where the motor has no limit, from the
-smallest to the largest tested one. Tests: ``tests/bench_test/test_bench.py``.
+Between n_min and n_max thrust must not fall, push the wrong way or be extrapolated: checked on a fine grid
+from the motor's smallest to its largest signal, or the tested ones where the motor has no limit. Held by
+``tests/bench_test/test_bench.py`` and ``tests/bench_test/test_bench_coverage.py``.
 """
 
 from __future__ import annotations

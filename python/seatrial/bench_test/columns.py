@@ -1,11 +1,9 @@
-"""From the table of a bench recording to numbers: loads, commands, measured revolutions, voltage.
+"""The table of a bench recording: loads, commands, measured revolutions, voltage, and what was driven.
 
 The column map is that of a trial (`seatrial.trial.columns`) with the load cell's columns besides, and
 with a group's name after ``cmd.`` or ``meas.`` for all its actuators at once. Nothing is resampled: an empty
-cell stays NaN, so that a log of several rates is one table. Tests:
-``tests/bench_test/test_bench_records.py``.
-
-What was driven in a bench test: actuators of one group, by name. Tests:
+cell stays NaN, so that a log of several rates is one table. A `Unit` is the group, or the actuators, that
+share one characteristic. Held by ``tests/bench_test/test_bench_records.py`` and
 ``tests/bench_test/test_bench_file.py``.
 """
 

@@ -1,11 +1,8 @@
-"""A bench file evaluated: every pull and step read, fitted and written into the vehicle file's text.
+"""A bench test evaluated: pulls and steps are read, fitted and written into the text of the vehicle file.
 
-Tests: ``tests/bench_test/test_bench.py``.
-
-Records of commanded and measured revolutions, one per actuator, and the motor that follows from them.
-
-Signals are counted from neutral, positive along the actuator's direction. The estimate itself is
-`seatrial.motor_dynamics`. Tests: ``tests/bench_test/test_bench_steps.py``.
+Motors come first: pulls are read behind the motors that the steps gave, because thrust over signal and signal
+over command belong together. Held by ``tests/bench_test/test_bench.py`` and
+``tests/bench_test/test_bench_steps.py``.
 """
 
 from __future__ import annotations
@@ -33,7 +30,7 @@ from seatrial.trial.generated import files_of
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.bench_test.motor_estimate import MotorEstimate
-    from seatrial.bench_test.motor_record import StepRecord
+    from seatrial.bench_test.motor_model import StepRecord
 
 __all__ = ["bench", "fingerprint", "read_steps"]
 
@@ -55,7 +52,7 @@ def read_steps(
     TrialError
         The file cannot be read, has no time, or no actuator of the unit has both columns.
     """
-    from seatrial.bench_test.motor_record import StepRecord
+    from seatrial.bench_test.motor_model import StepRecord
 
     table = read_bench_table(
         path, vehicle, reader=steps.reader or reader, columns=(columns or {}) | steps.columns

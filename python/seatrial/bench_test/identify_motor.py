@@ -1,21 +1,18 @@
-"""Identification of a motor from step tests: start values, fit, certainty, what is not determined.
+"""Identification of a motor from step tests: start values, fit, uncertainty, and a test that suffices.
 
-1. Plateaus give gain, limits and what happens below the minimum; steps give start values (`start_values`).
+1. Plateaus give gain, limits and what happens below the minimum; steps give start values (`motor_plateaus`).
 2. A grid over dead times, lags and ramps is judged by the criterion; least squares runs from the best of it.
 3. The knee of the robust loss is set from the errors where the motor moves, and the fit is repeated.
 4. Lift and dead band are both fitted where commands lie below the minimum; the lower cost decides.
-5. What the data do not tell is taken out, one parameter at a time, and the rest refitted.
-6. Intervals (`motor_certainty`), directions and actuators compared (`comparison`).
+5. What the data do not determine is removed, one parameter at a time, and the rest refitted.
+6. Intervals, directions and actuators compared (`motor_fit`, `motor_estimate`).
+
+`recommended_steps` is a step test that determines every parameter: a staircase of small commands (n_min),
+steps too small for the rate limit to matter (T_1, T_t), large steps to both sides (n_acc, n_dec), beyond the
+limits (n_max), and full reversals, each held until the motor has settled.
 
 Source: Taubert et al. (2014), figures 6-8 and equation 34. Held by
-`tests/bench_test/test_motor_dynamics.py` and
-`tests/bench_test/test_motor_coverage.py`.
-
-A step test that determines every parameter of a motor.
-
-Staircase of small commands (n_min), steps too small for the rate limit to matter (T_1, T_t), large steps to
-both sides (n_acc, n_dec), beyond the limits (n_max), and full reversals, each held until the motor has
-settled. Held by `tests/bench_test/test_motor_dynamics.py`.
+``tests/bench_test/test_motor_dynamics.py`` and ``tests/bench_test/test_motor_coverage.py``.
 """
 
 from __future__ import annotations
@@ -37,8 +34,8 @@ from seatrial.bench_test.motor_estimate import (
     compare_actuators,
     compare_directions,
 )
-from seatrial.bench_test.motor_fit import Loss, certainty, fit
-from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel
+from seatrial.bench_test.motor_fit import Loss, fit, uncertainty
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, StepRecord
 from seatrial.bench_test.motor_plateaus import (
     Noise,
     Plateau,
@@ -48,7 +45,6 @@ from seatrial.bench_test.motor_plateaus import (
     starts_in_motion,
     statics,
 )
-from seatrial.bench_test.motor_record import StepRecord
 
 __all__ = ["identify_motor", "recommended_steps"]
 
@@ -162,7 +158,7 @@ def _estimate(
     for actuator in actuators if len(actuators) > 1 else ():
         mine = replace(problem, records=tuple(r for r in problem.records if r.name == actuator), base=best.x)
         x = fit(mine, [best.x]).x
-        alone[actuator] = (x, certainty(mine, x, noise))
+        alone[actuator] = (x, uncertainty(mine, x, noise))
     followed = {
         round(abs(one.command), 6)
         for one in settled

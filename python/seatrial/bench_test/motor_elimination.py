@@ -1,26 +1,20 @@
-"""The two readings of commands below the minimum, lift and dead band, each fitted to the same records.
+"""Below the minimum (lift or dead band) and parameters that the data do not determine, by fitting both ways.
 
-The knee of the robust loss comes from the errors of the first, where the motor moves: on plateaus alone it
-would be the measurement's noise, and what rotors do beside a PT1 would count as outliers.
+Each record is read twice, with lift and with a dead band, and the lower cost decides. The knee of the robust
+loss comes from the errors of the first reading where the motor moves: on plateaus alone it would be the
+measurement's noise, and what rotors do beside a PT1 would count as outliers. A dead band has no slope: the
+response depends only on which commands it drops, so its edge is searched over the commands that were given
+and lies between the largest dropped and the smallest not dropped.
 
-With a robust loss, single values far beyond are left out of the better reading: missed counts read zero, all
-on one side, and Huber's loss limits their pull but keeps it. A run of such values is no missed count but
-something that the chain does not know; it stays.
-Held by `tests/bench_test/test_motor_dynamics.py`.
+With a robust loss, single gross errors are left out of the better reading: missed counts read zero, all on
+one side, and Huber's loss limits their pull but keeps it. A run of such values is no missed count but
+something that the chain does not model; it stays.
 
-Lift or drop: what the controller makes of commands below the minimum, decided by fitting both.
-
-A dead band has no slope: the response depends only on which commands it drops. Its edge is sought over the
-commands that were given, and lies between the largest that was dropped and the smallest that was not; nothing
-inside that bracket is likelier than anything else. Held by `tests/bench_test/test_motor_dynamics.py`.
-
-Taking out what the data do not tell, one parameter at a time, so that it does not blur the rest.
-
-A rate limit whose interval reaches "no limit" is held at the vehicle's value if the data allow that, and
-at no limit otherwise. A time constant near zero has no slope (a short lag delays a ramp as a dead time does):
+A rate limit whose interval reaches "no limit" is held at the vehicle's value if the data allow that, and at
+no limit otherwise. A time constant near zero has no slope (a short lag delays a ramp as a dead time does):
 its interval is that of the profile, where the cost with T_1 held and all others refitted rises by what chance
 would. What then holds only beside a held parameter says so. Held by
-`tests/bench_test/test_motor_dynamics.py`.
+``tests/bench_test/test_motor_dynamics.py``.
 """
 
 from __future__ import annotations
@@ -37,19 +31,18 @@ from seatrial.bench_test.motor_fit import (
     NORMAL,
     Fit,
     Loss,
-    MotorCertainty,
+    MotorUncertainty,
     Problem,
     Reason,
-    certainty,
     fit,
     reachable,
     spread,
+    uncertainty,
     unseen_rates,
     wide,
 )
-from seatrial.bench_test.motor_model import NAMES, MotorModel, symbol
+from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise, Plateau, Statics, starts
-from seatrial.bench_test.motor_record import StepRecord
 
 __all__ = ["Found", "Reading", "Readings", "bracket", "edges", "eliminated", "readings"]
 
@@ -198,7 +191,7 @@ class Found:
 
     problem: Problem
     best: Fit
-    known: MotorCertainty
+    known: MotorUncertainty
     reasons: dict[str, Reason]
     remarks: dict[str, str]
 
@@ -207,13 +200,13 @@ def eliminated(reading: Reading, noise: Noise, prior: MotorModel | None) -> Foun
     """The fit of a reading without rate limits and a time constant that the data do not tell."""
     problem, best, reasons = reading.problem, reading.best, dict(reading.reasons)
     sample = float(np.median([record.sample_s for record in problem.records]))
-    known = certainty(problem, best.x, noise)
+    known = uncertainty(problem, best.x, noise)
     blurred = set(wide(best.x, known, sample))
     held: list[str] = []
     while unseen := unseen_rates(best.x, known, problem.free):
         name, reasons[name] = next(iter(unseen.items()))
         problem, best = _hold(problem, best, NAMES.index(name), prior, otherwise=0.0)
-        known = certainty(problem, best.x, noise)
+        known = uncertainty(problem, best.x, noise)
         held.append(symbol(name))
     if "T_1" in wide(best.x, known, sample):
         problem, best, known = _near_zero(problem, best, noise, prior, sample, reasons)
@@ -230,7 +223,7 @@ def _near_zero(
     prior: MotorModel | None,
     sample: float,
     reasons: dict[str, Reason],
-) -> tuple[Problem, Fit, MotorCertainty]:
+) -> tuple[Problem, Fit, MotorUncertainty]:
     """The fit with T_1 held, and T_1's interval from its profile where that is shorter than a sample."""
     longest = _longest_lag(problem, best, sample)
     if longest <= sample:
@@ -242,7 +235,7 @@ def _near_zero(
             at_most=longest if math.isfinite(longest) else None,
         )
         problem, best = _hold(problem, best, _LAG, prior, otherwise=float(best.x[_LAG]))
-    known = certainty(problem, best.x, noise)
+    known = uncertainty(problem, best.x, noise)
     sigma, half, dof = known.sigma.copy(), known.half.copy(), known.dof.copy()
     sigma[_LAG], half[_LAG], dof[_LAG] = longest / NORMAL, max(longest - best.x[_LAG], 0.0), math.inf
     # What the lag may be longer, the dead time is shorter.

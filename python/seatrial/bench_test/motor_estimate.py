@@ -1,22 +1,15 @@
-"""What is known of one parameter of a motor: its value and interval, or why there is none.
+"""Result of a motor's identification: parameters with intervals, comparisons, keys of the vehicle file.
 
-Do directions or actuators differ: Wald tests of a motor's parameters.
+Directions and actuators are compared by Wald tests. Ahead against astern, from the joint covariance: ``z = (a
+- b) / sd(a - b)`` with a Student factor. One actuator against the others of its group: each is fitted alone,
+and its parameters are compared with the median of all, which one odd actuator does not move. With m
+comparisons the level is 5 %/m (Bonferroni).
 
-Ahead against astern, from the joint covariance: ``z = (a - b) / sd(a - b)`` with a Student factor. The
-vehicle file has one rate limit for both directions: the mean of the two, weighted by their certainty.
-
-One actuator against the others of its group: each is fitted alone, and its parameters are held against the
-median of all, which one odd actuator does not move. With m comparisons the level is 5 %/m (Bonferroni).
-Held by `tests/bench_test/test_motor_dynamics.py`.
-
-Keys of the vehicle file's ``[motors.NAME]`` that an identified motor gives.
-
-Only what is determined is written, so that merging keeps the rest. But the file lets an absent key follow its
-partner (astern as ahead, shrinking as growing): where only one of the two is determined, the other is
-written too, as the vehicle had it, or as the least rate that the records allow where it had none.
-Held by `tests/bench_test/test_motor_dynamics.py`.
-
-Result of a motor's identification: parameters with intervals, how well they fit, what they go into.
+Into ``[motors.NAME]`` only what is determined is written, so that merging keeps the rest. But the file lets
+an absent key follow its partner (astern as ahead, shrinking as growing): where only one of the two is
+determined, the other is written too, as the vehicle had it, or as the least rate that the records allow. The
+file has one rate limit for both directions: the mean of the two, weighted by their precision. Held by
+``tests/bench_test/test_motor_dynamics.py``.
 """
 
 from __future__ import annotations
@@ -29,10 +22,9 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.bench_test.motor_fit import MotorCertainty
-from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, symbol
+from seatrial.bench_test.motor_fit import MotorUncertainty
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise
-from seatrial.bench_test.motor_record import StepRecord
 
 __all__ = [
     "ActuatorDifference",
@@ -195,7 +187,7 @@ class ActuatorDifference:
 
 
 def compare_directions(
-    x: Array, known: MotorCertainty, determined: Mapping[str, bool]
+    x: Array, known: MotorUncertainty, determined: Mapping[str, bool]
 ) -> tuple[Directions, ...]:
     """Tests of the parameters that are determined both ahead and astern, at coordinates (11,)."""
     from scipy.special import stdtr
@@ -222,9 +214,9 @@ def compare_directions(
 
 
 def compare_actuators(
-    alone: Mapping[str, tuple[Array, MotorCertainty]], determined: Mapping[str, bool]
+    alone: Mapping[str, tuple[Array, MotorUncertainty]], determined: Mapping[str, bool]
 ) -> tuple[ActuatorDifference, ...]:
-    """Differences of single actuators, each fitted alone: coordinates (11,) and certainty by name."""
+    """Differences of single actuators, each fitted alone: coordinates (11,) and uncertainty by name."""
     from scipy.special import stdtr
 
     found = []

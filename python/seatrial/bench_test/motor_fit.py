@@ -1,30 +1,23 @@
-"""Least squares of a motor's response from several starts, with a robust loss and exact responses.
+"""Least squares of a motor's response: robust fit from several starts, covariance, undetermined parameters.
 
 The residual is measured minus modelled, over the knee of the loss; derivatives are central differences of
 the exact response with steps far below a sample, so that a kink (a sample that meets the end of the dead
-time) enters at most one of them. Held by `tests/bench_test/test_motor_dynamics.py`.
+time) enters at most one of them.
 
-Certainty of a motor's estimate: sandwich covariance with blocks, and what rounded plateaus hide.
+The covariance is a sandwich over blocks (`seatrial.statistics.uncertainty`): errors of a motor are coloured,
+because the rotor has dynamics that a PT1 lacks, and they repeat with every step. Blocks miss one error: on a
+plateau whose noise is small against the step of the digits, rounding is one constant error, which a limit or
+the gain follows exactly and leaves no residual. Its variance is at most ``q^2/12`` and falls with the noise
+as ``exp(-4 pi^2 sd^2/q^2)`` (the first harmonic of the sawtooth of rounding: Widrow and Kollár, *Quantization
+Noise*, 2008, chapter 5); each level's error is carried to the parameters and added. A limit that two or three
+plateaus show rests on as many blocks, whose sums may agree by chance: no standard deviation is taken smaller
+than that of errors which have their mean square and memory throughout.
 
-Errors of a motor are coloured: the rotor has dynamics that a PT1 lacks, and they repeat with every step.
-`seatrial.statistics.uncertainty.covariance` sums scores over blocks that outlast that memory.
-
-Blocks cannot see one thing. On a plateau whose noise is small against the step of the digits, rounding is
-one constant error, which a limit or the gain follows exactly and leaves no residual. Its variance is at most
-``q^2/12`` and falls with the noise as ``exp(-4 pi^2 sd^2/q^2)`` (the first harmonic of the sawtooth of
-rounding: Widrow and Kollár, *Quantization Noise*, 2008, chapter 5); each level's error is carried to the
-parameters and added.
-
-A limit that two or three plateaus show rests on as many blocks, whose sums may agree by chance: no standard
-deviation is taken smaller than that of errors which have their mean square and memory throughout.
-Held by `tests/bench_test/test_motor_coverage.py`.
-
-Which parameters a step test can tell at all, and why it cannot tell the others.
-
-A parameter is left out of the fit where the commands never come to it: a direction that was not driven, a
+A parameter is left out of the fit where the commands never reach it: a direction that was not driven, a
 limit that no command reaches, a rate that no step meets. After the fit a rate limit is dropped where the
-interval of its reciprocal reaches zero (no limit at all would do as well), and a time where its interval is
-wider than itself and than a sample. Held by `tests/bench_test/test_motor_dynamics.py`.
+interval of its reciprocal reaches zero (no limit would fit as well), and a time where its interval is wider
+than itself and than a sample. Held by ``tests/bench_test/test_motor_dynamics.py`` and
+``tests/bench_test/test_motor_coverage.py``.
 """
 
 from __future__ import annotations
@@ -38,9 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, StepRecord
 from seatrial.bench_test.motor_plateaus import Noise, Plateau, Statics, limited
-from seatrial.bench_test.motor_record import StepRecord
 from seatrial.statistics.blocks import whitened
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.statistics.uncertainty import covariance
@@ -49,12 +41,12 @@ __all__ = [
     "NORMAL",
     "Fit",
     "Loss",
-    "MotorCertainty",
+    "MotorUncertainty",
     "Problem",
     "Reason",
-    "certainty",
     "fit",
     "reachable",
+    "uncertainty",
     "unseen_rates",
     "wide",
 ]
@@ -203,7 +195,7 @@ _LEVEL = 0.2  # of a quantum: modelled levels closer than this are one
 
 
 @dataclass(frozen=True)
-class MotorCertainty:
+class MotorUncertainty:
     """How sure the coordinates (11,) of a motor are; infinite where they were not free or not determined.
 
     ``half`` is half the 95 % interval, ``covariance`` (11, 11) zero where a coordinate was not free,
@@ -218,7 +210,7 @@ class MotorCertainty:
     blocks: int
 
 
-def certainty(problem: Problem, x: Array, noise: Noise) -> MotorCertainty:
+def uncertainty(problem: Problem, x: Array, noise: Noise) -> MotorUncertainty:
     """Standard deviations and intervals of the free coordinates at a minimum (11,)."""
     free = np.flatnonzero(problem.free)
     errors, slopes = problem.errors(x), problem.slopes(x)
@@ -261,7 +253,7 @@ def certainty(problem: Problem, x: Array, noise: Noise) -> MotorCertainty:
     # Wider standard deviations leave the correlations as they are.
     wider = np.where(found.sigma > 0, np.maximum(even / np.maximum(found.sigma, 1e-300), 1.0), 1.0)
     matrix[np.ix_(free, free)] = found.covariance * np.outer(wider, wider) + hidden
-    return MotorCertainty(sigma, half, dof, matrix, found.block_s, found.blocks)
+    return MotorUncertainty(sigma, half, dof, matrix, found.block_s, found.blocks)
 
 
 def _hidden(problem: Problem, x: Array, noise: Noise, slopes: Array, weight: Array) -> Array:
@@ -331,7 +323,7 @@ def reachable(
     return reasons
 
 
-def unseen_rates(x: Array, known: MotorCertainty, free: NDArray[np.bool_]) -> dict[str, Reason]:
+def unseen_rates(x: Array, known: MotorUncertainty, free: NDArray[np.bool_]) -> dict[str, Reason]:
     """Reasons by name of the rate limits that a fit without them would not miss, the least seen first."""
     doubtful = []
     for k in np.flatnonzero(free & RECIPROCAL):
@@ -347,7 +339,7 @@ def unseen_rates(x: Array, known: MotorCertainty, free: NDArray[np.bool_]) -> di
     return {name: reason for _, name, reason in doubtful}
 
 
-def wide(x: Array, known: MotorCertainty, sample: float) -> dict[str, Reason]:
+def wide(x: Array, known: MotorUncertainty, sample: float) -> dict[str, Reason]:
     """Reasons by name of gain and times whose interval is too wide to be of use."""
     reasons = {}
     if not known.half[0] <= _GAIN_PART * x[0]:

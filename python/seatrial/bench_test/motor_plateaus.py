@@ -1,19 +1,16 @@
-"""Plateaus: where a motor has settled, its noise, and what the levels say of gain and static limits.
+"""What a motor's records show before any fit: noise, plateaus, gain and limits, start values of the dynamics.
 
 A plateau is the second half of a held command in which the revolutions no longer drift. The gain is the
 ratio ``level / command`` on which most plateaus agree. The smallest commands above that line were lifted to
 ``n_min`` if they share a level, the largest below it clipped at ``n_max`` likewise, those at rest dropped by
-a dead band; a motor that is merely not quite linear shows none of it. Held by
-`tests/bench_test/test_motor_dynamics.py`.
+a dead band; a motor that is merely not quite linear shows none of it.
 
-Start values of a motor's dynamics from its step responses, and the grid from which the fit starts.
-
-From 20 to 80 % a pure lag takes ``T_1 ln 4``, a pure ramp 0.6 of its length ``step * s`` (s the reciprocal
-rate limit); their squares add nearly, as those of any two responses in a row, so that the widths of steps of
-several sizes give T_1 and one s per direction by non-negative least squares. The dead time is no later than
-the time to 20 %: a grid of fractions of a sample up to there is judged by the criterion, because the cost
-has several minima in T_t, one between any two crossings of samples.
-Held by `tests/bench_test/test_motor_dynamics.py`.
+From 20 to 80 % of a step a pure lag takes ``T_1 ln 4``, a pure ramp 0.6 of its length ``step * s`` (s the
+reciprocal rate limit); their squares add nearly, as those of any two responses in a row, so that the widths
+of steps of several sizes give T_1 and one s per direction by non-negative least squares. The dead time is no
+later than the time to 20 %: a grid of fractions of a sample up to there is judged by the criterion, because
+the cost has several minima in T_t, one between any two crossings of samples. Held by
+``tests/bench_test/test_motor_dynamics.py``.
 """
 
 from __future__ import annotations
@@ -27,8 +24,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.bench_test.motor_model import NAMES, MotorModel
-from seatrial.bench_test.motor_record import StepRecord
+from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
 
 __all__ = [
     "Noise",

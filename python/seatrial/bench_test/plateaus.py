@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.statistics.autocorrelation import neighbours, widening
+from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 
 __all__ = ["LEAST_SAMPLES", "Plateau", "held", "plateaus", "rows_as_plateaus", "standard_error"]
 
@@ -196,7 +196,9 @@ def standard_error(samples: Array) -> float:
     power = float(centred @ centred)
     if n < 2:
         return 0.0
-    return float(np.sqrt(power / (n - 1) / n * widening(neighbours(centred, most=_MOST_MEMORY))))
+    return float(
+        np.sqrt(power / (n - 1) / n * variance_inflation(lag_one_correlation(centred, most=_MOST_MEMORY)))
+    )
 
 
 def _changes(commands: list[Array]) -> list[int]:

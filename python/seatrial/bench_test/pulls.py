@@ -1,21 +1,12 @@
-"""What a motor makes of a steady command: static limits and gain, by the model's own chain.
+"""Operating points of load-cell records: read, cut into plateaus, tared, separated into single actuators.
 
-The vehicle is held and the command kept until every limit and lag has settled, so that no rule of the motor
-(lift to the minimum, dead band, clipping, K_V) is written twice. Tests:
-``tests/bench_test/test_bench_records.py``.
-
-What the characteristic of a pull is a function of: commands behind their motors, or measured revolutions.
-
-Commands stay as they were logged until the plateaus are known; then each plateau's command goes through the
-settled motor once. Tests: ``tests/bench_test/test_bench_records.py``.
-
-Points of a load-cell record: read, cut into plateaus, tared, separated into single actuators.
+A characteristic is a function of the command behind the settled motor or of measured revolutions. The settled
+motor is the model's own chain: the vehicle is held and the command kept until every limit and lag has
+settled, so that no rule of the motor (lift to the minimum, dead band, clipping, K_V) is written twice.
 
 The cell's zero is the mean load of the plateaus at zero signal. Its own standard error is common to all
-points of the record and is kept, so that the regression counts it (`seatrial.bench_test.regression`).
-Tests: ``tests/bench_test/test_bench_records.py``.
-
-Operating points of one group, of all its pulls together. Tests: ``tests/bench_test/test_bench_coverage.py``.
+points of the record and is kept, so that the regression counts it (`seatrial.bench_test.regression`). Held by
+``tests/bench_test/test_bench_records.py`` and ``tests/bench_test/test_bench_coverage.py``.
 """
 
 from __future__ import annotations

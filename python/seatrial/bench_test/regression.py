@@ -1,4 +1,4 @@
-"""Direct regression: a polynomial in k inputs by QR, with covariance, bands and measures of fit.
+"""Polynomial regression by QR: covariance and bands, outliers, and the choice of the order.
 
 Model (Taubert et al. 2014, equation 36), second order in k inputs u with all products:
 
@@ -11,36 +11,24 @@ condition 26. With e = y - U a, p coefficients and n points:
     s^2 = e'e/(n - p),  cov a = s^2 (U'U)^-1 + sum_j v_j (U^+ c_j)(U^+ c_j)'
 
 The second term is the zero error of each load cell: it moves all its points together by c_j, with variance
-v_j. Confidence band of the curve ``t sqrt(x' cov x)``, prediction band ``t sqrt(s^2 + x' cov x)``.
-
-Equation 38 calls two unlike numbers B: the squared correlation of y and its estimate, and SSR/SST. Both equal
+v_j. Confidence band of the curve ``t sqrt(x' cov x)``, prediction band ``t sqrt(s^2 + x' cov x)``. Equation
+38 calls two different numbers B: the squared correlation of y and its estimate, and SSR/SST. Both equal
 ``R^2 = 1 - SSE/SST`` only for least squares with intercept on its own data; R^2 decides, `paper_b` is shown.
 
-Tests: ``tests/bench_test/test_bench_regression.py``.
-
-Outliers of a regression: points that no other point believes.
-
-A robust first fit (iteratively reweighted, Tukey's biweight with the median of the absolute residuals as
-scale; Huber and Ronchetti 2009, *Robust Statistics*, chapter 7) marks suspects, however many there are. Each
-suspect is then judged by the fit to all that are not suspected: its deleted residual
+Outliers: a robust first fit (iteratively reweighted, Tukey's biweight with the median of the absolute
+residuals as scale; Huber and Ronchetti 2009, *Robust Statistics*, chapter 7) marks suspects, however many.
+Each suspect is then judged by the fit to all that are not suspected: its deleted residual
 
     t = (y - x'a) / (s sqrt(1 + x' (U'U)^-1 x))
 
 is Student distributed for an honest point. It is an outlier beyond the two-sided 5 % point of Student's
 distribution divided by the number of points (Bonferroni), so that one test in twenty accuses an honest point
-at all. What passes is taken back.
+at all. Suspects that pass are used again.
 
-Tests: ``tests/bench_test/test_bench_regression.py``.
-
-Which order the points ask for: square, through the origin, free, cubic; by AICc and F tests.
-
-    AICc = n ln(SSE/n) + 2k + 2k(k + 1)/(n - k - 1),  k = p + 1
-
-(Hurvich and Tsai 1989, Biometrika 76:297). Two models less than 2 apart are as good as each other; then the
-one with fewer coefficients is recommended. The F test asks whether a larger model of the same chain tells
-more than the chosen one.
-
-Tests: ``tests/bench_test/test_bench_regression.py``.
+Order (square, through the origin, free, cubic): ``AICc = n ln(SSE/n) + 2k + 2k(k + 1)/(n - k - 1)``, k = p +
+1 (Hurvich and Tsai 1989, Biometrika 76:297). Two models less than 2 apart are as good as each other; then the
+one with fewer coefficients is recommended. The F test asks whether a larger model of the same chain explains
+more than the chosen one. Held by ``tests/bench_test/test_bench_regression.py``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Result of a bench test: fits per group, motors, the vehicle with both written in, sentences, files.
-
-Sentences of a bench test for a control engineer.
-"""
+"""Result of a bench test: fits per group, motors, the vehicle with both written in, sentences, files."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.characteristic import DirectionFit, UnitFit
     from seatrial.bench_test.file import BenchFile
     from seatrial.bench_test.motor_estimate import MotorEstimate
-    from seatrial.bench_test.motor_record import StepRecord
+    from seatrial.bench_test.motor_model import StepRecord
     from seatrial.bench_test.pulls import PullPoints
 
 __all__ = ["BenchTest", "motor_sentences", "pull_sentences"]

@@ -1,21 +1,13 @@
-"""A fitted characteristic as an entry of the vehicle file.
+"""The results of a bench test written into the vehicle file; comments of the original are kept (tomlkit).
 
-The entry keeps what a bollard test does not measure: inflow term, wake, torque, power, thrust deduction. The
-test measures the pull of the vehicle, ``(1 - t) F`` at the density of the basin; the file holds F at the
-vehicle's density, so that coefficients are multiplied by ``rho / rho_test / (1 - t)``. A direction that was
-not tested keeps its old thrust: what ``[coefficients]`` corrected in it (gain, astern_ratio, p1 ...) is taken
-into the entry, because the correction itself is taken out with that of the tested direction.
-
-Tests: ``tests/bench_test/test_bench_vehicle.py``.
-
-The vehicle file with the results of a bench test written in; comments of the original are kept (tomlkit).
+The test measures the pull of the vehicle, ``(1 - t) F`` at the density of the basin; the file holds F at the
+vehicle's density, so that coefficients are multiplied by ``rho / rho_test / (1 - t)``. What a bollard test
+does not measure stays: inflow term, wake, torque, power, thrust deduction.
 
 An entry that other actuators use as well is left alone: the tested ones get their own. Factors in
 ``[coefficients]`` that corrected the old characteristic (gain, astern_ratio, p1 ...) of the tested actuators
-are taken out, because the test replaces what they corrected; a direction that was not tested keeps them in
-its entry (`seatrial.bench_test.vehicle_text`).
-
-Tests: ``tests/bench_test/test_bench_vehicle.py``.
+are removed, because the test replaces what they corrected; a direction that was not tested keeps its old
+thrust, with these corrections taken into the entry. Held by ``tests/bench_test/test_bench_vehicle.py``.
 """
 
 from __future__ import annotations

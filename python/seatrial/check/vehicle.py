@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.vehicle.actuators import NOMINAL_V, Push, beyond_tables, pushes
-from seatrial.vehicle.plausibility import commanded_rows, implausible, unused_rows
+from seatrial.check.plausibility import beyond_tables, implausible, unused_rows
+from seatrial.vehicle.actuators import NOMINAL_V, Push, pushes
+from seatrial.vehicle.authority import commanded_rows
 from seatrial.vehicle.stability import Statics, damping_gain, growth, statics
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,

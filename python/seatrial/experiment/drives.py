@@ -17,7 +17,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.base.errors import VehicleError
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, command, settling_s, voltage_for
-from seatrial.vehicle.plausibility import commanded_rows
+from seatrial.vehicle.authority import commanded_rows
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

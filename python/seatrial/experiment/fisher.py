@@ -34,7 +34,7 @@ from seatrial.campaign.parameters import parameters as parsed
 from seatrial.estimation.segments import stage_step
 from seatrial.experiment.forecast import simulated
 from seatrial.sensors.sensor import KINDS
-from seatrial.statistics.autocorrelation import widening
+from seatrial.statistics.autocorrelation import variance_inflation
 from seatrial.statistics.information import eliminate
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
@@ -350,5 +350,5 @@ def seen_by(recorded: Linearisation) -> Instruments:
     r = min(max(lagged / power, 0.0), 0.99) if power > 0.0 else 0.0
     return Instruments(
         dict(zip(recorded.channels, map(float, recorded.noise), strict=True)),
-        correlation_s=recorded.dt * widening(r),
+        correlation_s=recorded.dt * variance_inflation(r),
     )

@@ -1,21 +1,17 @@
-"""What sensors need to know of a run besides its motion: the water, the bottom, the supply, the tether.
+"""What perfect sensors would show of a run, at any time and at their own lever arm.
 
-What perfect sensors would show of a run, at any time and at their own place in the vehicle.
-
-A place r in the body frame moves with ``v_r = v_O + omega x r`` and lies at ``p_r = p_O + R(q) r``; through
+A point r in the body frame moves with ``v_r = v_O + omega x r`` and lies at ``p_r = p_O + R(q) r``; through
 the water it moves with ``v_r - R(q)' v_c``. GPS has a fix while its antenna is above the surface (down < 0);
 bottom track needs the bottom within range along the sensor's own down axis. Source: Fossen, Handbook of
 Marine Craft Hydrodynamics and Motion Control (2011), sections 2.2 and 8.3. Held by
-tests/sensors/test_sensors_ideal.py.
+``tests/sensors/test_sensors_ideal.py``.
 
-Load cell of a tied vehicle: the force that it puts on its tether, as in a bollard test.
-
-The tether balances everything else that acts on the vehicle, which does not move:
+A load cell shows the force of a tied vehicle on its tether, which balances all else that acts on the vehicle:
 
     load = tau_actuators + sum of the other forces at nu = 0   (body frame, N)
 
 that is, the actuators' wrench and the restoring force; a current past the vehicle adds its drag. Positive is
-a push forward, to starboard, down. Held by tests/sensors/test_sensors_load_cell.py.
+a push forward, to starboard, down. Held by ``tests/sensors/test_sensors_load_cell.py``.
 """
 
 from __future__ import annotations

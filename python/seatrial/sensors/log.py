@@ -1,29 +1,21 @@
-"""Drop-outs: a sensor works and is silent by turns, each for an exponentially distributed time.
-
-With the means `every` and `length` it is silent for the share ``length / (every + length)`` of the time, and
-so likely at the start (the stationary state of the two-state Markov process). Held by
-tests/sensors/test_sensors_drop_outs.py.
-
-When sensors sample: in step with the log, or on a time base of their own.
-
-A sensor of the log's rate, or of a whole fraction of it, samples in rows of the log. One with a phase, a
-jitter or any other rate f has its own base: it samples at ``t_k = t_0 + phase + k / f`` what was true a
-latency earlier, and stamps it ``t_k + jitter``. Stamps keep their order: jitter ends at 0.45 / f.
-
-Held by tests/sensors/test_sensors_stamps.py.
-
-A run with rows between those of its log, for sensors that sample in between.
-
-Commands, supply and wrench hold from row to row of the log, a current is linear in between, so that the finer
-run is the same motion.
-
-The log of a run: true values, late, with bias, noise and digits, with samples lost, in one table.
+"""The log that real sensors make of a run: late, biased, noisy, rounded, with lost samples, in one table.
 
 A sample is ``y = quantum * round((y_true(t - latency) + bias + noise) / quantum)``. Noise is drawn from a
 generator of the sensor's own, seeded by the run's seed and the sensor's name, so that adding or changing one
 sensor leaves the others' samples as they are; jitter and drop-outs have generators of their own beside it, so
-that they change no noise. Held by tests/sensors/test_sensors.py, tests/sensors/test_sensors_stamps.py and
-tests/sensors/test_sensors_drop_outs.py.
+that they change no noise. Held by ``tests/sensors/test_sensors.py``.
+
+A sensor of the log's rate, or of a whole fraction of it, samples in rows of the log. One with a phase, a
+jitter or any other rate f has its own time base: it samples at ``t_k = t_0 + phase + k / f`` what was true a
+latency earlier, and stamps it ``t_k + jitter``. Stamps keep their order: jitter ends at 0.45 / f. The run is
+then simulated with rows between those of the log: commands, supply and wrench hold from row to row of the
+log, a current is linear in between, so that it is the same motion. Held by
+``tests/sensors/test_sensors_stamps.py``.
+
+Drop-outs are a two-state Markov process: the sensor works and is silent in turn, each for an exponentially
+distributed time. With the means `every` and `length` it is silent for the share
+``length / (every + length)`` of the time, and as likely at the start. Held by
+``tests/sensors/test_sensors_drop_outs.py``.
 """
 
 from __future__ import annotations

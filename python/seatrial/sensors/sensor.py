@@ -1,12 +1,8 @@
-"""Kinds of sensors: the columns that each logs, the unit of its numbers, and whether its place matters.
+"""Sensors: kinds and their columns, the imperfections of one, and sets of them from files.
 
-One sensor: how far what it logs is from the truth, and its table in a file.
-
-Noise, bias and quantum are in the unit of its kind (`seatrial.sensors.sensor`), times in s, places in m in
-the
-body frame from O. Every number is zero, and so perfect, unless it is given.
-
-Sets of sensors: the one that comes with seatrial, "typical", and those of files.
+Noise, bias and quantum are in the unit of the kind, times in s, the lever arm in m in the body frame from O.
+Every number is zero, and so perfect, unless it is given. "typical" is the set that comes with seatrial. Held
+by ``tests/sensors/test_sensors.py``.
 """
 
 from __future__ import annotations

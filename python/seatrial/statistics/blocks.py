@@ -1,21 +1,20 @@
-"""Blocks of dependent residuals: how long errors remember, and what each block tells of the unknowns.
+"""Blocks of dependent residuals: how long errors stay correlated, and the score of each block.
 
 The residuals of tank and sea trials are coloured: neighbouring samples err alike, and a count of samples
-overstates what they tell. Sums over blocks that are long against that memory are nearly independent.
+overstates their information. Sums over blocks that are long against that memory are nearly independent.
 
 The length starts from Politis and White (2004, Econometric Reviews 23:53, corrected by Patton, Politis and
 White 2009, 28:372) for each channel, ``L = (2 G^2 / D)^(1/3) N^(1/3)`` with ``G = sum |k| rho_k`` and
 ``D = 4/3 (sum rho_k)^2`` from the flat-top lag window of Politis and Romano (1995); the longest channel
 counts for all. With a Student factor for the number of blocks, intervals cover better with longer blocks than
 those of least mean square error (Sun, Phillips and Jin 2008, Econometrica 76:175): they are a quarter longer,
-and no shorter than ``1.3 sqrt(N)`` (Lazarus, Lewis, Stock and Watson 2018, JBES 36:541).
+and no shorter than ``1.3 sqrt(N)`` (Lazarus, Lewis, Stock and Watson 2018, JBES 36:541). Autocorrelations are
+products of samples at their true distance in time over the number of such pairs (Parzen 1963), so that a gap
+between segments neither breaks nor invents a memory.
 
-Autocorrelations are products of samples at their true distance in time over the number of such pairs (Parzen
-1963), so that a gap between segments neither breaks nor invents a memory.
-
-Blocks of a linearisation in coordinates in which the information of the whole estimate is one.
-
-Only combinations of the unknowns that data or priors determine have a coordinate; `determined` finds them.
+`whitened` gives the scores in coordinates in which the information of the whole estimate is the identity;
+only combinations of the unknowns that data or priors determine have a coordinate (`determined`). Held by
+``tests/statistics/test_uncertainty.py``.
 """
 
 from __future__ import annotations

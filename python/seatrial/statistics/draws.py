@@ -1,12 +1,11 @@
-"""Random numbers by number: what draw i holds is a function of seed, cause and i alone, never of how many.
+"""Reproducible draws: the random numbers of draw i depend on seed, cause and i alone, not on how many draws.
 
 Philox is a counter-based generator: its output is a keyed bijection of a counter, so that streams whose
 counters differ never meet (Salmon, Moraes, Dror and Shaw 2011, *Parallel random numbers: as easy as 1, 2,
 3*, SC'11). The key holds the seed and the cause, the counter the number of the draw and of the attempt; a
 stream may run for 2^64 blocks before it would meet the next attempt. A draw can therefore be repeated alone,
-and a further cause changes none of the others.
-
-Tests: ``tests/identification/test_fitted.py``, ``tests/verification/test_draws.py``.
+and a further cause changes none of the others. Held by ``tests/identification/test_fitted.py`` and
+``tests/verification/test_draws.py``.
 """
 
 from __future__ import annotations

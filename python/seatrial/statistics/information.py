@@ -1,20 +1,16 @@
-"""Information matrices: inverse, elimination of unknowns, singular values of the sensitivities behind them.
+"""Information matrices, and information criteria for models of correlated residuals.
 
 The information is ``J' W J`` of sensitivities in standard deviations. Its inverse is the covariance if the
 errors are independent; its eigenvalues are the squared singular values of ``sqrt(W) J``, its eigenvectors
-the right singular vectors.
+the right singular vectors. Unknowns are eliminated by the Schur complement.
 
-Information criteria for the choice between models of the same data whose residuals are correlated.
-
-``-2 ln L = sum n_c ln s_c^2`` for Gaussian errors, with the mean square s_c^2 of each channel's residual.
-Samples that repeat what their neighbours say must not count in full, or every term that is freed looks
-significant: n_c is the number of independent samples, those that count over the integrated autocorrelation
-time (`seatrial.statistics.blocks`). AIC adds 2 k (Akaike 1974), BIC ``k ln sum n_c`` (Schwarz
+The criteria compare models of the same data: ``-2 ln L = sum n_c ln s_c^2`` for Gaussian errors, with the
+mean square s_c^2 of each channel's residual. Correlated samples must not count in full, or every term that is
+freed looks significant: n_c is the number of independent samples, those that count over the integrated
+autocorrelation time (`seatrial.statistics.blocks`). AIC adds 2 k (Akaike 1974), BIC ``k ln sum n_c`` (Schwarz
 1978); k is the number of determined combinations less the part that priors hold, ``tr H^-1 sum H_b`` (Moody
-1992).
-
-Correlation between channels is not counted. Initial conditions of segments are left out of k: models of the
-same segments have the same number of them.
+1992). Correlation between channels is not counted. Initial conditions of segments are left out of k: models
+of the same segments have the same number of them.
 """
 
 from __future__ import annotations

@@ -1,12 +1,10 @@
-"""Tests by ranks of one cause: two samples, correlations, directions, and the correction for many tests.
+"""Rank tests of one suspected cause (two samples, correlation, direction), and Holm's correction for many.
 
 Where more than half of the missions share a value (no outage; a requirement on words that is held), ranks
 are ties, and the normal approximation calls a coincidence of two rare things proof: one failure of 200 that
-met an outage of a tenth of them has p = 0.003 by it, and 0.1 in truth. Such numbers are asked twice, whether
-they are the usual one (Fisher's exact test) and by the ranks of the others; the smaller p-value counts
-twofold.
-
-Held by `tests/verification/test_causes.py`.
+met an outage of a tenth of them has p = 0.003 by it, and 0.1 in truth. Such numbers are tested twice: whether
+they have the common value (Fisher's exact test), and by the ranks of the others; the smaller p-value counts
+twofold. Held by ``tests/verification/test_causes.py``.
 """
 
 from __future__ import annotations

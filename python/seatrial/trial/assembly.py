@@ -1,13 +1,11 @@
-"""Signals put on one time base and into the arrays of a trial; missing motion derived from the pose.
+"""From signals to the arrays of a trial: one time base, derived motion, and the current.
 
-Current from a Doppler log that sees bottom and water: velocity over ground less that through the water.
-
-At one instant ``v_c,n = R (v_ground - v_water)``; the place on the vehicle cancels, since both velocities
-come from the same instrument. A steady current is the median over the record; where the medians of parts of
-it differ clearly, the current runs linearly between them. Held by tests/trial/test_water_current.py.
-
-The model takes the current as known input of a trial (Fossen 2011, section 8.3). Without it drag would be
-fitted to the speed over ground.
+Velocities and rates that no sensor gave are derived from the smoothed pose. A Doppler log that sees bottom
+and water gives the current: at one instant ``v_c,n = R (v_ground - v_water)``; the lever arm cancels, since
+both velocities come from the same instrument. A steady current is the median over the record; where the
+medians of parts of it differ clearly, the current runs linearly between them. The model takes it as known
+input of a trial (Fossen 2011, section 8.3); without it drag would be fitted to the speed over ground. Held by
+``tests/trial/test_trial.py`` and ``tests/trial/test_water_current.py``.
 """
 
 from __future__ import annotations
@@ -21,8 +19,9 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.rotation import body_rates, matrix, to_euler
-from seatrial.trial.resampling import GAP, held, linear, spline
+from seatrial.trial.resampling import GAP, held, linear
 from seatrial.trial.signals import RecordingReport, Signal
+from seatrial.trial.smoothing import spline
 
 __all__ = ["WaterCurrent", "add_current", "assemble", "water_current"]
 

@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.channels import readable
 from seatrial.base.errors import TrialError
-from seatrial.statistics.autocorrelation import neighbours, widening
+from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 from seatrial.trial.score import Score, channel_errors, kind, score
 from seatrial.trial.trial import Input, Trial
 
@@ -166,8 +166,8 @@ def _reach(left: Array, trial: NDArray[np.str_], alpha: float) -> float:
     n = len(left)
     if n < LEAST_WINDOWS:
         return math.inf
-    memory = neighbours(left, most=_MOST_ALIKE, together=trial[1:] == trial[:-1])
-    variance = float(left @ left) / (n * (n - 1)) * widening(memory)
+    memory = lag_one_correlation(left, most=_MOST_ALIKE, together=trial[1:] == trial[:-1])
+    variance = float(left @ left) / (n * (n - 1)) * variance_inflation(memory)
     return float(t.ppf(1.0 - 0.5 * alpha, n - 1)) * math.sqrt(variance)
 
 

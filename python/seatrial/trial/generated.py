@@ -1,8 +1,10 @@
-"""Generated trials: recordings that no vehicle made, from a recipe that says how.
+"""Generated trials: recordings that no vehicle made, simulated from a recipe.
 
 A recipe is a TOML file: a truth vehicle with its sensors (a second file, shared by the recipes of a
 campaign), the commands over time, a seed. The same recipe gives the same table. The reader "generated" turns
-it into a table like that of any log, so that a recipe stands in a campaign where a recording would.
+it into a table like that of any log, so that a recipe stands in a campaign where a recording would. The
+models here are the only owner of the format; unknown keys are refused with the nearest known name. Held by
+``tests/sensors/test_sensors.py``.
 """
 
 from __future__ import annotations
@@ -10,18 +12,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field, model_validator
 
 from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import write_table
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.toml_file import Name, Number, Positive, Section
 from seatrial.sensors.ideal import ON_THE_TETHER, Conditions, at_sea
 from seatrial.sensors.log import finer, held, measure, times
 from seatrial.sensors.sensor import Sensor, read_as
-from seatrial.trial.truth import RecipeFile, Truth, TruthFile
+from seatrial.trial.truth import Truth, TruthFile
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -34,6 +38,50 @@ __all__ = ["Recipe", "files_of", "write_generated"]
 _STEP_S = 0.01
 
 _MOST_ROWS = 1e7
+
+
+class _Initial(Section):
+    """State at the start, at rest over ground but for surge."""
+
+    depth_m: Number = 0.0
+    roll_deg: Number = 0.0
+    pitch_deg: Number = 0.0
+    yaw_deg: Number = 0.0
+    surge_m_s: Number = 0.0
+
+
+class _Current(Section):
+    """Steady current over ground, NED."""
+
+    north_m_s: Number = 0.0
+    east_m_s: Number = 0.0
+    down_m_s: Number = 0.0
+
+
+class RecipeFile(Section):
+    """A generated trial."""
+
+    format: Literal[1]
+    description: str
+    truth: Name
+    seed: Annotated[int, Field(strict=True, ge=0)]
+    duration_s: Positive
+    rate_hz: Positive = 10.0
+    held: Annotated[bool, Field(strict=True)] = False
+    voltage_v: Positive | None = None
+    bottom_depth_m: Positive | None = None
+    initial: _Initial = _Initial()
+    current: _Current = _Current()
+    commands: tuple[dict[str, Number], ...] = ()
+
+    @model_validator(mode="after")
+    def _a_held_vehicle_is_at_rest(self) -> RecipeFile:
+        if self.held and self.initial.surge_m_s != 0.0:
+            raise ValueError(
+                f"a held vehicle does not move, found initial surge_m_s = {self.initial.surge_m_s:g};"
+                " leave it out, or held"
+            )
+        return self
 
 
 @dataclass(frozen=True)

@@ -3,51 +3,24 @@
 A point of the base is valid where both neighbouring samples are good and no further apart than `GAP` times
 the sensor's own interval; elsewhere the value is a fill that no criterion may use.
 
-Columns of one vector that several sensors logged, each at its own times, and the time base for all.
-
-A row of such a log has cells of the sensors that sampled then and empty cells elsewhere. A depth that comes
-at other times than north and east is another sensor's: a signal of its own. Other components that come apart
-(a compass beside roll and pitch, a yaw gyro of its own rate) are brought to the stamps of the one with the
-most samples, linearly between their own neighbours and nowhere else. Held by
-tests/trial/test_several_rates.py.
-
-Smoothing spline of masked samples: values and derivatives for restarts and for measured axes.
-
-Penalised least squares on the uniform base, ``min sum w (y - f)^2 + lambda sum (third difference of f)^2``
-(Whittaker 1923; Eilers, Anal. Chem. 75 (2003) 3631), then the cubic spline through f. Without masks its gain
-is ``1 / (1 + lambda (2 sin(omega h / 2))^6)``: a zero-phase low-pass. lambda is chosen by generalised
-cross-validation with the effective degrees of freedom counted 1.4-fold, which guards against under-smoothing
-(Kim and Gu, J. R. Stat. Soc. B 66 (2004) 337). Held by the ``test_law_`` functions of
-tests/trial/test_smoothing.py.
+In a log of several rates a row has cells of the sensors that sampled then and empty cells elsewhere. A depth
+that comes at other times than north and east is another sensor's: a signal of its own. Other components that
+come apart (a compass beside roll and pitch, a yaw gyro of its own rate) are brought to the stamps of the one
+with the most samples, linearly between their own neighbours and nowhere else. Held by
+``tests/trial/test_several_rates.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.rotation import continuous
 from seatrial.trial.signals import RecordingReport, Signal
 
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
-
-__all__ = [
-    "GAP",
-    "between",
-    "common",
-    "held",
-    "instruments",
-    "linear",
-    "smooth",
-    "spline",
-    "together",
-    "uniform",
-]
+__all__ = ["GAP", "between", "common", "held", "instruments", "linear", "together", "uniform"]
 
 GAP = 1.9
 """Longest distance between neighbours that is no gap, in median intervals: one lost sample is a gap."""
@@ -187,67 +160,3 @@ def _one_sensor(present: Mask) -> bool:
     used = counts > 0
     shared = int(np.logical_and.reduce(present[:, used], axis=1).sum())
     return shared >= _SHARED * int(counts.max(initial=0))
-
-
-_CAUTION = 1.4  # factor on the effective degrees of freedom
-
-_FILL_WEIGHT = 1e-3  # weight of a straight bridge over masked samples: it bounds the swing over a long gap
-
-# Cut-off periods searched, in samples; the equations of longer ones are ill-conditioned.
-_SHORTEST, _LONGEST = 2.5, 200.0
-
-
-def smooth(y: Array, valid: Mask) -> Array:
-    """Smoothed columns, shape (n, k), of uniform samples `y` (n, k) of one smoothness, `valid` (n,).
-
-    Columns are one vector (a velocity, a quaternion): they get the same low-pass, scaled by their common
-    noise.
-    """
-    from scipy.linalg import solveh_banded
-
-    n = len(y)
-    good = np.flatnonzero(valid)
-    if len(good) < 5 or np.ptp(y[good], axis=0).max() == 0.0:
-        return _bridged(y, good)
-    filled = _bridged(y, good)
-    weight = np.where(valid, 1.0, _FILL_WEIGHT)
-    penalty = _penalty_bands(n)
-    frequency = (2.0 * np.sin(0.5 * np.pi * np.arange(n) / n)) ** 6
-
-    def solve(strength: float) -> tuple[float, Array]:
-        bands = strength * penalty
-        bands[-1] += weight
-        f: Array = solveh_banded(bands, weight[:, None] * filled, check_finite=False)
-        freedom = _CAUTION * np.sum(1.0 / (1.0 + strength * frequency)) / n
-        residual = np.mean((y[good] - f[good]) ** 2)
-        return (float(residual / (1.0 - freedom) ** 2) if freedom < 1.0 else np.inf), f
-
-    periods = np.geomspace(_SHORTEST, _LONGEST, 24)
-    strengths = (2.0 * np.sin(np.pi / periods)) ** -6.0
-    return min((solve(strength) for strength in strengths), key=lambda result: result[0])[1]
-
-
-def spline(t: Array, y: Array, valid: Mask) -> CubicSpline:
-    """Cubic spline through the smoothed columns of `y` (n, k) over the uniform times `t` (n,)."""
-    from scipy.interpolate import CubicSpline
-
-    return CubicSpline(t, smooth(y, valid), axis=0)
-
-
-def _bridged(y: Array, good: NDArray[np.intp]) -> Array:
-    """Samples with straight bridges over what is not good, constant at the ends, zero where nothing is."""
-    if len(good) == 0:
-        return np.zeros_like(y)
-    index = np.arange(len(y))
-    return np.stack([np.interp(index, good, y[good, k]) for k in range(y.shape[1])], axis=1)
-
-
-def _penalty_bands(n: int) -> Array:
-    """Upper bands (4, n) of D'D, D the third difference, as `scipy.linalg.solveh_banded` wants them."""
-    difference = np.array([-1.0, 3.0, -3.0, 1.0])
-    bands = np.zeros((4, n))
-    for i in range(4):
-        for j in range(i, 4):
-            # D'D[r + i, r + j] collects the product of the two entries from each row r of D.
-            bands[3 - (j - i), j : n - 3 + j] += difference[i] * difference[j]
-    return bands

@@ -1,7 +1,4 @@
-"""One sensor's samples on its own time base, in SI and in NED/FRD, with a mark on every bad sample.
-
-Report of a recording: what was found, corrected, masked and derived, in sentences and as data.
-"""
+"""A signal (one sensor's samples on its own time base), and the report of what was done to a recording."""
 
 from __future__ import annotations
 

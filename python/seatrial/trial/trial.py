@@ -26,9 +26,9 @@ from seatrial.trial import alignment, defects, resampling, table, tilt
 from seatrial.trial.assembly import assemble
 from seatrial.trial.columns import GROUPS, parse
 from seatrial.trial.readers import Reader, read_table
-from seatrial.trial.resampling import smooth, spline
 from seatrial.trial.sensor_position import parse_positions, to_origin
 from seatrial.trial.signals import RecordingReport
+from seatrial.trial.smoothing import smooth, spline
 
 if TYPE_CHECKING:
     import polars as pl

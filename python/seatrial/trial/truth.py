@@ -1,13 +1,7 @@
-"""Truth vehicles: what sails generated trials, a vehicle with other coefficients, and its sensors.
+"""Truth vehicles: what sails generated trials, with other coefficients than the model, and its sensors.
 
-Its file names a vehicle, factors on its coefficients or values instead of them, and the sensors that it
-carries (`seatrial.trial.truth.TruthFile`). Tests: ``tests/sensors/test_sensors.py``,
-``tests/trial/test_truth.py``.
-
-The files of generated trials: which keys truth, recipe and sensor files have, what they may hold.
-
-These models are the only owner of the formats, but for the keys of a sensor, which
-`seatrial.sensors.sensor.Sensor` owns; unknown keys are refused with the nearest known name.
+A truth file names a vehicle, factors on its coefficients or values instead of them, and the sensors that it
+carries. Held by ``tests/sensors/test_sensors.py`` and ``tests/trial/test_truth.py``.
 """
 
 from __future__ import annotations
@@ -16,18 +10,18 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from seatrial.base.errors import TrialError, VehicleError, nearest
-from seatrial.base.toml_file import Name, Number, Positive, Section
+from seatrial.base.toml_file import Name, Number
 from seatrial.sensors.sensor import Sensor, SensorFile, parse_sensors, read_as
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["RecipeFile", "Truth", "TruthFile"]
+__all__ = ["Truth", "TruthFile"]
 
 
 class TruthFile(SensorFile):
@@ -41,50 +35,6 @@ class TruthFile(SensorFile):
     vehicle_file: dict[str, Any] = Field(default_factory=dict)
     factors: dict[str, Number] = Field(default_factory=dict)
     values: dict[str, Number] = Field(default_factory=dict)
-
-
-class _Initial(Section):
-    """State at the start, at rest over ground but for surge."""
-
-    depth_m: Number = 0.0
-    roll_deg: Number = 0.0
-    pitch_deg: Number = 0.0
-    yaw_deg: Number = 0.0
-    surge_m_s: Number = 0.0
-
-
-class _Current(Section):
-    """Steady current over ground, NED."""
-
-    north_m_s: Number = 0.0
-    east_m_s: Number = 0.0
-    down_m_s: Number = 0.0
-
-
-class RecipeFile(Section):
-    """A generated trial."""
-
-    format: Literal[1]
-    description: str
-    truth: Name
-    seed: Annotated[int, Field(strict=True, ge=0)]
-    duration_s: Positive
-    rate_hz: Positive = 10.0
-    held: Annotated[bool, Field(strict=True)] = False
-    voltage_v: Positive | None = None
-    bottom_depth_m: Positive | None = None
-    initial: _Initial = _Initial()
-    current: _Current = _Current()
-    commands: tuple[dict[str, Number], ...] = ()
-
-    @model_validator(mode="after")
-    def _a_held_vehicle_is_at_rest(self) -> RecipeFile:
-        if self.held and self.initial.surge_m_s != 0.0:
-            raise ValueError(
-                f"a held vehicle does not move, found initial surge_m_s = {self.initial.surge_m_s:g};"
-                " leave it out, or held"
-            )
-        return self
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,12 @@
-"""What each actuator does, in a sentence: the cheapest cure for a wrong sign.
+"""What each actuator does: its push in words, the wrench at bollard pull, limits and groups.
 
 The force is the model's own, behind the whole chain from command to wrench: the vehicle is held (no axis
-free) until the motor has settled, at rest for a thruster, in a steady flow from ahead for a fin.
+free) until the motor has settled, at rest for a thruster, in a steady flow from ahead for a fin. A sentence
+per actuator shows a wrong sign before any trial. Held by ``tests/check/test_check.py``.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -147,15 +147,13 @@ def voltage_for(vehicle: Vehicle, t: Array, voltage_v: float) -> Array | None:
     return np.full(len(t), voltage_v) if needed else None
 
 
-def beyond_tables(vehicle: Vehicle, voltage_v: float) -> list[str]:
-    """Sentence per table of thrust that does not reach to this supply voltage in V."""
-    tables = tomllib.loads(vehicle.to_toml()).get("characteristics", {})
-    return [
-        f"Supply: {voltage_v:g} V lies outside the {min(known):g} to {max(known):g} V of the table {name},"
-        " which is read at its edge"
-        for name, table in tables.items()
-        if (known := table.get("voltage_v")) and not min(known) <= voltage_v <= max(known)
-    ]
+def actuator_groups(vehicle: Vehicle) -> dict[str, list[str]]:
+    """Actuators of each group, in the vehicle's order; one without a group is its own."""
+    groups: dict[str, list[str]] = {}
+    facts = vehicle.actuator_info()
+    for actuator in vehicle.actuators:
+        groups.setdefault(str(facts[actuator]["group"]) or actuator, []).append(actuator)
+    return groups
 
 
 def largest(facts: Mapping[str, Any], sign: float) -> float:
@@ -187,12 +185,3 @@ def command(facts: Mapping[str, Any], share: float) -> float:
 
 def _force(axis: int, force: float) -> str:
     return f"{abs(force):.2g} N {_FORCES[axis][0 if force > 0.0 else 1]}"
-
-
-def actuator_groups(vehicle: Vehicle) -> dict[str, list[str]]:
-    """Actuators of each group, in the vehicle's order; one without a group is its own."""
-    groups: dict[str, list[str]] = {}
-    facts = vehicle.actuator_info()
-    for actuator in vehicle.actuators:
-        groups.setdefault(str(facts[actuator]["group"]) or actuator, []).append(actuator)
-    return groups

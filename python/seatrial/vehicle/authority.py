@@ -1,8 +1,8 @@
-"""What the actuators can do for each row of the wrench: reach, delay, and what comes along with it.
+"""What the actuators can do for each row of the wrench: reach, delay, coupling, rows that can be commanded.
 
 The reach of a row is the largest force or moment with the other rows of the autopilot at zero and the
 surge force free: a linear programme over the actuators' thrust between their largest commands, taken from
-the vehicle's own chain at a speed ahead. Held by tests/control_design/test_control_design.py.
+the vehicle's own chain at a speed ahead. Held by ``tests/control_design/test_control_design.py``.
 """
 
 from __future__ import annotations
@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES
 from seatrial.vehicle.actuators import NOMINAL_V, bollard, command, turns_that_way
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LOOPS", "ROWS", "Delay", "commandable", "delays", "mixing", "reach"]
+__all__ = ["LOOPS", "ROWS", "Delay", "commandable", "commanded_rows", "delays", "mixing", "reach", "thrusts"]
 
-ROWS = "XYZKMN"
+ROWS = AXES
+"""Rows of the wrench."""
 
 LOOPS = ("surge", "sway", "heave", "roll", "pitch", "heading")
 """The loop of each row of the wrench."""
@@ -31,6 +33,8 @@ _PART = 0.1  # an actuator counts for a row when it gives this share of what the
 _RAMP = 0.1  # share of the largest command that a small correction asks for
 
 _NOTHING = 1e-3  # N or N m
+
+_WEAK = 0.02  # a singular value below this share of the largest commands nothing in practice
 
 
 @dataclass(frozen=True)
@@ -138,6 +142,28 @@ def commandable(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINA
         if high < _NOTHING or (row != "X" and low > -_NOTHING):
             missing[row] = f"the actuators have no reach at {speed_m_s:.2g} m/s"
     return {row: missing[row] for row in ROWS if row in missing}
+
+
+def commanded_rows(vehicle: Vehicle) -> list[str]:
+    """Rows of the wrench that the actuators can command independently, among X Y Z K M N.
+
+    The rows that the vehicle file lists as controllable are tried first; the others join where they can.
+    What happens in the rows left out is not asked: a canted propeller may push sideways while it turns.
+    """
+    matrix = np.asarray(vehicle.allocation_matrix())
+    if matrix.size == 0:
+        return []
+    lever = max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)
+    scaled = matrix / np.array([1.0, 1.0, 1.0, lever, lever, lever])[:, None]
+    largest = np.linalg.norm(scaled, 2)
+    declared = [row for row in ROWS if row in vehicle.controllable]
+    able: list[str] = []
+    for row in (*declared, *(row for row in ROWS if row not in declared)):
+        tried = scaled[[ROWS.index(name) for name in (*able, row)]]
+        sizes = np.linalg.svd(tried, compute_uv=False)
+        if len(able) < matrix.shape[1] and sizes[-1] > _WEAK * largest:
+            able.append(row)
+    return [row for row in ROWS if row in able]
 
 
 def delays(vehicle: Vehicle, rows: str) -> dict[str, Delay]:

@@ -1,18 +1,16 @@
-"""Which coefficients a vehicle can have: those with which no part of it makes energy out of nothing.
+"""Which coefficients are physically possible: those with which no part of the vehicle creates energy.
 
-What is asked, each only where the vehicle's own values hold it:
+Each condition counts only where the vehicle's own values meet it:
 
-- the core takes them: positive masses and inertias, ``M_RB + M_A`` positive definite, motors with lags and
-  rate limits that exist;
+- the core accepts the values: positive masses and inertias, ``M_RB + M_A`` positive definite, motors with
+  lags and rate limits that exist;
 - damping takes energy at every speed: ``X_u <= 0`` and ``X_uu <= 0`` and so on along the diagonal, and the
   symmetric part of the linear damping matrix is positive semidefinite (Fossen 2011, section 6.4);
-- actuators push the way they are built: gains and thrust per revolution are positive, thrust deduction and
-  wake fraction lie from 0 to below 1, nothing is gained from the other groups' thrust.
+- actuators push along their direction: gains and thrust per revolution are positive, thrust deduction and
+  wake fraction lie from 0 to below 1, losses from other groups' thrust are not gains.
 
 Lift (``Y_uv`` and the like) turns forward motion into sideways force and quadratic cross terms have no sign
-of their own; they are free.
-
-Tests: ``tests/identification/test_fitted.py``.
+of their own; they are free. Held by ``tests/identification/test_fitted.py``.
 """
 
 from __future__ import annotations
@@ -24,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.errors import VehicleError
 
 if TYPE_CHECKING:
@@ -31,9 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PossibleCoefficients"]
 
-_ROWS, _SPEEDS = "XYZKMN", "uvwpqr"
-
-_DIAGONAL = [(row, speed) for row, speed in zip(_ROWS, _SPEEDS, strict=True)]
+_DIAGONAL = [(row, speed) for row, speed in zip(AXES, VELOCITIES, strict=True)]
 
 _POSITIVE = ("gain", "astern_ratio", "p1_ahead", "p1_astern")
 
@@ -83,11 +80,11 @@ class PossibleCoefficients:
         self.low = np.where(self._own < low, -np.inf, low)
         self.high = np.where(self._own > high, np.inf, high)
         self._linear = [
-            (k, _ROWS.index(name[0]), _SPEEDS.index(name[2]))
+            (k, AXES.index(name[0]), VELOCITIES.index(name[2]))
             for k, name in enumerate(self.names)
-            if len(name) == 3 and name[1] == "_" and name[0] in _ROWS and name[2] in _SPEEDS
+            if len(name) == 3 and name[1] == "_" and name[0] in AXES and name[2] in VELOCITIES
         ]
-        self._damping = np.array([[own.get(f"{row}_{speed}", 0.0) for speed in _SPEEDS] for row in _ROWS])
+        self._damping = np.array([[own.get(f"{row}_{speed}", 0.0) for speed in VELOCITIES] for row in AXES])
         self._judged = [k for k, name in enumerate(self.names) if not _ANY_NUMBER.fullmatch(name)]
         self._dissipative = bool(self._takes_energy(self._own[None])[0])
 

@@ -2,7 +2,7 @@
 
 Course and pitch stability are eigenvalues of the motion linearised about straight running (Fossen 2011,
 chapter 12): hull, and movable fins held at neutral, without the propellers' own damping. Held by
-tests/check/test_check.py and tests/check/test_check_fins.py.
+``tests/check/test_check.py`` and ``tests/check/test_check_fins.py``.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.channels import VELOCITIES
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Gain:
     def words(self) -> str:
         """The direction by its main velocities: ``v +1.00 m/s, r -0.82 rad/s``."""
         units = ("m/s",) * 3 + ("rad/s",) * 3
-        parts = zip("uvwpqr", self.direction, units, strict=True)
+        parts = zip(VELOCITIES, self.direction, units, strict=True)
         return ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in parts if abs(value) > 0.05)
 
 

@@ -1,12 +1,9 @@
-"""Steady motion under held commands, from runs of the whole chain that go on until nothing changes.
+"""Steady motion: speed against revolutions, power, endurance and range, turns by thrusters.
 
-Held by tests/vehicle/test_performance.py.
-
-Speed against revolutions, power and endurance, and turning, from simulations of the vehicle.
-
-Steady speed ahead: thrust and drag balance, tau_X(n, u) + X(u) = 0 with the other axes held. Endurance is the
-battery over hotel load and propulsion, both at the bus; the range is speed times endurance, in still water.
-A turn is in the horizontal plane: roll, pitch and heave are held. Held by tests/vehicle/test_performance.py.
+All of it is simulated with the whole chain until nothing changes any more. Ahead, thrust and drag balance,
+tau_X(n, u) + X(u) = 0 with the other axes held. Endurance is the battery over hotel load and propulsion, both
+at the bus; the range is speed times endurance, in still water. A turn is in the horizontal plane: roll, pitch
+and heave are held. Held by ``tests/vehicle/test_performance.py``.
 """
 
 from __future__ import annotations

@@ -1,15 +1,11 @@
-"""A steady turn by movable fins: rudders at half their largest angle, all that drives ahead at half power.
+"""Turns in the horizontal plane: a steady turn by fins, and the tightest turn at a speed ahead.
 
-In the horizontal plane, as the turns of `seatrial.vehicle.steady_state`: roll, pitch and heave are held.
-Held by
-tests/check/test_check_fins.py.
-
-The tightest turn that a vehicle flies at a speed ahead.
-
-Thrusters give the largest yaw moment that leaves the thrust ahead and the other commanded rows as level
-flight needs them (a linear programme over what each actuator reaches, `seatrial.vehicle.authority`);
-rudders are hard over, in the flow as it is in the turn. Sway and yaw then settle while the speed is held.
-Held by tests/check/test_check_mission.py.
+By fins: rudders at half their largest angle, all that drives ahead at half power. The tightest turn:
+thrusters give the largest yaw moment that leaves the thrust ahead and the other commanded rows as level
+flight needs them (a linear programme over what each actuator reaches, `seatrial.vehicle.authority`), rudders
+are hard over in the flow as it is in the turn; sway and yaw then settle while the speed is held. Roll, pitch
+and heave are held in both. Held by ``tests/check/test_check_fins.py`` and
+``tests/check/test_check_mission.py``.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.bench_test.characteristic import SIDES
-from seatrial.bench_test.motor_record import StepRecord
+from seatrial.bench_test.motor_model import StepRecord
 from seatrial.bench_test.result import share
 from seatrial.report.plot.style import (
     CYCLE,

@@ -1,49 +1,28 @@
-"""Numbers that cannot be meant: wrong units, wrong signs, rows that no actuator commands."""
+"""Values of a vehicle that cannot be meant: wrong units, wrong signs, rows that no actuator commands.
+
+Held by ``tests/check/test_check.py``.
+"""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.vehicle.authority import commanded_rows
+
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["commanded_rows", "implausible", "unused_rows"]
-
-ROWS = "XYZKMN"
-
-_WEAK = 0.02  # a singular value below this share of the largest commands nothing in practice
-
-_AXES = ("u", "v", "w", "p", "q", "r")
-
-
-def commanded_rows(vehicle: Vehicle) -> list[str]:
-    """Rows of the wrench that the actuators can command independently, among X Y Z K M N.
-
-    The rows that the vehicle file lists as controllable are tried first; the others join where they can.
-    What happens in the rows left out is not asked: a canted propeller may push sideways while it turns.
-    """
-    matrix = np.asarray(vehicle.allocation_matrix())
-    if matrix.size == 0:
-        return []
-    lever = max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)
-    scaled = matrix / np.array([1.0, 1.0, 1.0, lever, lever, lever])[:, None]
-    largest = np.linalg.norm(scaled, 2)
-    declared = [row for row in ROWS if row in vehicle.controllable]
-    able: list[str] = []
-    for row in (*declared, *(row for row in ROWS if row not in declared)):
-        tried = scaled[[ROWS.index(name) for name in (*able, row)]]
-        sizes = np.linalg.svd(tried, compute_uv=False)
-        if len(able) < matrix.shape[1] and sizes[-1] > _WEAK * largest:
-            able.append(row)
-    return [row for row in ROWS if row in able]
+__all__ = ["beyond_tables", "implausible", "unused_rows"]
 
 
 def implausible(vehicle: Vehicle) -> list[str]:
     """Sentences about values that are probably wrong, each with what to look at."""
-    return [*_size(vehicle), *_inertia(vehicle), *_signs(vehicle), *_places(vehicle), *_rows(vehicle)]
+    return [*_size(vehicle), *_inertia(vehicle), *_signs(vehicle), *_positions(vehicle), *_rows(vehicle)]
 
 
 def _size(vehicle: Vehicle) -> list[str]:
@@ -88,7 +67,7 @@ def _inertia(vehicle: Vehicle) -> list[str]:
 def _signs(vehicle: Vehicle) -> list[str]:
     """Diagonal damping is negative in Fossen's convention, added mass is not far above the vehicle's own."""
     values, found = vehicle.coefficients(), []
-    for row, axis in zip(ROWS, _AXES, strict=True):
+    for row, axis in zip(AXES, VELOCITIES, strict=True):
         for name in (f"{row}_{axis}", f"{row}_{axis}{axis}"):
             if values.get(name, 0.0) > 0.0:
                 found.append(
@@ -105,15 +84,15 @@ def _signs(vehicle: Vehicle) -> list[str]:
     return found
 
 
-def _places(vehicle: Vehicle) -> list[str]:
+def _positions(vehicle: Vehicle) -> list[str]:
     box, values, found = vehicle.geometry(), vehicle.coefficients(), []
     if not box:
         return []
     half = 0.5 * np.array([box["length"], box["diameter"], box["height"]])
     for name, facts in vehicle.actuator_info().items():
         if facts["position"] is not None and np.any(np.abs(facts["position"]) > 2.0 * half):
-            place = ", ".join(f"{x:g}" for x in facts["position"])
-            found.append(f"{name} at [{place}] m lies far outside the hull; are the places in m?")
+            position = ", ".join(f"{x:g}" for x in facts["position"])
+            found.append(f"{name} at [{position}] m lies far outside the hull; are the positions in m?")
     for centre, letter in (("gravity", "g"), ("buoyancy", "b")):
         levers = np.array([values.get(f"{axis}_{letter}", 0.0) for axis in "xyz"])
         if np.any(np.abs(levers) > half):
@@ -141,3 +120,14 @@ def unused_rows(vehicle: Vehicle, able: Collection[str]) -> list[str]:
     if not unused:
         return []
     return [f"The actuators can also command {', '.join(unused)}; controllable leaves it out"]
+
+
+def beyond_tables(vehicle: Vehicle, voltage_v: float) -> list[str]:
+    """Sentence per table of thrust that does not reach to this supply voltage in V."""
+    tables = tomllib.loads(vehicle.to_toml()).get("characteristics", {})
+    return [
+        f"Supply: {voltage_v:g} V lies outside the {min(known):g} to {max(known):g} V of the table {name},"
+        " which is read at its edge"
+        for name, table in tables.items()
+        if (known := table.get("voltage_v")) and not min(known) <= voltage_v <= max(known)
+    ]
