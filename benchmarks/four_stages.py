@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import seatrial as st
+from seatrial.base.run import RunDirectory
 from seatrial.campaign.file import parse
 from seatrial.estimation.stage import StagePlan, StageResult, plan
 from seatrial.identification.identify import StageOrder
@@ -123,7 +124,7 @@ def run(sailed: st.Campaign, *, threads: int | None = None) -> Job:
         assert len(sailed.trials[name])
     read, busy = time.perf_counter(), time.process_time()
     plans = plan(sailed)
-    found = StageOrder(sailed, plans, None, progress=None, resume=False, threads=threads).stages()
+    found = StageOrder(sailed, plans, RunDirectory(None), progress=None, threads=threads).stages()
     wall, cpu = time.perf_counter() - read, time.process_time() - busy
     costs = tuple(cost(one, result) for one, result in zip(plans, found, strict=True))
     return Job(costs, plans, found, wall_s=wall, cpu_s=cpu, read_s=read - began)

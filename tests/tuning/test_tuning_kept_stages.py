@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import seatrial as st
-from seatrial.base.run import RunDirectory
+from seatrial.base.run import RunDirectory, part_file
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning import loop_steps
 from seatrial.tuning import tune as tuning_run
@@ -67,7 +67,7 @@ class Bench:
 
     def stage(self, name: str) -> Path:
         """File of what a search found."""
-        return self.directory.workspace / self.directory.stage_name(name)
+        return self.directory.workspace / part_file(name)
 
     @property
     def keys(self) -> dict[str, str]:

@@ -102,7 +102,7 @@ class Told:
         monkeypatch.setattr(take_back, "judge", self.judge)
         quiet = Judged("", plan.autopilot, (), 0, {})
         monkeypatch.setattr(tuning_run, "judged_without_noise", lambda *_: quiet)
-        return TuningRun(campaign, plan, directory, None, 1, True).run(relay=False)
+        return TuningRun(campaign, plan, directory or RunDirectory(None), None, 1).run(relay=False)
 
 
 def values(samples: Samples, name: str = "X_uu") -> set[float]:

@@ -1,11 +1,48 @@
-"""What a search and an identification report while they run."""
+"""What long work reports while it runs."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Self
 
-__all__ = ["Progress", "Step", "Watch"]
+__all__ = ["Clock", "Progress", "Step", "Watch"]
+
+
+class Clock:
+    """Time since some work began.
+
+    Attributes
+    ----------
+    started
+        When it began, UTC.
+    """
+
+    def __init__(self) -> None:
+        self.started = datetime.now(UTC)
+        self._began = time.monotonic()
+        self._wall_s: float | None = None
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time since then, s; until `stop`, after it."""
+        return time.monotonic() - self._began if self._wall_s is None else self._wall_s
+
+    @property
+    def reached(self) -> datetime:
+        """The time now, UTC; that of `stop`, after it."""
+        return self.started + timedelta(seconds=self.elapsed_s)
+
+    def stop(self) -> Self:
+        """The clock itself, which goes on no further."""
+        self._wall_s = self.elapsed_s
+        return self
+
+    def left_s(self, fraction: float) -> float:
+        """Time left, s, when the rest of the work takes as long as the fraction that is done."""
+        return self.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
 
 
 @dataclass(frozen=True)

@@ -1,180 +1,269 @@
-"""Run directory: what a run leaves behind, never half-written, and what lets it be resumed.
+"""Run directory: the one life cycle of everything that writes results into a folder.
 
-A run works in a sibling folder ``<name>.partial``, where every finished stage is kept with the hash of its
-inputs. When the run is over, the whole folder is renamed into place.
+A run works in a sibling folder ``<name>.partial``. There every finished part (a stage, a group of gains, a
+chunk of missions, a repetition) is kept as ``stages/<part>.json`` with the hash of its inputs. The same command
+finds it again by that hash: after Ctrl-C, after ``kill -9``, or after the run was published. When the run is
+over, the whole folder is renamed into place, so that a reader sees all of it or nothing. While a process works
+in the folder it holds ``<name>.lock``, and a second one is refused at once.
+
+``run.json`` has the same keys in every verb (`run_facts`):
+
+=============== ====================================================================================
+kind            identification, random starts, coverage, tuning, verification, log verdict, flight, bench test
+name            of the campaign, the mission or the bench file
+options         what the caller asked for beside the files, by name
+seed            of all random numbers, null without any
+started_utc     time at which the work began, ISO 8601
+finished_utc    time at which its results were complete
+wall_s          time that it took, s
+interrupted     whether Ctrl-C ended it early
+versions        of seatrial, of the packages that numbers depend on, and of Python
+simd            instruction set that the core ran on
+platform        operating system and machine
+sha256          SHA-256 of every input, by name
+=============== ====================================================================================
+
+Held by ``tests/base/test_run.py``.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import hashlib
 import json
 import math
 import os
+import platform
 import shutil
+import socket
+import weakref
 from collections.abc import Mapping
-from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
 from pathlib import Path
-from typing import Any, Protocol
+from types import TracebackType
+from typing import Any, Self
 
+from seatrial import _core
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError
+from seatrial.base.progress import Clock
 
-__all__ = ["RUN_FILE", "Part", "RunDirectory", "StageStore", "check_writable", "to_json"]
+__all__ = [
+    "RUN_FILE",
+    "RunDirectory",
+    "check_writable",
+    "part_file",
+    "run_facts",
+    "sha256",
+    "to_json",
+    "version",
+]
 
 RUN_FILE = "run.json"
 """The file that makes a folder a run directory."""
 
-_STAGES = "stages"
+_PARTS = "stages"
 
-_LONGEST_NAME = 240  # file systems take 255, and ".partial" is put behind
+_LONGEST_NAME = 240  # file systems take 255 bytes, and ".partial" is appended
 
-
-class StageStore(Protocol):
-    """Where finished stages are kept and found again."""
-
-    def finished(self, stage: str, inputs: str) -> dict[str, Any] | None:
-        """Result of a stage that was finished from the same inputs, if there is one."""
-
-    def keep(self, stage: str, result: Mapping[str, Any]) -> None:
-        """Keep the result of a finished stage."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """The stages of one part of a run that runs the same stages several times."""
-
-    whole: RunDirectory
-    name: str
-
-    def finished(self, stage: str, inputs: str) -> dict[str, Any] | None:
-        """Result of this part's stage that was finished from the same inputs, if there is one."""
-        return self.whole.finished(f"{self.name}, {stage}", inputs)
-
-    def keep(self, stage: str, result: Mapping[str, Any]) -> None:
-        """Keep the result of this part's stage."""
-        self.whole.keep(f"{self.name}, {stage}", result)
+_PACKAGES = ("seatrial", "numpy", "scipy", "cma", "polars")
 
 
 class RunDirectory:
-    """A folder for the results of one run.
+    """Folder of one run, locked until the run is published or closed. Use it in a ``with`` statement.
 
     Parameters
     ----------
-    path : str or Path
-        Made when it does not exist; an earlier run's is replaced when this one is published.
+    path : str, Path or None
+        Made when it does not exist; an earlier run's is replaced by `publish`. None: nothing is kept, so that
+        a caller needs no second path through its code.
+    resume : bool, optional
+        Whether `finished` finds what an earlier run kept.
 
     Raises
     ------
     SeatrialError
-        The folder cannot be written, or holds something that is not a run.
+        The folder cannot be written, holds something that is not a run, or another process works in it.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path).absolute()
-        _short_enough(self.path)
-        self.workspace = self.path.with_name(self.path.name + ".partial")
-        if self.path.exists():
-            if not self.path.is_dir():
-                raise SeatrialError(
-                    f"run directory {self.path}: expected a folder, found a file; choose another name"
-                )
-            if any(self.path.iterdir()) and not (self.path / RUN_FILE).is_file():
-                raise SeatrialError(
-                    f"run directory {self.path}: it holds files but no {RUN_FILE}, so it is no earlier run"
-                    " and is left alone; choose an empty or another folder"
-                )
+    def __init__(self, path: str | Path | None, *, resume: bool = True) -> None:
+        self.path = None if path is None else Path(path).absolute()
+        self.resume = resume
+        self._temporary: set[str] = set()  # entries of the workspace that only a published run needs
+        self._carried: set[str] = set()
+        self._made: list[Path] = []
+        self._release: weakref.finalize[..., Any] | None = None
+        if self.path is None:
+            return
+        _refuse_name(self.path)
         try:
-            (self.workspace / _STAGES).mkdir(parents=True, exist_ok=True)
-            write_atomic(self.workspace / ".probe", b"\0" * 4096)
-            (self.workspace / ".probe").unlink()
+            self._made = _make_folders(self.path.parent)
+            self._release = weakref.finalize(self, _unlock, *_lock(self.path))
+            self._open()
         except OSError as error:
+            self.close()
             raise _refusal(self.workspace, error) from None
+        except BaseException:
+            self.close()
+            raise
 
-    def finished(self, stage: str, inputs: str) -> dict[str, Any] | None:
-        """Result of a stage that an earlier run finished from the same inputs, if there is one."""
+    @property
+    def workspace(self) -> Path:
+        """Folder that is renamed into place when the run is published."""
+        return _beside(self.path, "{}.partial")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def finished(self, part: str, inputs: str) -> dict[str, Any] | None:
+        """Result of a part that an earlier run finished from the same inputs, if there is one."""
+        if self.path is None or not self.resume:
+            return None
+        name = part_file(part)
         for folder in (self.workspace, self.path):
             try:
-                kept = json.loads(self._stage_file(folder, stage).read_text(encoding="utf-8"))
+                kept = json.loads((folder / name).read_text(encoding="utf-8"))
             except (OSError, ValueError):
                 continue
             if isinstance(kept, dict) and kept.get("inputs") == inputs:
+                if folder == self.path:
+                    self._carried.add(name)
                 return kept
         return None
 
-    def keep(self, stage: str, result: Mapping[str, Any]) -> None:
-        """Keep the result of a finished stage for a run that resumes this one.
+    def keep(self, part: str, inputs: str, result: Mapping[str, Any]) -> None:
+        """Keep the result of a finished part for a run that resumes this one.
 
         Raises
         ------
         SeatrialError
             It cannot be written.
         """
-        self._put(self._stage_file(self.workspace, stage), to_json(result).encode())
+        self.leave(part_file(part), to_json({**result, "inputs": inputs}))
 
-    def abandon(self) -> None:
-        """Take the workspace away again when no stage was kept in it: the run was refused."""
-        stages = self.workspace / _STAGES
-        if stages.is_dir() and not any(stages.iterdir()):
-            with contextlib.suppress(OSError):  # what else lies there stays
-                stages.rmdir()
-                self.workspace.rmdir()
+    def leave(self, name: str, content: str | bytes) -> Path | None:
+        """Path of a file in the workspace, for a reader of a run that does not get published.
 
-    def discard(self) -> None:
-        """Take the workspace away with all that is in it."""
-        shutil.rmtree(self.workspace, ignore_errors=True)
+        Raises
+        ------
+        SeatrialError
+            It cannot be written.
+        """
+        if self.path is None:
+            return None
+        target = self.workspace / name
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(target, content.encode() if isinstance(content, str) else content)
+        except OSError as error:
+            raise _refusal(target, error) from None
+        return target
 
-    def part(self, name: str) -> Part:
-        """Stages of one part of this run, kept apart from those of the other parts."""
-        return Part(self, name)
+    def bring(self, earlier: Path, part: str) -> None:
+        """Copy a part that a run in another folder kept; it counts only where the hash of its inputs fits."""
+        if self.path is None:
+            return
+        source, name = earlier / part_file(part), part_file(part)
+        if source.is_file() and not (self.path / name).is_file():
+            self.leave(name, source.read_bytes())
 
-    def publish(self, files: Mapping[str, str | bytes]) -> Path:
+    def publish(self, facts: Mapping[str, Any], files: Mapping[str, str | bytes]) -> Path:
         """Path of the run directory after its files, by name, are in place, all of them or none.
+
+        Parameters
+        ----------
+        facts : mapping
+            Content of ``run.json``, see `run_facts`.
+        files : mapping of str to str or bytes
 
         Raises
         ------
         SeatrialError
             They cannot be written; what the run directory held before is still there.
         """
-        for name, content in files.items():
-            self._put(self.workspace / name, content.encode() if isinstance(content, str) else content)
-        with contextlib.suppress(OSError):  # it stays where it holds stages
-            (self.workspace / _STAGES).rmdir()
-        former = self.path.with_name(self.path.name + ".former")
+        if self.path is None:
+            raise ValueError("publish: expected a run with a folder, found one without")
+        names = {RUN_FILE, *(Path(name).parts[0] for name in files)} - {_PARTS}
+        self._temporary |= names
         try:
-            if former.exists():
-                shutil.rmtree(former)
-            if self.path.exists():
-                self.path.rename(former)
-            try:
-                self.workspace.rename(self.path)
-            except OSError:
-                if former.exists():
-                    former.rename(self.path)
-                raise
-            if former.exists():
-                shutil.rmtree(former)
+            for name in self._carried:
+                if not (self.workspace / name).exists():
+                    self.leave(name, (self.path / name).read_bytes())
+            for name, content in {**files, RUN_FILE: to_json(facts)}.items():
+                self.leave(name, content)
+            self._sweep(self._temporary | {_PARTS})
+            self._rename()
         except OSError as error:
             raise _refusal(self.path, error) from None
+        self._unlock()
         return self.path
 
-    def stage_name(self, stage: str) -> str:
-        """File name of a stage's result inside the run directory."""
-        return f"{_STAGES}/{self._stage_file(Path(), stage).name}"
+    def close(self) -> None:
+        """Give the folder free. Kept parts stay; a workspace without any is removed."""
+        if self._release is not None and self._release.alive:
+            for name in self._temporary:
+                with contextlib.suppress(OSError):
+                    _remove(self.workspace / name)
+            with contextlib.suppress(OSError):  # what else lies there stays
+                (self.workspace / _PARTS).rmdir()
+                self.workspace.rmdir()
+        self._unlock()
+        for folder in reversed(self._made):
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        self._made = []
 
-    @staticmethod
-    def _stage_file(folder: Path, stage: str) -> Path:
-        safe = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in stage)
-        tail = "" if safe == stage else "-" + hashlib.sha256(stage.encode()).hexdigest()[:8]
-        return folder / _STAGES / f"{safe}{tail}.json"
+    def _open(self) -> None:
+        """Recover from a crash, refuse what is no run, and try whether the workspace takes a file."""
+        assert self.path is not None
+        former = _beside(self.path, ".{}.former")
+        if former.is_dir() and not self.path.exists():  # killed between the two renames of `publish`
+            former.rename(self.path)
+        _refuse_content(self.path)
+        parts = self.workspace / _PARTS
+        parts.mkdir(parents=True, exist_ok=True)
+        for torn in parts.glob("*.writing"):
+            torn.unlink()
+        probe = self.workspace / ".probe"
+        write_atomic(probe, b"\0" * 4096)
+        probe.unlink()
 
-    def _put(self, path: Path, content: bytes) -> None:
+    def _sweep(self, wanted: set[str]) -> None:
+        """Remove from the workspace what an earlier run left there and this one does not publish."""
+        for entry in self.workspace.iterdir():
+            if entry.name not in wanted:
+                _remove(entry)
+        with contextlib.suppress(OSError):  # it stays where it holds parts
+            (self.workspace / _PARTS).rmdir()
+
+    def _rename(self) -> None:
+        """Put the workspace in the place of the run directory."""
+        assert self.path is not None
+        former = _beside(self.path, ".{}.former")
+        if former.exists():
+            shutil.rmtree(former)
+        if self.path.exists():
+            self.path.rename(former)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(path, content)
-        except OSError as error:
-            raise _refusal(path, error) from None
+            self.workspace.rename(self.path)
+        except OSError:
+            if former.exists():
+                former.rename(self.path)
+            raise
+        if former.exists():
+            shutil.rmtree(former)
+
+    def _unlock(self) -> None:
+        if self._release is not None:
+            self._release()
 
 
 def check_writable(path: str | Path) -> None:
@@ -183,27 +272,69 @@ def check_writable(path: str | Path) -> None:
     Raises
     ------
     SeatrialError
-        The folder cannot be written, or holds something that is not a run.
+        The folder cannot be written, holds something that is not a run, or another process works in it.
     """
-    target = Path(path).absolute()
-    _short_enough(target)
-    missing = [folder for folder in target.parents if not folder.exists()]
-    kept = target.with_name(target.name + ".partial").exists()
-    directory = RunDirectory(target)
-    if not kept:
-        directory.discard()
-    for folder in missing:
-        with contextlib.suppress(OSError):
-            folder.rmdir()
+    RunDirectory(path).close()
 
 
-def _short_enough(path: Path) -> None:
-    size = len(os.fsencode(path.name))
-    if size > _LONGEST_NAME:
-        raise SeatrialError(
-            f"run directory {path.name[:40]}…: expected a name of at most {_LONGEST_NAME} bytes, found"
-            f" {size}; choose a shorter one"
-        )
+def run_facts(
+    kind: str,
+    name: str,
+    *,
+    clock: Clock,
+    inputs: Mapping[str, str],
+    seed: int | None = None,
+    options: Mapping[str, Any] | None = None,
+    interrupted: bool = False,
+) -> dict[str, Any]:
+    """Content of ``run.json``: what a result rests on. The keys are listed at the head of this module.
+
+    Parameters
+    ----------
+    kind, name : str
+    clock : Clock
+        Started with the work.
+    inputs : mapping of str to str
+        SHA-256 by name.
+    seed : int, optional
+    options : mapping, optional
+    interrupted : bool, optional
+    """
+    return {
+        "kind": kind,
+        "name": name,
+        "options": dict(options or {}),
+        "seed": seed,
+        "started_utc": clock.started.isoformat(timespec="seconds"),
+        "finished_utc": clock.reached.isoformat(timespec="seconds"),
+        "wall_s": clock.elapsed_s,
+        "interrupted": interrupted,
+        "versions": {package: version(package) for package in _PACKAGES}
+        | {"python": platform.python_version()},
+        "simd": _core.simd_level(),
+        "platform": platform.platform(),
+        "sha256": dict(inputs),
+    }
+
+
+def version(package: str) -> str:
+    """Version of an installed package."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def sha256(content: str | bytes) -> str:
+    """SHA-256 of a text or of bytes, hexadecimal."""
+    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()
+
+
+def part_file(part: str) -> str:
+    """Name inside the run directory of the file that keeps a part; different parts have different names."""
+    safe = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in part)
+    tail = "" if safe == part else "-" + sha256(part)[:8]
+    return f"{_PARTS}/{safe}{tail}.json"
 
 
 def to_json(value: Any) -> str:
@@ -223,13 +354,120 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def _beside(path: Path | None, pattern: str) -> Path:
+    if path is None:
+        raise ValueError("expected a run with a folder, found one without")
+    return path.with_name(pattern.format(path.name))
+
+
+def _remove(entry: Path) -> None:
+    if entry.is_dir():
+        shutil.rmtree(entry)
+    else:
+        entry.unlink(missing_ok=True)
+
+
+def _make_folders(folder: Path) -> list[Path]:
+    """Folders that had to be made, the outermost first."""
+    missing = [entry for entry in (folder, *folder.parents) if not entry.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    return missing[::-1]
+
+
+def _lock(run: Path) -> tuple[int, Path, int]:
+    """Descriptor, lock file and process after the lock on a run directory is taken.
+
+    The operating system frees the lock when its process ends, however it ends. A lock file that nobody holds is
+    stale and is taken over.
+
+    Raises
+    ------
+    SeatrialError
+        Another run holds it.
+    """
+    file = _beside(run, "{}.lock")
+    while True:
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.read(descriptor, 4096)
+            os.close(descriptor)
+            raise SeatrialError(_in_use(run, holder)) from None
+        except OSError as error:
+            # Some network file systems know no locks; there the user must see to it that runs do not meet.
+            if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):
+                os.close(descriptor)
+                raise
+        # The former holder may have removed the file between our open and our lock.
+        if _is_file(descriptor, file):
+            break
+        os.close(descriptor)
+    facts = {
+        "pid": os.getpid(),
+        "host": socket.gethostname(),
+        "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    os.ftruncate(descriptor, 0)
+    os.write(descriptor, json.dumps(facts).encode() + b"\n")
+    return descriptor, file, os.getpid()
+
+
+def _is_file(descriptor: int, file: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), file.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _unlock(descriptor: int, file: Path, process: int) -> None:
+    if os.getpid() == process:  # a forked child ends without giving its parent's lock free
+        with contextlib.suppress(OSError):
+            file.unlink()
+        os.close(descriptor)
+
+
+def _in_use(run: Path, holder: bytes) -> str:
+    try:
+        found = json.loads(holder)
+        who = f"process {found['pid']} on {found['host']}, since {found['since_utc']}"
+        stop = f"stop it (kill {found['pid']})"
+    except (ValueError, KeyError, TypeError):
+        who, stop = "another process", "stop it"
+    return (
+        f"run directory {run}: expected to be its only user, found it in use by {who}; wait until that run ends,"
+        f" {stop}, or choose another folder"
+    )
+
+
+def _refuse_name(path: Path) -> None:
+    size = len(os.fsencode(path.name))
+    if size > _LONGEST_NAME:
+        raise SeatrialError(
+            f"run directory {path.name[:40]}…: expected a name of at most {_LONGEST_NAME} bytes, found"
+            f" {size}; choose a shorter one"
+        )
+
+
+def _refuse_content(path: Path) -> None:
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise SeatrialError(f"run directory {path}: expected a folder, found a file; choose another name")
+    if any(path.iterdir()) and not (path / RUN_FILE).is_file():
+        raise SeatrialError(
+            f"run directory {path}: it holds files but no {RUN_FILE}, so it is no earlier run"
+            " and is left alone; choose an empty or another folder"
+        )
+
+
 def _refusal(path: Path, error: OSError) -> SeatrialError:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         existing = next((parent for parent in (path, *path.parents) if parent.exists()), Path("/"))
         free = shutil.disk_usage(existing).free / 2**20
         return SeatrialError(
             f"{path}: the disk is full ({free:.1f} MiB free), nothing was half-written; free some space or"
-            " choose a run directory on another disk, then run again: finished stages are reused"
+            " choose a run directory on another disk, then run again: finished parts are reused"
         )
     reason = error.strerror or str(error)
     return SeatrialError(

@@ -8,16 +8,16 @@ over command belong together. Held by ``tests/bench_test/test_bench.py`` and
 from __future__ import annotations
 
 import hashlib
-import platform
 import tomllib
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.errors import CampaignError, TrialError, VehicleError, nearest
+from seatrial.base.progress import Clock
+from seatrial.base.run import run_facts, sha256
 from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.bench_test.characteristic import UnitFit, fit_unit, motor_warnings, warnings_of
 from seatrial.bench_test.columns import Unit, listed, read_bench_table, unit_of
@@ -140,6 +140,7 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
     file = parse(text, str(path))
     base, vehicle_path, vehicle_text = _vehicle(file, path, vehicle)
     _check_units(file, base, str(path))
+    clock = Clock()
     hashes: dict[str, str] = {}
     motors, steps = _motors(file, base, vehicle_text, path, hashes)
     # Pulls are read behind the motors just found: thrust over signal and signal over command belong together.
@@ -175,14 +176,13 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
         vehicle_text=written.text,
         warnings=(*warnings, *written.refused),
         notes=(*with_motors.notes, *written.notes),
-        facts={
-            "bench_file": str(path),
-            "bench_sha256": hashlib.sha256(text.encode()).hexdigest(),
-            "inputs_sha256": hashes,
-            "seatrial": version("seatrial"),
-            "numpy": version("numpy"),
-            "python": platform.python_version(),
-        },
+        facts=run_facts(
+            "bench test",
+            file.name,
+            clock=clock,
+            inputs={"bench": sha256(text)} | {f"bench {name}": found for name, found in hashes.items()},
+            options={"bench_file": str(path)},
+        ),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError, reason
-from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.base.run import RunDirectory, to_json
 from seatrial.bench_test.characteristic import unlike
 from seatrial.bench_test.vehicle_text import PER_MINUTE
 
@@ -218,20 +218,15 @@ class BenchTest:
         SeatrialError
             The directory cannot be written; nothing is left half-written.
         """
-        directory = RunDirectory(run_dir)
         files = {
-            RUN_FILE: to_json(self.facts),
             "bench.toml": self.text,
             "bench.json": to_json(self.to_dict()),
             "vehicle.toml": self.vehicle_text,
             "summary.txt": "\n".join(self.sentences()) + "\n",
             "points.csv": self.points_csv(),
         }
-        try:
-            return directory.publish(files)
-        except BaseException:  # Ctrl-C too: nothing here is worth resuming
-            directory.discard()
-            raise
+        with RunDirectory(run_dir) as run:
+            return run.publish(self.facts, files)
 
     def points_csv(self) -> str:
         """Operating points of all groups as CSV, with what was fitted and which are outliers."""

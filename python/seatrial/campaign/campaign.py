@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import platform
 import threading
 from collections.abc import Iterator, Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial import _core
 from seatrial.base.errors import CampaignError, VehicleError, nearest
+from seatrial.base.run import sha256
 from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.campaign.file import CampaignFile, Environment, Input, Stage, TrialSource, in_order, parse
 from seatrial.campaign.parameters import Parameter, names, parameters
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
     from seatrial.trial.trial import Trial
 
-__all__ = ["Campaign", "run_facts"]
+__all__ = ["Campaign", "input_hashes"]
 
 
 class Campaign:
@@ -471,8 +469,8 @@ def _benched(path: str, _fingerprint: str, vehicle: str) -> BenchTest:
     return bench(path, vehicle=Vehicle.from_toml(vehicle, path))
 
 
-def run_facts(campaign: Campaign, *, trials: bool = True) -> dict[str, Any]:
-    """What a run rests on: versions, machine, seed, SIMD level, hashes of the inputs.
+def input_hashes(campaign: Campaign, *, trials: bool = True) -> dict[str, str]:
+    """SHA-256 of what a run over a campaign reads, by name.
 
     Parameters
     ----------
@@ -481,24 +479,8 @@ def run_facts(campaign: Campaign, *, trials: bool = True) -> dict[str, Any]:
         Whether the recordings are among the inputs.
     """
     return {
-        "campaign": campaign.name,
-        "seed": campaign.seed,
-        "simd": _core.simd_level(),
-        "versions": {name: version(name) for name in ("seatrial", "numpy", "scipy", "cma", "polars")}
-        | {"python": platform.python_version()},
-        "platform": platform.platform(),
-        "sha256": {
-            "campaign": hashlib.sha256(campaign.text.encode()).hexdigest(),
-            "vehicle": hashlib.sha256(campaign.vehicle.to_toml().encode()).hexdigest(),
-        }
-        | _bench_hashes(campaign)
-        | {f"trial {name}": campaign.file_hash(name) for name in (campaign.trials if trials else ())},
+        "campaign": sha256(campaign.text),
+        "vehicle": sha256(campaign.vehicle.to_toml()),
+        **({} if campaign.bench is None else campaign.bench.facts["sha256"]),
+        **{f"trial {name}": campaign.file_hash(name) for name in (campaign.trials if trials else ())},
     }
-
-
-def _bench_hashes(campaign: Campaign) -> dict[str, str]:
-    """SHA-256 of the bench file and of what it reads."""
-    if campaign.bench is None:
-        return {}
-    facts = campaign.bench.facts
-    return {"bench": facts["bench_sha256"]} | {f"bench {k}": v for k, v in facts["inputs_sha256"].items()}

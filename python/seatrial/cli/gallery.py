@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -94,11 +93,9 @@ def _bring(campaign: Campaign, earlier: Path, own: Path) -> None:
     """
     from seatrial.base.run import RunDirectory
 
-    directory = RunDirectory(own)
-    for stage in campaign.stages:
-        name = directory.stage_name(stage.name)
-        if (earlier / name).is_file() and not (own / name).is_file():
-            shutil.copyfile(earlier / name, directory.workspace / name)
+    with RunDirectory(own) as run:
+        for stage in campaign.stages:
+            run.bring(earlier, stage.name)
 
 
 def _bench(path: Path | None) -> BenchTest | None:

@@ -55,7 +55,7 @@ def identify(
 
     Ctrl-C keeps the best so far; the same command goes on with the stages that are not finished.
     """
-    from seatrial.base.run import RunDirectory
+    from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import answer, formats, print_json
 
@@ -66,7 +66,7 @@ def identify(
     folder = out or Path("runs") / name
     beside = folder.with_name(f"{folder.name}-random-starts")
     if random_starts is not None:
-        RunDirectory(beside).abandon()  # refused now rather than after the search
+        check_writable(beside)  # refused now rather than after the search
     fit = run_identification(loaded, folder, threads=threads, resume=resume, quiet=json)
     again: Restarts | None = None
 

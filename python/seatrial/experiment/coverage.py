@@ -20,20 +20,19 @@ What a coverage run found: a row per unknown, what was held at wrong values, who
 
 from __future__ import annotations
 
-import hashlib
 import math
-import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from importlib import metadata
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.errors import CampaignError
-from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.base.progress import Clock
+from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
+from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.joint import Joint
 from seatrial.experiment.repetition import Draw, Held, Resailing, draw, hold
 
@@ -127,6 +126,8 @@ class Coverage:
         How many were asked for.
     interrupted
         Whether Ctrl-C ended the run early.
+    facts
+        What the result rests on, see `seatrial.base.run.run_facts`.
     """
 
     campaign: str
@@ -137,6 +138,7 @@ class Coverage:
     draws: tuple[Draw, ...]
     asked: int
     interrupted: bool
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -197,6 +199,26 @@ class Coverage:
             "hold_out": self.hold_out(),
             "draws": [one.to_dict() for one in self.draws],
         }
+
+    def save(self, run_dir: str | Path) -> Path:
+        """Path of a run directory with the result; an earlier run's is replaced.
+
+        Parameters
+        ----------
+        run_dir : str or Path
+            Made when it does not exist.
+
+        Raises
+        ------
+        SeatrialError
+            The directory cannot be written; nothing is left half-written.
+        """
+        with RunDirectory(run_dir) as run:
+            return run.publish(self.facts, self.files())
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        return {"coverage.json": to_json(self.to_dict())}
 
 
 def required(n: int) -> int:
@@ -320,34 +342,42 @@ def coverage(
     if seeds < 1:
         raise CampaignError(f"coverage: expected at least one repetition, found seeds = {seeds}")
     resailing = Resailing(campaign, truth=truth)
-    work = _Run(
-        resailing, seeds, None if run_dir is None else RunDirectory(run_dir), progress, resume, threads
-    )
+    clock = Clock()
     draws: list[Draw] = []
     held: tuple[Held, ...] = ()
     outside: dict[str, tuple[float, float]] = {}
     interrupted = False
-    try:
-        outside = resailing.outside(Joint(resailing.sail(first), threads=threads))
-        for seed in range(first, first + seeds):
-            draws.append(work.draw(seed, criticised=seed < first + criticised))
-        if not outside:
-            held = work.held(first, [row.name for row in rows(draws) if _doubted(row)])
-    except KeyboardInterrupt:
-        interrupted = True
-    found = Coverage(
-        campaign=campaign.name,
-        truth=resailing.truth.description,
-        rows=rows(draws),
-        held=held,
-        outside=outside,
-        draws=tuple(draws),
-        asked=seeds,
-        interrupted=interrupted,
-    )
-    if work.directory is not None and not interrupted:
-        facts = {"coverage": campaign.name, "inputs": work.inputs, "seeds": [first, first + seeds - 1]}
-        work.directory.publish({"coverage.json": to_json(found.to_dict()), RUN_FILE: to_json(facts)})
+    with RunDirectory(run_dir, resume=resume) as run:
+        work = _Repetitions(resailing, seeds, run, clock, progress, threads)
+        try:
+            outside = resailing.outside(Joint(resailing.sail(first), threads=threads))
+            for seed in range(first, first + seeds):
+                draws.append(work.draw(seed, criticised=seed < first + criticised))
+            if not outside:
+                held = work.held(first, [row.name for row in rows(draws) if _doubted(row)])
+        except KeyboardInterrupt:
+            interrupted = True
+        found = Coverage(
+            campaign=campaign.name,
+            truth=resailing.truth.description,
+            rows=rows(draws),
+            held=held,
+            outside=outside,
+            draws=tuple(draws),
+            asked=seeds,
+            interrupted=interrupted,
+            facts=run_facts(
+                "coverage",
+                campaign.name,
+                clock=clock,
+                inputs=input_hashes(campaign) | {"truth": sha256(resailing.truth.vehicle.to_toml())},
+                seed=first,
+                options={"repetitions": seeds, "criticised": criticised},
+                interrupted=interrupted,
+            ),
+        )
+        if run_dir is not None and not interrupted:
+            run.publish(found.facts, found.files())
     return found
 
 
@@ -355,28 +385,27 @@ def _doubted(row: CoverageRow) -> bool:
     return row.verdict == "not identifiable"
 
 
-class _Run:
-    """Workspace of a coverage run: what is kept, what time is left."""
+class _Repetitions:
+    """Repetitions of a coverage run: run once, kept, and what time is left."""
 
     def __init__(
         self,
         resailing: Resailing,
         asked: int,
-        directory: RunDirectory | None,
+        run: RunDirectory,
+        clock: Clock,
         progress: Callable[[CoverageProgress], None] | None,
-        resume: bool,
         threads: int | None,
     ) -> None:
-        self.resailing, self.asked, self.directory = resailing, asked, directory
-        self.progress, self.resume, self.threads = progress, resume, threads
+        self.resailing, self.asked, self.run, self.clock = resailing, asked, run, clock
+        self.progress, self.threads = progress, threads
         self.inputs = _inputs(resailing)
-        self.began = time.monotonic()
         self.done, self.sailed, self.spent = 0, 0, 0.0
 
     def draw(self, seed: int, *, criticised: bool) -> Draw:
         """A repetition, or what an earlier run kept of it."""
         name = f"seed-{seed}"
-        kept = self._kept(name)
+        kept = self.run.finished(name, self.inputs)
         if kept is not None and not (criticised and kept["criticism"] is None):
             found = Draw.from_dict(kept)
         else:
@@ -389,7 +418,7 @@ class _Run:
             )
             self.sailed += 1
             self.spent += found.wall_s
-        self._keep(name, found.to_dict())
+            self.run.keep(name, self.inputs, found.to_dict())
         self.done += 1
         self._show(name)
         return found
@@ -400,27 +429,17 @@ class _Run:
             return ()
         self._show(f"holding {', '.join(names)}")
         name = f"held-{'-'.join(names)}-seed-{seed}"
-        kept = self._kept(name)
+        kept = self.run.finished(name, self.inputs)
         if kept is not None:
-            found = tuple(Held.from_dict(entry) for entry in kept["held"])
-        else:
-            found = hold(self.resailing, seed, names, threads=self.threads)
-        self._keep(name, {"held": [one.to_dict() for one in found]})
+            return tuple(Held.from_dict(entry) for entry in kept["held"])
+        found = hold(self.resailing, seed, names, threads=self.threads)
+        self.run.keep(name, self.inputs, {"held": [one.to_dict() for one in found]})
         return found
-
-    def _kept(self, name: str) -> dict[str, Any] | None:
-        if self.directory is None or not self.resume:
-            return None
-        return self.directory.finished(name, self.inputs)
-
-    def _keep(self, name: str, result: dict[str, Any]) -> None:
-        if self.directory is not None:
-            self.directory.keep(name, result | {"inputs": self.inputs})
 
     def _show(self, phase: str) -> None:
         if self.progress is None:
             return
-        elapsed = time.monotonic() - self.began
+        elapsed = self.clock.elapsed_s
         each = self.spent / self.sailed if self.sailed else math.nan
         self.progress(
             CoverageProgress(self.done, self.asked, phase, elapsed, each * (self.asked - self.done))
@@ -431,11 +450,11 @@ def _inputs(resailing: Resailing) -> str:
     """SHA-256 of everything that a repetition depends on besides its seed."""
     campaign = resailing.campaign
     described = {
-        "version": metadata.version("seatrial"),
+        "version": version("seatrial"),
         "campaign": campaign.text,
         "vehicle": campaign.vehicle.to_toml(),
         "truth": resailing.truth.vehicle.to_toml(),
         "sensors": {kind: asdict(sensor) for kind, sensor in resailing.truth.sensors.items()},
         "recipes": {name: campaign.file_hash(name) for name in resailing.recipes},
     }
-    return hashlib.sha256(to_json(described).encode()).hexdigest()
+    return sha256(to_json(described))

@@ -5,22 +5,19 @@ Metrics carry units in their names. Held by ``tests/flight/test_flight.py``, ``t
 
 from __future__ import annotations
 
-import hashlib
 import math
-import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial import _core
 from seatrial._core import autopilot_names
 from seatrial.base.atomic_write import parquet
-from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.base.progress import Clock
+from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
@@ -61,10 +58,13 @@ class Flight(FlightLog):
         "complete", "surfaced", "aborted", "out of time" or "diverged".
     figures
         Figures of the whole flight, units in the names.
+    clock
+        When it was computed, and how long that took.
     """
 
     outcome: str
     figures: Mapping[str, float]
+    clock: Clock = field(default_factory=Clock)
 
     @classmethod
     def of_case(cls, flights: Flights, cases: Cases, *, case: int = 0) -> Flight:
@@ -177,19 +177,14 @@ class Flight(FlightLog):
             The directory cannot be written; nothing is left half-written.
         """
         files: dict[str, str | bytes] = {
-            RUN_FILE: to_json(_facts(self)),
             **{f"{name}.toml": text for name, text in _inputs(self).items()},
             "flight.json": to_json(self.to_dict()),
             "summary.txt": self.summary() + "\n",
             "flight.parquet": parquet(self.table()),
             **(beside or {}),
         }
-        directory = RunDirectory(folder)
-        try:
-            return directory.publish(files)
-        except BaseException:  # Ctrl-C too: nothing here is worth resuming
-            directory.discard()
-            raise
+        with RunDirectory(folder) as run:
+            return run.publish(_facts(self), files)
 
     def __str__(self) -> str:
         return self.summary()
@@ -197,17 +192,14 @@ class Flight(FlightLog):
 
 def _facts(flight: Flight) -> dict[str, Any]:
     """What a flight rests on: versions, machine, seed, hashes of the inputs."""
-    return {
-        "kind": "flight",
-        "name": flight.route.name,
-        "versions": {name: metadata.version(name) for name in ("seatrial", "numpy", "polars")}
-        | {"python": platform.python_version()},
-        "machine": platform.machine(),
-        "simd": _core.simd_level(),
-        "seed": flight.circumstances.seed,
-        "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in _inputs(flight).items()},
-        "circumstances": flight.circumstances.to_dict(),
-    }
+    return run_facts(
+        "flight",
+        flight.route.name,
+        clock=flight.clock,
+        inputs={name: sha256(text) for name, text in _inputs(flight).items()},
+        seed=flight.circumstances.seed,
+        options=flight.circumstances.to_dict(),
+    )
 
 
 def _inputs(flight: Flight) -> dict[str, str]:

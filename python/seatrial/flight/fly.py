@@ -7,6 +7,7 @@ Both state the parameters for a user; `seatrial.flight.cases` checks them and fl
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from seatrial._core import Autopilot, Flights, State, Vehicle
 from seatrial.base.errors import SimulationError
+from seatrial.base.progress import Clock
 from seatrial.flight.cases import TURBULENCE_TIMES_S, Cases
 from seatrial.flight.checks import (
     Corridor,
@@ -129,6 +131,7 @@ def fly(
     """
     if initial is not None and not isinstance(initial, State):
         raise SimulationError(f"initial: expected an st.State, found {initial!r}")
+    clock = Clock()
     cases = Cases.of(
         vehicle,
         autopilot,
@@ -152,7 +155,7 @@ def fly(
         g=g,
         logs=True,
     )
-    return Flight.of_case(cases.fly(), cases)
+    return replace(Flight.of_case(cases.fly(), cases), clock=clock.stop())
 
 
 def fly_batch(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import CHANNELS, readable
 from seatrial.base.report import Column, Report, Section, Table
-from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.base.run import RunDirectory, part_file, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.hold_out import POOLED
@@ -200,10 +200,11 @@ class Identification:
         SeatrialError
             The directory cannot be written; nothing is left half-written.
         """
-        return self.publish(RunDirectory(run_dir))
+        with RunDirectory(run_dir) as run:
+            return run.publish(self.facts, self.files())
 
-    def publish(self, directory: RunDirectory) -> Path:
-        """Path of an opened run directory after the results are in it. See `save`."""
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
         import polars as pl
 
         coefficients = pl.DataFrame(
@@ -215,7 +216,6 @@ class Identification:
         )
         scores = pl.DataFrame(list(self.score_rows()), infer_schema_length=None)
         files: dict[str, str | bytes] = {
-            RUN_FILE: to_json(self.facts),
             "campaign.toml": self.campaign.text,
             "vehicle.toml": self.vehicle.to_toml(),
             "vehicle_stages.toml": self.stages_vehicle.to_toml(),
@@ -227,8 +227,8 @@ class Identification:
         }
         for stage in self.stages:
             if not stage.interrupted:
-                files[directory.stage_name(stage.name)] = to_json(stage.to_dict())
-        return directory.publish(files)
+                files[part_file(stage.name)] = to_json(stage.to_dict())
+        return files
 
 
 def derived(vehicle: Vehicle) -> dict[str, float]:

@@ -14,20 +14,17 @@ import hashlib
 import math
 import queue
 import threading
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import astuple, replace
-from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
 from seatrial import _core
-from seatrial.base.errors import CampaignError, SeatrialError, TrialError
-from seatrial.base.progress import Progress, Step
-from seatrial.base.run import RunDirectory, StageStore, to_json
-from seatrial.campaign.campaign import Campaign, run_facts
+from seatrial.base.errors import CampaignError, TrialError
+from seatrial.base.progress import Clock, Progress, Step
+from seatrial.base.run import RunDirectory, run_facts, to_json, version
+from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.diagnosis.assessment import Certainty, certainty, conditioning
 from seatrial.estimation.frozen_motion import frozen_sentences
 from seatrial.estimation.scale import judge_scale
@@ -90,19 +87,19 @@ class StageOrder:
         self,
         campaign: Campaign,
         plans: tuple[StagePlan, ...],
-        directory: StageStore | None,
+        run: RunDirectory,
         *,
+        part: str = "",
         progress: Callable[[Progress], None] | None,
-        resume: bool,
         threads: int | None,
     ) -> None:
-        self.campaign, self.plans, self.directory = campaign, plans, directory
-        self.progress, self.resume, self.threads = progress, resume, threads
+        self.campaign, self.plans, self.run, self.part = campaign, plans, run, part
+        self.progress, self.threads = progress, threads
         self.stop = threading.Event()
         self.steps: queue.SimpleQueue[tuple[StagePlan, Step] | None] = queue.SimpleQueue()
         self.outcomes: dict[str, StageResult | BaseException] = {}
         self.results: dict[str, StageResult] = {}
-        self.began = time.monotonic()
+        self.clock = Clock()
 
     def stages(self) -> tuple[StageResult, ...]:
         """Results of the stages that ran, in the order of the campaign."""
@@ -142,8 +139,8 @@ class StageOrder:
             self.results[outcome.name] = outcome
             if outcome.interrupted:
                 self.stop.set()
-            elif self.directory is not None and not outcome.reused:
-                self.directory.keep(outcome.name, outcome.to_dict())
+            elif not outcome.reused:
+                self.run.keep(f"{self.part}{outcome.name}", outcome.inputs, outcome.to_dict())
         elif not isinstance(outcome, KeyboardInterrupt):
             raise outcome
 
@@ -162,7 +159,7 @@ class StageOrder:
                 found |= self.results[earlier].coefficients
             vehicle = self.campaign.vehicle.with_coefficients(found)
             inputs = _inputs(self.campaign, plan, vehicle, found)
-            kept = self.directory.finished(name, inputs) if self.directory and self.resume else None
+            kept = self.run.finished(f"{self.part}{name}", inputs)
             if kept is not None:
                 self.outcomes[name] = replace(StageResult.from_dict(kept), reused=True)
             else:
@@ -187,7 +184,6 @@ class StageOrder:
                 planned[name] = 0.0
         done = sum(planned[name] for name in self.results) + (plan.done(step) if step else 0.0)
         fraction = min(done / max(sum(planned.values()), done, 1.0), 1.0)
-        elapsed = time.monotonic() - self.began
         return Progress(
             stage=plan.stage.name,
             phase=step.phase if step else "starting",
@@ -198,8 +194,8 @@ class StageOrder:
             stages_done=len(self.results),
             stages=len(self.plans),
             fraction=fraction,
-            elapsed_s=elapsed,
-            left_s=elapsed * (1.0 - fraction) / max(fraction, 1e-6),
+            elapsed_s=self.clock.elapsed_s,
+            left_s=self.clock.left_s(fraction),
         )
 
 
@@ -233,14 +229,6 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: 
     return digest.hexdigest()
 
 
-def version(package: str) -> str:
-    """Version of an installed package."""
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "unknown"
-
-
 def conduct(
     campaign: Campaign,
     *,
@@ -250,52 +238,53 @@ def conduct(
     threads: int | None,
 ) -> Identification:
     """Identification of the campaign's vehicle: every stage run, the result polished and judged."""
-    began = time.monotonic()
-    started = datetime.now(UTC).isoformat(timespec="seconds")
+    clock = Clock()
     if not campaign.stages:
         raise CampaignError(
             f"{campaign.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
             " only tunes or verifies an autopilot"
         )
-    plans = plan(campaign)  # refuses a bad campaign before a folder appears
-    judge_scale(campaign)  # and a bad anchor
-    before, notes = _before(campaign, threads)
-    before += frozen_sentences(plans)
-    directory = None if run_dir is None else RunDirectory(run_dir)
-    order = StageOrder(campaign, plans, directory, progress=progress, resume=resume, threads=threads)
-    if progress is not None and before:
-        progress(replace(order.state(plans[0], None), notes=before))
-    try:
+    with RunDirectory(run_dir, resume=resume) as run:
+        plans = plan(campaign)  # refuses a bad campaign before a search
+        judge_scale(campaign)  # and a bad anchor
+        before, notes = _before(campaign, threads)
+        before += frozen_sentences(plans)
+        order = StageOrder(campaign, plans, run, progress=progress, threads=threads)
+        if progress is not None and before:
+            progress(replace(order.state(plans[0], None), notes=before))
         stages = order.stages()
-    except SeatrialError:
-        if directory is not None:
-            directory.abandon()
-        raise
-    vehicle = campaign.vehicle
-    for stage in stages:
-        vehicle = vehicle.with_coefficients(stage.coefficients)
-    sure: Certainty | None = None
-    interrupted = order.stop.is_set()
-    if not interrupted and not notes:
-        sure = certainty(campaign, vehicle, watch=_watch(order, progress), threads=threads)
-        vehicle, interrupted = sure.vehicle, sure.polished.interrupted
-    judged = part_scores(campaign, vehicle)
-    fit = Identification(
-        campaign=campaign,
-        vehicle=vehicle,
-        coefficients=estimates(campaign, stages, sure),
-        stages=stages,
-        certainty=sure,
-        scores=judged.scores,
-        before=before,
-        scale=judge_scale(campaign, vehicle),
-        notes=(*notes, *judged.missing),
-        facts=run_facts(campaign) | {"started_utc": started, "wall_s": time.monotonic() - began},
-        interrupted=interrupted,
-        not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
-    )
-    if directory is not None:
-        fit.publish(directory)
+        vehicle = campaign.vehicle
+        for stage in stages:
+            vehicle = vehicle.with_coefficients(stage.coefficients)
+        sure: Certainty | None = None
+        interrupted = order.stop.is_set()
+        if not interrupted and not notes:
+            sure = certainty(campaign, vehicle, watch=_watch(order, progress), threads=threads)
+            vehicle, interrupted = sure.vehicle, sure.polished.interrupted
+        judged = part_scores(campaign, vehicle)
+        fit = Identification(
+            campaign=campaign,
+            vehicle=vehicle,
+            coefficients=estimates(campaign, stages, sure),
+            stages=stages,
+            certainty=sure,
+            scores=judged.scores,
+            before=before,
+            scale=judge_scale(campaign, vehicle),
+            notes=(*notes, *judged.missing),
+            facts=run_facts(
+                "identification",
+                campaign.name,
+                clock=clock,
+                inputs=input_hashes(campaign),
+                seed=campaign.seed,
+                interrupted=interrupted,
+            ),
+            interrupted=interrupted,
+            not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
+        )
+        if run_dir is not None:
+            run.publish(fit.facts, fit.files())
     return fit
 
 
@@ -327,7 +316,7 @@ def _watch(order: StageOrder, progress: Callable[[Progress], None] | None) -> Ca
                 stages_done=stages,
                 stages=stages + 1,
                 fraction=1.0,
-                elapsed_s=time.monotonic() - order.began,
+                elapsed_s=order.clock.elapsed_s,
                 left_s=step.left_s,
             )
         )

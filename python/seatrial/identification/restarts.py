@@ -19,7 +19,6 @@ Ends of random starts, stage by stage: spread, verdict, words and files.
 from __future__ import annotations
 
 import math
-import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -32,9 +31,10 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import CampaignError
-from seatrial.base.progress import Progress, Step
+from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.report import Report, Section, Table
-from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.base.run import RunDirectory, run_facts, to_json
+from seatrial.campaign.campaign import input_hashes
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult, plan
 from seatrial.identification.identify import StageOrder
@@ -244,12 +244,18 @@ class Restarts:
         Seed of the starts.
     interrupted
         Whether Ctrl-C ended the run before all starts were finished.
+    text
+        The campaign file.
+    facts
+        What the result rests on, see `seatrial.base.run.run_facts`.
     """
 
     campaign: str
     stages: tuple[StageRestarts, ...]
     seed: int
     interrupted: bool
+    text: str
+    facts: Mapping[str, Any]
 
     @property
     def starts(self) -> int:
@@ -287,18 +293,33 @@ class Restarts:
             "stages": [stage.to_dict() for stage in self.stages],
         }
 
-    def publish(self, directory: RunDirectory, *, text: str) -> Path:
-        """Path of a run directory after JSON, tables and the campaign's text are in it."""
+    def save(self, run_dir: str | Path) -> Path:
+        """Path of a run directory with all results; an earlier run's is replaced.
+
+        Parameters
+        ----------
+        run_dir : str or Path
+            Made when it does not exist.
+
+        Raises
+        ------
+        SeatrialError
+            The directory cannot be written; nothing is left half-written.
+        """
+        with RunDirectory(run_dir) as run:
+            return run.publish(self.facts, self.files())
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
         import polars as pl
 
-        return directory.publish({
-            RUN_FILE: to_json({"random_starts": self.campaign, "seed": self.seed, "starts": self.starts}),
+        return {
             "random_starts.json": to_json(self.to_dict()),
             "random_starts.parquet": parquet(pl.DataFrame(list(self._ends()), infer_schema_length=None)),
             "history.parquet": parquet(pl.DataFrame(list(self._steps()), infer_schema_length=None)),
             "summary.txt": self.summary() + "\n",
-            "campaign.toml": text,
-        })
+            "campaign.toml": self.text,
+        }
 
     def _ends(self) -> Iterator[dict[str, Any]]:
         for stage in self.stages:
@@ -452,28 +473,52 @@ def restarts(
         )
     seed = campaign.seed if seed is None else seed
     plan(campaign)  # refuses a bad campaign before a folder appears
-    directory = None if run_dir is None else RunDirectory(run_dir)
-    began = time.monotonic()
+    clock = Clock()
     rows: list[tuple[StageResult, ...]] = []
     interrupted = False
-    try:
-        for number in range(starts):
-            own = campaign.with_start_values(start_values(campaign, seed, number), seed=_stream(seed, number))
-            order = StageOrder(
-                own,
-                plan(own),
-                None if directory is None else directory.part(f"start {number + 1}"),
-                progress=None if progress is None else _whole(progress, number, starts, began),
-                resume=resume,
-                threads=threads,
-            )
-            found = order.stages()
-            if order.stop.is_set():
-                raise KeyboardInterrupt
-            rows.append(found)
-    except KeyboardInterrupt:
-        interrupted = True
-    return _gathered(campaign, rows, seed, sigma or {}, interrupted, directory)
+    with RunDirectory(run_dir, resume=resume) as run:
+        try:
+            for number in range(starts):
+                own = campaign.with_start_values(
+                    start_values(campaign, seed, number), seed=_stream(seed, number)
+                )
+                order = StageOrder(
+                    own,
+                    plan(own),
+                    run,
+                    part=f"start {number + 1}, ",
+                    progress=None if progress is None else _whole(progress, number, starts, clock),
+                    threads=threads,
+                )
+                found = order.stages()
+                if order.stop.is_set():
+                    raise KeyboardInterrupt
+                rows.append(found)
+        except KeyboardInterrupt:
+            interrupted = True
+        ends = Restarts(
+            campaign.name,
+            tuple(
+                StageRestarts.of([row[index] for row in rows], campaign.parameters[stage.name], sigma or {})
+                for index, stage in enumerate(campaign.stages)
+                if rows
+            ),
+            seed,
+            interrupted,
+            campaign.text,
+            run_facts(
+                "random starts",
+                campaign.name,
+                clock=clock,
+                inputs=input_hashes(campaign),
+                seed=seed,
+                options={"starts": starts},
+                interrupted=interrupted,
+            ),
+        )
+        if run_dir is not None and rows and not interrupted:
+            run.publish(ends.facts, ends.files())
+    return ends
 
 
 def start_values(campaign: Campaign, seed: int, number: int) -> dict[str, dict[str, float]]:
@@ -493,41 +538,20 @@ def _stream(seed: int, number: int) -> int:
 
 
 def _whole(
-    progress: Callable[[Progress], None], number: int, starts: int, began: float
+    progress: Callable[[Progress], None], number: int, starts: int, clock: Clock
 ) -> Callable[[Progress], None]:
     """What one start reports, as progress of all of them."""
 
     def show(state: Progress) -> None:
-        elapsed = time.monotonic() - began
         fraction = (number + state.fraction) / starts
         progress(
             replace(
                 state,
                 stage=f"start {number + 1} of {starts}, {state.stage}",
                 fraction=fraction,
-                elapsed_s=elapsed,
-                left_s=elapsed * (1.0 - fraction) / max(fraction, 1e-6),
+                elapsed_s=clock.elapsed_s,
+                left_s=clock.left_s(fraction),
             )
         )
 
     return show
-
-
-def _gathered(
-    campaign: Campaign,
-    rows: list[tuple[StageResult, ...]],
-    seed: int,
-    sigma: Mapping[str, float],
-    interrupted: bool,
-    directory: RunDirectory | None,
-) -> Restarts:
-    """Ends by stage, written where they are wanted."""
-    stages = tuple(
-        StageRestarts.of([row[index] for row in rows], campaign.parameters[stage.name], sigma)
-        for index, stage in enumerate(campaign.stages)
-        if rows
-    )
-    found = Restarts(campaign.name, stages, seed, interrupted)
-    if directory is not None and rows and not interrupted:
-        found.publish(directory, text=campaign.text)
-    return found

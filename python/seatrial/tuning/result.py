@@ -10,7 +10,7 @@ Held by tests/tuning/test_tune.py.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ import numpy as np
 
 from seatrial.base.atomic_write import parquet
 from seatrial.base.report import text_table
-from seatrial.base.run import RUN_FILE, RunDirectory, to_json
+from seatrial.base.run import RunDirectory, to_json
 from seatrial.tuning.judgement import Judged
 from seatrial.tuning.objective import GAINS
 from seatrial.tuning.search import GroupResult
@@ -84,6 +84,8 @@ class Tuning:
     quiet
         The tuned gains with perfect sensors, where a response leaves its corridor: what noise has to do with
         it.
+    facts
+        What the result rests on, see `seatrial.base.run.run_facts`.
     """
 
     campaign: Campaign
@@ -97,6 +99,7 @@ class Tuning:
     interrupted: bool
     kept: Path | None = None
     quiet: Judged | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         groups = ", ".join(group.name for group in self.groups)
@@ -225,22 +228,20 @@ class Tuning:
         SeatrialError
             The directory cannot be written; nothing is left half-written.
         """
-        return self.publish(RunDirectory(run_dir))
+        with RunDirectory(run_dir) as run:
+            return run.publish(self.facts, self.files())
 
-    def publish(self, directory: RunDirectory) -> Path:
-        """Path of an opened run directory after the results are in it. See `save`."""
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
         from dataclasses import asdict
 
         import polars as pl
-
-        from seatrial.campaign.campaign import run_facts
 
         history = [{"search": group.name} | asdict(step) for group in self.groups for step in group.history]
         trials = [
             {"autopilot": judged.name} | asdict(trial) for judged in self.judged for trial in judged.trials
         ]
-        files: dict[str, str | bytes] = {
-            RUN_FILE: to_json(run_facts(self.campaign, trials=False) | {"kind": "tuning"}),
+        return {
             "campaign.toml": self.campaign.text,
             "autopilot.toml": self.autopilot.to_toml(),
             "start_autopilot.toml": self.start.to_toml(),
@@ -250,7 +251,6 @@ class Tuning:
             "history.parquet": parquet(pl.DataFrame(history, infer_schema_length=None)),
             "trials.parquet": parquet(pl.DataFrame(trials, infer_schema_length=None)),
         }
-        return directory.publish(files)
 
 
 def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], campaign: str) -> Autopilot:

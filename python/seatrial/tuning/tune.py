@@ -29,18 +29,19 @@ Held by tests/tuning/test_tuning_progress.py.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.atomic_write import write_atomic
-from seatrial.base.errors import CampaignError, TrialError
-from seatrial.base.progress import Progress, Step
+from seatrial.base.errors import CampaignError, SeatrialError, TrialError
+from seatrial.base.progress import Clock, Progress, Step
+from seatrial.base.run import RunDirectory, run_facts, version
+from seatrial.campaign.campaign import input_hashes
 from seatrial.control_design.autopilot_facts import refuse_other_laws
 from seatrial.estimation.search import LANES, batch_size
 from seatrial.flight.sensor_channels import sensors_of
@@ -53,7 +54,6 @@ from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.run import RunDirectory
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
@@ -204,28 +204,25 @@ class TuningRun:
     ----------
     campaign : Campaign
     plan : TuningPlan
-    directory : RunDirectory, optional
+    run : RunDirectory
         Where finished groups are kept.
     progress : callable, optional
         Called with a `Progress`.
     threads : int, optional
         All by default.
-    resume : bool
-        Whether groups that an earlier run finished are reused.
     """
 
     def __init__(
         self,
         campaign: Campaign,
         plan: TuningPlan,
-        directory: RunDirectory | None,
+        run: RunDirectory,
         progress: Callable[[Progress], None] | None,
         threads: int | None,
-        resume: bool,
     ) -> None:
-        self.campaign, self.plan, self.directory = campaign, plan, directory
-        self.progress, self.threads, self.resume = progress, threads, resume
-        self.began = time.monotonic()
+        self.campaign, self.plan, self.directory = campaign, plan, run
+        self.progress, self.threads = progress, threads
+        self.clock = Clock()
         self.done, self.stages = 0, len(plan.groups) + 1
         self.stopped = False
         self.notes = without_table(campaign)
@@ -335,24 +332,17 @@ class TuningRun:
     def _keep(self, name: str, search: Callable[[Callable[[Step], None]], GroupResult | None]) -> bool:
         """Run or reuse a part of the search; whether it was interrupted."""
         inputs = self._inputs(name)
-        found: GroupResult | None = None
-        kept = None
         self.work.begin(name)
-        if self.directory is not None and self.resume:
-            kept = self.directory.finished(name, inputs)
-            found = None if kept is None else GroupResult.from_dict(kept)
-        if found is None:
-            found = search(lambda step: self._report(name, step))
-        elif self.directory is not None:
-            self.directory.keep(name, found.to_dict() | {"inputs": inputs})  # for the run after this one
+        kept = self.directory.finished(name, inputs)
+        found = search(lambda step: self._report(name, step)) if kept is None else GroupResult.from_dict(kept)
         self.done += 1
         self.work.end(name, kept=kept is not None)
         if found is None:
             return False
         self.results.append(replace(found, name=name))
         self.gains |= found.gains
-        if self.directory is not None and not found.interrupted:
-            self.directory.keep(name, found.to_dict() | {"inputs": inputs})
+        if kept is None and not found.interrupted:
+            self.directory.keep(name, inputs, found.to_dict())
         return found.interrupted
 
     def _inputs(self, name: str) -> str:
@@ -404,8 +394,16 @@ class TuningRun:
             judged=judged,
             relay=relay,
             taken_back=self.taken_back,
-            elapsed_s=time.monotonic() - self.began,
+            elapsed_s=self.clock.elapsed_s,
             interrupted=interrupted,
+            facts=run_facts(
+                "tuning",
+                self.campaign.name,
+                clock=self.clock,
+                inputs=input_hashes(self.campaign, trials=False),
+                seed=self.campaign.seed,
+                interrupted=interrupted,
+            ),
         )
 
     def _report(self, name: str, step: Step) -> None:
@@ -428,7 +426,7 @@ class TuningRun:
                 stages_done=self.done,
                 stages=self.stages,
                 fraction=min(self.work.done(name, share), 1.0),
-                elapsed_s=time.monotonic() - self.began,
+                elapsed_s=self.clock.elapsed_s,
                 left_s=self.work.left_s(name, share),
                 notes=self.notes,
             )
@@ -462,36 +460,17 @@ def conduct(
     threads: int | None,
 ) -> Tuning:
     """Tuning of a campaign; see `seatrial.tune`."""
-    from seatrial.base.run import RunDirectory
-
     plan = plan_of(campaign, fit)
     assert plan.groups is not None  # what cannot be tuned is refused before a directory is made
-    directory = None if run_dir is None else RunDirectory(run_dir)
-    try:
-        found = TuningRun(campaign, plan, directory, progress, threads, resume).run(relay=relay)
-    except BaseException:
-        if directory is not None:
-            directory.abandon()
-        raise
-    if directory is None:
-        return found
-    if found.interrupted:
-        return _left_behind(found, directory)
-    found.publish(directory)
+    with RunDirectory(run_dir, resume=resume) as run:
+        found = TuningRun(campaign, plan, run, progress, threads).run(relay=relay)
+        if found.interrupted and found.groups:
+            with contextlib.suppress(SeatrialError):  # the gains are in what is returned all the same
+                # The best gains so far are an autopilot file beside the finished groups.
+                found = replace(found, kept=run.leave("autopilot.toml", found.autopilot.to_toml()))
+        elif run_dir is not None and not found.interrupted:
+            run.publish(found.facts, found.files())
     return found
-
-
-def _left_behind(found: Tuning, directory: RunDirectory) -> Tuning:
-    """An interrupted tuning, after the best gains so far are an autopilot file beside the finished groups."""
-    if not found.groups:
-        directory.abandon()
-        return found
-    path = directory.workspace / "autopilot.toml"
-    try:
-        write_atomic(path, found.autopilot.to_toml().encode())
-    except OSError:  # the gains are in what is returned all the same
-        return found
-    return replace(found, kept=path)
 
 
 def plan_of(

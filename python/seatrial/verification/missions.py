@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Autopilot, Flights, Vehicle
-    from seatrial.base.run import StageStore
+    from seatrial.base.run import RunDirectory
     from seatrial.flight.mission import Mission
 
 __all__ = [
@@ -496,8 +496,7 @@ def fly_series(
     runs: int,
     *,
     autopilot: str = "verified",
-    store: StageStore | None = None,
-    resume: bool = True,
+    run: RunDirectory,
     progress: Callable[[MissionsFlown], None] | None = None,
     threads: int | None = None,
 ) -> Series:
@@ -508,11 +507,9 @@ def fly_series(
     flights : CampaignFlights
     runs : int
     autopilot : str
-        What to call the autopilot in reports and in the store.
-    store : StageStore, optional
+        What to call the autopilot in reports and in the run directory.
+    run : RunDirectory
         Where finished chunks are kept and found again.
-    resume : bool
-        Whether to take chunks from the store.
     progress : callable, optional
         Called after each chunk; it may raise KeyboardInterrupt.
     threads : int, optional
@@ -523,14 +520,13 @@ def fly_series(
         for start in range(0, runs, CHUNK):
             stop = min(start + CHUNK, runs)
             name = f"{autopilot}, missions {start} to {stop - 1}"
-            kept = None if store is None or not resume else store.finished(name, flights.digest)
+            kept = run.finished(name, flights.digest)
             if kept is not None:
                 part = FlownMissions.from_text(kept["missions"])
             else:
                 part = flights.fly(np.arange(start, stop), threads=threads)
                 fresh += stop - start
-            if store is not None:
-                store.keep(name, {"inputs": flights.digest, "missions": part.to_text()})
+                run.keep(name, flights.digest, {"missions": part.to_text()})
             parts.append(part)
             if progress is not None:
                 elapsed = time.monotonic() - began

@@ -31,7 +31,6 @@ Held by `tests/verification/test_junit.py`.
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 from collections.abc import Container, Mapping, Sequence
@@ -44,8 +43,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from xml.etree import ElementTree
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.run import RUN_FILE, RunDirectory, to_json
-from seatrial.campaign.campaign import run_facts
+from seatrial.base.run import RunDirectory, to_json
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
 from seatrial.verification.comparison import AutopilotComparison
@@ -63,9 +61,8 @@ __all__ = [
     "Verification",
     "again",
     "comparison_lines",
-    "facts",
-    "files",
     "headline",
+    "input_files",
     "junit",
     "junit_xml",
     "requirement_lines",
@@ -97,6 +94,8 @@ class Verification:
         Whether Ctrl-C ended them early: the verdict is that of the missions until then.
     notes
         Sentences on what is assumed and what was drawn; ``flights.left_out`` says more.
+    facts
+        What the result rests on, see `seatrial.base.run.run_facts`.
     """
 
     campaign: Campaign
@@ -107,6 +106,7 @@ class Verification:
     asked: int
     interrupted: bool
     notes: tuple[str, ...]
+    facts: Mapping[str, Any]
 
     @property
     def verdict(self) -> proportions.Verdict:
@@ -199,16 +199,20 @@ class Verification:
         SeatrialError
             The directory cannot be written; nothing is left half-written.
         """
-        return self.publish(RunDirectory(run_dir))
+        with RunDirectory(run_dir) as run:
+            return run.publish(self.facts, self.files())
 
-    def publish(self, directory: RunDirectory) -> Path:
-        """Path of an opened run directory after the results are in it. See `save`.
-
-        Parameters
-        ----------
-        directory : RunDirectory
-        """
-        return directory.publish(files(self))
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        worst = {one.requirement.name: [run.to_dict() for run in one.worst] for one in self.requirements}
+        return {
+            **input_files(self.campaign, self.flights),
+            "verification.json": to_json(self.to_dict()),
+            "summary.txt": self.summary() + "\n",
+            "junit.xml": junit(self),
+            "worst_runs.json": to_json(worst),
+            "missions.parquet": parquet(self.table()),
+        }
 
     def worst(self) -> Mapping[str, list[int]]:
         """Numbers of the worst missions by requirement, the worst first."""
@@ -447,18 +451,6 @@ _LONGEST = 50
 """Letters: those of some scripts take four of the 255 bytes that file systems give a name."""
 
 
-def facts(found: Verification) -> dict[str, Any]:
-    """What a verification rests on: versions, machine, seed, hashes of the inputs, what was asked for."""
-    known = run_facts(found.campaign, trials=False)
-    inputs = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in _inputs(found).items()}
-    return known | {
-        "kind": "verification",
-        "missions": len(found.flown),
-        "verification": found.flights.table.model_dump(mode="json", exclude_none=True),
-        "sha256": known["sha256"] | inputs,
-    }
-
-
 def junit(found: Verification) -> str:
     """JUnit XML with a case per requirement."""
     titles = found.flights.titles
@@ -489,28 +481,13 @@ def junit(found: Verification) -> str:
     return junit_xml(found.campaign.name, outcomes, properties=rests_on)
 
 
-def files(found: Verification) -> dict[str, str | bytes]:
-    """Files of the run directory by name: text, or bytes."""
-    worst = {one.requirement.name: [run.to_dict() for run in one.worst] for one in found.requirements}
-    return {
-        RUN_FILE: to_json(facts(found)),
-        **_inputs(found),
-        "verification.json": to_json(found.to_dict()),
-        "summary.txt": found.summary() + "\n",
-        "junit.xml": junit(found),
-        "worst_runs.json": to_json(worst),
-        "missions.parquet": parquet(found.table()),
-    }
-
-
-def _inputs(found: Verification) -> dict[str, str]:
+def input_files(campaign: Campaign, flights: CampaignFlights) -> dict[str, str]:
     """Files of the inputs by name, as they were flown."""
-    flights = found.flights
     missions: dict[str, str] = {}
     for title, mission in zip(flights.titles, flights.missions, strict=True):
         missions[_free(_safe(title), missions)] = mission.to_toml()
     return {
-        "campaign.toml": found.campaign.text,
+        "campaign.toml": campaign.text,
         "vehicle.toml": flights.fitted.vehicle.to_toml(),
         "autopilot.toml": flights.autopilot.to_toml(),
         **{f"missions/{name}.toml": text for name, text in missions.items()},

@@ -13,12 +13,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.run import RunDirectory
+from seatrial.base.progress import Clock
+from seatrial.base.run import RunDirectory, run_facts, sha256
+from seatrial.campaign.campaign import input_hashes
 from seatrial.flight.checks import checked_threads
 from seatrial.verification.comparison import AutopilotComparison, compared
 from seatrial.verification.judgement import beyond_the_vehicle, figures_without_value, judged, seen_and_true
 from seatrial.verification.missions import MissionsFlown, fly_series
-from seatrial.verification.verification import Verification
+from seatrial.verification.verification import Verification, input_files
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -136,30 +138,32 @@ def conduct(
         Before the first missions were finished.
     """
     checked_threads(threads)
-    directory = None if run_dir is None else RunDirectory(run_dir)
-    try:
-        series = fly_series(
-            prepared.flights,
-            prepared.runs,
-            autopilot=_VERIFIED,
-            store=directory,
-            resume=resume,
-            progress=progress,
-            threads=threads,
-        )
-        if series.flown is None:
-            raise KeyboardInterrupt
-        flown, comparison, interrupted = series.flown, None, series.interrupted
-        if prepared.others and not interrupted:
-            comparison, interrupted = _compared(
-                prepared, flown, store=directory, progress=progress, resume=resume, threads=threads
-            )
-    except BaseException:
-        if directory is not None:
-            directory.abandon()
-        raise
+    clock = Clock()
+    with RunDirectory(run_dir, resume=resume) as run:
+        found = _verified(prepared, run, clock, progress=progress, threads=threads)
+        if run_dir is not None:
+            run.publish(found.facts, found.files())
+    return found
+
+
+def _verified(
+    prepared: VerifiedCampaign,
+    run: RunDirectory,
+    clock: Clock,
+    *,
+    progress: Callable[[MissionsFlown], None] | None,
+    threads: int | None,
+) -> Verification:
+    series = fly_series(
+        prepared.flights, prepared.runs, autopilot=_VERIFIED, run=run, progress=progress, threads=threads
+    )
+    if series.flown is None:
+        raise KeyboardInterrupt
+    flown, comparison, interrupted = series.flown, None, series.interrupted
+    if prepared.others and not interrupted:
+        comparison, interrupted = _compared(prepared, flown, run=run, progress=progress, threads=threads)
     draws = prepared.flights.draws(len(flown))
-    found = Verification(
+    return Verification(
         campaign=prepared.campaign,
         flights=prepared.flights,
         flown=flown,
@@ -182,19 +186,28 @@ def conduct(
                 *seen_and_true(prepared.requirements, flown),
             ])
         ),
+        facts=run_facts(
+            "verification",
+            prepared.campaign.name,
+            clock=clock,
+            inputs=input_hashes(prepared.campaign, trials=False)
+            | {name: sha256(text) for name, text in input_files(prepared.campaign, prepared.flights).items()},
+            seed=prepared.flights.seed,
+            options={
+                "missions": len(flown),
+                "verification": prepared.flights.table.model_dump(mode="json", exclude_none=True),
+            },
+            interrupted=interrupted,
+        ),
     )
-    if directory is not None:
-        found.publish(directory)
-    return found
 
 
 def _compared(
     prepared: VerifiedCampaign,
     flown: FlownMissions,
     *,
-    store: RunDirectory | None,
+    run: RunDirectory,
     progress: Callable[[MissionsFlown], None] | None,
-    resume: bool,
     threads: int | None,
 ) -> tuple[AutopilotComparison | None, bool]:
     """Other autopilots on the first missions; nothing where Ctrl-C ended one of them early."""
@@ -205,8 +218,7 @@ def _compared(
             prepared.flights.with_autopilot(autopilot),
             runs,
             autopilot=name,
-            store=store,
-            resume=resume,
+            run=run,
             progress=progress,
             threads=threads,
         )

@@ -22,10 +22,9 @@ Tests: ``tests/verification/test_recorded_validity.py``.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -33,8 +32,9 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import readable
-from seatrial.base.run import RUN_FILE, RunDirectory, to_json
-from seatrial.campaign.campaign import run_facts
+from seatrial.base.progress import Clock
+from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
+from seatrial.campaign.campaign import input_hashes
 from seatrial.vehicle.actuators import actuator_groups
 from seatrial.verification.mission_log.validity import LEVEL, Validity, powers
 
@@ -112,6 +112,8 @@ class LogVerdict:
         Steady current north and east, m/s, that was fitted to a log which tells none; else None.
     vehicle, autopilot, mission
         The model, and what was flown where that was given.
+    clock
+        When it was judged, and how long that took.
     """
 
     log: MissionLog
@@ -129,6 +131,7 @@ class LogVerdict:
     autopilot: Autopilot | None = None
     mission: Mission | None = None
     current: tuple[float, float] | None = None
+    clock: Clock = field(default_factory=Clock)
 
     @property
     def valid(self) -> bool:
@@ -214,12 +217,9 @@ class LogVerdict:
         SeatrialError
             The directory cannot be written; nothing is left half-written.
         """
-        directory = RunDirectory(folder)
-        try:
-            return directory.publish(_files(self, campaign, source or self.log.trial.name))
-        except BaseException:  # Ctrl-C too: nothing here is worth resuming
-            directory.discard()
-            raise
+        facts = _facts(self, campaign, source or self.log.trial.name)
+        with RunDirectory(folder) as run:
+            return run.publish(facts, _files(self, campaign))
 
     def __str__(self) -> str:
         return self.summary()
@@ -327,19 +327,33 @@ def _mission(verdict: LogVerdict) -> list[str]:
     return lines
 
 
-def _files(found: LogVerdict, campaign: Campaign | None, source: str | Path) -> dict[str, str | bytes]:
+def _files(found: LogVerdict, campaign: Campaign | None) -> dict[str, str | bytes]:
     """Files of a run directory by name."""
-    inputs = found.inputs() if campaign is None else {"campaign.toml": campaign.text, **found.inputs()}
-    known: dict[str, Any] = {"sha256": {}} if campaign is None else run_facts(campaign, trials=False)
-    known["sha256"] |= {name: hashlib.sha256(text.encode()).hexdigest() for name, text in inputs.items()}
-    if (log := _file(source)) is not None:
-        known["sha256"]["log"] = hashlib.sha256(log.read_bytes()).hexdigest()
     return {
-        RUN_FILE: to_json(known | {"kind": "log verdict", "log": str(source)}),
-        **inputs,
+        **_inputs(found, campaign),
         "verdict.json": to_json(found.to_dict()),
         "summary.txt": found.summary() + "\n",
     }
+
+
+def _facts(found: LogVerdict, campaign: Campaign | None, source: str | Path) -> dict[str, Any]:
+    """What the verdict rests on."""
+    hashes = {} if campaign is None else input_hashes(campaign, trials=False)
+    hashes |= {name: sha256(text) for name, text in _inputs(found, campaign).items()}
+    if (log := _file(source)) is not None:
+        hashes["log"] = sha256(log.read_bytes())
+    return run_facts(
+        "log verdict",
+        found.log.trial.name if campaign is None else campaign.name,
+        clock=found.clock,
+        inputs=hashes,
+        seed=None if campaign is None else campaign.seed,
+        options={"log": str(source)},
+    )
+
+
+def _inputs(found: LogVerdict, campaign: Campaign | None) -> dict[str, str]:
+    return found.inputs() if campaign is None else {"campaign.toml": campaign.text, **found.inputs()}
 
 
 def _file(source: str | Path) -> Path | None:

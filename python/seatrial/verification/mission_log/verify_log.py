@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import SimulationError
+from seatrial.base.progress import Clock
 from seatrial.identification.fitted import Fitted
 from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
@@ -282,6 +283,7 @@ def verify_log(
             f"draws: expected at least {len(CHANNELS) / level:.0f}, for a p-value of {level:g} over"
             f" {len(CHANNELS)} channels, found {draws}; draw more"
         )
+    clock = Clock()
     known = Fitted.of(fitted)
     record = _log(log)
     windows = restarts(
@@ -327,6 +329,7 @@ def verify_log(
         vehicle=known.vehicle,
         autopilot=pilot,
         mission=flown,
+        clock=clock.stop(),
     )
 
 

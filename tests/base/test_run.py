@@ -1,0 +1,335 @@
+"""Run directories: whole or not at all, resumable, for one writer, and clear about what stops them."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from seatrial.base.atomic_write import write_table
+from seatrial.base.errors import SeatrialError, TrialError
+from seatrial.base.progress import Clock
+from seatrial.base.run import RUN_FILE, RunDirectory, check_writable, part_file, run_facts, to_json
+
+KEYS = [
+    "kind", "name", "options", "seed", "started_utc", "finished_utc", "wall_s", "interrupted", "versions",
+    "simd", "platform", "sha256",
+]  # fmt: skip
+
+
+def publish(path: Path, name: str = "x", **files: str) -> None:
+    with RunDirectory(path) as run:
+        run.publish({"name": name}, {file.replace("_", "."): text for file, text in files.items()})
+
+
+def name_in(path: Path) -> str:
+    return str(json.loads((path / RUN_FILE).read_text())["name"])
+
+
+def entries(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+def test_published_directory_holds_every_file_and_no_trace_of_the_work(tmp_path: Path) -> None:
+    with RunDirectory(tmp_path / "run") as run:
+        run.leave("autopilot.toml", "of a run that was interrupted")
+        assert run.publish({}, {"data/table.bin": b"\x00\x01"}) == tmp_path / "run"
+    assert (tmp_path / "run/data/table.bin").read_bytes() == b"\x00\x01"
+    assert entries(tmp_path) == ["run"]
+    assert entries(tmp_path / "run") == ["data", RUN_FILE]
+    assert not list((tmp_path / "run").rglob("*.writing"))
+
+
+def test_second_run_replaces_the_first_as_a_whole(tmp_path: Path) -> None:
+    publish(tmp_path / "run", "1", old_txt="old")
+    publish(tmp_path / "run", "2")
+    assert name_in(tmp_path / "run") == "2"
+    assert entries(tmp_path / "run") == [RUN_FILE]
+    assert entries(tmp_path) == ["run"]
+
+
+def test_finished_part_is_found_again_only_for_the_same_inputs(tmp_path: Path) -> None:
+    with RunDirectory(tmp_path / "run") as run:
+        run.keep("turn left/right", "abc", {"cost": 1.5})
+    with RunDirectory(tmp_path / "run") as resumed:
+        assert resumed.finished("turn left/right", "abc") == {"inputs": "abc", "cost": 1.5}
+        assert resumed.finished("turn left/right", "abd") is None
+        assert resumed.finished("turn left_right", "abc") is None
+    with RunDirectory(tmp_path / "run", resume=False) as fresh:
+        assert fresh.finished("turn left/right", "abc") is None
+
+
+def test_finished_part_survives_publishing_and_the_publishing_of_the_run_that_used_it(tmp_path: Path) -> None:
+    with RunDirectory(tmp_path / "run") as run:
+        run.keep("surge", "abc", {})
+        run.publish({}, {})
+    for _ in range(2):
+        with RunDirectory(tmp_path / "run") as run:
+            assert run.finished("surge", "abc") == {"inputs": "abc"}
+            run.publish({}, {})
+
+
+def test_parts_of_a_run_in_another_folder_are_brought(tmp_path: Path) -> None:
+    with RunDirectory(tmp_path / "earlier") as run:
+        run.keep("surge", "abc", {})
+        run.publish({}, {})
+    with RunDirectory(tmp_path / "run") as run:
+        run.bring(tmp_path / "earlier", "surge")
+        run.bring(tmp_path / "earlier", "heave")
+        assert run.finished("surge", "abc") == {"inputs": "abc"}
+        assert run.finished("heave", "abc") is None
+
+
+def test_damaged_part_file_is_no_result(tmp_path: Path) -> None:
+    with RunDirectory(tmp_path / "run") as run:
+        run.keep("surge", "abc", {})
+        file = run.workspace / part_file("surge")
+        file.write_text(file.read_text()[:5])
+        assert run.finished("surge", "abc") is None
+
+
+def test_a_run_without_a_folder_keeps_nothing() -> None:
+    with RunDirectory(None) as run:
+        run.keep("surge", "abc", {})
+        assert run.finished("surge", "abc") is None
+        assert run.leave("autopilot.toml", "") is None
+        with pytest.raises(ValueError, match="without"):
+            run.publish({}, {})
+
+
+def test_a_run_that_is_not_published_leaves_its_parts_and_nothing_else(tmp_path: Path) -> None:
+    RunDirectory(tmp_path / "a/b/run").close()
+    assert entries(tmp_path) == []
+    with RunDirectory(tmp_path / "run") as run:
+        run.keep("one", "a", {})
+    check_writable(tmp_path / "run")
+    assert entries(tmp_path) == ["run.partial"]
+    assert entries(tmp_path / "run.partial") == ["stages"]
+
+
+def test_every_verb_has_the_same_facts() -> None:
+    facts = run_facts("flight", "out", clock=Clock().stop(), inputs={"vehicle": "0"}, seed=3)
+    assert list(facts) == KEYS
+    assert facts["versions"]["seatrial"]
+    assert facts["versions"]["python"]
+
+
+def other_process(code: str, *arguments: object) -> subprocess.Popen[str]:
+    """A Python process that has printed a line, and goes on."""
+    text = "import sys, time\nfrom seatrial.base.run import RunDirectory\n" + textwrap.dedent(code)
+    process = subprocess.Popen(
+        [sys.executable, "-c", text, *map(str, arguments)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    return process
+
+
+HOLD = """
+run = RunDirectory(sys.argv[1])
+run.keep("one", "a", {})
+print("ready", flush=True)
+time.sleep(600)
+"""
+
+
+def test_a_second_writer_is_refused_at_once_and_a_killed_one_is_no_obstacle(tmp_path: Path) -> None:
+    other = other_process(HOLD, tmp_path / "run")
+    try:
+        with pytest.raises(SeatrialError) as refused:
+            RunDirectory(tmp_path / "run")
+        for words in (f"process {other.pid} on {socket.gethostname()}, since 20", "choose another folder"):
+            assert words in str(refused.value)
+        with pytest.raises(SeatrialError, match="in use by process"):
+            check_writable(tmp_path / "run")
+        assert entries(tmp_path) == ["run.lock", "run.partial"]
+    finally:
+        other.send_signal(signal.SIGKILL)
+        other.wait()
+    assert entries(tmp_path) == ["run.lock", "run.partial"]  # the lock file is stale
+    with RunDirectory(tmp_path / "run") as run:
+        assert run.finished("one", "a") is not None
+        run.publish({}, {})
+    assert entries(tmp_path) == ["run"]
+
+
+def test_a_lock_file_that_says_nothing_is_no_obstacle(tmp_path: Path) -> None:
+    (tmp_path / "run.lock").write_text("garbage")
+    publish(tmp_path / "run")
+    assert entries(tmp_path) == ["run"]
+
+
+def test_a_run_that_is_given_free_takes_another_one(tmp_path: Path) -> None:
+    first = RunDirectory(tmp_path / "run")
+    with pytest.raises(SeatrialError, match=f"in use by process {os.getpid()} on"):
+        RunDirectory(tmp_path / "run")
+    first.close()
+    first.close()
+    RunDirectory(tmp_path / "run").close()
+    assert entries(tmp_path) == []
+
+
+def test_a_run_that_nobody_closed_is_free_when_it_is_forgotten(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path / "run")
+    run.keep("one", "a", {})
+    del run
+    assert entries(tmp_path) == ["run.partial"]
+
+
+def test_writers_that_come_one_by_one_never_meet(tmp_path: Path) -> None:
+    """law: whoever holds the lock is alone, also while others remove and make the lock file again."""
+    code = """
+    from seatrial.base.errors import SeatrialError
+    from pathlib import Path
+    print("ready", flush=True)
+    held = 0
+    end = time.monotonic() + 1.0
+    while time.monotonic() < end:
+        try:
+            run = RunDirectory(sys.argv[1])
+        except SeatrialError as refused:
+            assert "in use" in str(refused), refused
+            continue
+        with run:
+            (Path(sys.argv[1]).parent / "alone").mkdir()
+            held += 1
+            (Path(sys.argv[1]).parent / "alone").rmdir()
+    print(held)
+    """
+    others = [other_process(code, tmp_path / "run") for _ in range(3)]
+    said = [other.communicate()[0] for other in others]
+    assert [other.returncode for other in others] == [0, 0, 0]
+    assert all(int(text) > 0 for text in said)
+
+
+def test_a_process_killed_between_the_two_renames_leaves_the_former_run(tmp_path: Path) -> None:
+    publish(tmp_path / "run", "former")
+    code = """
+    import os, signal
+    from pathlib import Path
+    renamed = Path.rename
+    def killed(self, target):
+        if self.name == "run.partial":
+            print("ready", flush=True)
+            os.kill(os.getpid(), signal.SIGKILL)
+        return renamed(self, target)
+    Path.rename = killed
+    with RunDirectory(sys.argv[1]) as run:
+        run.keep("one", "a", {})
+        run.publish({"name": "latter"}, {})
+    """
+    assert other_process(code, tmp_path / "run").wait() == -signal.SIGKILL
+    assert not (tmp_path / "run").exists()
+    with RunDirectory(tmp_path / "run") as run:
+        assert name_in(tmp_path / "run") == "former"
+        assert run.finished("one", "a") is not None
+        run.publish({"name": "latter"}, {})
+    assert name_in(tmp_path / "run") == "latter"
+    assert entries(tmp_path) == ["run"]
+
+
+@pytest.mark.parametrize("writes", range(1, 9))
+def test_law_killed_at_any_write_the_directory_is_whole_and_the_run_goes_on(
+    tmp_path: Path, writes: int
+) -> None:
+    """kill -9 in front of the n-th change of the file system: one run is whole, and no part is lost."""
+    publish(tmp_path / "run", "former")
+    code = """
+    import os, signal
+    left = int(sys.argv[2])
+    def counted(call):
+        def counting(*given, **options):
+            global left
+            left -= 1
+            if left <= 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return call(*given, **options)
+        return counting
+    os.replace, os.rename, os.fsync, os.unlink = map(counted, (os.replace, os.rename, os.fsync, os.unlink))
+    with RunDirectory(sys.argv[1]) as run:
+        run.keep("one", "a", {})
+        run.keep("two", "a", {})
+        run.publish({"name": "latter"}, {"big.txt": "b" * 100000})
+    """
+    process = other_process(code, tmp_path / "run", writes)
+    assert process.wait() == -signal.SIGKILL
+    partial = tmp_path / "run.partial"
+    kept = {part for part in ("one", "two") if (partial / part_file(part)).exists()}
+    with RunDirectory(tmp_path / "run") as run:
+        assert name_in(tmp_path / "run") in ("former", "latter")
+        assert {part for part in ("one", "two") if run.finished(part, "a")} >= kept
+        run.publish({"name": "last"}, {})
+    assert entries(tmp_path) == ["run"]
+    assert not list(tmp_path.rglob("*.writing"))
+
+
+def test_folder_with_other_files_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(SeatrialError, match=r"no run\.json.*choose an empty or another folder"):
+        RunDirectory(tmp_path)
+    assert (tmp_path / "thesis.tex").read_text() == "precious"
+
+
+def test_file_in_the_place_of_the_directory(tmp_path: Path) -> None:
+    (tmp_path / "run").write_text("a file")
+    with pytest.raises(SeatrialError, match="expected a folder, found a file"):
+        RunDirectory(tmp_path / "run")
+
+
+def test_directory_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SeatrialError, match=r"cannot be written.*choose a folder"):
+        RunDirectory(tmp_path / "file" / "run")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unwritable for the superuser")
+def test_directory_without_permission(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(SeatrialError, match=r"cannot be written \(Permission denied\)"):
+        RunDirectory(tmp_path / "run")
+
+
+def test_full_disk_keeps_the_former_run_and_leaves_no_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publish(tmp_path / "run", "former")
+    run = RunDirectory(tmp_path / "run")
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with run, pytest.raises(SeatrialError, match=r"the disk is full \(.* MiB free\)"):
+        run.publish({"name": "latter"}, {"vehicle.toml": ""})
+    assert name_in(tmp_path / "run") == "former"
+    assert entries(tmp_path) == ["run"]
+
+
+def test_json_has_null_for_numbers_that_are_not_finite() -> None:
+    assert json.loads(to_json({"a": float("inf"), "b": (1, float("nan"), 2.5)})) == {
+        "a": None,
+        "b": [1, None, 2.5],
+    }
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.parquet"])
+def test_a_file_that_cannot_be_finished_leaves_the_former_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / name).write_text("former")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(TrialError, match=r"cannot be written \(No space left on device\)"):
+        write_table(pl.DataFrame({"t_s": [0.0]}), tmp_path / name)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["former"]
