@@ -1,10 +1,10 @@
 """Run directory: the one life cycle of everything that writes results into a folder.
 
-A run works in a sibling folder ``<name>.partial``. There every finished part (a stage, a group of gains, a
-chunk of missions, a repetition) is kept as ``stages/<part>.json`` with the hash of its inputs. The same command
-finds it again by that hash: after Ctrl-C, after ``kill -9``, or after the run was published. When the run is
-over, the whole folder is renamed into place, so that a reader sees all of it or nothing. While a process works
-in the folder it holds ``<name>.lock``, and a second one is refused at once.
+A run works in a sibling folder ``<name>.partial``. There every finished part (a stage, a group of gains,
+a chunk of missions, a repetition) is kept as ``stages/<part>.json`` with the hash of its inputs. The same
+command finds it again by that hash: after Ctrl-C, after ``kill -9``, or after the run was published. When the
+run is over, the whole folder is renamed into place, so that a reader sees all of it or nothing. While a
+process works in the folder it holds ``<name>.lock``, and a second one is refused at once.
 
 ``run.json`` has the same keys in every verb (`run_facts`):
 
@@ -377,8 +377,8 @@ def _make_folders(folder: Path) -> list[Path]:
 def _lock(run: Path) -> tuple[int, Path, int]:
     """Descriptor, lock file and process after the lock on a run directory is taken.
 
-    The operating system frees the lock when its process ends, however it ends. A lock file that nobody holds is
-    stale and is taken over.
+    The operating system frees the lock when its process ends, however it ends. A lock file that nobody holds
+    is stale and is taken over.
 
     Raises
     ------
@@ -435,8 +435,8 @@ def _in_use(run: Path, holder: bytes) -> str:
     except (ValueError, KeyError, TypeError):
         who, stop = "another process", "stop it"
     return (
-        f"run directory {run}: expected to be its only user, found it in use by {who}; wait until that run ends,"
-        f" {stop}, or choose another folder"
+        f"run directory {run}: expected to be its only user, found it in use by {who}; wait until that run"
+        f" ends, {stop}, or choose another folder"
     )
 
 
