@@ -61,11 +61,12 @@ test-wheel: wheel ## the wheel in an empty environment outside the clone: the wh
 	cd "$$folder"; venv/bin/seatrial --version; venv/bin/seatrial demo --json > demo.json; \
 	venv/bin/python "$(CURDIR)/tests/cli/chain_of_demo.py" demo.json
 
-check: build ## format, lint, types, and the committed stub against the binding
+check: build ## format, lint, order of the rooms, types, and the committed stub against the binding
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
+	@report=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$report"; exit 1; }
 	$(BIN)/mypy
 	$(BIN)/maturin generate-stubs --quiet --profile release --locked --out target/stubs
 	diff -u python/seatrial/_core.pyi target/stubs/seatrial/_core.pyi || \

@@ -209,7 +209,7 @@ def test_law_negative_diagonal_damping_never_adds_energy(sizes: list[float]) -> 
 
 
 def test_rows_that_cannot_be_commanded_are_named() -> None:
-    # Sway comes only with yaw and roll has a singular value of 0.002 (equations.md, allocation).
+    # Sway comes only with yaw and roll has a singular value of 0.002 (docs/theory/allocation.md).
     assert commanded_rows(CWOLF) == ["X", "Z", "M", "N"]
     data = tomllib.loads(CWOLF.to_toml())
     text = CWOLF.to_toml().replace(

@@ -234,7 +234,7 @@ def test_cwolf_is_told_per_group_and_direction(cwolf: Campaign) -> None:
     assert found.offered == ("stern.p1_ahead", "vertical.p1_ahead", "vertical.p1_astern")
     assert found.freed == ()
     assert found.rows.still == ("K",)
-    # Canted propellers push sideways only as they turn (equations.md, allocation).
+    # Canted propellers push sideways only as they turn (docs/theory/allocation.md).
     assert "Y and N of the wrench move only together" in str(found)
 
 
