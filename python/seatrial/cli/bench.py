@@ -70,7 +70,7 @@ def bench(
     if written is not None:
         results += f"\nVehicle file with the results: {written} (seatrial check {written})"
     elif found.notes:
-        results += "\nNo vehicle file was changed: give --write FILE or --in-place"
+        results += "\nNothing was written into a vehicle file: give --write FILE or --in-place"
     answer(found.report(), verbose=verbose, results=results, draw=drawn)
 
 

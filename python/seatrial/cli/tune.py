@@ -107,11 +107,7 @@ def tuned(
 
 
 def draw(
-    found: Tuning,
-    folder: Path,
-    *,
-    formats: tuple[str, ...] = ("png", "pdf"),
-    loops: Collection[str] | None = None,
+    found: Tuning, folder: Path, *, formats: tuple[str, ...] = ("png",), loops: Collection[str] | None = None
 ) -> list[Path]:
     """Paths of the figures of a tuning in its run directory, of some loops or of all."""
     from seatrial.report.plot.tuning import tuning_gallery

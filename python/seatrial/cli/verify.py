@@ -185,7 +185,7 @@ def verified(
         return conduct(prepared, run_dir=folder, progress=progress, resume=resume, threads=threads)
 
 
-def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png", "pdf")) -> list[Path]:
+def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
     """Paths of the figures of a verification in its run directory."""
     from seatrial.report.plot.verification import verification_gallery
 

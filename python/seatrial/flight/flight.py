@@ -18,6 +18,7 @@ from seatrial._core import autopilot_names
 from seatrial.base.atomic_write import parquet
 from seatrial.base.progress import Clock
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
+from seatrial.base.report import Report, Section
 from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
@@ -31,6 +32,7 @@ from seatrial.flight.metrics import (
     legs_of,
     loops_of,
 )
+from seatrial.flight.tables import legs_table, loops_table, metrics_table
 
 if TYPE_CHECKING:
     from seatrial._core import Flights
@@ -134,13 +136,23 @@ class Flight(FlightLog):
         """What was asked of every actuator, by name."""
         return actuators_of(self)
 
+    def report(self, *, sections: Sequence[Section] = ()) -> Report:
+        """How good the flight was, the worst problem, what to do next; then tables and sentences.
+
+        Parameters
+        ----------
+        sections : sequence of Section, optional
+            Further ones, such as that of many seeds.
+        """
+        return report(self, sections)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
     def sentences(self) -> list[str]:
         """What happened, in sentences for a reader of a report."""
         return sentences(self)
-
-    def summary(self) -> str:
-        """The same as a text, a line per sentence."""
-        return "\n".join(self.sentences())
 
     def to_dict(self) -> dict[str, Any]:
         """Figures, legs, loops, actuators, reactions and circumstances as plain data, without the log."""
@@ -265,6 +277,83 @@ def sentences(flight: Flight) -> list[str]:
     return found
 
 
+def report(flight: Flight, sections: Sequence[Section] = ()) -> Report:
+    """Three lines, metrics, legs and loops, further sections, sentences."""
+    worst, next_step = _worst(flight)
+    tables = [metrics_table(flight.figures), legs_table(flight.legs)]
+    if not flight.diverged:
+        tables.append(loops_table(flight.loops))
+    return Report(
+        title=f"{flight.vehicle.name} on {flight.route.name}",
+        outcome=flight.outcome_in_words,
+        good=_how_good(flight),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(sentences=tuple(_reactions(flight)), tables=tuple(tables)),
+            *sections,
+            Section("What happened", tuple(flight.sentences()), details=True),
+        ),
+    )
+
+
+def _how_good(flight: Flight) -> str:
+    """Waypoints reached and cross-track error."""
+    figures = flight.figures
+    reached = f"{sum(leg.reached for leg in flight.legs)} of {len(flight.legs)} waypoints reached"
+    if flight.diverged:
+        return f"{reached} before the motion diverged at {float(flight.t[-1]):.1f} s"
+    across = ""
+    if math.isfinite(figures["cross_track_rms_m"]):
+        largest = figures["cross_track_largest_m"]
+        most = f", at most {largest:.2f} m" if math.isfinite(largest) else ""
+        across = f"; cross-track error {figures['cross_track_rms_m']:.2f} m rms{most}"
+    return f"{reached} in {_time(figures['duration_s'])}, {figures['distance_m']:.0f} m over ground{across}"
+
+
+def _worst(flight: Flight) -> tuple[str, str]:
+    """The worst problem of a flight, and what to do about it."""
+    if flight.diverged:
+        return (
+            "the motion diverged",
+            "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)",
+        )
+    if flight.alerts:
+        first = flight.alerts[0]
+        return (
+            f"the safety called for {first.reaction} at {first.t_s:.1f} s, because {_cause(first.cause)}",
+            f"correct what triggered the {first.cause} watch, or the mission's limit if it is too tight",
+        )
+    if missed := [leg for leg in flight.legs if not leg.reached]:
+        first_missed = missed[0]
+        if math.isnan(first_missed.begin_s) or flight.outcome == "out of time":
+            return f"{first_missed.label} was not reached: {flight.outcome_in_words}", (
+                "give the flight more time (--max-time), or a speed that the vehicle can hold in this current"
+            )
+        return (
+            f"{first_missed.label} missed by {first_missed.smallest_m - first_missed.acceptance_m:.2f} m"
+            f" (radius {first_missed.acceptance_m:g} m)",
+            "enlarge its acceptance radius, slow the leg down, or tune the heading loop (seatrial tune)",
+        )
+    if saturated := _loops(flight):
+        return saturated[0], "lower the speed or the gains of this loop; its actuators have no more to give"
+    actuators = _actuators(flight)
+    if actuators and "limit cycle" in actuators[0]:
+        return actuators[0], "lower the gain or filter the sensor of the loop that drives it"
+    straight = [leg for leg in flight.legs if math.isfinite(leg.cross_track_largest_m)]
+    verify = "verify it over many vehicles, currents and seeds (seatrial verify CAMPAIGN, or --seeds 100)"
+    if straight:
+        widest = max(straight, key=lambda leg: leg.cross_track_largest_m)
+        return f"cross-track error of {widest.cross_track_largest_m:.2f} m towards {widest.label}", verify
+    if held := _stations([leg for leg in flight.legs if not math.isnan(leg.begin_s)]):
+        return held[0], verify
+    return "no problem found", verify
+
+
+def _cause(watch: str) -> str:
+    return _CAUSES.get(watch, f"no good sample of {watch.removeprefix('stale_')} for too long")
+
+
 def _ending(flight: Flight) -> str:
     who = f"{flight.vehicle.name} on {flight.route.name}"
     behind = sum(leg.reached for leg in flight.legs)
@@ -286,8 +375,7 @@ def _reactions(flight: Flight) -> list[str]:
     said += [outage.sentence() for outage in flight.circumstances.outages]
     found = [f"Failures: {'; '.join(said)}."] if said else []
     for alert in flight.alerts:
-        why = _CAUSES.get(alert.cause, f"no good sample of {alert.cause.removeprefix('stale_')} for too long")
-        found.append(f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {why}.")
+        found.append(f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {_cause(alert.cause)}.")
     if said and not flight.alerts:
         found.append("No reaction of the safety was called for.")
     return found

@@ -65,9 +65,7 @@ _BINS = 41
 _SHARE = 95.0
 
 
-def flight_gallery(
-    flight: Flight, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
-) -> list[Path]:
+def flight_gallery(flight: Flight, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
     """Paths of the figures of a flight after they were written into a folder; none of a diverged one.
 
     Raises

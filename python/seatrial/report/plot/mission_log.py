@@ -53,7 +53,7 @@ _SIGN = re.compile(r"(?<!\w)-(?=\d)")
 
 
 def log_verdict_gallery(
-    verdict: LogVerdict, folder: str | Path, *, formats: tuple[str, ...] = ("png", "pdf")
+    verdict: LogVerdict, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
 ) -> list[Path]:
     """Paths of the figures of a verdict after they were written: residuals, suspects, envelope, as there are.
 

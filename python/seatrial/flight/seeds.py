@@ -1,0 +1,89 @@
+"""Flights that differ only in the seed of sensor noise and turbulence: how they end, how metrics spread.
+
+Held by tests/cli/test_cli_fly.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.arrays import Array
+from seatrial.base.report import Section
+from seatrial.flight.metrics import CODED, ending_of, figures_of
+from seatrial.flight.tables import spread_table
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.flight.mission import Mission
+
+__all__ = ["Seeds", "fly_seeds"]
+
+
+@dataclass(frozen=True, eq=False)
+class Seeds:
+    """Flights of one mission under many seeds.
+
+    Attributes
+    ----------
+    seeds
+        Of the flights.
+    figures
+        Metrics by name, one value per seed.
+    endings
+        How each flight ended.
+    """
+
+    seeds: tuple[int, ...]
+    figures: Mapping[str, Array]
+    endings: tuple[str, ...]
+
+    @property
+    def all_complete(self) -> bool:
+        """Whether every flight came to the end of the mission."""
+        return all(ending == "complete" for ending in self.endings)
+
+    def sentence(self) -> str:
+        """How many flights ended in which way, and the seeds that did not complete the mission."""
+        counts = {ending: self.endings.count(ending) for ending in dict.fromkeys(self.endings)}
+        ends = ", ".join(f"{count} {ending}" for ending, count in counts.items())
+        others = [seed for seed, end in zip(self.seeds, self.endings, strict=True) if end != "complete"]
+        which = f"; not complete: seed {', '.join(map(str, others[:8]))}" if others else ""
+        return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}."
+
+    def section(self) -> Section:
+        """What a report shows of them."""
+        return Section(sentences=(self.sentence(),), tables=(spread_table(self.figures, len(self.seeds)),))
+
+    def parquet(self) -> bytes:
+        """Metrics and endings, a row per seed."""
+        import polars as pl
+
+        from seatrial.base.atomic_write import parquet
+
+        columns: dict[str, Any] = {"seed": list(self.seeds), "ending": list(self.endings)}
+        columns |= {name: values for name, values in self.figures.items() if name not in CODED}
+        return parquet(pl.DataFrame(columns))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {"seeds": list(self.seeds), "endings": list(self.endings), "figures": dict(self.figures)}
+
+
+def fly_seeds(
+    vehicle: Vehicle | str | Path,
+    autopilot: Autopilot | str | Path,
+    mission: Mission | str | Path,
+    *,
+    count: int,
+    first: int,
+    options: Mapping[str, Any],
+) -> Seeds:
+    """Flights of `count` seeds from `first` on; `options` as for `seatrial.fly_batch`."""
+    from seatrial.flight.fly import fly_batch
+
+    seeds = tuple(range(first, first + count))
+    figures = figures_of(fly_batch(vehicle, autopilot, mission, seeds=list(seeds), **options))
+    return Seeds(seeds, figures, tuple(ending_of(figures, case) for case in range(count)))

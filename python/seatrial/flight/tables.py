@@ -1,0 +1,123 @@
+"""Tables of a flight's report: metrics, legs, control loops, and the spread over many seeds.
+
+Held by tests/cli/test_cli_fly.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.report import Column, Table
+from seatrial.flight.metrics import Leg, Loop
+
+__all__ = ["legs_table", "loops_table", "metrics_table", "spread_table"]
+
+_METRICS = {
+    "duration_s": ("duration", "s", 1),
+    "distance_m": ("distance over ground", "m", 1),
+    "energy_wh": ("energy", "Wh", 2),
+    "cross_track_rms_m": ("cross-track error, rms", "m", 3),
+    "cross_track_largest_m": ("cross-track error, largest", "m", 3),
+    "vertical_rms_m": ("vertical error, rms", "m", 3),
+    "vertical_largest_m": ("vertical error, largest", "m", 3),
+    "depth_excursion_m": ("excursion from the depths of a leg", "m", 3),
+    "depth_largest_m": ("largest depth", "m", 2),
+    "altitude_smallest_m": ("smallest altitude", "m", 2),
+    "pitch_largest_deg": ("largest pitch", "deg", 1),
+    "roll_largest_deg": ("largest roll", "deg", 1),
+    "switches_per_minute": ("starts and stops per minute and actuator", "", 2),
+}
+"""Label, unit and decimals of the metrics that are shown."""
+
+_MOST_LEGS = 30
+
+_LABEL = 16  # characters of a waypoint's name: the table is to fit 80 columns
+
+
+def metrics_table(metrics: Mapping[str, float]) -> Table:
+    """The whole flight in numbers; metrics without a value are left out."""
+    rows = [
+        (label, _number(metrics[name], decimals), unit)
+        for name, (label, unit, decimals) in _METRICS.items()
+        if math.isfinite(metrics.get(name, math.nan)) and (name != "energy_wh" or metrics[name] > 0.0)
+    ]
+    return Table.of("Whole flight", ("metric", "value", Column("unit", align="left")), rows)
+
+
+def legs_table(legs: Sequence[Leg]) -> Table:
+    """A row per leg; of many legs those that were missed and those with the largest errors."""
+    shown = list(legs)
+    title = "Legs; errors of the second half of straight ones, m"
+    if len(shown) > _MOST_LEGS:
+        kept = {id(leg) for leg in sorted(legs, key=_importance, reverse=True)[:_MOST_LEGS]}
+        shown = [leg for leg in legs if id(leg) in kept]
+        title = f"The {_MOST_LEGS} worst of {len(legs)} legs; errors of the second half, m"
+    numbers = {id(leg): number for number, leg in enumerate(legs, start=1)}
+    rows = [
+        (
+            _shortened(f"{numbers[id(leg)]} {leg.label}"),
+            "yes" if leg.reached else "no",
+            _number(leg.smallest_m, 1),
+            _number(leg.time_s, 1),
+            _number(leg.cross_track_mean_m, 2),
+            _number(leg.cross_track_largest_m, 2),
+            _number(leg.vertical_largest_m, 2),
+            _number(leg.depth_overshoot_percent, 1),
+        )
+        for leg in shown
+    ]
+    head = ("waypoint", "reached", "near, m", "time, s", "across", "most", "vert.", "over, %")
+    return Table.of(title, head, rows)
+
+
+def loops_table(loops: Mapping[str, Loop]) -> Table:
+    """A row per control loop that was at work."""
+    rows = [
+        (
+            loop.name,
+            f"{loop.error_rms:.3g}",
+            f"{loop.error_largest:.3g}",
+            loop.error_unit,
+            f"{loop.demand_rms:.3g}",
+            f"{loop.demand_largest:.3g}",
+            loop.demand_unit,
+            f"{100.0 * loop.saturated:.1f} %",
+        )
+        for loop in loops.values()
+    ]
+    head = ("loop", "error, rms", "largest", "", "demand, rms", "largest", "", "saturated")
+    return Table.of("Control loops while they were at work", head, rows)
+
+
+def spread_table(metrics: Mapping[str, Array], count: int) -> Table:
+    """Least, median and largest of every metric over many flights."""
+    rows = []
+    for name, (label, unit, decimals) in _METRICS.items():
+        values = metrics[name][np.isfinite(metrics[name])]
+        if len(values):
+            spread = (values.min(), np.median(values), values.max())
+            rows.append((label, *(f"{value:.{decimals}f}" for value in spread), unit))
+    head = ("metric", "least", "median", "largest", Column("unit", align="left"))
+    return Table.of(f"Over {count} seeds", head, rows)
+
+
+def _importance(leg: Leg) -> tuple[bool, float]:
+    largest = leg.cross_track_largest_m
+    return not leg.reached, largest if math.isfinite(largest) else -1.0
+
+
+def _shortened(label: str) -> str:
+    """A label without its middle where it is long: what tells waypoints of a pattern apart is at the end."""
+    if len(label) <= _LABEL:
+        return label
+    tail = _LABEL // 2 - 1
+    return f"{label[: _LABEL - 1 - tail]}…{label[-tail:]}"
+
+
+def _number(value: float, decimals: int) -> str:
+    """A number with so many decimals and no minus before zero; nothing where there is none."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else ""
