@@ -186,7 +186,7 @@ def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
     [
         (["cwoolf", "cwolf", "out.toml"], "cwoolf"),
         (["cwolf", "cwoolf", "out.toml"], "cwoolf"),
-        (["cwolf", "cwolf", "nowhere.toml"], "nowhere.toml: expected a mission file"),
+        (["cwolf", "cwolf", "nowhere.toml"], "nowhere.toml: not readable as a mission file"),
         (["cwolf", "cwolf", "out.toml", "--fault", "SbU"], "expected ACTUATOR@SECONDS"),
         (
             ["cwolf", "cwolf", "out.toml", "--fault", "SbU@soon"],

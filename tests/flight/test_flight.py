@@ -265,7 +265,7 @@ def test_plain_data_are_complete_and_go_into_json() -> None:
 def test_sentences_tell_ending_way_errors_and_depth() -> None:
     flight = flown()
     text = str(flight)
-    assert text.startswith("cwolf on box: complete, 3 of 3 waypoints reached.")
+    assert text.startswith("cwolf on box: complete. 3 of 3 waypoints reached in ")
     assert f"{flight.figures['distance_m']:.0f} m over ground in 3 min" in text
     assert f"{flight.figures['cross_track_rms_m']:.2f} m rms" in text
     assert "cross-track error was" in text
