@@ -11,8 +11,8 @@ import numpy as np
 
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError, reason
-from seatrial.base.run import RunDirectory, to_json
 from seatrial.base.report import Report, Section, Table
+from seatrial.base.run import RunDirectory, to_json
 from seatrial.bench_test.characteristic import unlike
 from seatrial.bench_test.vehicle_text import PER_MINUTE
 

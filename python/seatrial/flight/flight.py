@@ -17,8 +17,8 @@ import numpy as np
 from seatrial._core import autopilot_names
 from seatrial.base.atomic_write import parquet
 from seatrial.base.progress import Clock
-from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.report import Report, Section
+from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
