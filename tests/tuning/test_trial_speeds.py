@@ -13,8 +13,9 @@ import seatrial as st
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning.loop_steps import MOST, apart, slowest_level_m_s, thinned, tried_speeds
+from seatrial.tuning.loop_steps import MOST, apart, thinned, tried_speeds
 from seatrial.tuning.plan import TuningPlan
+from seatrial.tuning.scope import slowest_level_m_s
 
 EVERY = (-math.inf, math.inf)
 SPEEDS = some.lists(some.floats(-4.0, 4.0), min_size=1, max_size=6, unique=True)

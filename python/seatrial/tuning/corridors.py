@@ -28,7 +28,6 @@ Held by tests/tuning/test_tuning_plan.py.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -38,6 +37,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.campaign.corridor import Corridor
 from seatrial.campaign.tuning_table import LOOPS, Weights, default_steps
+from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts
 from seatrial.tuning.criterion import step_figures
 from seatrial.tuning.step_trial import LoopTrials, Samples
 from seatrial.vehicle.actuators import NOMINAL_V
@@ -200,24 +200,24 @@ def default_corridor(
     >>> default_corridor(cwolf, autopilot, "heading", [20.0], weights=Weights()).until_s > 10.0
     True
     """
-    tables = tomllib.loads(autopilot.to_toml())
+    facts = autopilot_facts(autopilot)
     rider = _PATHS.get(loop, loop)
     row = ROWS[ORDER.index(rider)]
     entry = LOOPS[loop]
     size = max(abs(step) for step in steps) * entry.to_si
     late = delays(vehicle, row)[row].total_s + autopilot.period_s
-    omega = tables["loops"].get(rider, {}).get("reference_rad_s")
+    omega = facts.loops.get(rider, {}).get("reference_rad_s")
     late_s = 3.0 * late + (3.0 / omega if omega else 0.0)
     if loop in _PATHS:
-        least = _along_a_path(tables, loop, size)
+        least = _along_a_path(facts, loop, size)
     else:
         slowest = min((abs(speed) for speed in speeds_m_s), default=0.0)
         ends = np.abs(reach(vehicle, slowest if _finned(vehicle) else 0.0, row, voltage_v=voltage_v)[row])
-        tau = min(float(ends[ends > 0.0].min(initial=np.inf)), tables["loops"][rider]["tau_max"])
+        tau = min(float(ends[ends > 0.0].min(initial=np.inf)), facts.loops[rider]["tau_max"])
         inertia = float(np.asarray(vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
         most = max(_LEFT * tau / inertia, _SLOWEST_ROW)
         least = size / most if loop in ("surge", "sway") else 2.0 * float(np.sqrt(size / most))
-        least = max(least, _by_rate(tables, loop, size))
+        least = max(least, _by_rate(facts, loop, size))
     start = StartFigures(0.0, 0.0, 0.0, 0.0) if start is None else start
     rise = float(np.clip(max(_ROOM * (least + late_s), _BETTER * start.rise_s), _SHORTEST_S, _LONGEST_S))
     settling = float(np.clip(_BETTER * start.settling_s, _SETTLING * rise, 2.0 * _SETTLING * rise))
@@ -239,13 +239,13 @@ def _finned(vehicle: Vehicle) -> bool:
     return any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
 
 
-def _by_rate(tables: dict[str, dict[str, float]], loop: str, size: float) -> float:
+def _by_rate(facts: AutopilotFacts, loop: str, size: float) -> float:
     """Time that guidance's own limit of the rate asks for, s."""
-    rate = np.deg2rad(tables["guidance"].get("pitch_rate_max_deg_s", np.inf)) if loop == "pitch" else np.inf
+    rate = np.deg2rad(facts.guidance.get("pitch_rate_max_deg_s", np.inf)) if loop == "pitch" else np.inf
     return float(size / rate)
 
 
-def _along_a_path(tables: dict[str, dict[str, float]], loop: str, size: float) -> float:
+def _along_a_path(facts: AutopilotFacts, loop: str, size: float) -> float:
     """Time in which line of sight at 1 m/s takes up a step of the path, s: three lookahead distances."""
     key = "lookahead_vertical_m" if loop == "depth" else "lookahead_m"
-    return 1.5 * float(tables["guidance"][key]) + size
+    return 1.5 * float(facts.guidance[key]) + size

@@ -5,17 +5,14 @@ and at which a vehicle that cannot hover does not sink. What the file leaves ope
 limits and from what the loop does with its start gains, which are flown for it: once with the usual step,
 from which the noise at rest tells how large the step has to be.
 
-Held by tests/tuning/test_tuning_plan.py.
+Where the file gives no speeds there are at most three: that nearest to rest, the fastest and one between.
+All that the vehicle reaches would cost twice as much and tell little more, and no mission goes astern
+faster than a brake does. A trial keeps away from a switching speed, so that a current does not change the
+mode under way, and one of the speed stays within reach against the current. Where the mode that works at a
+breakpoint does not use the loop, it is tried at the nearest speed where one does. A vehicle that cannot
+hover falls below its path when it is slower than level flight needs, whatever its gains.
 
-Speeds at which a loop is tried where the file gives none, and the least at which a vehicle flies level.
-
-At most three: that nearest to rest, the fastest and one between. Six that the vehicle reaches cost twice as
-much and tell little more, and no mission goes astern faster than a brake does; where there are no more than
-three, all are tried. A trial keeps away from a switching speed, so that a current does not change the mode
-under way, and one of the speed stays within reach against the current. A vehicle that cannot hover falls
-below its path when it is slower than level flight needs, whatever its gains.
-
-Held by tests/tuning/test_trial_speeds.py.
+Held by tests/tuning/test_tuning_scope.py and tests/tuning/test_trial_speeds.py.
 """
 
 from __future__ import annotations
@@ -27,22 +24,21 @@ import numpy as np
 
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LOOPS, default_steps
+from seatrial.control_design.mode_table import RANGE
 from seatrial.tuning.corridors import StartFigures, default_corridor, start_figures, steps_above_noise
 from seatrial.tuning.step_trial import DEPTH_M, RIDES_ON, LoopTrials
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot, Vehicle
     from seatrial.campaign.corridor import Corridor
-    from seatrial.tuning.plan import TuningPlan
+    from seatrial.campaign.tuning_table import LoopTable
+    from seatrial.tuning.scope import TuningScope
 
-__all__ = ["apart", "slowest_level_m_s", "steps_of", "thinned", "tried_speeds", "usual_speeds"]
+__all__ = ["apart", "steps_of", "thinned", "tried_speeds", "usual_speeds"]
 
 MOST = 3
 """Speeds per loop, at most."""
 
-_APART = 0.5  # of the mean spacing of the supporting points: speeds that are nearer tell the same
-
-_ROUNDING = 0.005  # supporting points have four digits
+_APART = 0.5  # of the mean spacing of the breakpoints: speeds that are nearer tell the same
 
 
 def tried_speeds(
@@ -58,7 +54,7 @@ def tried_speeds(
     Parameters
     ----------
     wanted_m_s : sequence of float
-        Supporting points that count for the loop.
+        Breakpoints that count for the loop.
     modes_m_s : sequence of (float, float)
         Speeds from and to which a mode uses the loop.
     away_m_s : float
@@ -95,7 +91,7 @@ def _inside(mode_m_s: tuple[float, float], away_m_s: float) -> tuple[float, floa
 
 
 def apart(points_m_s: Sequence[float]) -> float:
-    """How near two speeds may be for both to be tried, m/s, from the supporting points."""
+    """How near two speeds may be for both to be tried, m/s, from the breakpoints."""
     return _APART * float(np.mean(np.diff(points_m_s)))
 
 
@@ -123,29 +119,6 @@ def thinned(speeds_m_s: Sequence[float]) -> list[float]:
     return [slow, *chosen, fast]
 
 
-def slowest_level_m_s(vehicle: Vehicle, autopilot: Autopilot) -> float | None:
-    """Least speed ahead at which the vehicle holds its depth, m/s; None where a mode of it hovers.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> round(slowest_level_m_s(st.Vehicle.load("remus100"), st.Autopilot.load("remus100")), 2)
-    1.54
-    >>> slowest_level_m_s(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")) is None
-    True
-    """
-    from seatrial.control_design.mode_table import breakpoint_speeds, top_speeds
-    from seatrial.vehicle.authority import ROWS
-
-    modes = autopilot.modes
-    if any(mode["depth_by"] != "pitch" for mode in modes):
-        return None
-    used = np.max([mode["loops"] for mode in modes], axis=0) > 0.5
-    rows = "".join(row for row, at_work in zip(ROWS, used, strict=True) if at_work)
-    slowest = breakpoint_speeds(vehicle, rows, top_speeds(vehicle))[0]
-    return slowest * (1.0 - _ROUNDING)
-
-
 _BESIDE_MODE_M_S = 0.1  # how far a trial keeps from a switching speed, beside the current
 
 _SETTLE_S = 15.0  # at least; a loop that settles in its corridor has settled at its start as well
@@ -159,82 +132,81 @@ _BELOW_M = 10.0  # of the surface
 _START_STEP_S = 0.04  # of the integration, where the start gains are tried
 
 
-def usual_speeds(plan: TuningPlan, loop: str) -> tuple[float, ...]:
+def usual_speeds(scope: TuningScope, loop: str) -> tuple[float, ...]:
     """Speeds at which a loop is tried where the file gives none, m/s.
 
     Parameters
     ----------
-    plan : TuningPlan
+    scope : TuningScope
     loop : str
     """
-    points = [plan.autopilot.speeds_m_s[place] for place in plan.places]
-    if plan.slowest_m_s is not None:
+    points = [scope.autopilot.speeds_m_s[place] for place in scope.places]
+    if scope.slowest_m_s is not None:
         # Fins feel the water: with the current from astern less of it passes them.
-        least = plan.slowest_m_s + plan.current_m_s
-        points = [point for point in points if point >= least] or [min(least, plan.top_m_s)]
+        least = scope.slowest_m_s + scope.current_m_s
+        points = [point for point in points if point >= least] or [min(least, scope.top_m_s)]
     return tried_speeds(
         [point for point in points if point > 0.0 or loop not in RIDES_ON],  # guidance goes ahead
-        plan.modes_of(loop),
-        away_m_s=plan.current_m_s + _BESIDE_MODE_M_S,
+        scope.modes_of(loop),
+        away_m_s=scope.current_m_s + _BESIDE_MODE_M_S,
         # A speed through the water has to be within reach against the current, too.
-        within_m_s=_in_reach(plan) if loop == "surge" else (-np.inf, plan.top_m_s),
-        apart_m_s=apart(plan.autopilot.speeds_m_s),
+        within_m_s=_in_reach(scope) if loop == "surge" else (-np.inf, scope.top_m_s),
+        apart_m_s=apart(scope.autopilot.speeds_m_s),
     )
 
 
-def steps_of(plan: TuningPlan, loop: str) -> LoopTrials:
+def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
     """Steps of a loop at its speeds.
 
     Parameters
     ----------
-    plan : TuningPlan
+    scope : TuningScope
     loop : str
+    table : LoopTable
+        What the file says of the loop.
 
     Raises
     ------
     CampaignError
         Speeds or steps that the vehicle or its modes cannot do.
     """
-    table = plan.loops[loop]
-    speeds = table.speeds_m_s or usual_speeds(plan, loop)
-    _refuse_speeds(plan, loop, speeds)
+    speeds = table.speeds_m_s or usual_speeds(scope, loop)
+    _refuse_speeds(scope, loop, speeds)
     if table.corridor is not None:
-        steps = table.steps or steps_above_noise(loop, 0.0, top_m_s=plan.top_m_s)
-        return _stepped(plan, loop, speeds, steps, table.corridor.corridor(table.weights))
-    usual = table.steps or default_steps(loop, top_m_s=plan.top_m_s)
-    first = _stepped(plan, loop, speeds, usual, _default(plan, loop, speeds, usual))
-    start = start_figures(plan.rig(plan.autopilot, max_step=_START_STEP_S), first)
-    steps = table.steps or steps_above_noise(loop, start.noise, top_m_s=plan.top_m_s)
-    return _stepped(plan, loop, speeds, steps, _default(plan, loop, speeds, steps, start))
+        steps = table.steps or steps_above_noise(loop, 0.0, top_m_s=scope.top_m_s)
+        return _stepped(scope, loop, table, speeds, steps, table.corridor.corridor(table.weights))
+    usual = table.steps or default_steps(loop, top_m_s=scope.top_m_s)
 
+    def corridor(steps: Sequence[float], start: StartFigures | None = None) -> Corridor:
+        return default_corridor(
+            scope.vehicle,
+            scope.autopilot,
+            loop,
+            steps,
+            weights=table.weights,
+            speeds_m_s=speeds,
+            voltage_v=scope.supply_v,
+            start=start,
+        )
 
-def _default(
-    plan: TuningPlan,
-    loop: str,
-    speeds: Sequence[float],
-    steps: Sequence[float],
-    start: StartFigures | None = None,
-) -> Corridor:
-    return default_corridor(
-        plan.vehicle,
-        plan.autopilot,
-        loop,
-        steps,
-        weights=plan.loops[loop].weights,
-        speeds_m_s=speeds,
-        voltage_v=plan.supply_v,
-        start=start,
-    )
+    first = _stepped(scope, loop, table, speeds, usual, corridor(usual))
+    start = start_figures(scope.rig(scope.autopilot, max_step=_START_STEP_S), first)
+    steps = table.steps or steps_above_noise(loop, start.noise, top_m_s=scope.top_m_s)
+    return _stepped(scope, loop, table, speeds, steps, corridor(steps, start))
 
 
 def _stepped(
-    plan: TuningPlan, loop: str, speeds: Sequence[float], steps: Sequence[float], corridor: Corridor
+    scope: TuningScope,
+    loop: str,
+    table: LoopTable,
+    speeds: Sequence[float],
+    steps: Sequence[float],
+    corridor: Corridor,
 ) -> LoopTrials:
     """Every step that lies within reach, at every speed."""
-    table = plan.loops[loop]
     each = []
     for speed in speeds:
-        possible = [(float(speed), float(step)) for step in steps if _within(plan, loop, speed, step)]
+        possible = [(float(speed), float(step)) for step in steps if _within(scope, loop, speed, step)]
         # The step back is the other direction: one sign will do where the file does not ask for both.
         each += possible if table.steps else possible[:1]
     if not each:
@@ -242,7 +214,7 @@ def _stepped(
             f"[tuning.loops.{loop}]: expected a step that the vehicle reaches, found none at"
             f" {', '.join(f'{u:g}' for u in speeds)} m/s; take smaller steps, or give speeds_m_s"
         )
-    _refuse_what_tells_nothing(plan, loop, each, corridor)
+    _refuse_what_tells_nothing(scope, loop, each, corridor)
     settle = corridor.until_s * (_SETTLE if table.corridor is None else 1.0)
     return LoopTrials(
         loop=loop,
@@ -250,15 +222,15 @@ def _stepped(
         beside=table.beside.half_widths(),
         speeds=tuple(speed for speed, _ in each),
         sizes=tuple(step * LOOPS[loop].to_si for _, step in each),
-        settle_s=plan.table.settle_s or max(_SETTLE_S, float(f"{settle:.6g}")),
+        settle_s=scope.table.settle_s or max(_SETTLE_S, float(f"{settle:.6g}")),
     )
 
 
 def _refuse_what_tells_nothing(
-    plan: TuningPlan, loop: str, each: Sequence[tuple[float, float]], corridor: Corridor
+    scope: TuningScope, loop: str, each: Sequence[tuple[float, float]], corridor: Corridor
 ) -> None:
     """Refuse a corridor that ends before the vehicle has moved, and a trial that would leave the water."""
-    least = _PERIODS * plan.autopilot.period_s
+    least = _PERIODS * scope.autopilot.period_s
     if corridor.until_s < least:
         raise CampaignError(
             f"[tuning.loops.{loop}]: expected a corridor of at least {_PERIODS} control periods,"
@@ -279,42 +251,40 @@ def _refuse_what_tells_nothing(
             )
 
 
-def _in_reach(plan: TuningPlan) -> tuple[float, float]:
+def _in_reach(scope: TuningScope) -> tuple[float, float]:
     """Least and largest speed over ground, m/s, that the vehicle holds against the current."""
-    from seatrial.control_design.mode_table import RANGE
-
-    astern, ahead = plan.top_speeds
-    return RANGE * astern + plan.current_m_s, RANGE * ahead - plan.current_m_s
+    astern, ahead = scope.top_speeds
+    return RANGE * astern + scope.current_m_s, RANGE * ahead - scope.current_m_s
 
 
-def _within(plan: TuningPlan, loop: str, speed: float, step: float) -> bool:
+def _within(scope: TuningScope, loop: str, speed: float, step: float) -> bool:
     """Whether the end of a step of the speed lies within reach."""
     if loop != "surge":
         return True
-    least, most = _in_reach(plan)
+    least, most = _in_reach(scope)
     return least <= speed + step <= most
 
 
-def _refuse_speeds(plan: TuningPlan, loop: str, speeds: Sequence[float]) -> None:
+def _refuse_speeds(scope: TuningScope, loop: str, speeds: Sequence[float]) -> None:
     """Refuse a speed that nothing brings about, at which the loop has no set point, or the hull sinks."""
     where, mend = f"[tuning.loops.{loop}]: speeds_m_s", "correct or remove it"
-    astern, ahead = plan.top_speeds
+    astern, ahead = scope.top_speeds
     if not speeds:
         raise CampaignError(
-            f"[tuning.loops.{loop}]: expected supporting points (schedule.speeds_m_s of"
-            f" {plan.autopilot.name}) at which it can be tried, found none between {astern:.2f} and"
-            f" {ahead:.2f} m/s, the top speeds of {plan.vehicle.name}; correct them, or give speeds_m_s"
+            f"[tuning.loops.{loop}]: expected breakpoints (schedule.speeds_m_s of"
+            f" {scope.autopilot.name}) at which it can be tried, found none between {astern:.2f} and"
+            f" {ahead:.2f} m/s, the top speeds of {scope.vehicle.name}; correct them, or give speeds_m_s"
         )
     for speed in speeds:
         if not astern <= speed <= ahead:
             raise CampaignError(
-                f"{where}: expected speeds that {plan.vehicle.name} reaches, {astern:.2f} to {ahead:.2f} m/s,"
-                f" found {speed:g}; {mend}"
+                f"{where}: expected speeds that {scope.vehicle.name} reaches, {astern:.2f} to {ahead:.2f}"
+                f" m/s, found {speed:g}; {mend}"
             )
-        modes = plan.modes_of(loop)
+        modes = scope.modes_of(loop)
         if not any(begin <= speed < end for begin, end in modes):
             raise CampaignError(
-                f"{where}: expected speeds at which a mode of {plan.autopilot.name} moves the set point of"
+                f"{where}: expected speeds at which a mode of {scope.autopilot.name} moves the set point of"
                 f" {RIDES_ON.get(loop, loop)}, {' or '.join(_range(*each) for each in modes)}, found"
                 f" {speed:g}; {mend}"
             )
@@ -322,10 +292,10 @@ def _refuse_speeds(plan: TuningPlan, loop: str, speeds: Sequence[float]) -> None
             raise CampaignError(
                 f"{where}: expected speeds above 0, as guidance follows a path ahead, found {speed:g}; {mend}"
             )
-        if plan.slowest_m_s is not None and speed < plan.slowest_m_s:
+        if scope.slowest_m_s is not None and speed < scope.slowest_m_s:
             raise CampaignError(
-                f"{where}: expected at least {plan.slowest_m_s:.2f} m/s, the slowest at which"
-                f" {plan.vehicle.name} holds its depth (no mode of {plan.autopilot.name} uses heave), found"
+                f"{where}: expected at least {scope.slowest_m_s:.2f} m/s, the slowest at which"
+                f" {scope.vehicle.name} holds its depth (no mode of {scope.autopilot.name} uses heave), found"
                 f" {speed:g}; {mend}"
             )
 

@@ -1,14 +1,10 @@
 """Relay autotuning of an autopilot's PID loops, the yardstick for tuning by constraint criteria.
 
-At every supporting speed ahead that the vehicle reaches, each loop of the mode that works there is driven
-by a relay of two amplitudes (`seatrial.tuning.relay_trial`), since dead band and rate limits make the
-answer depend on it; the cycle of the smaller ultimate gain is taken, and a rule
-(`seatrial.tuning.relay`) makes gains of it. A supporting point without a usable cycle takes those of
-the nearest one, by the amount of the speed: a mission sails ahead only.
-
-Source: Åström and Hägglund (1984). Held by tests/tuning/test_relay.py.
-
-Rules that turn the ultimate gain K_u and the period T_u of a loop into PID gains.
+At every breakpoint ahead that the vehicle reaches, each loop of the mode that works there is driven by a
+relay of two amplitudes (`seatrial.tuning.relay_trial`), since dead band and rate limits make the answer
+depend on it; the cycle of the smaller ultimate gain K_u and its period T_u are taken, and a rule makes
+gains of them. A breakpoint without a usable cycle takes those of the nearest one, by the amount of the
+speed: a mission sails ahead only.
 
 ==============  =====  ==========  ==========  =========
 rule            kind   K_P         T_i         T_d
@@ -23,8 +19,8 @@ with ``K_I = K_P/T_i`` and ``K_D = K_P T_d``. Speed loops are PI: the derivative
 Ziegler and Nichols aim at a decay ratio of a quarter; Tyreus and Luyben made theirs for integrating
 processes, which depth and angles are.
 
-Source: Ziegler and Nichols (1942), Trans. ASME 64; Tyreus and Luyben (1992), Ind. Eng. Chem. Res. 31(11).
-Held by tests/tuning/test_relay.py.
+Source: Åström and Hägglund (1984); Ziegler and Nichols (1942), Trans. ASME 64; Tyreus and Luyben (1992),
+Ind. Eng. Chem. Res. 31(11). Held by tests/tuning/test_relay.py.
 """
 
 from __future__ import annotations
@@ -38,12 +34,12 @@ from typing import Any
 from seatrial._core import Autopilot, Vehicle
 from seatrial.base.errors import SimulationError, nearest
 from seatrial.base.toml_file import loaded
-from seatrial.control_design.autopilot_facts import refuse_other_laws
+from seatrial.control_design.autopilot_facts import autopilot_facts, mode_at, refuse_other_laws
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.pole_placement import kind, three_digits
 from seatrial.control_design.trim import trim
 from seatrial.flight.checks import checked_supply
-from seatrial.tuning.relay_trial import RelayTrial, Sensors, commanded_rows, mode_at, relay_trial, straight
+from seatrial.tuning.relay_trial import RelayTrial, Sensors, commanded_rows, relay_trial, straight
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.authority import LOOPS, reach
 
@@ -148,7 +144,7 @@ class RelayTuning:
     rule
         ``tyreus-luyben`` or ``ziegler-nichols``.
     sources
-        Per loop and supporting point the speed in m/s whose trial its gains come from; a loop without any
+        Per loop and breakpoint the speed in m/s whose trial its gains come from; a loop without any
         usable trial is missing and keeps the gains of the start.
     """
 
@@ -213,7 +209,7 @@ def relay_autopilot(
     rule : str
         ``tyreus-luyben`` or ``ziegler-nichols``.
     speeds : sequence of float, optional
-        Speeds ahead that are tried, m/s; by default the supporting speeds that the vehicle reaches.
+        Speeds ahead that are tried, m/s; by default the breakpoints that the vehicle reaches.
     shares : sequence of float
         Amplitudes of the relay over the reach of its row, each above 0 and up to 0.9.
     sensors : mapping of str to Sensor, str or Path, optional
@@ -254,12 +250,12 @@ def relay_autopilot(
             )
     if not tried:
         raise SimulationError(
-            f"{start.name}: no supporting speed above zero is within reach of {on.name}; give `speeds`"
+            f"{start.name}: no breakpoint above zero is within reach of {on.name}; give `speeds`"
         )
     points = []
     for loop in LOOPS:
         for speed in tried:
-            if mode_at(start, speed)["loops"][LOOPS.index(loop)]:
+            if loop in mode_at(autopilot_facts(start), speed).loops:
                 each = [
                     relay_trial(
                         on, start, loop=loop, speed_m_s=speed, share=share, sensors=sensors, voltage=voltage
@@ -291,7 +287,7 @@ def _gains(rule: str, loop: str, trial: RelayTrial | None) -> PidGains | None:
 def _scheduled(
     start: Autopilot, points: Sequence[RelayPoint]
 ) -> tuple[dict[str, float], dict[str, tuple[float, ...]]]:
-    """Gains by name at all supporting points, and the speeds that they come from."""
+    """Gains by name at all breakpoints, and the speeds that they come from."""
     gains: dict[str, float] = {}
     sources: dict[str, tuple[float, ...]] = {}
     for loop in dict.fromkeys(point.loop for point in points):
@@ -320,7 +316,7 @@ def _refuse_what_cannot_fly(vehicle: Vehicle, autopilot: Autopilot, voltage: flo
 
 
 def _reached(vehicle: Vehicle, autopilot: Autopilot, voltage_v: float) -> list[float]:
-    """Supporting speeds above zero that the actuators can hold, m/s."""
+    """Breakpoints above zero that the actuators can hold, m/s."""
     found = []
     for speed in autopilot.speeds_m_s:
         if speed > 0.0:

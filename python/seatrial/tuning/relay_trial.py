@@ -1,40 +1,28 @@
-"""The relay trial of one loop at one speed: a relay in the controller's place on a straight, level leg.
+"""The relay trial of one loop at one speed: the limit cycle that a relay keeps up, and what it tells.
 
-The relay is the loop's own PID with a proportional gain past all bounds and ``tau_max = d``: its demand is
-+d or -d at every sample. What the model feeds forward (weight, drag, inertia) would be clamped away with
-it; so a constant load is carried by the relay itself, which stays longer on one side. d is a share of the
-reach of the row at that speed, and at least `_OVER_LOAD` times the load of the trim. Propellers that do not
-reverse switch between nothing and d. The loop's reference filter is taken out, the other loops stay closed
-with the gains that they have, and guidance looks ten kilometres ahead, without integral: its course and
-pitch stand still.
-
-A cycle is flown once more with a relay that switches ahead: the derivative part of the same PID, past all
-bounds, too. What is at the phase crossover follows from both (`seatrial.tuning.relay_trial`), also where
-the load or the sampling keeps the relay's own cycle away from it.
-
-Source: Åström and Hägglund (1984). Held by tests/tuning/test_relay.py, tests/tuning/test_relay_load.py.
-
-The limit cycle that a relay keeps up: period, amplitude and the ultimate gain that they tell.
+The relay takes the controller's place on a straight, level leg: the loop's own PID with a proportional gain
+past all bounds and ``tau_max = d``, whose demand is +d or -d at every sample. What the model feeds forward
+(weight, drag, inertia) would be clamped away with it; so a constant load is carried by the relay itself,
+which stays longer on one side. d is a share of the reach of the row at that speed, and at least
+`_OVER_LOAD` times the load of the trim. Propellers that do not reverse switch between nothing and d. The
+loop's reference filter is taken out, the other loops stay closed with the gains that they have, and
+guidance looks ten kilometres ahead, without integral: its course and pitch stand still.
 
 By the describing function a relay of amplitude d is, for a sine of amplitude a, the gain ``4 d/(pi a)``;
 where the loop oscillates by itself this is the ultimate gain K_u, and the period is T_u. Here the gain is
 the ratio of the first harmonics of what the actuators were asked for and of what was measured: the same
-number where the cycle is symmetric and a sine, and the gain of the plant at the frequency of the cycle where
-a constant load (weight, drag) makes the relay stay longer on one side, ``(4 d/pi) sin(pi duty)`` instead of
-``4 d/pi``, or where noise makes it chatter.
+number where the cycle is symmetric and a sine, and the gain of the plant at the frequency of the cycle
+where a constant load makes the relay stay longer on one side, ``(4 d/pi) sin(pi duty)`` instead of ``4
+d/pi``, or where noise makes it chatter.
 
-That frequency is the phase crossover only as far as first harmonics are all that matters. A relay under a
-load has even harmonics, too, and cycles more slowly, where the plant turns by less than 180 deg; one that is
-sampled switches late. The first harmonics say by how many degrees. A relay that switches by
-``y + lead dy/dt`` cycles faster, at another point of the plant's frequency response; along it the
-logarithms of gain and period go almost straight with the phase, and what they are at -180 deg lies between
-the two (`at_crossover`).
+That frequency is the phase crossover only as far as first harmonics are all that matters: a relay under a
+load has even harmonics, too, and cycles more slowly; one that is sampled switches late. So a cycle is flown
+once more with a relay that switches ahead, by ``y + lead dy/dt`` (the derivative part of the same PID): it
+cycles faster, at another point of the plant's frequency response. Along it the logarithms of gain and
+period go almost straight with the phase, and what they are at -180 deg lies between the two
+(`at_crossover`).
 
-Source: Åström and Hägglund (1984), "Automatic tuning of simple regulators with specifications on phase and
-amplitude margins", Automatica 20(5): other points of the frequency response by other phases in the loop.
-Held by tests/tuning/test_relay.py and tests/tuning/test_relay_load.py.
-
-Why no rule may rely on a limit cycle of a relay.
+No rule may rely on a cycle (`doubt`) of which
 
 ================  ========================================================================================
 limit             because
@@ -45,24 +33,26 @@ limit             because
 85 %              of the time on one side: what is left of the other side is a few samples
 ================  ========================================================================================
 
-Held by tests/tuning/test_relay_doubt.py.
+Source: Åström and Hägglund (1984), "Automatic tuning of simple regulators with specifications on phase and
+amplitude margins", Automatica 20(5). Held by tests/tuning/test_relay.py, tests/tuning/test_relay_load.py and
+tests/tuning/test_relay_doubt.py.
 """
 
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seatrial._core import Autopilot, State, Vehicle
 from seatrial.base.arrays import Array
+from seatrial.control_design.autopilot_facts import autopilot_facts, autopilot_tables, mode_at
 from seatrial.control_design.trim import trim
 from seatrial.flight.flight import Flight
 from seatrial.flight.fly import fly
@@ -83,7 +73,6 @@ __all__ = [
     "commanded_rows",
     "crossover_lead_s",
     "doubt",
-    "mode_at",
     "relay_cycle",
     "relay_trial",
     "scatters",
@@ -429,7 +418,7 @@ def _amplitude(
     """Amplitude of the relay in N or N m for a loop, speed and share, and why it is no good."""
     loop, speed, share = aim
     # Of the rows of all modes: without the others held, a row would seem to reach further.
-    every = "".join(row for row in ROWS if any(row in _rows(mode) for mode in autopilot.modes))
+    every = _rows({loop for mode in autopilot_facts(autopilot).modes for loop in mode.loops})
     low, high = reach(vehicle, speed, every, voltage_v=voltage)[ROWS[LOOPS.index(loop)]]
     # A relay between nothing and ahead has a middle to swing about as well: half of d.
     within = float(high if loop == "surge" and low > -_NO_FORCE else min(high, -low))
@@ -446,25 +435,18 @@ def _amplitude(
 
 def commanded_rows(autopilot: Autopilot, speed_m_s: float) -> str:
     """Rows of the wrench, letters of XYZKMN, that the loops of the mode at a desired speed command."""
-    return _rows(mode_at(autopilot, speed_m_s))
+    return _rows(mode_at(autopilot_facts(autopilot), speed_m_s).loops)
 
 
-def _rows(mode: dict[str, Any]) -> str:
-    return "".join(row for row, on in zip(ROWS, mode["loops"], strict=True) if on)
-
-
-def mode_at(autopilot: Autopilot, speed_m_s: float) -> dict[str, Any]:
-    """The mode that works at a desired speed in m/s."""
-    modes = autopilot.modes
-    reached = [mode for mode in modes[1:] if speed_m_s >= float(mode["from_speed_m_s"])]
-    return (reached or modes[:1])[-1]
+def _rows(loops: Collection[str]) -> str:
+    return "".join(row for row, loop in zip(ROWS, LOOPS, strict=True) if loop in loops)
 
 
 def _with_relay(autopilot: Autopilot, loop: str, relay: tuple[float, float], speed: float) -> Autopilot:
     """The autopilot with a relay (amplitude, lead in s) as a loop's controller; guidance stands still."""
     import tomlkit
 
-    tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
+    tables = autopilot_tables(autopilot)
     table = tables["loops"][loop]
     d, k_p = float(relay[0]), _PAST_ALL_BOUNDS * float(relay[0])
     table |= {"K_P": k_p, "K_I_per_s": 0.0, "K_D_s": k_p * float(relay[1]), "tau_max": d}

@@ -1,0 +1,191 @@
+"""What a tuning acts on: a vehicle as well as it is known, its autopilot, the speeds and modes that count.
+
+Held by tests/tuning/test_tuning_plan.py and tests/tuning/test_tuning_draws.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.campaign.tuning_table import TuningTable
+from seatrial.control_design.autopilot_facts import autopilot_facts
+from seatrial.control_design.mode_table import breakpoint_speeds, top_speeds
+from seatrial.control_design.operating_points import reachable_points
+from seatrial.tuning.step_trial import RIDES_ON, Rig, Samples
+from seatrial.vehicle.actuators import NOMINAL_V
+from seatrial.vehicle.authority import LOOPS, ROWS
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.identification.fitted import Fitted
+
+__all__ = ["TuningScope", "slowest_level_m_s"]
+
+_CURRENT = 0.05  # of the top speed
+
+_OWN_DRAWS = 1_000_003  # beside the seed: a verification's missions are other draws
+
+_WALK = 2.399963  # golden angle, rad: currents from all sides, whatever their number
+
+_ROUNDING = 0.005  # breakpoints have four digits
+
+
+@dataclass(frozen=True, eq=False)
+class TuningScope:
+    """A vehicle and its autopilot under the table of a tuning.
+
+    Attributes
+    ----------
+    table
+        The campaign's ``[tuning]``.
+    fitted
+        The vehicle and how well it is known.
+    autopilot
+        With the start gains.
+    """
+
+    table: TuningTable
+    fitted: Fitted
+    autopilot: Autopilot
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The best values."""
+        return self.fitted.vehicle
+
+    @property
+    def sensors(self) -> str | None:
+        """Name of a set of sensors or a file; None for perfect ones."""
+        return None if self.table.sensors == "perfect" else self.table.sensors
+
+    @cached_property
+    def reached(self) -> NDArray[np.bool_]:
+        """Whether the vehicle reaches each breakpoint, (6,)."""
+        return reachable_points(self.vehicle, self.autopilot, voltage_v=self.supply_v)
+
+    @cached_property
+    def places(self) -> list[int]:
+        """Breakpoints that it reaches, from 0."""
+        return [int(i) for i in np.flatnonzero(self.reached)]
+
+    @property
+    def supply_v(self) -> float:
+        """Supply voltage, V: that of the file, or the one at which tables of thrust are read."""
+        return NOMINAL_V if self.table.voltage_v is None else self.table.voltage_v
+
+    @cached_property
+    def top_speeds(self) -> tuple[float, float]:
+        """Top speeds astern and ahead, m/s."""
+        return top_speeds(self.vehicle, voltage_v=self.supply_v)
+
+    @property
+    def top_m_s(self) -> float:
+        """Top speed ahead, m/s."""
+        return self.top_speeds[1]
+
+    @property
+    def current_m_s(self) -> float:
+        """Speed of the samples' currents, m/s: a twentieth of the top speed where the file gives none."""
+        given = self.table.current_m_s
+        return _CURRENT * self.top_m_s if given is None else given
+
+    def modes_of(self, loop: str) -> list[tuple[float, float]]:
+        """Speeds from and to which modes work whose set point of this loop moves, m/s."""
+        modes = autopilot_facts(self.autopilot).modes
+        found: list[tuple[float, float]] = []
+        for k, mode in enumerate(modes):
+            moves = {
+                "pitch": mode.depth_by == "pitch",
+                "depth": mode.depth_by == "pitch",
+                "heave": mode.depth_by == "heave",
+            }.get(loop, True)
+            if RIDES_ON.get(loop, loop) in mode.loops and moves:
+                begin = mode.from_speed_m_s if k else -np.inf
+                end = modes[k + 1].from_speed_m_s if k + 1 < len(modes) else np.inf
+                if found and found[-1][1] == begin:  # nothing changes for the loop there
+                    begin = found.pop()[0]
+                found.append((begin, end))
+        return found
+
+    @cached_property
+    def slowest_m_s(self) -> float | None:
+        """Least speed of level flight, m/s; None for a vehicle that hovers."""
+        return slowest_level_m_s(self.vehicle, self.autopilot)
+
+    def rig(
+        self,
+        autopilot: Autopilot,
+        *,
+        vehicle: Vehicle | None = None,
+        max_step: float = 0.02,
+        threads: int | None = None,
+    ) -> Rig:
+        """The closed loop of an autopilot, with the sensors of the campaign.
+
+        Parameters
+        ----------
+        autopilot : Autopilot
+        vehicle : Vehicle, optional
+            That flies; by default the best values, which the autopilot takes it for.
+        max_step : float, optional
+            Of the integration, s.
+        threads : int, optional
+            All by default.
+        """
+        return Rig(
+            self.vehicle if vehicle is None else vehicle,
+            self.vehicle,
+            autopilot,
+            sensors=self.sensors,
+            max_step=max_step,
+            voltage=self.table.voltage_v,
+            threads=threads,
+        )
+
+    def samples(self, count: int, seed: int, *, nominal: int = 1) -> Samples:
+        """The vehicle itself in still water, then drawn vehicles with a current from all sides.
+
+        Parameters
+        ----------
+        count : int
+            Of the drawn ones.
+        seed : int
+        nominal : int, optional
+            How often the vehicle itself flies, each time with other noise.
+        """
+        size = nominal + count
+        drawn = self.fitted.draws(count, seed + _OWN_DRAWS)
+        own = self.fitted.vehicle.coefficients()
+        values = {
+            name: np.concatenate([np.full(nominal, own.get(name, 0.0)), column])
+            for name, column in drawn.items()
+        }
+        bearing = _WALK * (seed % 997 + np.arange(size))
+        current = self.current_m_s * np.stack([np.cos(bearing), np.sin(bearing), np.zeros(size)], axis=1)
+        current[:nominal] = 0.0
+        return Samples(values, current, tuple(range(seed * 1000 + 1, seed * 1000 + size + 1)), nominal)
+
+
+def slowest_level_m_s(vehicle: Vehicle, autopilot: Autopilot) -> float | None:
+    """Least speed ahead at which the vehicle holds its depth, m/s; None where a mode of it hovers.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> round(slowest_level_m_s(st.Vehicle.load("remus100"), st.Autopilot.load("remus100")), 2)
+    1.54
+    >>> slowest_level_m_s(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")) is None
+    True
+    """
+    facts = autopilot_facts(autopilot)
+    if facts.hovers:
+        return None
+    used = {loop for mode in facts.modes for loop in mode.loops}
+    rows = "".join(row for row, loop in zip(ROWS, LOOPS, strict=True) if loop in used)
+    slowest = breakpoint_speeds(vehicle, rows, top_speeds(vehicle))[0]
+    return slowest * (1.0 - _ROUNDING)
