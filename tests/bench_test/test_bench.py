@@ -171,7 +171,7 @@ def test_the_verb_prints_tables_and_writes_only_what_it_is_told_to(
         "bollard_test",
     ):
         assert words in result.output
-    assert (tmp_path / "runs" / "bench-basin" / "bollard_test.pdf").is_file()
+    assert (tmp_path / "runs" / "bench-basin" / "bollard_test.png").is_file()
     result = call("bench", path, "--write", "new.toml", "--no-figures", "--json")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)

@@ -50,7 +50,7 @@ def test_lit_blue_robotics_thrust_is_proportional_to_n_squared_ahead_and_astern(
 def test_lit_blue_robotics_table_over_pulse_width_and_voltage_is_within_a_newton_of_the_sheet() -> None:
     table = found().pulls["pulse_width"].table
     assert table is not None
-    np.testing.assert_allclose(table.voltage, [10.0, 12.0, 14.0, 16.0, 18.0, 20.0])
+    np.testing.assert_allclose(table.voltage_v, [10.0, 12.0, 14.0, 16.0, 18.0, 20.0])
     errors = table.errors()
     assert all(row["rms_n"] < 0.2 for row in errors)
     assert all(row["largest_n"] < 0.9 for row in errors)

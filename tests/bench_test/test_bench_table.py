@@ -66,7 +66,7 @@ def test_levels_of_voltage_share_one_grid_and_are_bilinear_between() -> None:
     voltage = np.repeat([10.0, 12.0, 16.0], 161)
     thrust = np.concatenate([pulse(SIGNAL, v) for v in (10.0, 12.0, 16.0)])
     found = from_points(signal, thrust, voltage, knots=30, tolerance=None, where="test")
-    np.testing.assert_allclose(found.voltage, [10.0, 12.0, 16.0])
+    np.testing.assert_allclose(found.voltage_v, [10.0, 12.0, 16.0])
     assert found.force.shape == (3, len(found.signal))
     # Thrust is proportional to the voltage here, so linear in between; held beyond.
     middle = found.at(SIGNAL, np.full(161, 14.0))

@@ -131,7 +131,7 @@ def test_thrust_varies_as_the_bench_test_found_it() -> None:
 
     fit = SimpleNamespace(
         unit=SimpleNamespace(actuators=("SbU", "PU")),
-        points=SimpleNamespace(signal=np.array([1.0, 5.0]), voltage=np.zeros(2)),
+        points=SimpleNamespace(signal=np.array([1.0, 5.0]), voltage_v=np.zeros(2)),
         directions={"ahead": SimpleNamespace(fit=Line(), points=np.array([0, 1]))},
     )
     known = coefficient_covariance(joint(np.eye(2), bench=SimpleNamespace(pulls={"stern": fit})))

@@ -138,7 +138,7 @@ def test_a_run_through_the_bottom_is_refused(run: Run) -> None:
 
 def test_a_voltage_sensor_shows_the_held_supply_and_needs_one(run: Run) -> None:
     supply = np.where(np.arange(len(run.t)) < 600, 16.0, 14.0)
-    table = measure(run, {"voltage": Sensor()}, seed=1, conditions=Conditions(voltage=supply))
+    table = measure(run, {"voltage": Sensor()}, seed=1, conditions=Conditions(voltage_v=supply))
     np.testing.assert_array_equal(table["voltage_v"].to_numpy(), supply)
     with pytest.raises(TrialError, match="no supply voltage is known"):
         measure(run, {"voltage": Sensor()}, seed=1)

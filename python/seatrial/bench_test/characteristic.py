@@ -82,11 +82,11 @@ class DirectionFit:
     judgement: str
     exponent: tuple[float, float]
 
-    def thrust(self, signal: Array, voltage: Array | None = None) -> Array:
+    def thrust(self, signal: Array, voltage_v: Array | None = None) -> Array:
         """Thrust (m,) in N, signed, at signals (m,) of this direction."""
         inputs = np.abs(signal)[:, None]
         if len(self.fit.scale) > 1:
-            inputs = np.column_stack([inputs, np.asarray(voltage)])
+            inputs = np.column_stack([inputs, np.asarray(voltage_v)])
         return SIDES[self.side] * self.fit.at(inputs)
 
     def to_dict(self) -> dict[str, Any]:
@@ -147,15 +147,15 @@ class UnitFit:
         found = (side for side, sign in SIDES.items() if (sign * self.points.signal > 0.0).any())
         return tuple(found)
 
-    def thrust(self, signal: Array, voltage: Array | None = None) -> Array:
+    def thrust(self, signal: Array, voltage_v: Array | None = None) -> Array:
         """Fitted thrust (m,) in N of one actuator; NaN in a direction that was not tested."""
         if self.table is not None:
-            return self.table.at(signal, voltage)
+            return self.table.at(signal, voltage_v)
         result = np.where(signal == 0.0, 0.0, np.nan)
         for side, found in self.directions.items():
             own = SIDES[side] * signal > 0.0
             if own.any():
-                result[own] = found.thrust(signal[own], None if voltage is None else voltage[own])
+                result[own] = found.thrust(signal[own], None if voltage_v is None else voltage_v[own])
         return result
 
 
@@ -166,7 +166,7 @@ def unlike(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
     curve has no thrust.
     """
     points = fit.points
-    fitted = fit.thrust(points.signal, points.voltage if fit.regression.with_voltage else None)
+    fitted = fit.thrust(points.signal, points.voltage_v if fit.regression.with_voltage else None)
     found = {}
     for names in dict.fromkeys(points.running):
         own = np.array([other == names for other in points.running]) & np.isfinite(fitted)
@@ -203,13 +203,13 @@ def fit_unit(unit: Unit, pulls: Sequence[PullPoints], regression: Regression, *,
         table = from_points(
             points.signal,
             points.thrust,
-            points.voltage if regression.with_voltage else None,
+            points.voltage_v if regression.with_voltage else None,
             knots=regression.knots or _GRID,
             tolerance=regression.tolerance_n,
             where=where,
         )
         return UnitFit(unit, regression, points, {}, table)
-    if regression.with_voltage and not np.isfinite(points.voltage).all():
+    if regression.with_voltage and not np.isfinite(points.voltage_v).all():
         raise TrialError(
             f"{where}: the supply voltage is not known at every point; map a column voltage_v, give"
             ' voltage_v, or leave "voltage" out of the inputs'
@@ -237,7 +237,7 @@ def _direction(
         )
     inputs = signal[:, None]
     if regression.with_voltage:
-        inputs = np.column_stack([signal, points.voltage[own]])
+        inputs = np.column_stack([signal, points.voltage_v[own]])
     square = regression.order == "square"
     terms = terms_of(
         2 if square else int(regression.order or 2),
@@ -294,7 +294,7 @@ def _tabulated(made: UnitFit) -> ThrustTable:
         grid += [SIDES[side] * strongest * (k + 1) / _GRID for k in range(_GRID)]
     volts: tuple[float, ...] = ()
     if regression.with_voltage:
-        low, high = float(points.voltage.min()), float(points.voltage.max())
+        low, high = float(points.voltage_v.min()), float(points.voltage_v.max())
         volts = regression.table_voltage_v or tuple(
             np.linspace(low, high, 6).tolist() if high > low else [low]
         )
@@ -302,7 +302,7 @@ def _tabulated(made: UnitFit) -> ThrustTable:
         made.thrust,
         points.signal,
         points.thrust,
-        points.voltage if regression.with_voltage else None,
+        points.voltage_v if regression.with_voltage else None,
         grid=sorted(grid),
         voltages=volts,
     )
@@ -349,10 +349,10 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
                 f"{place}: tested up to {tested.max():.4g} of {high:.4g} {unit}; beyond, the curve is a guess"
             )
         grid = np.linspace(low, high, _POINTS)
-        for voltage in _voltages(fit):
-            at = None if voltage is None else np.full(_POINTS, voltage)
+        for voltage_v in _voltages(fit):
+            at = None if voltage_v is None else np.full(_POINTS, voltage_v)
             thrust = sign * fit.thrust(sign * grid, at)
-            words = "" if voltage is None else f" at {voltage:.3g} V"
+            words = "" if voltage_v is None else f" at {voltage_v:.3g} V"
             below = np.flatnonzero(thrust < np.maximum.accumulate(thrust) - _NOISE * np.abs(thrust).max())
             if len(below):
                 top = int(thrust[: below[0] + 1].argmax())
@@ -374,7 +374,7 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
             f"{fit.unit.name}: no thrust from {silent[0]:+.4g} to {silent[1]:+.4g} {unit}, a dead band that a"
             ' polynomial smears; take order = "points"'
         )
-    volts = fit.points.voltage
+    volts = fit.points.voltage_v
     if fit.unit.command != "rpm" and not fit.regression.with_voltage and np.isfinite(volts).all():
         low, high = float(volts.min()), float(volts.max())
         if high > _SAGGED * low:
@@ -392,6 +392,6 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
 
 
 def _voltages(fit: UnitFit) -> list[float | None]:
-    if fit.table is not None and len(fit.table.voltage):
-        return [float(v) for v in fit.table.voltage]
+    if fit.table is not None and len(fit.table.voltage_v):
+        return [float(v) for v in fit.table.voltage_v]
     return [None]

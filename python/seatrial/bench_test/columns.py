@@ -50,7 +50,7 @@ class BenchTable:
         Per actuator in its command's unit, as logged.
     loads
         By letter of the axis, N, force of the vehicle on its tether in body axes; by ``""`` a single cell's.
-    voltage
+    voltage_v
         Supply voltage in V, where it is logged.
     frame
         The whole table, for columns without a canonical name.
@@ -61,7 +61,7 @@ class BenchTable:
     commands: Mapping[str, Array]
     measured: Mapping[str, Array]
     loads: Mapping[str, Array]
-    voltage: Array | None
+    voltage_v: Array | None
     frame: pl.DataFrame
 
     def column(self, name: str, where: str) -> Array:
@@ -104,7 +104,7 @@ def read_bench_table(
         commands=_per_actuator(table, sources, "cmd.", file),
         measured=_per_actuator(table, sources, "meas.", file),
         loads=_loads(table, sources, file),
-        voltage=_scalar(table, sources, "voltage_v", "V", file),
+        voltage_v=_scalar(table, sources, "voltage_v", "V", file),
         frame=table,
     )
 

@@ -54,7 +54,7 @@ class Plateau:
     load, error
         Mean load (a,) and its standard error in N, one per axis of the cell; the error is NaN in a table
         without time.
-    voltage
+    voltage_v
         Supply voltage in V, NaN where it is not logged.
     samples
         Steady samples of the load.
@@ -67,7 +67,7 @@ class Plateau:
     signal: dict[str, float]
     load: Array
     error: Array
-    voltage: float
+    voltage_v: float
     samples: int
     drifting: bool = False
 
@@ -87,7 +87,7 @@ def plateaus(
     command: Mapping[str, Array],
     signal: Mapping[str, Array],
     load: Array,
-    voltage: Array | None,
+    voltage_v: Array | None,
     *,
     settle_s: float,
     where: str,
@@ -103,7 +103,7 @@ def plateaus(
         Per actuator (n,) what the characteristic is a function of; NaN between samples.
     load : array, shape (n, a)
         N; NaN between samples.
-    voltage : array, shape (n,), optional
+    voltage_v : array, shape (n,), optional
     settle_s : float
         Time after the beginning of a plateau that is left out, s.
     where : str
@@ -124,7 +124,7 @@ def plateaus(
     for begin, end in pairwise(bounds):
         # The first command is taken as held long enough before the recording only after settling, too.
         steady = np.arange(begin, end)[t[begin:end] >= t[begin] + settle_s]
-        made = _plateau(t, signal, load, voltage, steady)
+        made = _plateau(t, signal, load, voltage_v, steady)
         if made is None:
             short += 1
         else:
@@ -138,13 +138,13 @@ def plateaus(
 
 
 def rows_as_plateaus(
-    signal: Mapping[str, Array], load: Array, voltage: Array | None
+    signal: Mapping[str, Array], load: Array, voltage_v: Array | None
 ) -> tuple[list[Plateau], int]:
     """Plateaus of a table without time, one per row, and how many rows had empty cells."""
     values = np.column_stack([*signal.values(), load])
     whole = np.isfinite(values).all(axis=1)
-    if voltage is not None:
-        whole &= np.isfinite(voltage)
+    if voltage_v is not None:
+        whole &= np.isfinite(voltage_v)
     nothing = np.full(load.shape[1], np.nan)
     found = [
         Plateau(
@@ -152,7 +152,7 @@ def rows_as_plateaus(
             {name: float(x[row]) for name, x in signal.items()},
             load[row],
             nothing,
-            np.nan if voltage is None else float(voltage[row]),
+            np.nan if voltage_v is None else float(voltage_v[row]),
             1,
         )
         for row in np.flatnonzero(whole)
@@ -161,7 +161,7 @@ def rows_as_plateaus(
 
 
 def _plateau(
-    t: Array, signal: Mapping[str, Array], load: Array, voltage: Array | None, steady: NDArray[np.int_]
+    t: Array, signal: Mapping[str, Array], load: Array, voltage_v: Array | None, steady: NDArray[np.int_]
 ) -> Plateau | None:
     if len(steady) == 0:
         return None
@@ -179,7 +179,7 @@ def _plateau(
         drifting |= apart > _DRIFT_ERRORS * standard_error(second) and apart > _DRIFT_SHARE * abs(
             load_mean[axis]
         )
-    volts = np.nan if voltage is None else _mean(held(voltage)[steady])
+    volts = np.nan if voltage_v is None else _mean(held(voltage_v)[steady])
     place = f"{t[steady[0]]:.1f} to {t[steady[-1]]:.1f} s"
     return Plateau(place, means, load_mean, error, volts, int(counts.min()), bool(drifting))
 

@@ -199,7 +199,7 @@ class PullPoints:
     file: str
     signal: Array
     thrust: Array
-    voltage: Array
+    voltage_v: Array
     error: Array
     places: tuple[str, ...]
     running: tuple[tuple[str, ...], ...]
@@ -247,11 +247,11 @@ def read_pull(
     )
     axes, load = _load(pull, table, where)
     signal, commanded = signals_of(pull, unit, vehicle, table, where)
-    voltage = table.voltage
-    if voltage is None and pull.voltage_v is not None:
-        voltage = np.full(len(load), pull.voltage_v)
+    voltage_v = table.voltage_v
+    if voltage_v is None and pull.voltage_v is not None:
+        voltage_v = np.full(len(load), pull.voltage_v)
     if table.t is None:
-        found, left = rows_as_plateaus(signal, load, voltage)
+        found, left = rows_as_plateaus(signal, load, voltage_v)
         notes = [f"{left} rows with empty cells left out"] if left else []
         if not found:
             raise TrialError(f"{where}: no row of {table.file} has both signal and load; check the columns")
@@ -259,7 +259,9 @@ def read_pull(
         commands = {name: table.commands[name] for name in signal if name in table.commands}
         if not commands.keys() & set(unit.actuators):
             commands = {}  # those of idle groups do not tell where a plateau of this one ends
-        found, left = plateaus(table.t, commands, signal, load, voltage, settle_s=pull.settle_s, where=where)
+        found, left = plateaus(
+            table.t, commands, signal, load, voltage_v, settle_s=pull.settle_s, where=where
+        )
         counts = [plateau.samples for plateau in found]
         notes = [
             f"{len(found)} plateaus, each averaged over {min(counts)} to {max(counts)} steady samples, which"
@@ -326,7 +328,7 @@ def _gathered(
         file=file,
         signal=np.array([p.signal for p in separated]),
         thrust=np.array([p.thrust for p in separated]),
-        voltage=np.array([plateau.voltage for plateau, _ in points]),
+        voltage_v=np.array([plateau.voltage_v for plateau, _ in points]),
         error=np.array([p.error for p in separated]),
         places=tuple(plateau.place for plateau, _ in points),
         running=tuple(p.running for p in separated),
@@ -402,7 +404,7 @@ class Points:
 
     signal: Array
     thrust: Array
-    voltage: Array
+    voltage_v: Array
     error: Array
     zero: Array
     zero_error: Array
@@ -419,7 +421,7 @@ class Points:
         return cls(
             signal=np.concatenate([p.signal for p in pulls]),
             thrust=np.concatenate([p.thrust for p in pulls]),
-            voltage=np.concatenate([p.voltage for p in pulls]),
+            voltage_v=np.concatenate([p.voltage_v for p in pulls]),
             error=np.concatenate([p.error for p in pulls]),
             zero=np.asarray(block_diag(*[p.zero_effect for p in pulls])),
             zero_error=np.concatenate([p.zero_error for p in pulls]),

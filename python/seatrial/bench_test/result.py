@@ -83,7 +83,7 @@ def _factors(records: Sequence[PullPoints]) -> list[str]:
 def _largest(fit: UnitFit, side: str) -> str:
     own = fit.points.signal > 0.0 if side == "ahead" else fit.points.signal < 0.0
     k = int(np.flatnonzero(own)[np.abs(fit.points.thrust[own]).argmax()])
-    volts = f" and {fit.points.voltage[k]:.3g} V" if fit.regression.with_voltage else ""
+    volts = f" and {fit.points.voltage_v[k]:.3g} V" if fit.regression.with_voltage else ""
     return f"{abs(fit.points.thrust[k]):.3g} N at {fit.points.signal[k]:+.4g} {fit.unit.command}{volts}"
 
 
@@ -129,7 +129,7 @@ def _table(fit: UnitFit) -> list[str]:
     worst = int(np.abs(table.residual).argmax())
     said = [
         f"table of {len(table.signal)} signals"
-        + (f" at {len(table.voltage)} voltages" if len(table.voltage) else "")
+        + (f" at {len(table.voltage_v)} voltages" if len(table.voltage_v) else "")
         + f": the points lie {rms:.2g} N (rms) from it, at most {abs(table.residual[worst]):.2g} N"
         f" at {fit.points.signal[worst]:+.4g} {fit.unit.command}"
     ]
@@ -246,7 +246,7 @@ class BenchTest:
         rows: list[dict[str, Any]] = []
         for unit, fit in self.pulls.items():
             points = fit.points
-            volts = points.voltage if fit.regression.with_voltage else None
+            volts = points.voltage_v if fit.regression.with_voltage else None
             fitted = fit.thrust(points.signal, volts)
             named = {int(k) for one in fit.directions.values() for k in one.outliers}
             rows += [
@@ -255,7 +255,7 @@ class BenchTest:
                     "pull": points.pull[k],
                     "place": points.place[k],
                     f"signal_{fit.unit.command}": points.signal[k],
-                    "voltage_v": None if np.isnan(points.voltage[k]) else points.voltage[k],
+                    "voltage_v": None if np.isnan(points.voltage_v[k]) else points.voltage_v[k],
                     "thrust_n": points.thrust[k],
                     "standard_error_n": None if np.isnan(points.error[k]) else points.error[k],
                     "fitted_n": fitted[k],
@@ -477,7 +477,7 @@ def _unit_dict(fit: UnitFit) -> dict[str, Any]:
     if fit.table is not None:
         found["table"] = {
             "signal": fit.table.signal,
-            "voltage_v": fit.table.voltage,
+            "voltage_v": fit.table.voltage_v,
             "force_n": fit.table.force,
             "dead_band": list(fit.table.dead_band),
             "errors": fit.table.errors(),

@@ -48,7 +48,7 @@ class ThrustTable:
     ----------
     signal
         Knots (k,) in the command's unit from neutral.
-    voltage
+    voltage_v
         Levels (v,) in V; empty when measured at one.
     force
         (v, k) or (1, k) in N.
@@ -61,18 +61,18 @@ class ThrustTable:
     """
 
     signal: Array
-    voltage: Array
+    voltage_v: Array
     force: Array
     level: NDArray[np.int_]
     residual: Array
     dead_band: tuple[float, float]
 
-    def at(self, signal: Array, voltage: Array | None = None) -> Array:
+    def at(self, signal: Array, voltage_v: Array | None = None) -> Array:
         """Thrust (m,) in N, bilinear, held beyond the edges."""
         rows = np.array([self.force_at(row, signal) for row in range(len(self.force))])
-        if len(rows) == 1 or voltage is None:
+        if len(rows) == 1 or voltage_v is None:
             return np.asarray(rows[0])
-        place = np.interp(voltage, self.voltage, np.arange(len(self.voltage)))
+        place = np.interp(voltage_v, self.voltage_v, np.arange(len(self.voltage_v)))
         low = np.minimum(place.astype(int), len(rows) - 2)
         share = place - low
         every = np.arange(rows.shape[1])
@@ -89,7 +89,7 @@ class ThrustTable:
             own = self.residual[self.level == row]
             if len(own):
                 found.append({
-                    "voltage_v": float(self.voltage[row]) if len(self.voltage) else np.nan,
+                    "voltage_v": float(self.voltage_v[row]) if len(self.voltage_v) else np.nan,
                     "points": float(len(own)),
                     "rms_n": float(np.sqrt(np.mean(own**2))),
                     "largest_n": float(np.abs(own).max()),
@@ -97,7 +97,7 @@ class ThrustTable:
         return found
 
 
-def levels(voltage: Array, where: str) -> tuple[Array, NDArray[np.int_]]:
+def levels(voltage_v: Array, where: str) -> tuple[Array, NDArray[np.int_]]:
     """Voltages (v,) at which was tested, from those of the points (n,), and the level of each point.
 
     Raises
@@ -110,34 +110,34 @@ def levels(voltage: Array, where: str) -> tuple[Array, NDArray[np.int_]]:
     >>> levels(np.array([12.0, 16.0, 12.05, 15.96]), "thruster")[0].tolist()
     [12.025, 15.98]
     """
-    if not np.isfinite(voltage).all():
+    if not np.isfinite(voltage_v).all():
         raise TrialError(
             f"{where}: the supply voltage is not known at every point; map a column voltage_v, give"
             ' voltage_v, or leave "voltage" out of the inputs'
         )
-    order = np.argsort(voltage)
-    level = np.empty(len(voltage), dtype=int)
-    level[order] = np.concatenate([[0], np.cumsum(np.diff(voltage[order]) > _LEVEL_GAP)])
-    means = np.array([voltage[level == k].mean() for k in range(level.max() + 1)])
-    widths = np.array([np.ptp(voltage[level == k]) for k in range(level.max() + 1)])
+    order = np.argsort(voltage_v)
+    level = np.empty(len(voltage_v), dtype=int)
+    level[order] = np.concatenate([[0], np.cumsum(np.diff(voltage_v[order]) > _LEVEL_GAP)])
+    means = np.array([voltage_v[level == k].mean() for k in range(level.max() + 1)])
+    widths = np.array([np.ptp(voltage_v[level == k]) for k in range(level.max() + 1)])
     if len(means) > _MOST_LEVELS or (widths > 5.0 * _LEVEL_GAP).any():
         raise TrialError(
-            f"{where}: the supply voltage stands at no levels (it runs from {voltage.min():.2f} to"
-            f' {voltage.max():.2f} V); use order = 2 with inputs = ["signal", "voltage"], whose surface'
+            f"{where}: the supply voltage stands at no levels (it runs from {voltage_v.min():.2f} to"
+            f' {voltage_v.max():.2f} V); use order = 2 with inputs = ["signal", "voltage"], whose surface'
             " needs none"
         )
     return means, level
 
 
 def from_points(
-    signal: Array, thrust: Array, voltage: Array | None, *, knots: int, tolerance: float | None, where: str
+    signal: Array, thrust: Array, voltage_v: Array | None, *, knots: int, tolerance: float | None, where: str
 ) -> ThrustTable:
     """Table of the points (n,) themselves.
 
     Parameters
     ----------
     signal, thrust : array, shape (n,)
-    voltage : array, shape (n,), optional
+    voltage_v : array, shape (n,), optional
     knots : int
         At most so many.
     tolerance : float, optional
@@ -152,7 +152,7 @@ def from_points(
         Fewer than four different signals, or no levels of voltage.
     """
     means, level = (
-        (np.zeros(1), np.zeros(len(signal), dtype=int)) if voltage is None else levels(voltage, where)
+        (np.zeros(1), np.zeros(len(signal), dtype=int)) if voltage_v is None else levels(voltage_v, where)
     )
     distinct = np.unique(signal)
     if len(distinct) < 4:
@@ -180,14 +180,14 @@ def from_points(
         if place is None or len(chosen) >= knots:
             break
         chosen = sorted({*chosen, place})
-    return ThrustTable(grid, means if voltage is not None else np.zeros(0), force, level, residual, silent)
+    return ThrustTable(grid, means if voltage_v is not None else np.zeros(0), force, level, residual, silent)
 
 
 def from_surface(
     thrust_at: Callable[[Array, Array], Array],
     signal: Array,
     thrust: Array,
-    voltage: Array | None,
+    voltage_v: Array | None,
     *,
     grid: Sequence[float],
     voltages: Sequence[float],
@@ -198,9 +198,11 @@ def from_surface(
     force = np.array([thrust_at(knots, np.full(len(knots), v)) for v in (volts if len(volts) else [np.nan])])
     made = ThrustTable(knots, volts, force, np.zeros(len(signal), int), np.zeros(len(signal)), (0.0, 0.0))
     level = (
-        made.level if voltage is None or not len(volts) else np.abs(voltage[:, None] - volts).argmin(axis=1)
+        made.level
+        if voltage_v is None or not len(volts)
+        else np.abs(voltage_v[:, None] - volts).argmin(axis=1)
     )
-    return ThrustTable(knots, volts, force, level, thrust - made.at(signal, voltage), (0.0, 0.0))
+    return ThrustTable(knots, volts, force, level, thrust - made.at(signal, voltage_v), (0.0, 0.0))
 
 
 def dead_band(signal: Array, thrust: Array) -> tuple[float, float]:

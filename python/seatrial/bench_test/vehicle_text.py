@@ -191,8 +191,8 @@ def _table(
             f"{missing[0]} was not tested, and a table holds both directions; pull {missing[0]} too"
         )
     entry: dict[str, Any] = {"kind": "table", "signal": [rounded(x) for x in table.signal]}
-    if len(table.voltage) > 1:
-        entry["voltage_v"] = [rounded(x) for x in table.voltage]
+    if len(table.voltage_v) > 1:
+        entry["voltage_v"] = [rounded(x) for x in table.voltage_v]
     entry["force_n"] = [[round(float(x) * factor, 3) + 0.0 for x in row] for row in table.force]
     rms = float(np.sqrt(np.mean(table.residual**2)))
     return entry, {"kind": f"the points lie {rms:.2g} N (rms) from it"}

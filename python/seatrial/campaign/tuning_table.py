@@ -80,8 +80,8 @@ BESIDE = {
 def default_steps(loop: str, *, top_m_s: float) -> tuple[float, float]:
     """Steps of a loop in both directions where the file gives none, in the file's unit (m/s, m, deg).
 
-    About half of what may just ask for the largest demand (`seatrial.control_design.pole_placement.USUAL_ERROR`),
-    so that the limits are near but do not decide.
+    About half of what may just ask for the largest demand
+    (`seatrial.control_design.pole_placement.USUAL_ERROR`), so that the limits are near but do not decide.
 
     Parameters
     ----------

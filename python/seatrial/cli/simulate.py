@@ -188,7 +188,7 @@ class _Simulation:
         around = Conditions(
             vehicle=self.vehicle,
             current=self.current,
-            voltage=self.voltage,
+            voltage_v=self.voltage,
             bottom_depth_m=bottom,
             held=self.held,
         )

@@ -237,7 +237,7 @@ def _thrust_sd(fit: Any) -> float:
         strongest = direction.points[np.argmax(np.abs(fit.points.signal[direction.points]))]
         inputs = [abs(float(fit.points.signal[strongest]))]
         if len(direction.fit.scale) > 1:
-            inputs.append(float(fit.points.voltage[strongest]))
+            inputs.append(float(fit.points.voltage_v[strongest]))
         curve = float(direction.fit.bands([inputs])[0][0]) / direction.fit.quantile
         worst = max(worst, curve / abs(float(direction.fit.at([inputs])[0])))
     return worst if np.isfinite(worst) else 0.0

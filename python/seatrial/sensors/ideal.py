@@ -44,7 +44,7 @@ class Conditions:
         That made the run; only a load cell asks for it.
     current
         Velocity of the water over ground, NED, m/s, (3,) or one row per row of the run; None: still water.
-    voltage
+    voltage_v
         Supply in V, one value per row of the run; None: not known.
     bottom_depth_m
         Depth of the bottom below the surface; None: within reach everywhere.
@@ -54,7 +54,7 @@ class Conditions:
 
     vehicle: Vehicle | None = None
     current: Array | None = None
-    voltage: Array | None = None
+    voltage_v: Array | None = None
     bottom_depth_m: float | None = None
     held: bool = False
 
@@ -183,10 +183,10 @@ class Ideal:
         return np.asarray(altitude > sensor.max_range_m * down)
 
     def _voltage(self, t: Array) -> Array:
-        voltage = self._conditions.voltage
-        if voltage is None:
+        voltage_v = self._conditions.voltage_v
+        if voltage_v is None:
             raise TrialError(
                 "voltage: no supply voltage is known; give voltage_v or leave the voltage sensor out"
             )
         held = np.searchsorted(self.t, t + 1e-9, side="right") - 1
-        return np.asarray(voltage)[:: self._every][np.maximum(held, 0), None]
+        return np.asarray(voltage_v)[:: self._every][np.maximum(held, 0), None]

@@ -102,7 +102,7 @@ class Recipe:
         Steady current (3,), NED, m/s; only a sensor of the velocity through the water tells it.
     held
         Whether the vehicle is tied, as in a bollard test: no axis moves.
-    voltage
+    voltage_v
         Supply in V, (n,), where the recipe gives one.
     bottom_depth_m
         Depth of the bottom, where the recipe gives one.
@@ -117,7 +117,7 @@ class Recipe:
     initial: Mapping[str, float]
     current: Array
     held: bool = False
-    voltage: Array | None = None
+    voltage_v: Array | None = None
     bottom_depth_m: float | None = None
 
     @classmethod
@@ -147,7 +147,7 @@ class Recipe:
                 f" {rows:.1e}; shorten the trial or log less often"
             )
         t = np.arange(rows) / file.rate_hz
-        commands, voltage = _commands(file, truth.vehicle, t, str(path))
+        commands, voltage_v = _commands(file, truth.vehicle, t, str(path))
         current = np.array([file.current.north_m_s, file.current.east_m_s, file.current.down_m_s])
         initial = file.initial.model_dump()
         return cls(
@@ -160,7 +160,7 @@ class Recipe:
             initial=initial,
             current=current,
             held=file.held,
-            voltage=voltage,
+            voltage_v=voltage_v,
             bottom_depth_m=file.bottom_depth_m,
         )
 
@@ -218,12 +218,12 @@ class Recipe:
         """
         sensors = self.sensors
         inputs = {f"cmd.{name}": y for name, y in self.commands.items()}
-        if self.voltage is not None and "voltage" not in sensors:
-            inputs["voltage_v"] = self.voltage
+        if self.voltage_v is not None and "voltage" not in sensors:
+            inputs["voltage_v"] = self.voltage_v
         around = Conditions(
             vehicle=self.truth.vehicle,
             current=self.current,
-            voltage=self._fine_voltage,
+            voltage_v=self._fine_voltage,
             bottom_depth_m=self.bottom_depth_m,
             held=self.held,
         )
@@ -238,7 +238,7 @@ class Recipe:
 
     @property
     def _fine_voltage(self) -> Array | None:
-        return None if self.voltage is None else held(self.voltage, self.every)
+        return None if self.voltage_v is None else held(self.voltage_v, self.every)
 
     def write_csv(self, path: str | Path) -> None:
         """Write the table as a CSV file whose first lines say that it was generated, and from what.
@@ -284,7 +284,7 @@ def _commands(
     facts = vehicle.actuator_info()
     members = actuator_groups(vehicle) | {name: [name] for name in vehicle.actuators}
     commands = {name: np.full(len(t), float(facts[name]["neutral"])) for name in vehicle.actuators}
-    voltage = np.full(len(t), np.nan if file.voltage_v is None else file.voltage_v)
+    voltage_v = np.full(len(t), np.nan if file.voltage_v is None else file.voltage_v)
     last = -np.inf
     for number, row in enumerate(file.commands, 1):
         place = f"{where}: commands[{number}]"
@@ -299,15 +299,15 @@ def _commands(
             if name == "voltage_v":
                 if value <= 0.0:
                     raise TrialError(f"{place}, key voltage_v: expected a positive number, found {value:g}")
-                voltage[after] = value
+                voltage_v[after] = value
             elif name in members:
                 for actuator in members[name]:
                     commands[actuator][after] = value
             elif name != "t_s":
                 raise TrialError(f'{place}: unknown actuator or group "{name}"{nearest(name, members)}')
-    if np.isfinite(voltage).all():
-        return commands, voltage
-    if np.isfinite(voltage).any():
+    if np.isfinite(voltage_v).all():
+        return commands, voltage_v
+    if np.isfinite(voltage_v).any():
         raise TrialError(f"{where}: a row of commands gives voltage_v later; give the key voltage_v too")
     if any(actuator["needs_voltage"] for actuator in facts.values()):
         raise TrialError(

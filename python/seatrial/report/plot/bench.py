@@ -79,7 +79,7 @@ def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> F
         grid = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3.0, 1.0))
         for column, fit in enumerate(shown):
             upper, lower = grid[0][column], grid[1][column]
-            if fit.table is not None and len(fit.table.voltage) > 1:
+            if fit.table is not None and len(fit.table.voltage_v) > 1:
                 _voltages(upper, lower, fit)
             else:
                 _curve(upper, lower, fit)
@@ -213,7 +213,7 @@ def _voltages(upper: Axes, lower: Axes, fit: UnitFit) -> None:
     table = fit.table
     assert table is not None
     grid = np.unique(np.concatenate([np.linspace(table.signal[0], table.signal[-1], _POINTS), table.signal]))
-    for row, voltage in enumerate(table.voltage):
+    for row, voltage in enumerate(table.voltage_v):
         colour, dashes = CYCLE[row % len(CYCLE)], _DASHES[row % len(_DASHES)]
         own = table.level == row
         upper.scatter(
