@@ -420,7 +420,7 @@ def _table_errors(test: BenchTest) -> Table:
     rows = [
         (
             unit,
-            "" if np.isnan(row["voltage_v"]) or not len(fit.table.voltage) else f"{row['voltage_v']:.4g}",
+            "" if np.isnan(row["voltage_v"]) or not len(fit.table.voltage_v) else f"{row['voltage_v']:.4g}",
             f"{row['points']:.0f}",
             f"{row['rms_n']:.2g}",
             f"{row['largest_n']:.2g}",

@@ -24,8 +24,8 @@ point comes on top, common to the actuators that were pulled together. It is add
 although a wrong thrust would move the damping along with it: the vehicles drawn are a little more unlike each
 other than they need to be.
 
-It is the covariance of the best model in the class. Where the truth lies outside (`seatrial.diagnosis.residual_analysis`), it
-may be many of these standard deviations away; nor does it hold the common factor of all forces, which trials
+It is the covariance of the best model in the class. Where the truth lies outside
+(`seatrial.diagnosis.residual_analysis`), it may be many of these standard deviations away; nor does it hold the common factor of all forces, which trials
 do not tell (`seatrial.estimation.scale`). The notes say both wherever the covariance is drawn from.
 
 Tests: ``tests/identification/test_coefficient_covariance.py``.
