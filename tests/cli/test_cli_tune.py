@@ -46,21 +46,26 @@ def words(text: str) -> str:
 
 
 def test_tables_verdict_files_and_figures_of_a_tuning() -> None:
-    result = call(NIMBLE, head=LAUV)
+    result = call(NIMBLE, "--verbose", head=LAUV)
     assert result.exit_code == 0, result.output
+    assert result.stderr.startswith("Vehicle: lauv")
+    good, worst, after = result.stdout.splitlines()[:3]
+    assert good.startswith("small: tuned. 1 of 1 responses of the vehicle stay within their corridors, ")
+    assert worst.startswith("Worst: ")
+    assert after.startswith("Next: Verify the autopilot")
     said = words(result.stdout)
     for expected in (
-        "Vehicle: lauv",
-        "lauv: responses with the tuned gains",
+        "Responses with the tuned gains",
+        "Responses with the start gains",
         "Side by side",
         "start, s",
-        "Gains at the supporting points that are reached",
+        "Gains at the breakpoints that are reached",
         "N m/rad per s",
         "Margins with the tuned gains",
         "- The response of the vehicle itself stays within its corridor, there and back",
         "sets of gains",
         "Results in runs/small-tuned: autopilot.toml, tuning.json, summary.txt, Parquet tables",
-        "Figures (PNG and PDF) in runs/small-tuned/figures",
+        "Figures (PNG) in runs/small-tuned/figures",
     ):
         assert expected in said, (expected, said)
     # Wide tables go into a file or a terminal of the usual width.
@@ -77,7 +82,7 @@ def test_margins_that_fall_short_are_exit_code_1_though_the_corridors_are_held()
     result = call(HEADING, "--no-figures")
     assert result.exit_code == 1, result.output
     said = words(result.stdout)
-    assert "stays within its corridor" in said
+    assert "1 of 1 responses of the vehicle stay within their corridors" in said
     assert "hover at -1.00 m/s (unstable)" in said
 
 
@@ -126,5 +131,6 @@ def test_ctrl_c_is_exit_code_130_and_nothing_is_published(monkeypatch: pytest.Mo
     monkeypatch.setattr(objective.Objective, "terms", interrupted)
     result = call(HEADING)
     assert result.exit_code == 130, result.output
-    assert "The tuning was interrupted: the gains are the best so far" in words(result.stdout)
+    assert result.stdout.startswith("small: interrupted. ")
+    assert "Next: Run the same command again" in result.stdout
     assert not Path("runs/small-tuned").exists()

@@ -35,6 +35,7 @@ __all__ = [
     "identification_progress",
     "list_figures",
     "long_work",
+    "note",
     "output",
     "print_json",
     "say",
@@ -97,6 +98,11 @@ def answer(
 def say(line: str) -> None:
     """Print a line as it is on standard output."""
     output().print(line, soft_wrap=True, markup=False)
+
+
+def note(line: str) -> None:
+    """Print a line on standard error: what a verb works on, before its answer."""
+    print(line, file=sys.stderr, flush=True)
 
 
 def formats(pdf: bool) -> tuple[str, ...]:

@@ -175,7 +175,8 @@ def demonstrate(
     quiet : bool, optional
         Whether nothing is printed.
     """
-    from seatrial.cli.tune import draw, print_tuning, tuned
+    from seatrial.cli.console import answer
+    from seatrial.cli.tune import draw, tuned
 
     chain = Chain()
     if not quiet:
@@ -189,12 +190,14 @@ def demonstrate(
     if found.interrupted:
         chain.interrupted = True
         return chain
-    written = draw(found, out / "cwolf-tuned", formats=("png",), loops=_DRAWN)
-    if not quiet:
-        from seatrial.cli.console import list_figures
 
-        print_tuning(console, found)
-        list_figures(console, written)
+    def drawn() -> list[Path]:
+        return draw(found, out / "cwolf-tuned", loops=_DRAWN)
+
+    if quiet:
+        drawn()
+    else:
+        answer(found.report(), draw=drawn)
     _on_truth(console, found, truth, chain, quiet=quiet)
     _verify(console, fit, found, truth, (out, chain), threads=threads, quiet=quiet)
     return chain

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from seatrial.cli.console import Figures, Json, Pdf, Verbose
+
 if TYPE_CHECKING:
     from collections.abc import Collection
-
-    from rich.console import Console
 
     from seatrial.campaign.campaign import Campaign
     from seatrial.tuning.result import Tuning
 
-__all__ = ["draw", "fitted_source", "print_tuning", "tune", "tuned"]
+__all__ = ["draw", "fitted_source", "tune", "tuned"]
 
 
 def tune(
@@ -36,8 +36,10 @@ def tune(
         bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")
     ] = True,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
-    figures: Annotated[bool, typer.Option(help="Write figures (PNG and PDF) into the run directory.")] = True,
-    json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    figures: Figures = True,
+    pdf: Pdf = False,
+    verbose: Verbose = False,
+    json: Json = False,
 ) -> None:
     """Tune an autopilot's gains until its responses stay within the corridors of a campaign.
 
@@ -45,27 +47,24 @@ def tune(
     the best so far; the same command goes on with what is not finished.
     """
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.cli.console import answer, formats, note, print_json
 
     loaded = Campaign.load(campaign)
     folder = out or Path("runs") / f"{loaded.name}-tuned"
     source = fitted_source(loaded, run)
-    console = output()
     if not json:
-        console.print(f"Vehicle: {source or loaded.vehicle.name}", soft_wrap=True, markup=False)
+        note(f"Vehicle: {source or loaded.vehicle.name}")
     found = tuned(loaded, source, folder, relay=relay, resume=resume, threads=threads, quiet=json)
-    written = draw(found, folder) if figures and not found.interrupted else []
+
+    def drawn() -> list[Path]:
+        return draw(found, folder, formats=formats(pdf)) if figures and not found.interrupted else []
+
     if json:
-        print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in written]})
+        print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})
     else:
-        print_tuning(console, found)
-        if not found.interrupted:
-            console.print(
-                f"Results in {folder}: autopilot.toml, tuning.json, summary.txt, Parquet tables",
-                soft_wrap=True,
-                markup=False,
-            )
-        list_figures(console, written)
+        files = "autopilot.toml, tuning.json, summary.txt, Parquet tables"
+        results = "" if found.interrupted else f"Results in {folder}: {files}"
+        answer(found.report(), verbose=verbose, results=results, draw=drawn)
     if found.interrupted:
         raise typer.Exit(130)
     if not found.held:
@@ -113,55 +112,3 @@ def draw(
     from seatrial.report.plot.tuning import tuning_gallery
 
     return tuning_gallery(found, folder / "figures", formats=formats, loops=loops)
-
-
-def print_tuning(console: Console, found: Tuning) -> None:
-    """Print responses before and after, gains, margins and what they mean."""
-    from seatrial.cli.console import table
-    from seatrial.tuning.result import (
-        COMPARISON_TITLE,
-        GAIN_HEAD,
-        TRIAL_HEAD,
-        comparison_head,
-        comparison_rows,
-        gain_rows,
-        sentences,
-        trial_rows,
-    )
-
-    if (judged := found.of("tuned")) is not None:
-        title = f"{found.plan.vehicle.name}: responses with the tuned gains (times in s)"
-        console.print(table(title, TRIAL_HEAD, trial_rows(judged)))
-        console.print(table(COMPARISON_TITLE, comparison_head(found), comparison_rows(found)))
-    console.print(
-        table("Gains at the supporting points that are reached", GAIN_HEAD, gain_rows(found), left=2)
-    )
-    if not found.interrupted:
-        rows = [
-            (
-                row.mode,
-                f"{row.speed_m_s:.2f}",
-                row.loop,
-                _number(row.gain_up_db, 1),
-                _number(row.gain_down_db, 1),
-                _number(row.phase_deg, 0),
-                _number(row.delay_s, 2),
-                "" if row.stable else "unstable",
-            )
-            for row in found.margins["tuned"]
-        ]
-        head = ("mode", "m/s", "loop", "up, dB", "down, dB", "phase, deg", "delay, s", "")
-        console.print(table("Margins with the tuned gains", head, rows))
-    for line in sentences(found):
-        console.print(f"- {line}", soft_wrap=True, markup=False)
-    flown = sum(group.flown_s for group in found.groups)
-    console.print(
-        f"Tuned in {found.elapsed_s:.1f} s: {sum(g.evaluations for g in found.groups)} sets of gains,"
-        f" {flown / 3600.0:.0f} h of flight.",
-        soft_wrap=True,
-        markup=False,
-    )
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"

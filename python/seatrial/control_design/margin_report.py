@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.report import Table
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, closed
 from seatrial.control_design.lqr import Tolerances
@@ -273,31 +274,33 @@ def _reported(of: LoopMargins, disks: Array, row: int) -> dict[str, Any]:
     }
 
 
-def margin_table(rows: Sequence[ReportedMargins]) -> str:
-    """The margins as a table in text, one line per mode, speed and loop.
+def margin_table(rows: Sequence[ReportedMargins], *, title: str = "Margins") -> Table:
+    """The margins as a table of a report, a row per mode, speed and loop.
 
     Examples
     --------
     >>> row = ReportedMargins("cruise", 2.0, "heading", True, 29.1, 2.8, None, None, 61.2, 0.35, 3.05, 0.35,
     ...     1.16, 11.5, 60.3)
-    >>> print(margin_table([row]))
-    mode    m/s    loop     gain up  gain down  phase  delay  disk
-                                 dB         dB    deg      s
-    cruise   2.00  heading     29.1         -   61.2   3.05  1.16
+    >>> margin_table([row]).rows
+    (('cruise', '2.00', 'heading', '29.1', '-', '61', '3.05', '1.16', ''),)
     """
-    lines = [
-        "mode    m/s    loop     gain up  gain down  phase  delay  disk",
-        "                             dB         dB    deg      s",
-    ]
 
-    def number(value: float | None, width: int, digits: int) -> str:
-        return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
+    def number(value: float | None, digits: int) -> str:
+        return "-" if value is None else f"{value:.{digits}f}"
 
-    for row in rows:
-        lines.append(
-            f"{row.mode:<7} {row.speed_m_s:5.2f}  {row.loop:<7}"
-            f"{number(row.gain_up_db, 9, 1)} {number(row.gain_down_db, 10, 1)}"
-            f" {number(row.phase_deg, 6, 1)} {number(row.delay_s, 6, 2)} {number(row.disk, 5, 2)}"
-            + ("" if row.stable else "  unstable")
+    cells = [
+        (
+            row.mode,
+            f"{row.speed_m_s:.2f}",
+            row.loop,
+            number(row.gain_up_db, 1),
+            number(row.gain_down_db, 1),
+            number(row.phase_deg, 0),
+            number(row.delay_s, 2),
+            number(row.disk, 2),
+            "" if row.stable else "unstable",
         )
-    return "\n".join(lines)
+        for row in rows
+    ]
+    head = ("mode", "m/s", "loop", "up, dB", "down, dB", "phase, deg", "delay, s", "disk", "")
+    return Table.of(title, head, cells)

@@ -50,11 +50,9 @@ def rich_table(table: Table) -> RichTable:
     made = Made(
         title=shown.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
     )
-    for number, column in enumerate(shown.columns):
-        # Names and numbers are not cut; text in later columns on the left wraps.
-        made.add_column(
-            column.head, justify=column.align, no_wrap=number == 0 or column.align == "right", overflow="fold"
-        )
+    for column in shown.columns:
+        # Where a terminal is too narrow, text wraps; numbers are never broken.
+        made.add_column(column.head, justify=column.align, no_wrap=column.align == "right", overflow="fold")
     for row in shown.rows:
         made.add_row(*row)
     return made

@@ -1,8 +1,4 @@
-"""Tuning: the autopilot that was found, how its responses and margins are, for people, machines and as files.
-
-Held by tests/tuning/test_tune.py.
-
-A tuning in words and tables: what `Tuning.summary` prints.
+"""Result of a tuning: autopilot, responses and margins; as report, plain data and files.
 
 Held by tests/tuning/test_tune.py.
 """
@@ -18,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.report import text_table
+from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, to_json
 from seatrial.tuning.judgement import Judged
 from seatrial.tuning.objective import GAINS
@@ -44,8 +40,8 @@ __all__ = [
     "comparison_rows",
     "gain_rows",
     "on_another_vehicle",
+    "report",
     "sentences",
-    "summary",
     "trial_rows",
     "tuned_autopilot",
     "without_table",
@@ -189,9 +185,13 @@ class Tuning:
         still = Samples({}, np.zeros((1, 3)), (1,))
         return judge(self.plan, name, self.plan.rig(self.autopilot, vehicle=flown), still)
 
+    def report(self) -> Report:
+        """How good the responses are, the worst problem, what to do next; then tables and remarks."""
+        return report(self)
+
     def summary(self) -> str:
-        """Text that a control engineer reads."""
-        return summary(self)
+        """The report as text."""
+        return self.report().text()
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data."""
@@ -302,24 +302,102 @@ _LEAST_S = 0.001  # a violation below is told as less than that
 COMPARISON_TITLE = "Side by side: outside in all, samples held"
 
 
-def summary(tuning: Tuning) -> str:
-    """Text that a control engineer reads: verdict, responses before and after, gains, margins."""
+def report(tuning: Tuning) -> Report:
+    """Three lines, responses before and after, gains, margins; sentences."""
     from seatrial.control_design.margin_report import margin_table
 
-    parts = ["\n".join(sentences(tuning))]
-    for judged in tuning.judged:
-        parts.append(
-            f"Responses with the {judged.name} gains (times in s)\n"
-            + text_table(TRIAL_HEAD, trial_rows(judged))
-        )
+    worst, next_step = _worst(tuning)
+    said = tuple(sentences(tuning))
+    responses = [
+        Table.of(f"Responses with the {judged.name} gains (times in s)", TRIAL_HEAD, trial_rows(judged))
+        for judged in reversed(tuning.judged)
+    ]
+    tables = responses[:1]
     if len(tuning.judged) > 1:
-        parts.append(COMPARISON_TITLE + "\n" + text_table(comparison_head(tuning), comparison_rows(tuning)))
-    parts.append(
-        "Gains at the supporting points that are reached\n" + text_table(GAIN_HEAD, gain_rows(tuning))
-    )
+        tables.append(Table.of(COMPARISON_TITLE, comparison_head(tuning), comparison_rows(tuning)))
+    tables.append(Table.of("Gains at the breakpoints that are reached", GAIN_HEAD, gain_rows(tuning), left=2))
     if not tuning.interrupted:
-        parts.append("Margins with the tuned gains\n" + margin_table(tuning.margins["tuned"]))
-    return "\n\n".join(parts)
+        tables.append(margin_table(tuning.margins["tuned"], title="Margins with the tuned gains"))
+    return Report(
+        title=tuning.campaign.name,
+        outcome=_outcome(tuning),
+        good=_how_good(tuning),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(tables=tuple(tables)),
+            Section("Remarks", (*said, _effort(tuning)), tuple(responses[1:]), details=True),
+        ),
+    )
+
+
+def _outcome(tuning: Tuning) -> str:
+    if tuning.interrupted:
+        return "interrupted"
+    return "tuned" if tuning.held else "tuned, requirements not met"
+
+
+def _how_good(tuning: Tuning) -> str:
+    """Responses inside their corridors, against the start gains; the least phase margin."""
+    start, tuned = tuning.of("start"), tuning.of("tuned")
+    if tuned is None:
+        done = sum(not group.interrupted for group in tuning.groups)
+        return f"{done} searches finished; nothing was judged"
+    inside = sum(trial.nominal_s == 0.0 for trial in tuned.trials)
+    before = (
+        "" if start is None else f", {sum(t.nominal_s == 0.0 for t in start.trials)} with the start gains"
+    )
+    phases = [(row.phase_deg, row) for row in tuning.margins["tuned"] if row.phase_deg is not None]
+    least = ""
+    if phases:
+        phase, row = min(phases, key=lambda pair: pair[0])
+        least = f"; least phase margin {phase:.0f} deg ({row.loop} at {row.speed_m_s:.2f} m/s)"
+    held = min((trial.held for trial in tuned.trials), default=1.0)
+    return (
+        f"{inside} of {len(tuned.trials)} responses of the vehicle stay within their corridors{before}; of"
+        f" {tuned.samples} drawn vehicles at least {held:.0%}{least}"
+    )
+
+
+def _worst(tuning: Tuning) -> tuple[str, str]:
+    """The worst problem of a tuning, and what to do about it."""
+    tuned = tuning.of("tuned")
+    if tuned is None:
+        return (
+            "Ctrl-C ended the search before the gains were judged",
+            "run the same command again; it goes on with what is not finished",
+        )
+    out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
+    if out:
+        trial = max(out, key=lambda one: one.nominal_s)
+        return (
+            f"{_of(trial)}: outside its corridor by {_seconds(trial.nominal_s)} s{_why(tuning, trial)}",
+            f"widen the corridor of {trial.loop} if it asks too much, or give the search more room under"
+            " [tuning] (bounds, budget)",
+        )
+    if short := tuning.short_margins:
+        return f"margin short of its limit: {short[0]}", (
+            "widen the corridor of this loop (a slower response has more margin), or lower [tuning] margins"
+        )
+    verify = "verify the autopilot over drawn vehicles, currents and failures (seatrial verify CAMPAIGN)"
+    loosest = min(tuned.trials, key=lambda one: (one.held, -one.worst_s), default=None)
+    if loosest is not None and loosest.held < 1.0:
+        return (
+            f"{_of(loosest)}: {1.0 - loosest.held:.0%} of the drawn vehicles leave the corridor, by up to"
+            f" {_seconds(loosest.worst_s)} s",
+            verify,
+        )
+    if tuning.taken_back:
+        return f"start gains stay in {', '.join(tuning.taken_back)}: the search found nothing better", verify
+    return "no response leaves its corridor and no margin is short", verify
+
+
+def _effort(tuning: Tuning) -> str:
+    flown = sum(group.flown_s for group in tuning.groups)
+    return (
+        f"Tuned in {tuning.elapsed_s:.1f} s: {sum(group.evaluations for group in tuning.groups)} sets of"
+        f" gains, {flown / 3600.0:.0f} h of flight"
+    )
 
 
 def sentences(tuning: Tuning) -> list[str]:
@@ -474,7 +552,7 @@ def comparison_rows(tuning: Tuning) -> list[tuple[str, ...]]:
 
 
 def gain_rows(tuning: Tuning) -> list[tuple[str, ...]]:
-    """A row per gain and supporting point that is reached, and per other number that changed."""
+    """A row per gain and breakpoint that is reached, and per other number that changed."""
     start, tuned = tuning.start.gains(), tuning.autopilot.gains()
     rows: list[tuple[str, ...]] = []
     for loop in LOOPS:
