@@ -1,6 +1,6 @@
 """The built-in autopilots on a square with changes of depth, in 0.3 m/s of current from all four sides.
 
-Errors are those that guidance saw (offsets of a position sensor are nobody's error here), on the last third
+Errors are what guidance perceived (offsets of a position sensor are nobody's error here), on the last third
 of every leg, where the integral has had five time constants.
 """
 

@@ -287,8 +287,8 @@ def test_a_waypoint_is_reached_as_the_sensors_show_it_and_truly_nearly_so() -> N
     near["dvl"] = Sensor()
     flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), sensors=near, seed=3)
     (leg,) = flight.legs
-    assert leg.seen_m <= 5.0
-    assert leg.smallest_m == pytest.approx(leg.seen_m, abs=1.5)  # five deviations
+    assert leg.perceived_m <= 5.0
+    assert leg.smallest_m == pytest.approx(leg.perceived_m, abs=1.5)  # five deviations
     assert leg.reached
     far = near | {"position": Sensor(bias=40.0)}
     off = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), sensors=far, seed=3)

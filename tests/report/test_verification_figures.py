@@ -102,9 +102,9 @@ def test_the_cross_track_error_can_be_printed(threshold_m: float | None) -> None
     counts, p95 = errors()
     figure = cross_track(counts, EDGES, p95_m=p95, threshold_m=threshold_m, heading="farm")
     assert_on_page(figure)
-    both = cross_track(counts, EDGES, p95_m=p95, seen=0.5 * counts, threshold_m=threshold_m)
+    both = cross_track(counts, EDGES, p95_m=p95, perceived=0.5 * counts, threshold_m=threshold_m)
     assert_on_page(both)
-    assert {"true", "as guidance saw it"} <= set(texts(both))
+    assert {"true", "as guidance perceived it"} <= set(texts(both))
     legend = both.axes[0].get_legend()
     assert legend is not None
     assert legend.get_frame().get_alpha() == 1.0  # the threshold's line passes behind its words

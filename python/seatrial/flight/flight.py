@@ -442,7 +442,7 @@ def _sensors(flight: Flight) -> list[str]:
     if len(off) and np.max(off) > _OFF_M:
         found.append(
             f"The position that the autopilot was told was up to {np.max(off):.1f} m from the true one;"
-            " errors of guidance are those that it saw."
+            " errors of guidance are those that it perceived."
         )
     return [*found, *flight.circumstances.sensor_notes]
 

@@ -57,7 +57,7 @@ class FlightLog:
     desired
         By guidance: speed, lateral, heading, pitch, depth, (n,).
     errors
-        cross_track, vertical (as guidance saw them, m), and per loop desired less true, (n,).
+        cross_track, vertical (as guidance perceived them, m), and per loop desired less true, (n,).
     distance, leg, holding, done
         To the active waypoint, m; its index; whether station was kept; whether all was done; (n,).
     mode, modes
@@ -181,7 +181,7 @@ def log_fields(flights: Flights, vehicle: Vehicle, autopilot: Autopilot, case: i
 def _errors(
     columns: Mapping[str, Array], desired: Mapping[str, Array], by_pitch: NDArray[np.bool_]
 ) -> dict[str, Array]:
-    """Errors of guidance as it saw them, and of the loops, desired less true."""
+    """Errors of guidance as it perceived them, and of the loops, desired less true."""
     pitch = np.where(by_pitch, desired["pitch"], 0.0)
     return {
         "cross_track": columns["cross_track"],

@@ -7,8 +7,8 @@ depth excursion is how far the vehicle leaves the band between the depths of a l
 p50, p95 and p99 are those of one flight's error over time; the clearance is the smallest distance to an
 obstacle's edge, and travel the mean rate at which commands move, in shares of an actuator's range.
 
-A waypoint is reached when the autopilot saw the vehicle within its radius of acceptance R, and the vehicle
-truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. The overshoot in depth counts
+A waypoint is reached when the autopilot perceived the vehicle within its radius of acceptance R, and the
+vehicle truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. The overshoot in depth counts
 after a change of depth, beyond the new one, until the next change, as a share of the change.
 
 The error of a loop is what was desired less what the vehicle really did, over the time in which the loop was
@@ -147,7 +147,7 @@ class Leg:
     ----------
     label, task
         Name of the waypoint; "pass", "hold" or "circle".
-    acceptance_m, smallest_m, seen_m, reached
+    acceptance_m, smallest_m, perceived_m, reached
         Radius; smallest true distance (to a circle: to its circumference), and as the sensors showed it;
         whether the waypoint was reached.
     begin_s, time_s
@@ -169,7 +169,7 @@ class Leg:
     task: str
     acceptance_m: float
     smallest_m: float
-    seen_m: float
+    perceived_m: float
     reached: bool
     begin_s: float
     time_s: float
@@ -216,14 +216,14 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
     if not len(found):
         return _never(path, k)
     first, last = int(found.min()), int(found.max())
-    # The row in which guidance goes on to the next leg is the one in which it saw the waypoint reached.
+    # The row in which guidance goes on to the next leg is the one in which it perceived the waypoint reached.
     switched = min(last + 1, len(flight.t) - 1)
     part = slice(first, switched + 1)
     rows = np.zeros(switched + 1 - first, dtype=bool)
     rows[found - first] = True
     distance = _distance(flight, k, flight.position[part], flight.altitude[part])
     shown = _distance(flight, k, told[part], flight.measured["altitude"][part])
-    smallest, seen = float(np.nanmin(distance)), float(np.nanmin(shown))
+    smallest, perceived = float(np.nanmin(distance)), float(np.nanmin(shown))
     half = 0.5 * path.length(k)
     holding = flight.holding[part]
     settled = rows & ~holding & (flight.distance[part] < half) & (stop.task != "circle")
@@ -237,8 +237,8 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
         task=stop.task,
         acceptance_m=stop.acceptance,
         smallest_m=smallest,
-        seen_m=seen,
-        reached=seen <= stop.acceptance + _ROUNDING_M and smallest <= _TRULY * stop.acceptance,
+        perceived_m=perceived,
+        reached=perceived <= stop.acceptance + _ROUNDING_M and smallest <= _TRULY * stop.acceptance,
         begin_s=float(flight.t[first]),
         time_s=float(flight.t[switched] - flight.t[first]),
         cross_track_mean_m=_mean(across),
@@ -262,7 +262,7 @@ def _never(path: Route, k: int) -> Leg:
         task=stop.task,
         acceptance_m=stop.acceptance,
         smallest_m=math.inf,
-        seen_m=math.inf,
+        perceived_m=math.inf,
         reached=False,
         begin_s=nan,
         time_s=nan,

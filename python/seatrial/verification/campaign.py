@@ -1,11 +1,8 @@
-"""What a campaign asks of a verification, checked and ready to fly.
+"""What a campaign asks of a verification, checked before anything flies.
 
-Tests: ``tests/verification/test_verify.py``.
-
-What vehicle, autopilot and missions refuse of a table ``[verification]``, before anything flies.
-
-The checks are those of a flight (`seatrial.flight.fly`); here each is asked by itself, so that its message
-begins with the campaign's file and key. Tests: ``tests/verification/test_verification_messages.py``.
+The checks are those of a flight (`seatrial.flight.checks`); here each is asked by itself, so that its message
+begins with the campaign's file and key. Tests: ``tests/verification/test_verify.py``,
+``tests/verification/test_verification_messages.py``.
 """
 
 from __future__ import annotations

@@ -1,27 +1,7 @@
-"""Failure rate along a cause: in fifths of its values, in eight sectors of a direction, or by category.
+"""Which random inputs drive the failures of a requirement: size, side, p-value and failures along each.
 
-Held by `tests/verification/test_causes.py`.
-
-What a random input has to do with the failures of a requirement: size, side, p-value, failures along it.
-
-Held by `tests/verification/test_causes.py`.
-
-A cause in a sentence, in plain words.
-
-Held by `tests/verification/test_causes.py`.
-
-A random input held against what failed and what did not: the influence of one cause on one requirement.
-
-The tests are listed in `seatrial.verification.causes`. What harms to either side of a centre has an AUC of
-one half, so that a number is asked twice: by its ranks, and by their distance from that of the median. The
-smaller p-value counts twofold (Bonferroni), and says which of the two the influence is of.
-
-Held by `tests/verification/test_causes.py`.
-
-Which random input drives the failures: each cause held against what failed and what did not.
-
-Of every cause the area under the curve, AUC = P(value of a failed mission > value of a held one), ties half:
-0.5 says nothing, 0 and 1 part them completely. Tests and their sources:
+For every cause the area under the curve, AUC = P(value of a failed mission > value of a held one), ties half:
+0.5 says nothing, 0 and 1 separate them completely. Tests and their sources:
 
 ==========  ===========================================================  =====================================
 cause       enough failures                                              too few: against the reserve
@@ -32,17 +12,15 @@ direction   uniform scores: Wheeler & Watson (1964), Mardia (1967)       circula
 category    Fisher's exact test, each category against all others        Mann & Whitney of the reserve
 ==========  ===========================================================  =====================================
 
-Where most missions share a number or a reserve, `seatrial.statistics.multiple_testing` stays exact.
-
-The distance from the middle finds what harms to either side of a centre, as a current from port or starboard
-does; of the two p-values of a number the smaller one counts twofold.
+What harms on either side of a centre, as a current from port or starboard does, has an AUC of one half: a
+number is therefore tested twice, by its ranks and by their distance from the median. The smaller of the two
+p-values counts twofold (Bonferroni) and says which of the two the influence is of.
 
 The p-values of all causes for all requirements of a verification are one family, corrected by Holm (1979,
 Scand. J. Stat. 6:65): noise alone is named, anywhere in it, in at most ``level`` of the campaigns. The inputs
 are drawn independently: what goes with failures also drives them, but two causes that harm only together are
-each shown weaker than they are.
-
-Held by `tests/verification/test_causes.py`.
+each shown weaker than they are. The tests themselves, exact where most missions share a value, are in
+`seatrial.statistics.multiple_testing`. Held by ``tests/verification/test_causes.py``.
 """
 
 from __future__ import annotations
@@ -50,7 +28,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -65,180 +42,9 @@ from seatrial.statistics.multiple_testing import (
     uniform_scores,
 )
 from seatrial.statistics.proportions import share
+from seatrial.verification.failure_rates import Groups, grouped
 
-__all__ = [
-    "FEW",
-    "MET",
-    "Cause",
-    "Groups",
-    "Influence",
-    "Kind",
-    "Where",
-    "enough",
-    "find_causes",
-    "find_causes_of_all",
-    "grouped",
-    "influences",
-    "odds",
-    "sentence",
-]
-
-_FIFTHS = 5
-
-_SECTORS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
-
-
-@dataclass(frozen=True)
-class Groups:
-    """Groups of missions along a cause: their names, their missions, and how many of these failed.
-
-    ``edges`` are the ends of the fifths of a number, one more than groups, else empty.
-    """
-
-    labels: tuple[str, ...]
-    runs: tuple[int, ...]
-    failures: tuple[int, ...]
-    edges: tuple[float, ...] = ()
-
-    @property
-    def rates(self) -> tuple[float, ...]:
-        """Share of failures of each group, not a number of an empty one."""
-        return tuple(k / n if n else math.nan for k, n in zip(self.failures, self.runs, strict=True))
-
-
-def grouped(values: NDArray[Any], failed: NDArray[np.bool_], *, kind: str) -> Groups:
-    """Groups of k missions.
-
-    Parameters
-    ----------
-    values : ndarray, shape (k,)
-        Finite numbers, directions in rad within 0 to 2 pi, or words.
-    failed : ndarray of bool, shape (k,)
-    kind : {"number", "direction", "category"}
-
-    Examples
-    --------
-    >>> found = grouped(np.arange(10.0), np.arange(10) > 7, kind="number")
-    >>> found.labels, found.rates
-    (('0 to 1.8', '1.8 to 3.6', '3.6 to 5.4', '5.4 to 7.2', '7.2 to 9'), (0.0, 0.0, 0.0, 0.0, 1.0))
-    """
-    edges: NDArray[Any] = np.empty(0)
-    if kind == "category":
-        names, place = np.unique(values, return_inverse=True)
-        labels = [str(name) for name in names]
-    elif kind == "direction":
-        labels = list(_SECTORS)
-        place = np.rint(values / (0.25 * np.pi)).astype(int) % len(_SECTORS)
-    else:
-        # Values that are often met may fill several fifths: fewer groups are left.
-        edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, _FIFTHS + 1)))
-        if len(edges) == 2:
-            return _apart(values, failed, least=float(edges[0]), most=float(edges[1]))
-        place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-        # A thousandth of the range is enough: no 9.5e-05 beside 0.1.
-        digits = max(0, 2 - math.floor(math.log10(edges[-1] - edges[0])))
-        shown = [f"{round(float(edge), digits) + 0.0:.4g}" for edge in edges]
-        labels = [f"{low} to {high}" for low, high in pairwise(shown)]
-    runs = np.bincount(place, minlength=len(labels))
-    lost = np.bincount(place[failed], minlength=len(labels))
-    return Groups(tuple(labels), tuple(map(int, runs)), tuple(map(int, lost)), tuple(map(float, edges)))
-
-
-def _apart(values: NDArray[Any], failed: NDArray[np.bool_], *, least: float, most: float) -> Groups:
-    """Two groups of numbers that nearly all are the smallest or the largest one: these, and the others."""
-    usual = least if np.sum(values == least) >= np.sum(values == most) else most
-    same = values == usual
-    labels = (f"{usual:.3g}", f"above {usual:.3g}" if usual == least else f"below {usual:.3g}")
-    parts = (same, ~same)
-    return Groups(
-        labels, tuple(int(part.sum()) for part in parts), tuple(int(failed[part].sum()) for part in parts)
-    )
-
-
-def sentence(cause: Influence) -> str:
-    """What a cause has to do with the failures; of one that is not named, that it is not shown to."""
-    if not cause.named:
-        return f"{cause.label} is not shown to matter (corrected p {cause.corrected:.2g})"
-    if cause.by_failures:
-        return {"number": _number, "direction": _direction, "category": _category}[cause.kind](cause)
-    return f"too few failures to compare, but {_by_reserve(cause)}"
-
-
-def odds(ratio: float) -> str:
-    """An odds ratio with two digits and no power of ten.
-
-    Examples
-    --------
-    >>> odds(1024.0), odds(0.098)
-    ('1,000', '0.098')
-    """
-    return f"{float(f'{ratio:.2g}'):,.6g}"
-
-
-def _number(cause: Influence) -> str:
-    rates = cause.groups.rates
-    unit = f" {cause.unit}" if cause.unit and cause.unit != "1" else ""
-    if cause.where:
-        side = "far from" if cause.where == "both ends" else "close to"
-        fifths = (
-            f"; {share(rates[0])} of the missions fail in its lowest fifth, {share(rates[2])} in the middle"
-            f" one, {share(rates[-1])} in its highest"
-            if len(rates) == 5
-            else ""
-        )
-        return (
-            f"failures go with {cause.name} {side} its median: {cause.failed:.3g}{unit} away on average"
-            f" against {cause.held:.3g}{unit}; AUC of that distance {cause.auc:.2f}{fifths}"
-        )
-    fifths = (
-        f"; {share(rates[0])} of the missions fail in its lowest fifth, {share(rates[-1])} in its highest"
-        if len(rates) == 5
-        else ""
-    )
-    return (
-        f"failures go with {cause.name}: {cause.failed:.3g}{unit} on average against {cause.held:.3g}{unit};"
-        f" AUC {cause.auc:.2f}{fifths}"
-    )
-
-
-def _direction(cause: Influence) -> str:
-    groups = cause.groups
-    rated = [(rate, label) for rate, label in zip(groups.rates, groups.labels, strict=True) if rate == rate]
-    return (
-        f"failures go with {cause.name}: mostly about {math.degrees(cause.failed):.0f}\N{DEGREE SIGN} from"
-        f" north; AUC {cause.auc:.2f}; {share(max(rated)[0])} of the missions fail towards {max(rated)[1]},"
-        f" {share(min(rated)[0])} towards {min(rated)[1]}"
-    )
-
-
-def _category(cause: Influence) -> str:
-    groups = cause.groups
-    place = groups.labels.index(cause.category)
-    runs, failures = groups.runs[place], groups.failures[place]
-    others = sum(groups.failures) - failures, sum(groups.runs) - runs
-    rate, without = failures / runs, others[0] / max(others[1], 1)
-    ratio = f"; odds ratio {odds(cause.odds)}" if 0.0 < cause.odds < math.inf else ""
-    which = "with" if rate >= without else "without"
-    named = cause.name if cause.label == cause.name else f"{cause.name} {cause.category}"
-    return (
-        f"failures go {which} {named}: {failures} of {runs} missions with it fail ({share(rate)}),"
-        f" {others[0]} of {others[1]} without it ({share(without)}){ratio}"
-    )
-
-
-def _by_reserve(cause: Influence) -> str:
-    if cause.kind == "direction":
-        return f"the reserve varies with {cause.name} (circular rank correlation {cause.correlation:.2f})"
-    verb = "shrinks" if cause.correlation < 0.0 else "grows"
-    if cause.kind == "category":
-        return (
-            f"the reserve {verb} with {cause.label.replace(': ', ' ')} (smaller than without it in"
-            f" {share(0.5 * (1.0 - cause.correlation))} of the pairs)"
-        )
-    size = f"{cause.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
-    what = f"the distance of {cause.name} from its median" if cause.where else cause.name
-    return f"the reserve {verb} with {what} (Spearman's rank correlation {size})"
-
+__all__ = ["Cause", "Influence", "find_causes", "find_causes_of_all", "odds"]
 
 Kind = Literal["number", "direction", "category"]
 
@@ -246,6 +52,63 @@ Where = Literal["", "both ends", "middle"]
 
 MET = "yes"
 """Category of what was met, where there is nothing but to be met or not."""
+
+FEW = 5
+"""Failed, or held, missions below which the reserve is asked instead."""
+
+_FROM_NORTH = "deg from north"
+
+_UNITS = (_FROM_NORTH, "m/s", "m", "s", "deg", "sigmas")
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A random input of k missions.
+
+    Parameters
+    ----------
+    name : str
+        As a report calls it, such as "current speed" or "X_uu".
+    values : array_like, shape (k,)
+        Numbers; directions in rad, from north clockwise; or words of a category.
+    unit : str
+        Of the numbers, for the report.
+    kind : {"number", "direction", "category"}
+    usual : str
+        Of a category: the value that is no cause, such as "none".
+    """
+
+    name: str
+    values: ArrayLike
+    unit: str = ""
+    kind: Kind = "number"
+    usual: str = "none"
+
+    @classmethod
+    def of_column(cls, column: str, values: ArrayLike) -> Cause:
+        """Cause of a column "name, unit" of numbers.
+
+        Ones and zeros without a unit are a category that was met or not, "deg from north" is a direction.
+        A comma before anything but a unit belongs to the name, as that of a mission may.
+
+        Examples
+        --------
+        >>> Cause.of_column("fault of PtL", [0.0, 1.0, 0.0]).kind
+        'category'
+        >>> Cause.of_column("current speed, m/s", [0.1, 0.2]).unit
+        'm/s'
+        >>> Cause.of_column("current towards, deg from north", [10.0, 350.0]).kind
+        'direction'
+        """
+        numbers = np.asarray(values, dtype=np.float64)
+        name, _, unit = column.rpartition(", ")
+        if unit not in _UNITS:
+            name, unit = column, ""
+        if unit == _FROM_NORTH:
+            return cls(name, np.radians(numbers), kind="direction")
+        if not unit and np.isin(numbers, (0.0, 1.0)).all():
+            return cls(name, np.where(numbers > 0.0, MET, "no"), kind="category", usual="no")
+        return cls(name, numbers, unit)
 
 
 @dataclass(frozen=True)
@@ -312,8 +175,98 @@ class Influence:
         return sentence(self)
 
 
-FEW = 5
-"""Failed, or held, missions below which the reserve is asked instead."""
+def find_causes(
+    held: ArrayLike, reserve: ArrayLike, *, causes: Sequence[Cause], level: float = 0.05
+) -> tuple[Influence, ...]:
+    """Influences of all causes on one requirement, the named ones first, the strongest of them first.
+
+    Causes that are the same in all missions are left out; a mission without a value is left out of that
+    cause.
+
+    Parameters
+    ----------
+    held : array_like of bool, shape (k,)
+    reserve : array_like, shape (k,)
+        As of `seatrial.verification.requirement.Judgement`.
+    causes : sequence of Cause
+    level : float
+        Chance to name any cause where there is none.
+
+    Raises
+    ------
+    ValueError
+        A cause has another number of missions.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> speed, drag = rng.uniform(0.0, 0.5, 400), rng.normal(-40.0, 4.0, 400)
+    >>> reserve = 0.4 - speed + rng.normal(0.0, 0.02, 400)
+    >>> causes = [Cause("X_uu", drag, "kg/m"), Cause("current speed", speed, "m/s")]
+    >>> print(find_causes(reserve > 0.0, reserve, causes=causes)[0])
+    failures go with current speed: 0.446 m/s on average against 0.197 m/s; AUC 0.99; 0 % of the missions
+    fail in its lowest fifth, 89 % in its highest
+    """
+    return find_causes_of_all([(held, reserve)], causes=causes, level=level)[0]
+
+
+def find_causes_of_all(
+    judgements: Sequence[tuple[ArrayLike, ArrayLike]], *, causes: Sequence[Cause], level: float = 0.05
+) -> tuple[tuple[Influence, ...], ...]:
+    """Influences of all causes on each of several requirements, as of `find_causes`.
+
+    A requirement without failures whose reserve is the same everywhere, as that of words is, asks nothing.
+
+    Parameters
+    ----------
+    judgements : sequence of (held, reserve)
+        Of each requirement, (k,) each.
+    causes : sequence of Cause
+    level : float
+        Chance to name any cause of any requirement where there is none.
+
+    Raises
+    ------
+    ValueError
+        A cause has another number of missions.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> off, drag = rng.normal(0.0, 10.0, 400), rng.normal(-40.0, 4.0, 400)
+    >>> reserve = 15.0 - np.abs(off)
+    >>> causes = [Cause("X_uu", drag, "kg/m"), Cause("start heading off", off, "deg")]
+    >>> path, calm = find_causes_of_all(
+    ...     [(reserve > 0.0, reserve), (drag < 0.0, rng.normal(size=400))], causes=causes
+    ... )
+    >>> path[0].label, [one.named for one in calm]
+    ('start heading off: both ends', [False, False])
+    """
+    found = [
+        _of_one(causes, np.asarray(held, dtype=bool), np.asarray(reserve, dtype=np.float64))
+        for held, reserve in judgements
+    ]
+    corrected = holm([one.p_value for rows in found for one in rows])
+    ends = np.cumsum([len(rows) for rows in found]).tolist()
+    return tuple(
+        _judged(rows, corrected[end - len(rows) : end], level) for rows, end in zip(found, ends, strict=True)
+    )
+
+
+def _of_one(
+    causes: Sequence[Cause], held: NDArray[np.bool_], reserve: NDArray[np.float64]
+) -> list[Influence]:
+    for cause in causes:
+        if (shape := np.shape(cause.values)) != held.shape:
+            raise ValueError(f"{cause.name}: expected {len(held)} values, found shape {shape}")
+    if not enough(held) and (reserve == reserve[:1]).all():
+        return []
+    return [one for cause in causes for one in influences(cause, held, reserve)]
+
+
+def _judged(rows: Sequence[Influence], corrected: Sequence[float], level: float) -> tuple[Influence, ...]:
+    told = (replace(one, corrected=p, named=p <= level) for one, p in zip(rows, corrected, strict=True))
+    return tuple(sorted(told, key=lambda row: (not row.named, -row.strength)))
 
 
 def influences(cause: Cause, held: Mask, reserve: Array) -> list[Influence]:
@@ -436,150 +389,86 @@ def _heading(angle: Array) -> float:
     return float(np.mod(np.arctan2(np.sin(angle).sum(), np.cos(angle).sum()), 2.0 * np.pi))
 
 
-_FROM_NORTH = "deg from north"
-
-_UNITS = (_FROM_NORTH, "m/s", "m", "s", "deg", "sigmas")
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A random input of k missions.
-
-    Parameters
-    ----------
-    name : str
-        As a report calls it, such as "current speed" or "X_uu".
-    values : array_like, shape (k,)
-        Numbers; directions in rad, from north clockwise; or words of a category.
-    unit : str
-        Of the numbers, for the report.
-    kind : {"number", "direction", "category"}
-    usual : str
-        Of a category: the value that is no cause, such as "none".
-    """
-
-    name: str
-    values: ArrayLike
-    unit: str = ""
-    kind: Kind = "number"
-    usual: str = "none"
-
-    @classmethod
-    def of_column(cls, column: str, values: ArrayLike) -> Cause:
-        """Cause of a column "name, unit" of numbers.
-
-        Ones and zeros without a unit are a category that was met or not, "deg from north" is a direction.
-        A comma before anything but a unit belongs to the name, as that of a mission may.
-
-        Examples
-        --------
-        >>> Cause.of_column("fault of PtL", [0.0, 1.0, 0.0]).kind
-        'category'
-        >>> Cause.of_column("current speed, m/s", [0.1, 0.2]).unit
-        'm/s'
-        >>> Cause.of_column("current towards, deg from north", [10.0, 350.0]).kind
-        'direction'
-        """
-        numbers = np.asarray(values, dtype=np.float64)
-        name, _, unit = column.rpartition(", ")
-        if unit not in _UNITS:
-            name, unit = column, ""
-        if unit == _FROM_NORTH:
-            return cls(name, np.radians(numbers), kind="direction")
-        if not unit and np.isin(numbers, (0.0, 1.0)).all():
-            return cls(name, np.where(numbers > 0.0, MET, "no"), kind="category", usual="no")
-        return cls(name, numbers, unit)
+def sentence(cause: Influence) -> str:
+    """What a cause has to do with the failures; of one that is not named, that it is not shown to."""
+    if not cause.named:
+        return f"{cause.label} is not shown to matter (corrected p {cause.corrected:.2g})"
+    if cause.by_failures:
+        return {"number": _number, "direction": _direction, "category": _category}[cause.kind](cause)
+    return f"too few failures to compare, but {_by_reserve(cause)}"
 
 
-def find_causes(
-    held: ArrayLike, reserve: ArrayLike, *, causes: Sequence[Cause], level: float = 0.05
-) -> tuple[Influence, ...]:
-    """Influences of all causes on one requirement, the named ones first, the strongest of them first.
-
-    Causes that are the same in all missions are left out; a mission without a value is left out of that
-    cause.
-
-    Parameters
-    ----------
-    held : array_like of bool, shape (k,)
-    reserve : array_like, shape (k,)
-        As of `seatrial.verification.requirement.Judgement`.
-    causes : sequence of Cause
-    level : float
-        Chance to name any cause where there is none.
-
-    Raises
-    ------
-    ValueError
-        A cause has another number of missions.
+def odds(ratio: float) -> str:
+    """An odds ratio with two digits and no power of ten.
 
     Examples
     --------
-    >>> rng = np.random.default_rng(1)
-    >>> speed, drag = rng.uniform(0.0, 0.5, 400), rng.normal(-40.0, 4.0, 400)
-    >>> reserve = 0.4 - speed + rng.normal(0.0, 0.02, 400)
-    >>> causes = [Cause("X_uu", drag, "kg/m"), Cause("current speed", speed, "m/s")]
-    >>> print(find_causes(reserve > 0.0, reserve, causes=causes)[0])
-    failures go with current speed: 0.446 m/s on average against 0.197 m/s; AUC 0.99; 0 % of the missions
-    fail in its lowest fifth, 89 % in its highest
+    >>> odds(1024.0), odds(0.098)
+    ('1,000', '0.098')
     """
-    return find_causes_of_all([(held, reserve)], causes=causes, level=level)[0]
+    return f"{float(f'{ratio:.2g}'):,.6g}"
 
 
-def find_causes_of_all(
-    judgements: Sequence[tuple[ArrayLike, ArrayLike]], *, causes: Sequence[Cause], level: float = 0.05
-) -> tuple[tuple[Influence, ...], ...]:
-    """Influences of all causes on each of several requirements, as of `find_causes`.
-
-    A requirement without failures whose reserve is the same everywhere, as that of words is, asks nothing.
-
-    Parameters
-    ----------
-    judgements : sequence of (held, reserve)
-        Of each requirement, (k,) each.
-    causes : sequence of Cause
-    level : float
-        Chance to name any cause of any requirement where there is none.
-
-    Raises
-    ------
-    ValueError
-        A cause has another number of missions.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> off, drag = rng.normal(0.0, 10.0, 400), rng.normal(-40.0, 4.0, 400)
-    >>> reserve = 15.0 - np.abs(off)
-    >>> causes = [Cause("X_uu", drag, "kg/m"), Cause("start heading off", off, "deg")]
-    >>> path, calm = find_causes_of_all(
-    ...     [(reserve > 0.0, reserve), (drag < 0.0, rng.normal(size=400))], causes=causes
-    ... )
-    >>> path[0].label, [one.named for one in calm]
-    ('start heading off: both ends', [False, False])
-    """
-    found = [
-        _of_one(causes, np.asarray(held, dtype=bool), np.asarray(reserve, dtype=np.float64))
-        for held, reserve in judgements
-    ]
-    corrected = holm([one.p_value for rows in found for one in rows])
-    ends = np.cumsum([len(rows) for rows in found]).tolist()
-    return tuple(
-        _judged(rows, corrected[end - len(rows) : end], level) for rows, end in zip(found, ends, strict=True)
+def _number(cause: Influence) -> str:
+    rates = cause.groups.rates
+    unit = f" {cause.unit}" if cause.unit and cause.unit != "1" else ""
+    if cause.where:
+        side = "far from" if cause.where == "both ends" else "close to"
+        fifths = (
+            f"; {share(rates[0])} of the missions fail in its lowest fifth, {share(rates[2])} in the middle"
+            f" one, {share(rates[-1])} in its highest"
+            if len(rates) == 5
+            else ""
+        )
+        return (
+            f"failures go with {cause.name} {side} its median: {cause.failed:.3g}{unit} away on average"
+            f" against {cause.held:.3g}{unit}; AUC of that distance {cause.auc:.2f}{fifths}"
+        )
+    fifths = (
+        f"; {share(rates[0])} of the missions fail in its lowest fifth, {share(rates[-1])} in its highest"
+        if len(rates) == 5
+        else ""
+    )
+    return (
+        f"failures go with {cause.name}: {cause.failed:.3g}{unit} on average against {cause.held:.3g}{unit};"
+        f" AUC {cause.auc:.2f}{fifths}"
     )
 
 
-def _of_one(
-    causes: Sequence[Cause], held: NDArray[np.bool_], reserve: NDArray[np.float64]
-) -> list[Influence]:
-    for cause in causes:
-        if (shape := np.shape(cause.values)) != held.shape:
-            raise ValueError(f"{cause.name}: expected {len(held)} values, found shape {shape}")
-    if not enough(held) and (reserve == reserve[:1]).all():
-        return []
-    return [one for cause in causes for one in influences(cause, held, reserve)]
+def _direction(cause: Influence) -> str:
+    groups = cause.groups
+    rated = [(rate, label) for rate, label in zip(groups.rates, groups.labels, strict=True) if rate == rate]
+    return (
+        f"failures go with {cause.name}: mostly about {math.degrees(cause.failed):.0f}\N{DEGREE SIGN} from"
+        f" north; AUC {cause.auc:.2f}; {share(max(rated)[0])} of the missions fail towards {max(rated)[1]},"
+        f" {share(min(rated)[0])} towards {min(rated)[1]}"
+    )
 
 
-def _judged(rows: Sequence[Influence], corrected: Sequence[float], level: float) -> tuple[Influence, ...]:
-    told = (replace(one, corrected=p, named=p <= level) for one, p in zip(rows, corrected, strict=True))
-    return tuple(sorted(told, key=lambda row: (not row.named, -row.strength)))
+def _category(cause: Influence) -> str:
+    groups = cause.groups
+    place = groups.labels.index(cause.category)
+    runs, failures = groups.runs[place], groups.failures[place]
+    others = sum(groups.failures) - failures, sum(groups.runs) - runs
+    rate, without = failures / runs, others[0] / max(others[1], 1)
+    ratio = f"; odds ratio {odds(cause.odds)}" if 0.0 < cause.odds < math.inf else ""
+    which = "with" if rate >= without else "without"
+    named = cause.name if cause.label == cause.name else f"{cause.name} {cause.category}"
+    return (
+        f"failures go {which} {named}: {failures} of {runs} missions with it fail ({share(rate)}),"
+        f" {others[0]} of {others[1]} without it ({share(without)}){ratio}"
+    )
+
+
+def _by_reserve(cause: Influence) -> str:
+    if cause.kind == "direction":
+        return f"the reserve varies with {cause.name} (circular rank correlation {cause.correlation:.2f})"
+    verb = "shrinks" if cause.correlation < 0.0 else "grows"
+    if cause.kind == "category":
+        return (
+            f"the reserve {verb} with {cause.label.replace(': ', ' ')} (smaller than without it in"
+            f" {share(0.5 * (1.0 - cause.correlation))} of the pairs)"
+        )
+    size = f"{cause.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
+    what = f"the distance of {cause.name} from its median" if cause.where else cause.name
+    return f"the reserve {verb} with {what} (Spearman's rank correlation {size})"

@@ -1,16 +1,8 @@
-"""The drawn cases of a verification: everything that differs from one flight to the next.
+"""Draws of a verification: vehicle, water, start, failures and seeds of every mission, and their causes.
 
-Tests: ``tests/verification/test_draws.py``.
-
-What fails in which case: rows of faults and outages drawn from their probabilities.
-
-Tests: ``tests/verification/test_draws.py``.
-
-The cases of a verification, drawn: vehicle, water, start, failures and seeds of every flight.
-
-Case i is a function of the campaign's seed and of i alone (`seatrial.statistics.draws`): any one can be flown
-again by its number, and a longer campaign begins with the shorter one. The causes are independent of each
-other; a further entry of faults or outages changes none of the rest.
+Mission i is a function of the campaign's seed and of i alone (`seatrial.statistics.draws`): any one can be
+flown again by its number, and a longer campaign begins with the shorter one. The inputs are independent of
+each other; a further entry of faults or outages changes none of the rest.
 
 What the table leaves open: the current's speed is uniform from zero to a quarter of the slowest speed of the
 missions, its turbulence a tenth of it (intensities near 10 % in tidal channels: Thomson, Polagye, Durgesh and
@@ -18,12 +10,8 @@ Richmond 2012, IEEE J. Oceanic Eng. 37:363), alike north and east and 0.55 of th
 1993, *Turbulence in Open-Channel Flows*: 1.27 against 2.30). The vehicle starts level and, unless a speed
 is given, drifts with the water. A start above the surface is one at the surface.
 
-Tests: ``tests/verification/test_draws.py``.
-
-What was drawn of each case, in columns that a person can read: the causes from which failures may come.
-
-A cause has a column where the table scatters it, whatever these cases happened to draw. Coefficients count in
-standard deviations; of those that move together, as tied ones do, only the first has a column.
+A cause has a column where the table scatters it, whatever these missions happened to draw. Coefficients count
+in standard deviations; of those that move together, as tied ones do, only the first has a column.
 
 Tests: ``tests/verification/test_draws.py``.
 """

@@ -26,7 +26,7 @@ from seatrial.base.errors import CampaignError, nearest
 __all__ = [
     "CALLS",
     "KNOWN",
-    "SEEN",
+    "PERCEIVED",
     "Figure",
     "Kind",
     "check",
@@ -158,8 +158,8 @@ _NUMBERS = (
     "pitch_largest_deg",
 )  # fmt: skip
 
-SEEN = (*(f"{error}_{x}_m" for error in ("cross_track", "vertical") for x in _ERRORS), "missed_by_m")
-"""Errors as guidance saw them, from what its sensors told it; other figures are of the vehicle itself."""
+PERCEIVED = (*(f"{error}_{x}_m" for error in ("cross_track", "vertical") for x in _ERRORS), "missed_by_m")
+"""Errors as guidance perceived them, from its sensors; other metrics are of the vehicle itself."""
 
 KNOWN: Mapping[str, Figure] = {
     **dict.fromkeys(_NUMBERS, Figure()),

@@ -1,29 +1,13 @@
-"""A requirement after the missions: failures, interval, verdict, worst missions, causes.
+"""A requirement after the missions: failures, interval, verdict, worst missions, causes, and notes on it.
 
-Tests: ``tests/verification/test_verify.py``.
+The notes name what a verdict does not show. A metric that is infinite in all missions (altitude without a
+bottom, clearance without obstacles) holds any limit, and one that no mission has fails it. Energy that the
+vehicle file does not tell would be 0 Wh; a requirement on it is refused beforehand. Errors in ``cross_track_…``
+are those that guidance perceived: where dead reckoning drifts, they stay small while the vehicle leaves its
+path. Missions may also be beyond any autopilot: cut short, or faster than the top speed of the identified
+vehicle straight ahead (`seatrial.control_design.mode_table`) at the table's supply voltage.
 
-Figures that a requirement asks for and no mission has: a verdict that rests on one says nothing.
-
-Without a bottom the altitude is infinite, without obstacles the clearance is, and a requirement on them is
-held whatever is flown. A figure that is not a number in all missions, as the time of an alert where none was
-raised, lets its requirement fail whatever is flown. Both are told after the flights. Energy that the vehicle
-file does not tell would be 0 Wh, which any requirement on it allows: that is refused beforehand.
-
-Tests: ``tests/verification/test_verification_messages.py``.
-
-Which errors of a verification are those that guidance saw, and which are of the vehicle itself.
-
-Guidance knows where the sensors say it is: where dead reckoning walks away, ``cross_track_…`` stays small and
-the vehicle leaves its path. Both are kept; a requirement says which of them it means.
-
-Tests: ``tests/verification/test_seen_and_true.py``.
-
-Notes on what no autopilot could fly: missions cut short, speeds and currents beyond the top speed.
-
-A verdict on such a campaign is one on the campaign. The top speed is that of the identified vehicle straight
-ahead (`seatrial.control_design.mode_table`), at the table's supply voltage.
-
-Tests: ``tests/verification/test_verification_messages.py``.
+Tests: ``tests/verification/test_verify.py``, ``test_verification_messages.py``, ``test_perceived_and_true.py``.
 """
 
 from __future__ import annotations
@@ -39,7 +23,7 @@ from seatrial.statistics import proportions
 from seatrial.statistics.proportions import FailureProbability
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.verification.causes import Cause, Influence, find_causes_of_all
-from seatrial.verification.expression import KNOWN, SEEN
+from seatrial.verification.expression import KNOWN, PERCEIVED
 from seatrial.verification.missions import FlownMissions
 from seatrial.verification.requirement import Judgement, Requirement
 
@@ -55,7 +39,7 @@ __all__ = [
     "check_energy",
     "figures_without_value",
     "judged",
-    "seen_and_true",
+    "perceived_and_true",
 ]
 
 
@@ -310,26 +294,26 @@ def figures_without_value(requirements: Sequence[Requirement], flown: FlownMissi
 _SAME_M = 1e-3
 
 
-def seen_and_true(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
-    """A sentence on which errors are seen and which are true, with their sizes; none where they are the same.
+def perceived_and_true(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
+    """A sentence on which errors are perceived and which are true; none where they are the same.
 
     Parameters
     ----------
     requirements : sequence of Requirement
     flown : FlownMissions
     """
-    seen, true = (
+    perceived, true = (
         np.asarray(flown.figures[name], float) for name in ("cross_track_p95_m", "true_cross_track_p95_m")
     )
-    known = np.isfinite(seen) & np.isfinite(true)
-    if not known.any() or np.allclose(seen[known], true[known], rtol=0.0, atol=_SAME_M):
+    known = np.isfinite(perceived) & np.isfinite(true)
+    if not known.any() or np.allclose(perceived[known], true[known], rtol=0.0, atol=_SAME_M):
         return ()
-    asked = [f'"{one.name}"' for one in requirements if set(one.figures) & set(SEEN)]
+    asked = [f'"{one.name}"' for one in requirements if set(one.figures) & set(PERCEIVED)]
     who = f" (which {' and '.join(asked)} ask{'s' if len(asked) == 1 else ''} for)" if asked else ""
     return (
-        "Errors that guidance saw, from what its sensors told it, are cross_track_…, vertical_… and"
+        "Errors that guidance perceived, from what its sensors told it, are cross_track_…, vertical_… and"
         f" missed_by_m{who}; true_cross_track_…, clearance, depths, altitude and attitude are of the vehicle"
-        f" itself. Cross-track p95, median of the missions: {np.median(seen[known]):.2g} m seen,"
+        f" itself. Cross-track p95, median of the missions: {np.median(perceived[known]):.2g} m perceived,"
         f" {np.median(true[known]):.2g} m true.",
     )
 

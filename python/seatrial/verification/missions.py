@@ -72,7 +72,7 @@ __all__ = [
 
 Values = NDArray[Any]
 
-_PLAIN = ("numbers", "mission", "seeds", "seen_counts", "true_counts")
+_PLAIN = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +87,9 @@ class FlownMissions:
         Numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,).
     causes
         What was drawn, by readable names with units, (k,).
-    seen_counts, true_counts
+    perceived_counts, true_counts
         Samples of the cross-track error on settled legs between the edges of ``_core.error_edges``,
-        (k, edges + 1): as guidance saw it, and of where the vehicle really was.
+        (k, edges + 1): as guidance perceived it, and of where the vehicle really was.
     wall_s
         Time that they took, s.
     """
@@ -99,7 +99,7 @@ class FlownMissions:
     seeds: NDArray[np.int_]
     figures: Mapping[str, Values]
     causes: Mapping[str, Array]
-    seen_counts: Array
+    perceived_counts: Array
     true_counts: Array
     wall_s: float
 
@@ -143,7 +143,7 @@ class FlownMissions:
             self.seeds[:count],
             {name: column[:count] for name, column in self.figures.items()},
             {name: column[:count] for name, column in self.causes.items()},
-            self.seen_counts[:count],
+            self.perceived_counts[:count],
             self.true_counts[:count],
             self.wall_s * min(count, len(self)) / max(len(self), 1),
         )
@@ -217,7 +217,7 @@ class FlownMissions:
 def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple[Array, Array]]:
     """Figures of all cases as requirements name them, (k,), and counts of two errors, (k, bins) each.
 
-    These are of the cross-track error as guidance saw it, and of where the vehicle really was.
+    These are of the cross-track error as guidance perceived it, and of where the vehicle really was.
 
     ``ending`` and ``alert`` become words; without an alert its time is not a number.
 
@@ -338,13 +338,13 @@ class CampaignFlights:
         began = time.monotonic()
         drawn = self.draws(numbers)
         figures: dict[str, Any] = {}
-        seen, true = np.zeros((2, len(drawn), len(_core.error_edges()) + 1))
+        perceived, true = np.zeros((2, len(drawn), len(_core.error_edges()) + 1))
         for index in np.unique(drawn.mission).tolist():
             rows = np.flatnonzero(drawn.mission == index)
             found, samples = figures_for_requirements(
                 self._cases(drawn.take(rows), index).fly(threads=threads)
             )
-            seen[rows], true[rows] = (counts[: len(rows)] for counts in samples)
+            perceived[rows], true[rows] = (counts[: len(rows)] for counts in samples)
             for name, values in found.items():
                 if name not in figures:
                     words = values.dtype.kind == "U"
@@ -356,7 +356,7 @@ class CampaignFlights:
             seeds=drawn.seeds,
             figures=figures,
             causes=dict(drawn.causes),
-            seen_counts=seen,
+            perceived_counts=perceived,
             true_counts=true,
             wall_s=time.monotonic() - began,
         )
@@ -392,7 +392,7 @@ class CampaignFlights:
         fitted = self.fitted
         what = [
             metadata.version("seatrial"),
-            [*KNOWN, *self.draws([0]).causes],
+            [*KNOWN, *_PLAIN, *self.draws([0]).causes],
             _core.simd_level(),
             self.seed,
             asked,

@@ -18,7 +18,12 @@ from seatrial.base.run import RunDirectory, run_facts, sha256
 from seatrial.campaign.campaign import input_hashes
 from seatrial.flight.checks import checked_threads
 from seatrial.verification.comparison import AutopilotComparison, compared
-from seatrial.verification.judgement import beyond_the_vehicle, figures_without_value, judged, seen_and_true
+from seatrial.verification.judgement import (
+    beyond_the_vehicle,
+    figures_without_value,
+    judged,
+    perceived_and_true,
+)
 from seatrial.verification.missions import MissionsFlown, fly_series
 from seatrial.verification.verification import Verification, input_files
 
@@ -183,7 +188,7 @@ def _verified(
                 *draws.notes,
                 *beyond_the_vehicle(prepared.flights, draws, flown),
                 *figures_without_value(prepared.requirements, flown),
-                *seen_and_true(prepared.requirements, flown),
+                *perceived_and_true(prepared.requirements, flown),
             ])
         ),
         facts=run_facts(

@@ -1,6 +1,6 @@
 """Cross-track error of all missions of a verification: how often it is exceeded, and the p95 of each mission.
 
-Where the vehicle really was stands beside what guidance saw: the difference is the sensors' own.
+Where the vehicle really was stands beside what guidance perceived: the difference is the sensors' own.
 
 Held by `tests/report/test_verification_figures.py`.
 """
@@ -81,7 +81,7 @@ def cross_track(
     edges: ArrayLike,
     *,
     p95_m: ArrayLike,
-    seen: ArrayLike | None = None,
+    perceived: ArrayLike | None = None,
     of: str = "true",
     threshold_m: float | None = None,
     heading: str = "",
@@ -97,8 +97,8 @@ def cross_track(
         Edges of the bins, m.
     p95_m : array_like, shape (k,)
         The p95 of each mission, m; not a number of one that diverged.
-    seen : array_like, optional
-        Samples as ``counts``, of the error that guidance saw.
+    perceived : array_like, optional
+        Samples as ``counts``, of the error that guidance perceived.
     of : str
         Which of the two errors ``p95_m`` is of.
     threshold_m : float, optional
@@ -111,7 +111,7 @@ def cross_track(
         The counts do not fit the edges.
     """
     pooled = np.atleast_2d(np.asarray(counts, float)).sum(axis=0)
-    told = None if seen is None else np.atleast_2d(np.asarray(seen, float)).sum(axis=0)
+    told = None if perceived is None else np.atleast_2d(np.asarray(perceived, float)).sum(axis=0)
     edge, p95 = np.asarray(edges, float), np.asarray(p95_m, float)
     with house_style():
         figure = new_figure(2.7)
@@ -161,12 +161,12 @@ def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None, t
 
 
 def _told(axes: Axes, counts: Array, edges: Array) -> None:
-    """The error that guidance saw, beside the true one."""
+    """The error that guidance perceived, beside the true one."""
     above = exceedance(counts, edges)
     some = above > 0.0
     axes.plot(
         np.append(0.0, edges[some]), np.append(100.0, 100.0 * above[some]), color=SECOND, linewidth=1.0,
-        linestyle=(0, (4, 1.5)), label="as guidance saw it",
+        linestyle=(0, (4, 1.5)), label="as guidance perceived it",
     )  # fmt: skip
 
 

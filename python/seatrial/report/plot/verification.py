@@ -372,16 +372,16 @@ def verification_figures(found: Verification) -> Iterator[tuple[str, Figure]]:
 
 
 def _cross_track(found: Verification) -> Figure:
-    """Cross-track error, true and as seen; the missions' p95 of the one that a requirement is about."""
+    """Cross-track error, true and as perceived; the missions' p95 of the one that a requirement is about."""
     asked = [limit for one in found.requirements for limit in _LIMIT.findall(one.requirement.holds)]
     # Where requirements ask for both, the true error is what matters.
     figure, limit = max(asked, key=lambda one: one[0] == _TRUE, default=(_TRUE, ""))
     return cross_track(
         found.flown.true_counts,
         error_edges(),
-        seen=found.flown.seen_counts,
+        perceived=found.flown.perceived_counts,
         p95_m=found.flown.figures[figure],
-        of="true" if figure == _TRUE else "as guidance saw it",
+        of="true" if figure == _TRUE else "as guidance perceived it",
         threshold_m=float(limit) if limit else None,
     )
 
