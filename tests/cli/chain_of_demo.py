@@ -23,8 +23,8 @@ def complaints(found: dict[str, Any]) -> list[str]:
         f"the start gains leave their corridors, found {judged['start']} s outside": judged["start"] > 100.0,
         f"the tuned gains keep to them, found {judged['tuned']} s outside": judged["tuned"] < NEARLY_S,
         f"they do so on the truth, found {on_truth} s outside": on_truth < NEARLY_S,
-        "the verdict on drawn vehicles is held": found["cwolf_verification"]["verdict"] == "held",
-        "the verdict on the truth is held": found["cwolf_verification_on_truth"]["verdict"] == "held",
+        "the verdict on drawn vehicles is held": found["cwolf_verification"]["outcome"] == "held",
+        "the verdict on the truth is held": found["cwolf_verification_on_truth"]["outcome"] == "held",
     }
     return [f"expected: {words}" for words, holds in checks.items() if not holds]
 

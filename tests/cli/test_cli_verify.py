@@ -50,7 +50,7 @@ def test_a_held_verdict_is_exit_code_0_and_leaves_a_run_directory(monkeypatch: p
     assert result.exit_code == 0, result.output
     run = Path("runs/short-verified")
     data = json.loads((run / "verification.json").read_text())
-    assert data["verdict"] == "held"
+    assert data["outcome"] == "held"
     assert data["missions"] == {"asked": 24, "flown": 24, "of": ["out"]}
     figures = {path.name for path in (run / "figures").iterdir()}
     assert figures == {"requirements.png", "requirements.pdf"}
@@ -70,7 +70,7 @@ def test_failed_and_undecided_are_exit_code_1(holds: str) -> None:
     result = call("--no-figures", "--json", "--runs", 8)
     assert result.exit_code == 1, result.output
     found = json.loads(result.stdout)
-    assert found["verdict"] == {"<": "failed", ">": "undecided"}[holds.split()[1]]
+    assert found["outcome"] == {"<": "failed", ">": "undecided"}[holds.split()[1]]
     assert found["figures"] == []
 
 

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.verification.verification import Outcome, junit_xml
+from seatrial.verification.junit import JUnitCase, junit_xml
 
 OUTCOMES = [
-    Outcome("farm", "keeps its path", "held", "held: at most 0.39 %", time_s=1.25),
-    Outcome("farm", "no abort", "failed", "failed: at least 2 %", "worst run: seed 17", time_s=0.5),
-    Outcome("box.toml", "energy", "undecided", "undecided: 199 more"),
-    Outcome("box.toml", "time", "error", "box.toml: no leg"),
+    JUnitCase("farm", "keeps its path", "held", "held: at most 0.39 %", time_s=1.25),
+    JUnitCase("farm", "no abort", "failed", "failed: at least 2 %", "worst run: seed 17", time_s=0.5),
+    JUnitCase("box.toml", "energy", "undecided", "undecided: 199 more"),
+    JUnitCase("box.toml", "time", "error", "box.toml: no leg"),
 ]
 
 
@@ -86,7 +86,7 @@ def test_what_is_needed_to_fly_again_stands_in_properties_and_the_time_only_if_t
 
 @given(st.text(st.characters(exclude_categories=())), st.text())
 def test_law_any_text_gives_well_formed_xml(name: str, details: str) -> None:
-    text = junit_xml(name, [Outcome(name, name, "failed", name, details)], properties={name: name})
+    text = junit_xml(name, [JUnitCase(name, name, "failed", name, details)], properties={name: name})
     root = ElementTree.fromstring(text.encode())
     case = root.find("testsuite/testcase")
     assert case is not None

@@ -105,8 +105,8 @@ def test_a_valid_log_is_exit_code_0_and_leaves_a_run_directory() -> None:
     assert result.exit_code == 0, result.output
     run = Path("runs/box-log-today")
     data = json.loads((run / "verdict.json").read_text())
-    assert data["verdict"] == "held"
-    assert data["outcome"] == "model still valid"
+    assert data["outcome"] == "held"
+    assert data["model"] == "model still valid"
     # The box mission has no farm.
     assert data["figures"]["clearance_m"] is None or not np.isfinite(data["figures"]["clearance_m"])
     assert data["envelope"]["flights"] == 64
@@ -123,7 +123,7 @@ def test_a_changed_vehicle_is_exit_code_1() -> None:
     result = call("--log", "today", "--json", "--reference", "box")
     assert result.exit_code == 1, result.output
     data = json.loads(result.stdout)
-    assert data["verdict"] == "failed"
+    assert data["outcome"] == "failed"
     assert data["suspects"][0]["name"] == "SbU.gain"
 
 
@@ -218,7 +218,7 @@ def test_a_slow_log_is_held_against_references_as_slow() -> None:
         slow.sigma[:, 5].mean() > 1.5 * fast.sigma[:, 5].mean()
     )  # yaw rate: the commands change it in a second
     found = verify_log(fit, judged.log, reference=slow)
-    assert found.outcome != "re-identify", found.summary()
+    assert found.model != "re-identify", found.summary()
 
 
 @pytest.mark.parametrize(
@@ -236,5 +236,5 @@ def test_what_the_log_cannot_tell_is_undecided(outcome: str, missing: tuple[str,
     asked = JudgedRequirement("a", "...", None if missing else True, 1.0, "m", missing)
     for name, value in {"outcome": outcome, "requirements": (asked,), "steps": ()}.items():
         object.__setattr__(judged, name, value)
-    assert judged.verdict == verdict
-    assert judged.passed == (verdict == "held")
+    assert judged.outcome == verdict
+    assert judged.held == (verdict == "held")

@@ -43,7 +43,7 @@ def judged(mission: st.Mission, current: list[float], thrust: float = 1.0) -> Lo
 
 def test_a_current_that_was_not_recorded_is_no_changed_vehicle() -> None:
     found = judged(MISSION, [0.2, 0.1, 0.0])
-    assert found.outcome == "model still valid", found.summary()
+    assert found.model == "model still valid", found.summary()
     # The Doppler log is good to 8 mm/s and the headings of a box differ: a centimetre or two per second.
     assert found.current == pytest.approx((0.2, 0.1), abs=0.02)
     assert "0.22 m/s towards 2" in found.reason
@@ -52,14 +52,14 @@ def test_a_current_that_was_not_recorded_is_no_changed_vehicle() -> None:
 
 def test_a_change_is_found_beside_a_current_that_was_not_recorded() -> None:
     found = judged(MISSION, [0.2, 0.1, 0.0], thrust=0.85)
-    assert found.outcome == "re-identify"
+    assert found.model == "re-identify"
     assert found.current is not None
     assert found.suspects[0].change.startswith("all thrust -1")
 
 
 def test_on_one_heading_less_thrust_and_a_current_are_not_told_apart() -> None:
     found = judged(AHEAD, [0.0, 0.0, 0.0], thrust=0.85)
-    assert found.verdict == "undecided", found.summary()
+    assert found.outcome == "undecided", found.summary()
     assert "cannot tell a changed vehicle from the water" in found.reason
     thrust = next(one for one in found.detectable if one.change.startswith("all thrust"))
     assert thrust.power < 0.5

@@ -56,7 +56,7 @@ def test_law_the_interval_of_a_share_of_whole_samples_is_clopper_and_pearsons(hi
 def test_a_large_share_that_does_not_refute_does_not_pass_either() -> None:
     """A weak propeller on a log of 16 windows, held against 14: 42 % of q outside, p = 0.015."""
     verdict = verify_log(fitted(), log(7, WEAK), reference=log(100).trial)
-    assert verdict.outcome == "log too short or too quiet to tell", verdict.summary()
+    assert verdict.model == "log too short or too quiet to tell", verdict.summary()
     assert "less than would refute it" in verdict.reason
     assert "doubt" in verdict.summary()
     assert verdict.validity is not None
@@ -68,8 +68,8 @@ def test_a_large_share_that_does_not_refute_does_not_pass_either() -> None:
 @pytest.mark.parametrize("known", ["reference", "noise"])
 def test_an_unchanged_vehicle_is_valid_in_closed_loop(known: str) -> None:
     verdict = verify_log(fitted(), log(2), reference=log(100).trial if known == "reference" else None)
-    assert verdict.outcome == "model still valid", verdict.summary()
-    assert verdict.passed
+    assert verdict.model == "model still valid", verdict.summary()
+    assert verdict.held
     assert not verdict.suspects
     assert verdict.validity is not None
     assert verdict.validity.outside < 0.10
@@ -95,7 +95,7 @@ def test_what_the_covariance_allows_is_no_reason_to_doubt_the_model() -> None:
 
 def test_a_log_too_short_is_not_judged() -> None:
     verdict = verify_log(fitted(), log(2), stop_s=30.0)
-    assert verdict.outcome == "log too short or too quiet to tell"
+    assert verdict.model == "log too short or too quiet to tell"
     assert "windows of 10 s are too few" in verdict.reason
 
 
@@ -112,7 +112,7 @@ def test_a_log_at_rest_says_nothing_of_the_model() -> None:
     columns |= {"voltage_v": np.full(len(t), 16.0)}
     trial = st.Trial.read({"t_s": t} | columns, align=False)
     verdict = verify_log(vehicle, trial)
-    assert verdict.outcome == "log too short or too quiet to tell", verdict.summary()
+    assert verdict.model == "log too short or too quiet to tell", verdict.summary()
     assert "would hardly have shown any change" in verdict.reason
 
 
@@ -141,8 +141,8 @@ def test_a_reference_of_few_windows_is_refused() -> None:
 
 def test_a_weak_propeller_is_noticed_though_the_mission_was_flown() -> None:
     verdict = verify_log(fitted(), log(2, WEAK), reference=log(100).trial)
-    assert verdict.outcome == "re-identify"
-    assert not verdict.passed
+    assert verdict.model == "re-identify"
+    assert not verdict.held
     assert verdict.validity is not None
     assert {one.channel for one in verdict.validity.failing} & {"q", "pitch", "r"}
     assert verdict.suspects[0].name == "SbU.gain"

@@ -55,8 +55,8 @@ def test_a_verdict_reads_from_outcome_to_suspects_to_the_mission() -> None:
 
 def test_a_verdict_is_plain_data() -> None:
     data = json.loads(json.dumps(verdict().to_dict()))
-    assert data["outcome"] == "re-identify"
-    assert data["passed"] is False
+    assert data["model"] == "re-identify"
+    assert data["held"] is False
     assert [one["held"] for one in data["requirements"]] == [True, False, None]
     assert data["validity"]["channels"]["w"]["fails"] is True
     assert 0.0 <= data["envelope"]["outside"]["depth"] <= 1.0

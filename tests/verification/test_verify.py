@@ -21,13 +21,9 @@ from seatrial.report.plot.verification import WorstFlight, verification_figures,
 from seatrial.verification import missions as mission_series
 from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.comparison import compared, mcnemar
+from seatrial.verification.flown_missions import FlownMissions, figures_for_requirements
 from seatrial.verification.judgement import judged
-from seatrial.verification.missions import (
-    CampaignFlights,
-    FlownMissions,
-    MissionsFlown,
-    figures_for_requirements,
-)
+from seatrial.verification.missions import CampaignFlights, MissionsFlown
 from seatrial.verification.requirement import Requirement
 from seatrial.verification.verification import Verification
 from seatrial.verification.verify import verify
@@ -330,7 +326,7 @@ def test_the_verdict_is_that_of_the_worst_requirement(folder: Path, holds: str, 
     lenient = SHORT.replace("probability = 0.5", "probability = 0.2")
     found = verify(campaign(folder, lenient + further))
     assert [one.verdict for one in found.requirements] == ["held", "held", verdict]
-    assert found.verdict == verdict
+    assert found.outcome == verdict
     assert not found.held
     assert verify(campaign(folder, lenient)).held
 
@@ -412,7 +408,7 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
         "summary.txt", "junit.xml", "worst_runs.json", "missions.parquet",
     }  # fmt: skip
     data = json.loads((run / "verification.json").read_text())
-    assert data["verdict"] == found.verdict
+    assert data["outcome"] == found.outcome
     assert [row["failures"] for row in data["requirements"]] == [r.found.failures for r in found.requirements]
     suite = ElementTree.fromstring((run / "junit.xml").read_text())
     assert suite.get("failures") == str(sum(one.verdict != "held" for one in found.requirements))
@@ -425,7 +421,7 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     facts = json.loads((run / "run.json").read_text())
     assert facts["seed"] == 7
     summary = (run / "summary.txt").read_text()
-    assert summary.startswith(found.verdict.upper())
+    assert summary.startswith(found.outcome.upper())
     assert "seatrial verify campaign.toml --replay" in summary
 
 

@@ -322,11 +322,11 @@ def verify_log(
             f"Vehicle: {fit or campaign.vehicle.name}. Log: {log}{part}.", soft_wrap=True, markup=False
         )
         console.print(found.summary(), soft_wrap=True, markup=False)
-        console.print(f"VERDICT: {found.verdict}", markup=False, style="bold")
+        console.print(f"VERDICT: {found.outcome}", markup=False, style="bold")
         files = "verdict.json, summary.txt and the inputs"
         console.print(f"Results in {folder}: {files}", soft_wrap=True, markup=False)
         list_figures(console, written)
-    if not found.passed:
+    if not found.held:
         raise typer.Exit(1)
 
 

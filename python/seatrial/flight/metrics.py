@@ -8,8 +8,8 @@ p50, p95 and p99 are those of one flight's error over time; the clearance is the
 obstacle's edge, and travel the mean rate at which commands move, in shares of an actuator's range.
 
 A waypoint is reached when the autopilot perceived the vehicle within its radius of acceptance R, and the
-vehicle truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. The overshoot in depth counts
-after a change of depth, beyond the new one, until the next change, as a share of the change.
+vehicle truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. The overshoot in depth
+counts after a change of depth, beyond the new one, until the next change, as a share of the change.
 
 The error of a loop is what was desired less what the vehicle really did, over the time in which the loop was
 at work. A demand is saturated where it stands at the loop's limit, or where what the actuators reach differs

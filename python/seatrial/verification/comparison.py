@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from seatrial.statistics.multiple_testing import holm
 from seatrial.statistics.proportions import FailureProbability
-from seatrial.verification.missions import FlownMissions
+from seatrial.verification.flown_missions import FlownMissions
 from seatrial.verification.requirement import Requirement
 
 __all__ = ["AutopilotComparison", "FlownAutopilot", "PairedRequirement", "compared", "mcnemar"]

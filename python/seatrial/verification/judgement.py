@@ -2,12 +2,12 @@
 
 The notes name what a verdict does not show. A metric that is infinite in all missions (altitude without a
 bottom, clearance without obstacles) holds any limit, and one that no mission has fails it. Energy that the
-vehicle file does not tell would be 0 Wh; a requirement on it is refused beforehand. Errors in ``cross_track_…``
-are those that guidance perceived: where dead reckoning drifts, they stay small while the vehicle leaves its
-path. Missions may also be beyond any autopilot: cut short, or faster than the top speed of the identified
-vehicle straight ahead (`seatrial.control_design.mode_table`) at the table's supply voltage.
+vehicle file does not tell would be 0 Wh; a requirement on it is refused beforehand. Cross-track errors
+without ``true_`` are those that guidance perceived: where dead reckoning drifts, they stay small while the
+vehicle leaves its path. Missions may also be beyond any autopilot: cut short, or faster than the top speed of
+the identified vehicle straight ahead (`seatrial.control_design.mode_table`) at the table's supply voltage.
 
-Tests: ``tests/verification/test_verify.py``, ``test_verification_messages.py``, ``test_perceived_and_true.py``.
+Tests: ``test_verify.py``, ``test_verification_messages.py``, ``test_perceived_and_true.py``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from seatrial.statistics.proportions import FailureProbability
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.verification.causes import Cause, Influence, find_causes_of_all
 from seatrial.verification.expression import KNOWN, PERCEIVED
-from seatrial.verification.missions import FlownMissions
+from seatrial.verification.flown_missions import FlownMissions
 from seatrial.verification.requirement import Judgement, Requirement
 
 if TYPE_CHECKING:

@@ -1,20 +1,9 @@
-"""The missions of a verification that were flown: what was drawn of each, and what came of it.
-
-Kept between runs as compressed arrays, bit by bit as they were flown: a verdict does not depend on where its
-missions were taken up again.
-
-Tests: ``tests/verification/test_verify.py``.
-
-The flights of a verification: which vehicle with which autopilot flies which mission through what.
+"""The missions of a verification: which vehicle flies which one through what, chunk after chunk.
 
 The autopilot's own model is the identified vehicle; those that fly are drawn from its covariance. Mission i
 is a function of the campaign's seed and of i alone, whatever else is flown beside it: lanes give the same
 bits wherever a case stands in a batch. A batch of one takes another path through the core, whose last bits
 differ, so that a mission that is alone is flown in two lanes.
-
-Tests: ``tests/verification/test_verify.py``.
-
-Missions flown one chunk after the other: progress, Ctrl-C, and chunks that an earlier run finished.
 
 A chunk is 512 missions: enough to fill the lanes of many threads, few enough that Ctrl-C loses seconds.
 
@@ -23,234 +12,39 @@ Tests: ``tests/verification/test_verify.py``.
 
 from __future__ import annotations
 
-import base64
 import hashlib
-import io
 import json
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from seatrial import _core
 from seatrial._core import autopilot_names
-from seatrial.base.arrays import Array
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
-from seatrial.flight.metrics import DIVERGED, figures_of
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN
+from seatrial.verification.flown_missions import KEPT, FlownMissions, figures_for_requirements
 from seatrial.verification.requirement import obstacles
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import polars as pl
-
-    from seatrial._core import Autopilot, Flights, Vehicle
+    from seatrial._core import Autopilot, Vehicle
     from seatrial.base.run import RunDirectory
     from seatrial.flight.mission import Mission
 
-__all__ = [
-    "CHUNK",
-    "CampaignFlights",
-    "FlownMissions",
-    "MissionsFlown",
-    "Series",
-    "figures_for_requirements",
-    "fly_series",
-]
-
-Values = NDArray[Any]
-
-_PLAIN = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")
-
-
-@dataclass(frozen=True, eq=False)
-class FlownMissions:
-    """Missions that were flown (k), in the order of their numbers.
-
-    Attributes
-    ----------
-    numbers, mission, seeds
-        Number in the campaign, index of the mission and seed of its noise, (k,).
-    figures
-        Numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,).
-    causes
-        What was drawn, by readable names with units, (k,).
-    perceived_counts, true_counts
-        Samples of the cross-track error on settled legs between the edges of ``_core.error_edges``,
-        (k, edges + 1): as guidance perceived it, and of where the vehicle really was.
-    wall_s
-        Time that they took, s.
-    """
-
-    numbers: NDArray[np.int_]
-    mission: NDArray[np.int_]
-    seeds: NDArray[np.int_]
-    figures: Mapping[str, Values]
-    causes: Mapping[str, Array]
-    perceived_counts: Array
-    true_counts: Array
-    wall_s: float
-
-    def __len__(self) -> int:
-        """Number of missions."""
-        return len(self.numbers)
-
-    @property
-    def flown_s(self) -> float:
-        """Time that was flown in all of them together, s; a diverged one counts nothing."""
-        return float(np.nansum(self.figures["duration_s"]))
-
-    @property
-    def real_time_factor(self) -> float:
-        """Time flown over the time that it took."""
-        return self.flown_s / self.wall_s if self.wall_s > 0.0 else float("nan")
-
-    @property
-    def per_second(self) -> float:
-        """Missions flown in a second."""
-        return len(self) / self.wall_s if self.wall_s > 0.0 else float("nan")
-
-    def place(self, number: int) -> int:
-        """Row of the mission with a number.
-
-        Raises
-        ------
-        ValueError
-            It was not flown.
-        """
-        rows = np.flatnonzero(self.numbers == number)
-        if not len(rows):
-            raise ValueError(f"mission {number} was not flown")
-        return int(rows[0])
-
-    def first(self, count: int) -> FlownMissions:
-        """The first of them."""
-        return FlownMissions(
-            self.numbers[:count],
-            self.mission[:count],
-            self.seeds[:count],
-            {name: column[:count] for name, column in self.figures.items()},
-            {name: column[:count] for name, column in self.causes.items()},
-            self.perceived_counts[:count],
-            self.true_counts[:count],
-            self.wall_s * min(count, len(self)) / max(len(self), 1),
-        )
-
-    def table(self, missions: Sequence[str]) -> pl.DataFrame:
-        """Table with a row per mission: number, mission, seed, figures, and what was drawn ("drawn: ...").
-
-        Parameters
-        ----------
-        missions : sequence of str
-            Their names.
-        """
-        import polars as pl
-
-        return pl.DataFrame(
-            {
-                "number": self.numbers,
-                "mission": [missions[k] for k in self.mission.tolist()],
-                "seed": self.seeds,
-            }
-            | {name: pl.Series(values) for name, values in self.figures.items()}
-            | {f"drawn: {name}": pl.Series(values) for name, values in self.causes.items()}
-        )
-
-    def to_text(self) -> str:
-        """Everything as text that loses nothing; `from_text` reads it."""
-        stream = io.BytesIO()
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in _PLAIN} | {"wall_s": self.wall_s}
-        arrays |= {f"figure {name}": values for name, values in self.figures.items()}
-        arrays |= {f"cause {name}": values for name, values in self.causes.items()}
-        np.savez_compressed(stream, **arrays)
-        return base64.b64encode(stream.getvalue()).decode("ascii")
-
-    @classmethod
-    def from_text(cls, text: str) -> FlownMissions:
-        """Missions of a text that `to_text` made."""
-        with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as found:
-            return cls(
-                **{name: found[name] for name in _PLAIN},
-                figures={
-                    name.removeprefix("figure "): found[name]
-                    for name in found.files
-                    if name.startswith("figure ")
-                },
-                causes={
-                    name.removeprefix("cause "): found[name]
-                    for name in found.files
-                    if name.startswith("cause ")
-                },
-                wall_s=float(found["wall_s"]),
-            )
-
-    @classmethod
-    def joined(cls, parts: Sequence[FlownMissions]) -> FlownMissions:
-        """Parts one behind the other.
-
-        Parameters
-        ----------
-        parts : sequence of FlownMissions
-            At least one.
-        """
-        first = parts[0]
-        return cls(
-            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in _PLAIN},
-            figures={name: np.concatenate([part.figures[name] for part in parts]) for name in first.figures},
-            causes={name: np.concatenate([part.causes[name] for part in parts]) for name in first.causes},
-            wall_s=sum(part.wall_s for part in parts),
-        )
-
-
-def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple[Array, Array]]:
-    """Figures of all cases as requirements name them, (k,), and counts of two errors, (k, bins) each.
-
-    These are of the cross-track error as guidance perceived it, and of where the vehicle really was.
-
-    ``ending`` and ``alert`` become words; without an alert its time is not a number.
-
-    Parameters
-    ----------
-    flights : Flights
-    """
-    found: dict[str, Values] = dict(figures_of(flights))
-    names = autopilot_names()
-    endings, watches = np.array(names["endings"]), np.array(["", *names["watches"]])
-    diverged = ~np.isfinite(found["duration_s"])
-    codes = np.where(diverged, 0.0, found["ending"]).astype(int)
-    found["ending"] = np.where(diverged, DIVERGED, endings[codes])
-    causes = np.nan_to_num(found.pop("alert_cause")).astype(int)
-    called = np.nan_to_num(found["alert"]) > 0.0
-    found["alert"] = np.where(called, watches[causes], "")
-    found["alert_time_s"] = np.where(called, found["alert_time_s"], np.nan)
-    # Of a diverged mission no figure may hold a requirement.
-    for name, values in found.items():
-        if values.dtype.kind == "f":
-            found[name] = np.where(diverged, np.nan, values)
-    found["abort"] = np.isin(found["ending"], ("aborted", DIVERGED))
-    return found, (
-        _between_edges(flights.cross_track_counts),
-        _between_edges(flights.true_cross_track_counts),
-    )
-
-
-def _between_edges(above: Array) -> Array:
-    """Samples between the edges (k, edges + 1) from all samples and those above each edge."""
-    samples = np.asarray(above, dtype=float)
-    return np.asarray(samples - np.append(samples[:, 1:], np.zeros((len(samples), 1)), axis=1))
-
+__all__ = ["CHUNK", "CampaignFlights", "MissionsFlown", "Series", "fly_series"]
 
 _LARGEST_STEP_S = 0.02
 
@@ -392,7 +186,7 @@ class CampaignFlights:
         fitted = self.fitted
         what = [
             metadata.version("seatrial"),
-            [*KNOWN, *_PLAIN, *self.draws([0]).causes],
+            [*KNOWN, *KEPT, *self.draws([0]).causes],
             _core.simd_level(),
             self.seed,
             asked,

@@ -1,54 +1,27 @@
-"""Verification: what a campaign of missions says of an autopilot, for people, for machines and as files.
-
-A verification in words: verdicts, causes, worst missions, comparison, time.
-
-Tests: ``tests/verification/test_verify.py``.
-
-What a verification leaves in its run directory: verdict, missions, JUnit XML, worst missions, inputs.
+"""Verification: what many missions say of an autopilot, for people, for machines and as files.
 
 Tests: ``tests/verification/test_verify.py``, ``tests/cli/test_cli_verify.py``.
-
-Verdicts as JUnit XML, which build servers show beside the other tests.
-
-One ``testsuite`` per campaign, one ``testcase`` per requirement: it is judged on the mix of the table's
-missions, and the failures of each of them stand in its text. There is no binding schema; these are the
-elements and attributes that Jenkins and GitLab read, all of them of junit-10.xsd of Jenkins' xUnit plugin
-but ``error``, which that spells ``errors`` and every server reads as it is here:
-
-==============  ==================================================================================
-``testsuite``   ``name tests failures errors skipped time timestamp``; seed, versions and what is assumed
-                as ``property``
-``testcase``    ``classname`` campaign.mission, or campaign.all missions (GitLab: the suite), ``name``
-                requirement, ``time`` s
-``failure``     a requirement that failed; ``type="failed"``, ``message`` the verdict, text the details
-``failure``     one that is undecided; ``type="undecided"``: it was not shown to hold, so that a build
-                must not pass; ``undecided="skipped"`` where a short campaign shall only warn
-``error``       a mission that could not be flown; ``type="error"``
-==============  ==================================================================================
-
-Held by `tests/verification/test_junit.py`.
 """
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from importlib import metadata
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
 from seatrial.base.run import RunDirectory, to_json
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
 from seatrial.verification.comparison import AutopilotComparison
+from seatrial.verification.flown_missions import FlownMissions
 from seatrial.verification.judgement import JudgedRequirement
-from seatrial.verification.missions import CampaignFlights, FlownMissions
+from seatrial.verification.junit import JUnitCase, junit_xml
+from seatrial.verification.missions import CampaignFlights
 
 if TYPE_CHECKING:
     import polars as pl
@@ -57,14 +30,12 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
 
 __all__ = [
-    "Outcome",
     "Verification",
     "again",
     "comparison_lines",
     "headline",
     "input_files",
     "junit",
-    "junit_xml",
     "requirement_lines",
     "reserve",
     "summary",
@@ -109,7 +80,7 @@ class Verification:
     facts: Mapping[str, Any]
 
     @property
-    def verdict(self) -> proportions.Verdict:
+    def outcome(self) -> proportions.Verdict:
         """Held where every requirement is, failed where any is, undecided otherwise.
 
         That all are held is wrong at most as often as a single one (Berger 1982, Technometrics 24:295): no
@@ -123,7 +94,7 @@ class Verification:
     @property
     def held(self) -> bool:
         """Whether every requirement is held."""
-        return self.verdict == "held"
+        return self.outcome == "held"
 
     def requirement(self, name: str) -> JudgedRequirement:
         """The requirement with a name.
@@ -164,7 +135,7 @@ class Verification:
         """Everything but the missions as plain data."""
         return {
             "campaign": self.campaign.name,
-            "verdict": self.verdict,
+            "outcome": self.outcome,
             "interrupted": self.interrupted,
             "missions": {"asked": self.asked, "flown": len(self.flown), "of": list(self.flights.titles)},
             "vehicle": self.flights.fitted.vehicle.name,
@@ -245,7 +216,7 @@ def headline(found: Verification) -> str:
     counted = f"{flown} missions" if flown == found.asked else f"{flown} of {found.asked} missions"
     cut = " (interrupted)" if found.interrupted else ""
     return (
-        f"{found.verdict.upper()}{cut}: autopilot {flights.autopilot.name} on {flights.fitted.vehicle.name},"
+        f"{found.outcome.upper()}{cut}: autopilot {flights.autopilot.name} on {flights.fitted.vehicle.name},"
         f" {counted} of {missions}, seed {flights.seed}"
     )
 
@@ -323,130 +294,6 @@ def _figure(value: float) -> str:
     return "none" if math.isnan(value) else f"{value:.3g}"
 
 
-_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 has no way to write: most control characters, halves of surrogate pairs."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came out for a requirement.
-
-    Parameters
-    ----------
-    mission, requirement : str
-        Their names; of several missions together "all missions".
-    verdict : {"held", "failed", "undecided", "error"}
-        ``error``: the mission could not be flown.
-    message : str
-        The verdict in one line.
-    details : str
-        More lines: causes, the worst runs and how to fly them again.
-    time_s : float
-        Time that it took.
-    """
-
-    mission: str
-    requirement: str
-    verdict: Literal["held", "failed", "undecided", "error"]
-    message: str = ""
-    details: str = ""
-    time_s: float = 0.0
-
-
-def junit_xml(
-    name: str,
-    outcomes: Sequence[Outcome],
-    *,
-    properties: Mapping[str, object] | None = None,
-    at: datetime | None = None,
-    undecided: Literal["failure", "skipped"] = "failure",
-) -> str:
-    """JUnit XML of a campaign, a text to be written in UTF-8.
-
-    Parameters
-    ----------
-    name : str
-        Of the campaign.
-    outcomes : sequence of Outcome
-    properties : mapping of str to object, optional
-        Seed, versions and whatever else is needed to fly it again.
-    at : datetime, optional
-        When it began; left out, the same verdicts give the same file.
-    undecided : {"failure", "skipped"}
-        What an undecided requirement is to a build.
-
-    Examples
-    --------
-    >>> kept = Outcome("box", "keeps its path", "held", time_s=2.5)
-    >>> print(junit_xml("farm", [kept], properties={"seed": 7}))
-    <?xml version="1.0" encoding="UTF-8"?>
-    <testsuites tests="1" failures="0" errors="0" time="2.500">
-      <testsuite name="farm" tests="1" failures="0" errors="0" skipped="0" time="2.500">
-        <properties>
-          <property name="seed" value="7" />
-        </properties>
-        <testcase classname="farm.box" name="keeps its path" time="2.500" />
-      </testsuite>
-    </testsuites>
-    """
-    tags = [_tag(outcome, undecided) for outcome in outcomes]
-    counts = {
-        "tests": str(len(tags)),
-        "failures": str(tags.count("failure")),
-        "errors": str(tags.count("error")),
-        "skipped": str(tags.count("skipped")),
-        "time": _seconds(sum(outcome.time_s for outcome in outcomes)),
-    }
-    # The schema of Jenkins' xUnit plugin knows no skipped ones of all suites together.
-    root = ElementTree.Element("testsuites", {key: n for key, n in counts.items() if key != "skipped"})
-    suite = ElementTree.SubElement(root, "testsuite", {"name": _clean(name), **counts})
-    if at is not None:
-        suite.set("timestamp", at.strftime("%Y-%m-%dT%H:%M:%S"))
-    if properties:
-        rows = ElementTree.SubElement(suite, "properties")
-        for key, value in properties.items():
-            ElementTree.SubElement(rows, "property", {"name": _clean(key), "value": _clean(str(value))})
-    for outcome, tag in zip(outcomes, tags, strict=True):
-        _case(suite, name, outcome, tag)
-    ElementTree.indent(root)
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
-
-
-def _case(suite: ElementTree.Element, campaign: str, outcome: Outcome, tag: str) -> None:
-    # Jenkins takes what stands before the last point for a package: points inside a name would part it.
-    classname = ".".join(part.replace(".", "_") for part in (campaign, outcome.mission))
-    case = ElementTree.SubElement(
-        suite,
-        "testcase",
-        {
-            "classname": _clean(classname),
-            "name": _clean(outcome.requirement),
-            "time": _seconds(outcome.time_s),
-        },
-    )
-    if tag:
-        said = ElementTree.SubElement(
-            case, tag, {"message": _clean(outcome.message), "type": outcome.verdict}
-        )
-        # GitLab shows the text alone: the verdict belongs into it too.
-        said.text = _clean("\n".join(text for text in (outcome.message, outcome.details) if text))
-    elif outcome.message or outcome.details:
-        told = ElementTree.SubElement(case, "system-out")
-        told.text = _clean("\n".join(text for text in (outcome.message, outcome.details) if text))
-
-
-def _tag(outcome: Outcome, undecided: str) -> str:
-    return {"held": "", "failed": "failure", "undecided": undecided, "error": "error"}[outcome.verdict]
-
-
-def _seconds(time_s: float) -> str:
-    return f"{time_s:.3f}"
-
-
-def _clean(text: str) -> str:
-    return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)
-
-
 _LONGEST = 50
 """Letters: those of some scripts take four of the 255 bytes that file systems give a name."""
 
@@ -458,7 +305,7 @@ def junit(found: Verification) -> str:
     part = found.flown.wall_s / len(found.requirements)
     lines = [requirement_lines(one) for one in found.requirements]
     outcomes = [
-        Outcome(
+        JUnitCase(
             mission,
             one.requirement.name,
             one.verdict,

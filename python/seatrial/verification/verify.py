@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.verification.campaign import VerifiedCampaign
-    from seatrial.verification.missions import FlownMissions
+    from seatrial.verification.flown_missions import FlownMissions
 
 __all__ = ["conduct", "verify"]
 

@@ -155,7 +155,7 @@ def residual_page(verdict: LogVerdict) -> Figure:
         _legend(figure, panels[0, 0])
         ahead = log.since_restart(0)[-1]
         figure.suptitle(
-            f"{verdict.log.trial.name}: {verdict.outcome} (restarted every {ahead:.3g} s)",
+            f"{verdict.log.trial.name}: {verdict.model} (restarted every {ahead:.3g} s)",
             x=0.01,
             ha="left",
             fontweight="bold",

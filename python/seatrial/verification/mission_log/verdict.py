@@ -48,9 +48,9 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.metrics import LoggedStep
 
-__all__ = ["Detectable", "JudgedRequirement", "LogVerdict", "Outcome", "detectable_changes", "summary"]
+__all__ = ["Detectable", "JudgedRequirement", "LogVerdict", "ModelState", "detectable_changes", "summary"]
 
-Outcome = Literal["model still valid", "re-identify", "log too short or too quiet to tell"]
+ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell"]
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class LogVerdict:
     ----------
     log
         What was judged.
-    outcome
+    model
         "model still valid", "re-identify" or "log too short or too quiet to tell".
     reason
         A sentence.
@@ -117,7 +117,7 @@ class LogVerdict:
     """
 
     log: MissionLog
-    outcome: Outcome
+    model: ModelState
     reason: str
     validity: Validity | None
     suspects: tuple[Suspect, ...]
@@ -136,25 +136,25 @@ class LogVerdict:
     @property
     def valid(self) -> bool:
         """Whether the log speaks for the model."""
-        return self.outcome == "model still valid"
+        return self.model == "model still valid"
 
     @property
-    def verdict(self) -> Verdict:
+    def outcome(self) -> Verdict:
         """Of model and mission together, in the words of a verification.
 
         "failed" where the model is refuted or a requirement or corridor broken, "undecided" where the log
         cannot tell one of them, otherwise "held". Requirements on the truth (``true_...``) do not count.
         """
         broken = any(one.held is False for one in self.requirements)
-        if self.outcome == "re-identify" or broken or any(step.criterion > 0.0 for step in self.steps):
+        if self.model == "re-identify" or broken or any(step.criterion > 0.0 for step in self.steps):
             return "failed"
         told = self.valid and all(one.held is not None or one.beyond_logs for one in self.requirements)
         return "held" if told else "undecided"
 
     @property
-    def passed(self) -> bool:
-        """Whether the verdict is "held": what was not shown does not pass."""
-        return self.verdict == "held"
+    def held(self) -> bool:
+        """Whether the outcome is "held": what was not shown does not pass."""
+        return self.outcome == "held"
 
     def summary(self) -> str:
         """Text that a control engineer reads."""
@@ -165,9 +165,9 @@ class LogVerdict:
         return {
             "log": self.log.trial.name,
             "outcome": self.outcome,
+            "held": self.held,
+            "model": self.model,
             "reason": self.reason,
-            "verdict": self.verdict,
-            "passed": self.passed,
             "validity": None if self.validity is None else self.validity.to_dict(),
             "suspects": [one.to_dict() for one in self.suspects],
             "detectable": [{"change": one.change, "power": one.power} for one in self.detectable],
@@ -230,7 +230,7 @@ _SHOWN = 6
 
 def summary(verdict: LogVerdict) -> str:
     """Text of a verdict, the most important first."""
-    lines = [f"{verdict.log.trial.name}: {verdict.outcome}", verdict.reason]
+    lines = [f"{verdict.log.trial.name}: {verdict.model}", verdict.reason]
     lines += _channels(verdict)
     if verdict.validity is not None:
         lines.append(f"The band is that of {verdict.validity.spread.source}.")

@@ -43,7 +43,7 @@ from seatrial.verification.mission_log.verdict import (
     Detectable,
     JudgedRequirement,
     LogVerdict,
-    Outcome,
+    ModelState,
     detectable_changes,
 )
 
@@ -64,14 +64,14 @@ _TOLD = 0.5
 _MUCH, _MOST_OF_IT = 2.0, 0.9
 """More than twice the usual error left, and no nine tenths explained, is no single change of the vehicle."""
 
-_QUIET: Outcome = "log too short or too quiet to tell"
+_QUIET: ModelState = "log too short or too quiet to tell"
 
 
 @dataclass(frozen=True, eq=False)
 class ModelJudgement:
     """What a log says of the model; attributes as those of `LogVerdict`."""
 
-    outcome: Outcome
+    model: ModelState
     reason: str
     validity: Validity | None = None
     suspects: tuple[Suspect, ...] = ()
@@ -315,7 +315,7 @@ def verify_log(
         )
     return LogVerdict(
         log=record,
-        outcome=judged.outcome,
+        model=judged.model,
         reason=judged.reason,
         validity=judged.validity,
         suspects=judged.suspects,

@@ -1,0 +1,211 @@
+"""Missions that were flown: what was drawn of each, and what came of it.
+
+Kept between runs as compressed arrays, bit by bit as they were flown: a verdict does not depend on where its
+missions were taken up again.
+
+Tests: ``tests/verification/test_verify.py``.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial._core import autopilot_names
+from seatrial.base.arrays import Array
+from seatrial.flight.metrics import DIVERGED, figures_of
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial._core import Flights
+
+__all__ = ["KEPT", "FlownMissions", "figures_for_requirements"]
+
+Values = NDArray[Any]
+
+KEPT = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")
+"""Arrays that are kept between runs, besides metrics and causes."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlownMissions:
+    """Missions that were flown (k), in the order of their numbers.
+
+    Attributes
+    ----------
+    numbers, mission, seeds
+        Number in the campaign, index of the mission and seed of its noise, (k,).
+    figures
+        Numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,).
+    causes
+        What was drawn, by readable names with units, (k,).
+    perceived_counts, true_counts
+        Samples of the cross-track error on settled legs between the edges of ``_core.error_edges``,
+        (k, edges + 1): as guidance perceived it, and of where the vehicle really was.
+    wall_s
+        Time that they took, s.
+    """
+
+    numbers: NDArray[np.int_]
+    mission: NDArray[np.int_]
+    seeds: NDArray[np.int_]
+    figures: Mapping[str, Values]
+    causes: Mapping[str, Array]
+    perceived_counts: Array
+    true_counts: Array
+    wall_s: float
+
+    def __len__(self) -> int:
+        """Number of missions."""
+        return len(self.numbers)
+
+    @property
+    def flown_s(self) -> float:
+        """Time that was flown in all of them together, s; a diverged one counts nothing."""
+        return float(np.nansum(self.figures["duration_s"]))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Time flown over the time that it took."""
+        return self.flown_s / self.wall_s if self.wall_s > 0.0 else float("nan")
+
+    @property
+    def per_second(self) -> float:
+        """Missions flown in a second."""
+        return len(self) / self.wall_s if self.wall_s > 0.0 else float("nan")
+
+    def place(self, number: int) -> int:
+        """Row of the mission with a number.
+
+        Raises
+        ------
+        ValueError
+            It was not flown.
+        """
+        rows = np.flatnonzero(self.numbers == number)
+        if not len(rows):
+            raise ValueError(f"mission {number} was not flown")
+        return int(rows[0])
+
+    def first(self, count: int) -> FlownMissions:
+        """The first of them."""
+        return FlownMissions(
+            self.numbers[:count],
+            self.mission[:count],
+            self.seeds[:count],
+            {name: column[:count] for name, column in self.figures.items()},
+            {name: column[:count] for name, column in self.causes.items()},
+            self.perceived_counts[:count],
+            self.true_counts[:count],
+            self.wall_s * min(count, len(self)) / max(len(self), 1),
+        )
+
+    def table(self, missions: Sequence[str]) -> pl.DataFrame:
+        """Table with a row per mission: number, mission, seed, figures, and what was drawn ("drawn: ...").
+
+        Parameters
+        ----------
+        missions : sequence of str
+            Their names.
+        """
+        import polars as pl
+
+        return pl.DataFrame(
+            {
+                "number": self.numbers,
+                "mission": [missions[k] for k in self.mission.tolist()],
+                "seed": self.seeds,
+            }
+            | {name: pl.Series(values) for name, values in self.figures.items()}
+            | {f"drawn: {name}": pl.Series(values) for name, values in self.causes.items()}
+        )
+
+    def to_text(self) -> str:
+        """Everything as text that loses nothing; `from_text` reads it."""
+        stream = io.BytesIO()
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in KEPT} | {"wall_s": self.wall_s}
+        arrays |= {f"figure {name}": values for name, values in self.figures.items()}
+        arrays |= {f"cause {name}": values for name, values in self.causes.items()}
+        np.savez_compressed(stream, **arrays)
+        return base64.b64encode(stream.getvalue()).decode("ascii")
+
+    @classmethod
+    def from_text(cls, text: str) -> FlownMissions:
+        """Missions of a text that `to_text` made."""
+        with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as found:
+            return cls(
+                **{name: found[name] for name in KEPT},
+                figures={
+                    name.removeprefix("figure "): found[name]
+                    for name in found.files
+                    if name.startswith("figure ")
+                },
+                causes={
+                    name.removeprefix("cause "): found[name]
+                    for name in found.files
+                    if name.startswith("cause ")
+                },
+                wall_s=float(found["wall_s"]),
+            )
+
+    @classmethod
+    def joined(cls, parts: Sequence[FlownMissions]) -> FlownMissions:
+        """Parts one behind the other.
+
+        Parameters
+        ----------
+        parts : sequence of FlownMissions
+            At least one.
+        """
+        first = parts[0]
+        return cls(
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in KEPT},
+            figures={name: np.concatenate([part.figures[name] for part in parts]) for name in first.figures},
+            causes={name: np.concatenate([part.causes[name] for part in parts]) for name in first.causes},
+            wall_s=sum(part.wall_s for part in parts),
+        )
+
+
+def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple[Array, Array]]:
+    """Figures of all cases as requirements name them, (k,), and counts of two errors, (k, bins) each.
+
+    These are of the cross-track error as guidance perceived it, and of where the vehicle really was.
+
+    ``ending`` and ``alert`` become words; without an alert its time is not a number.
+
+    Parameters
+    ----------
+    flights : Flights
+    """
+    found: dict[str, Values] = dict(figures_of(flights))
+    names = autopilot_names()
+    endings, watches = np.array(names["endings"]), np.array(["", *names["watches"]])
+    diverged = ~np.isfinite(found["duration_s"])
+    codes = np.where(diverged, 0.0, found["ending"]).astype(int)
+    found["ending"] = np.where(diverged, DIVERGED, endings[codes])
+    causes = np.nan_to_num(found.pop("alert_cause")).astype(int)
+    called = np.nan_to_num(found["alert"]) > 0.0
+    found["alert"] = np.where(called, watches[causes], "")
+    found["alert_time_s"] = np.where(called, found["alert_time_s"], np.nan)
+    # Of a diverged mission no figure may hold a requirement.
+    for name, values in found.items():
+        if values.dtype.kind == "f":
+            found[name] = np.where(diverged, np.nan, values)
+    found["abort"] = np.isin(found["ending"], ("aborted", DIVERGED))
+    return found, (
+        _between_edges(flights.cross_track_counts),
+        _between_edges(flights.true_cross_track_counts),
+    )
+
+
+def _between_edges(above: Array) -> Array:
+    """Samples between the edges (k, edges + 1) from all samples and those above each edge."""
+    samples = np.asarray(above, dtype=float)
+    return np.asarray(samples - np.append(samples[:, 1:], np.zeros((len(samples), 1)), axis=1))
