@@ -222,7 +222,7 @@ def test_a_slow_log_is_held_against_references_as_slow() -> None:
 
 
 @pytest.mark.parametrize(
-    ("outcome", "missing", "verdict"),
+    ("model", "missing", "verdict"),
     [
         ("model still valid", (), "held"),
         ("model still valid", ("missed_by_m",), "undecided"),
@@ -231,10 +231,10 @@ def test_a_slow_log_is_held_against_references_as_slow() -> None:
         ("re-identify", (), "failed"),
     ],
 )
-def test_what_the_log_cannot_tell_is_undecided(outcome: str, missing: tuple[str, ...], verdict: str) -> None:
+def test_what_the_log_cannot_tell_is_undecided(model: str, missing: tuple[str, ...], verdict: str) -> None:
     judged = LogVerdict.__new__(LogVerdict)
     asked = JudgedRequirement("a", "...", None if missing else True, 1.0, "m", missing)
-    for name, value in {"outcome": outcome, "requirements": (asked,), "steps": ()}.items():
+    for name, value in {"model": model, "requirements": (asked,), "steps": ()}.items():
         object.__setattr__(judged, name, value)
     assert judged.outcome == verdict
     assert judged.held == (verdict == "held")
