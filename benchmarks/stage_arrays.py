@@ -106,7 +106,7 @@ def arrays(plan: StagePlan, vehicle: st.Vehicle, substeps: int) -> StageArrays:
     nu, nu_rate = trial.smooth_nu(np.linspace(trial.t[0], trial.t[-1], 2 * substeps * (len(trial) - 1) + 1))
     counting = data.weights > 0
     per_error = np.where(counting, data.weights / np.where(counting, data.scale, 1.0), 0.0)
-    counted = data.counted[0] * (per_error / float(data.weights @ data.counts))
+    counted = data.records[0].counted * (per_error / float(data.weights @ data.counts))
     weight = np.where(inside[:, None, :], counted[sample].transpose(0, 2, 1), 0.0)
     weight[0] = 0.0
     return StageArrays(

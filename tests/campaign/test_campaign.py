@@ -11,7 +11,7 @@ import pytest
 from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.bench_test.evaluate import fingerprint
 from seatrial.campaign.campaign import Campaign
-from seatrial.estimation.segments import cut
+from seatrial.estimation.problem import cut
 
 HEAD = """
 format = 1
@@ -146,7 +146,7 @@ def test_segment_starts_from_valid_samples_only() -> None:
     found = campaign(WHOLE, recording)
     data = cut(found, found.stages[0])
     assert all(data.trials[0].startable[piece.start] for piece in data.segments)
-    assert not data.counted[0][105:125, 0].any()
+    assert not data.records[0].counted[105:125, 0].any()
 
 
 def test_stages_run_after_those_they_name() -> None:

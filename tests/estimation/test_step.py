@@ -12,8 +12,9 @@ from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.criterion import Criterion
-from seatrial.estimation.segments import RATE_LIMIT, SEARCH_RATE_LIMIT, around, stage_step
+from seatrial.estimation.problem import Problem
 from seatrial.estimation.stage import plan
+from seatrial.estimation.step import RATE_LIMIT, SEARCH_RATE_LIMIT, around, stage_step
 
 
 def parameter(name: str, lower: float, upper: float) -> Parameter:
@@ -88,13 +89,7 @@ def test_step_of_the_global_search_ranks_candidates_as_a_fine_one(tmp_path: Path
     for stage in plan(campaign):
         coarse, fine = (
             Criterion(
-                campaign,
-                stage.stage,
-                vehicle=campaign.vehicle,
-                parameters=stage.parameters,
-                data=stage.data,
-                substeps=substeps,
-                threads=1,
+                Problem(campaign.vehicle, stage.stage, stage.data, stage.parameters, substeps, threads=1)
             )
             for substeps in (stage.step.search, 4 * stage.step.substeps)
         )

@@ -47,7 +47,7 @@ def core(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
             self.records, self.segments = records, segments
             fake.segments = segments
 
-        def predict(self, values: Array) -> list[Array]:
+        def predict(self, values: Array, *rest: Any, **options: Any) -> list[Array]:
             return [self.records[s[0]].rest["observed"][s[1] : s[2]] + fake.error for s in self.segments]
 
     fake.Record, fake.OpenLoop = Record, OpenLoop

@@ -1,12 +1,4 @@
-"""Residuals as they are: autocorrelation, the share that is not white, how many samples count as independent.
-
-A model inside its class leaves the sensors' noise; a missing term leaves a residual that remembers. Memory
-makes n samples tell as much as ``n dt / tau`` independent ones, with the correlation time
-``tau = dt (1 + 2 sum rho_k)`` (Bartlett 1946); a test that ignores it finds structure in every log.
-
-Sources: Box & Jenkins, *Time Series Analysis* (1970); Ljung & Box, Biometrika 65 (1978).
-
-Model criticism: what the residuals say against the model, and what to do about it.
+"""Model criticism: what the residuals say against the model, and what to do about it.
 
 Three questions. Do the residuals look like the sensors' noise (`seatrial.diagnosis.residual_analysis`)? Which
 coefficient that is held should be free (`seatrial.diagnosis.missing_terms`)? Which other signal do they
@@ -37,6 +29,7 @@ from seatrial.diagnosis.missing_terms import (
     missing_terms,
     strongest,
 )
+from seatrial.diagnosis.refitting import refitted
 from seatrial.diagnosis.residual_autocorrelation import Autocorrelation, autocorrelations
 from seatrial.diagnosis.residual_signals import (
     FollowedSignal,
@@ -45,6 +38,7 @@ from seatrial.diagnosis.residual_signals import (
     recorded_signals,
     with_predicted_velocity,
 )
+from seatrial.estimation.joint_estimate import linearise
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import score_tests
 
@@ -199,9 +193,6 @@ def criticise_joint(
     >>> joint = Joint(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
     >>> print(criticise_joint(joint, polish(joint).values))  # doctest: +SKIP
     """
-    from seatrial.diagnosis.refitting import refitted
-    from seatrial.estimation.joint_estimate import linearise
-
     info = joint.vehicle.coefficient_info()
     trials = {name: joint.campaign.trials[name] for name in joint.data.names}
     tried = candidates(joint.vehicle, names(joint.parameters), free=joint.stage.axes.free)

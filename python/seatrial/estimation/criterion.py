@@ -3,34 +3,24 @@
 ``Q = sum_c W_c sum_i loss(|y - y_hat| / s_c) / sum_c W_c N_c``: least absolute error by default (Taubert et
 al. 2014, eq. 48), each channel scaled by its standard deviation s_c over the N_c samples that count.
 
-Initial velocities of the segments as nuisance parameters: one Gauss-Newton step per segment.
-
-A segment that starts from one noisy velocity is wrong from its first sample on, and the coefficients would be
-bent to repair that. Given the coefficients, the free axes' initial velocity of every segment is corrected so
-that the segment's residuals fall, held near its smoothed value by a prior as wide as the sensor's noise.
+Initial velocities of the segments are nuisance parameters. A segment that starts from one noisy velocity is
+wrong from its first sample on, and the coefficients would be bent to repair that. Given the coefficients, one
+Gauss-Newton step corrects the free axes' initial velocity of every segment so that its residuals fall, held
+near the smoothed value by a prior as wide as the sensor's noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from seatrial import _core
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
-from seatrial.base.rotation import shorter
-from seatrial.campaign.file import Stage
-from seatrial.campaign.parameters import Parameter, names, spread
 from seatrial.estimation.descent import Slopes
-from seatrial.estimation.segments import StageData
+from seatrial.estimation.problem import Problem, StageData
 
-if TYPE_CHECKING:
-    from seatrial.campaign.campaign import Campaign
-
-__all__ = ["Criterion", "estimate_initial_velocities", "velocity_noise"]
+__all__ = ["Criterion", "velocity_noise", "with_initial_velocities"]
 
 
 class Criterion:
@@ -38,125 +28,65 @@ class Criterion:
 
     Parameters
     ----------
-    campaign : Campaign
-    stage : Stage
-    vehicle : Vehicle
-        Gives what the parameters do not set.
-    parameters : sequence of Parameter
-    data : StageData
-    substeps : int
-        Steps per sample of the log.
-    threads : int, optional
-        Threads of the batch call; the costs do not depend on it.
+    problem : Problem
+        Of the stage. The costs do not depend on its threads.
     """
 
-    def __init__(
-        self,
-        campaign: Campaign,
-        stage: Stage,
-        *,
-        vehicle: _core.Vehicle,
-        parameters: Sequence[Parameter],
-        data: StageData,
-        substeps: int,
-        threads: int | None = None,
-    ) -> None:
-        self.stage, self.vehicle, self.data, self.threads = stage, vehicle, data, threads
-        self.substeps = substeps
-        self.names = names(parameters)
-        self.spread = spread(parameters)
-        self.nu = np.array([segment.nu for segment in data.segments])
-        self._share = data.weights / float(data.weights @ data.counts)
-        counting = data.weights > 0
-        inverse = np.where(counting, 1.0 / np.where(counting, data.scale, 1.0), 0.0)
-        self.records = [
-            trial.record(weight=mask * inverse, substeps=substeps, input=campaign.input_of(name))
-            for name, trial, mask in zip(data.names, data.trials, data.counted, strict=True)
-        ]
-        self.open_loop = self.started(self.nu)
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.data = problem, problem.data
+        counting = self.data.weights > 0
+        self._scale = np.where(counting, self.data.scale, 1.0)
+        self._weight = np.where(counting, 1.0 / self._scale, 0.0)
+        self._share = self.data.weights / float(self.data.weights @ self.data.counts)
 
-    def started(self, nu: ArrayLike) -> _core.OpenLoop:
-        """Open loop whose segments start at the velocities (segments, 6)."""
-        segments = [
-            (piece.trial, piece.start, piece.stop, piece.position, piece.attitude, tuple(map(float, row)))
-            for piece, row in zip(self.data.segments, np.asarray(nu), strict=True)
-        ]
-        return _core.OpenLoop(
-            self.vehicle,
-            self.records,
-            segments,
-            free=self.stage.axes.free,
-            measured=self.stage.axes.measured,
-            loss=self.stage.loss,
-            knee=self.stage.knee,
-            substeps=self.substeps,
-            names=self.names,
-        )
+    @property
+    def nu(self) -> Array:
+        """Velocities (segments, 6) at which the segments start."""
+        return np.array([segment.nu for segment in self.problem.data.segments])
 
-    def start_at(self, nu: Array) -> None:
-        """Start the segments at other velocities (segments, 6)."""
-        self.nu = nu
-        self.open_loop = self.started(nu)
+    def started(self, nu: Array) -> Criterion:
+        """The same criterion with segments that start at the velocities (segments, 6)."""
+        return Criterion(self.problem.started(nu))
 
     def __call__(self, candidates: Array) -> Array:
         """Costs (k,) of candidates (k, m), infinite where the simulation diverges."""
-        errors = np.asarray(self.open_loop.errors(candidates @ self.spread, threads=self.threads))
+        errors = self._losses(candidates)
         with np.errstate(invalid="ignore"):
             costs = errors.sum(axis=1) @ self._share
         return np.where(np.isfinite(errors).all(axis=(1, 2)), costs, np.inf)
 
-    def per_segment(self, candidate: Array, open_loop: _core.OpenLoop | None = None) -> Array:
+    def per_segment(self, candidate: Array) -> Array:
         """Cost (segments,) of one candidate, summed over samples: they add up to the cost."""
-        loop = self.open_loop if open_loop is None else open_loop
-        errors = np.asarray(loop.errors(candidate[None, :] @ self.spread, threads=self.threads))[0]
+        errors = self._losses(candidate[None, :])[0]
         return np.asarray(np.where(np.isfinite(errors).all(axis=1), errors @ self._share, np.inf))
 
-    def residuals(self, candidate: Array, open_loop: _core.OpenLoop | None = None) -> list[Array]:
+    def residuals(self, candidate: Array) -> list[Array]:
         """Measured minus simulated (n_i, 12) per segment, in standard deviations, zero where not counted."""
-        loop = self.open_loop if open_loop is None else open_loop
-        found = []
-        for piece, simulated in zip(self.data.segments, loop.predict(candidate @ self.spread), strict=True):
-            trial = self.data.trials[piece.trial]
-            mask = self.data.counted[piece.trial][piece.start : piece.stop]
-            error = np.where(mask, trial.observed[piece.start : piece.stop] - simulated, 0.0)
-            error[:, 9:] = shorter(error[:, 9:])
-            error[0] = 0.0
-            scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
-            found.append(error / scale)
-        return found
+        return [error / self._scale for error in self.problem.residuals(candidate)]
 
     def linearised(self, candidate: Array) -> Slopes:
         """Residuals of all samples that count and their derivatives by the parameters (m,)."""
-        scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
         used = np.flatnonzero(self.data.weights > 0)
+        found = self.problem.sensitivities(candidate, channels=[CHANNELS[c] for c in used])
         residuals, jacobians, shares = [], [], []
-        shown = self.open_loop.sensitivities(
-            candidate @ self.spread, self.spread, channels=[CHANNELS[c] for c in used], threads=self.threads
-        )
-        for piece, residual, (_, jacobian) in zip(
-            self.data.segments, self.residuals(candidate), shown, strict=True
-        ):
-            counted = self.data.counted[piece.trial][piece.start : piece.stop, used].copy()
-            counted[0] = False
+        for index, (residual, (_, jacobian)) in enumerate(zip(self.residuals(candidate), found, strict=True)):
+            counted = self.problem.counted(index)[:, used]
             residuals.append(residual[:, used][counted])
-            jacobians.append((jacobian / scale[used, None])[counted])
+            jacobians.append((jacobian / self._scale[used, None])[counted])
             shares.append(np.broadcast_to(self._share[used], counted.shape)[counted])
-        knee = {"absolute": 0.0, "squared": np.inf, "huber": self.stage.knee}[self.stage.loss]
+        stage = self.problem.stage
+        knee = {"absolute": 0.0, "squared": np.inf, "huber": stage.knee}[stage.loss]
         return Slopes(np.concatenate(residuals), np.concatenate(jacobians), np.concatenate(shares), knee)
 
     def slopes(self, candidate: Array, initials: Sequence[str]) -> list[Array]:
         """Derivatives (n_i, 12, k) of what segments show by initial conditions, scaled as residuals."""
-        values = candidate @ self.spread
-        found = []
-        shown = self.open_loop.sensitivities(
-            values, np.zeros((0, len(values))), initials=initials, threads=self.threads
-        )
-        for piece, (_, jacobian) in zip(self.data.segments, shown, strict=True):
-            counted = self.data.counted[piece.trial][piece.start : piece.stop].copy()
-            counted[0] = False
-            scale = np.where(self.data.weights > 0, self.data.scale, 1.0)
-            found.append(np.where(counted[:, :, None], jacobian / scale[:, None], 0.0))
-        return found
+        found = self.problem.sensitivities(candidate, held=True, initials=initials)
+        return [jacobian / self._scale[:, None] for _, jacobian in found]
+
+    def _losses(self, candidates: Array) -> Array:
+        """Losses (k, segments, 12) of candidates in the stage's units."""
+        stage = self.problem.stage
+        return self.problem.losses(candidates, weight=self._weight, loss=stage.loss, knee=stage.knee)
 
 
 _SWEEPS = 5
@@ -166,8 +96,8 @@ _FLOOR = 0.1
 _LEAST_NOISE = 0.03  # of the largest speed: a sensor that repeats its samples looks better than it is
 
 
-def estimate_initial_velocities(criterion: Criterion, candidate: Array, prior: Array) -> None:
-    """Move the criterion's segments to better initial velocities; a segment that gains nothing stays.
+def with_initial_velocities(criterion: Criterion, candidate: Array, prior: Array) -> Criterion:
+    """The criterion with segments at better initial velocities; a segment that gains nothing stays.
 
     Parameters
     ----------
@@ -177,7 +107,7 @@ def estimate_initial_velocities(criterion: Criterion, candidate: Array, prior: A
     prior : ndarray, shape (segments, 6)
         Smoothed velocities, m/s and rad/s.
     """
-    axes = [AXES.index(letter) for letter in criterion.stage.axes.free]
+    axes = [AXES.index(letter) for letter in criterion.problem.stage.axes.free]
     noise = velocity_noise(criterion.data)[axes]
     residuals = criterion.residuals(candidate)
     slopes = criterion.slopes(candidate, [f"initial_{CHANNELS[axis]}" for axis in axes])
@@ -188,9 +118,8 @@ def estimate_initial_velocities(criterion: Criterion, candidate: Array, prior: A
         away = (criterion.nu[index] - prior[index])[axes] / noise
         delta = _correction(residual, jacobian, mean, thinning, away)
         moved[index, axes] += delta * noise
-    before = criterion.per_segment(candidate)
-    after = criterion.per_segment(candidate, criterion.started(moved))
-    criterion.start_at(np.where((after < before)[:, None], moved, criterion.nu))
+    better = criterion.started(moved).per_segment(candidate) < criterion.per_segment(candidate)
+    return criterion.started(np.where(better[:, None], moved, criterion.nu))
 
 
 def velocity_noise(data: StageData) -> Array:

@@ -38,7 +38,7 @@ def frozen_motion(plan: StagePlan) -> dict[str, float]:
     axes, trials = plan.stage.axes, plan.data.trials
     squares, samples = np.zeros(6), 0
     for piece in plan.data.segments:
-        trial = trials[piece.trial]
+        trial = trials[piece.record]
         away = trial.smooth_nu(trial.t[piece.start : piece.stop])[0] - np.asarray(piece.nu)
         away[:, 3:] = np.cumsum(away[:, 3:], axis=0) * trial.dt
         squares += np.nansum(away**2, axis=0)

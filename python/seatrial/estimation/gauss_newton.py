@@ -214,12 +214,12 @@ class GaussNewton:
         for index, (error, by_unknown, by_initial, places) in enumerate(slopes):
             local, _, _ = self._eliminated(error, by_unknown, by_initial, places, initial[index])
             segment = joint.data.segments[index]
-            trial = joint.data.trials[segment.trial]
+            trial = joint.data.trials[segment.record]
             full = np.zeros((*error.shape, size))
             full[:, :, places] = local.jacobian.reshape(*error.shape, -1)
             pieces.append(
                 Piece(
-                    trial=joint.data.names[segment.trial],
+                    trial=joint.data.names[segment.record],
                     t=trial.t[segment.start : segment.stop],
                     residual=error / self.noise,
                     counted=joint.counted(index),

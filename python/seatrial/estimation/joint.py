@@ -21,11 +21,11 @@ from seatrial import _core
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.base.rotation import shorter
 from seatrial.campaign.file import Axes, Coefficient, Polish, Stage
-from seatrial.campaign.parameters import coefficients, names, parameters, spread
+from seatrial.campaign.parameters import coefficients, parameters
 from seatrial.estimation.criterion import velocity_noise
-from seatrial.estimation.segments import Segment, cut, stage_step
+from seatrial.estimation.problem import Problem, cut
+from seatrial.estimation.step import stage_step
 from seatrial.statistics.linearisation import Unknown
 
 if TYPE_CHECKING:
@@ -230,13 +230,16 @@ class Joint:
             dt=self.data.dt,
             where=where,
         ).substeps
-        self.records = [
-            trial.record(weight=mask.astype(float), substeps=self.substeps, input=campaign.input_of(name))
-            for name, trial, mask in zip(self.data.names, self.data.trials, self.data.counted, strict=True)
-        ]
         self.initials, self.initial_sd = self._initial_conditions()
-        self._observed = [self._measured(piece) for piece in self.data.segments]
-        self._loops: dict[tuple[str, ...], _core.OpenLoop] = {}
+        self.problem = Problem(
+            self.vehicle,
+            self.stage,
+            self.data,
+            self.parameters,
+            self.substeps,
+            threads,
+            starts_count=bool(self.initials),
+        )
 
     def coefficients(self, values: Array) -> dict[str, float]:
         """Coefficients that the values (m,) of the unknowns set."""
@@ -255,14 +258,10 @@ class Joint:
         initial : ndarray, shape (segments, 12)
             Initial conditions, added to the smoothed ones.
         """
-        inside = len(self.parameters)
-        shown = self._loop(()).predict(
-            values[:inside] @ spread(self.parameters),
-            nuisance=rows(self.nuisances, values[inside:], len(self.records)),
-            initial=initial,
-            threads=self.threads,
+        found = self.problem.residuals(
+            values[: len(self.parameters)], nuisance=self._nuisance(values), initial=initial
         )
-        return [self._apart(index, rows_) for index, rows_ in enumerate(shown)]
+        return [np.take(error, self.used, axis=1) for error in found]
 
     def slopes(
         self, values: Array, initial: Array, *, extra: Sequence[str] = (), starts_only: bool = False
@@ -272,42 +271,42 @@ class Joint:
         The fourth entry holds the places (k,) of those unknowns among all; coefficients that are ``extra``
         come last. With ``starts_only`` there are none (k = 0), which saves most of the work.
         """
-        count, matrix = len(self.parameters), spread(self.parameters)
+        count = len(self.parameters)
         inside = 0 if starts_only else count
-        directions = np.zeros((inside + len(extra), matrix.shape[1] + len(extra)))
-        directions[:inside, : matrix.shape[1]] = matrix[:inside]
-        directions[inside:, matrix.shape[1] :] = np.eye(len(extra))
-        fixed = self.vehicle.coefficients()
         sought = () if starts_only else self.nuisances
         keys = tuple(dict.fromkeys(nuisance.key for nuisance in sought))
-        found = self._loop(tuple(extra)).sensitivities(
-            [*(values[:count] @ matrix), *(fixed.get(name, 0.0) for name in extra)],
-            directions,
+        found = self.problem.sensitivities(
+            values[:count],
+            extra=extra,
+            held=starts_only,
             nuisances=keys,
             initials=self.initials,
             channels=self.channels,
-            nuisance=rows(self.nuisances, values[count:], len(self.records)),
+            nuisance=self._nuisance(values),
             initial=initial,
-            threads=self.threads,
         )
-        last = len(self.unknowns)
+        last, before = len(self.unknowns), inside + len(extra)
         result = []
-        for index, (shown, jacobian) in enumerate(found):
-            trial = self.data.segments[index].trial
-            owner = {n.key: count + at for at, n in enumerate(sought) if trial in n.trials}
-            columns = [*range(inside), *(inside + len(extra) + keys.index(key) for key in owner)]
-            places = [*range(inside), *owner.values()]
-            columns += range(inside, inside + len(extra))
-            places += range(last, last + len(extra))
-            split = inside + len(extra) + len(keys)
-            counted = self._observed[index][1][:, :, None]
+        for segment, (error, jacobian) in zip(self.data.segments, found, strict=True):
+            # The core differentiates by every kind of nuisance; of each kind one unknown is this trial's own.
+            owner = {n.key: count + at for at, n in enumerate(sought) if segment.record in n.trials}
+            columns = [*range(inside), *(before + keys.index(key) for key in owner), *range(inside, before)]
+            places = [*range(inside), *owner.values(), *range(last, last + len(extra))]
             result.append((
-                self._apart(index, shown),
-                np.where(counted, jacobian[:, :, columns], 0.0),
-                np.where(counted, jacobian[:, :, split:], 0.0),
+                np.take(error, self.used, axis=1),
+                jacobian[:, :, columns],
+                jacobian[:, :, before + len(keys) :],
                 np.array(places, dtype=np.intp),
             ))
         return result
+
+    def counted(self, index: int) -> NDArray[np.bool_]:
+        """Mask (n, C) of the samples of a segment that count."""
+        return np.take(self.problem.counted(index), self.used, axis=1)
+
+    def _nuisance(self, values: Array) -> Array:
+        """The core's rows (trials, 32) of the nuisance parameters among the unknowns' values."""
+        return rows(self.nuisances, values[len(self.parameters) :], len(self.data.records))
 
     def _start_coefficients(self) -> list[float]:
         """Values of the vehicle for what a stage estimated, the campaign's start for the rest."""
@@ -337,36 +336,3 @@ class Joint:
             if channel in self.channels:
                 sd[f"initial_{channel}"] = _PLACE_SD
         return tuple(sd), np.array(list(sd.values()))
-
-    def _measured(self, piece: Segment) -> tuple[Array, NDArray[np.bool_]]:
-        part = slice(piece.start, piece.stop)
-        counted = self.data.counted[piece.trial][part][:, self.used].copy()
-        if not self.initials:
-            counted[0] = False  # the smoothed start is made of the first samples
-        observed = self.data.trials[piece.trial].observed[part][:, self.used]
-        return np.where(counted, observed, 0.0), counted
-
-    def _apart(self, index: int, shown: Array) -> Array:
-        observed, counted = self._observed[index]
-        error = observed - shown[:, self.used]
-        for column, channel in enumerate(self.used):
-            if channel >= 9:
-                error[:, column] = shorter(error[:, column])
-        return np.where(counted, error, 0.0)
-
-    def counted(self, index: int) -> NDArray[np.bool_]:
-        """Mask (n, C) of the samples of a segment that count."""
-        return self._observed[index][1]
-
-    def _loop(self, extra: tuple[str, ...]) -> _core.OpenLoop:
-        if extra not in self._loops:
-            self._loops[extra] = _core.OpenLoop(
-                self.vehicle,
-                self.records,
-                [(s.trial, s.start, s.stop, s.position, s.attitude, s.nu) for s in self.data.segments],
-                free=self.stage.axes.free,
-                measured=self.stage.axes.measured,
-                substeps=self.substeps,
-                names=[*names(self.parameters), *extra],
-            )
-        return self._loops[extra]

@@ -16,10 +16,11 @@ from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.progress import Step
 from seatrial.campaign.file import Stage
 from seatrial.campaign.parameters import Parameter, coefficients
-from seatrial.estimation.criterion import Criterion, estimate_initial_velocities
+from seatrial.estimation.criterion import Criterion, with_initial_velocities
 from seatrial.estimation.descent import descend
+from seatrial.estimation.problem import Problem, StageData, cut
 from seatrial.estimation.search import LANES, batch_size, evolve, join, refine, refine_rounds
-from seatrial.estimation.segments import StageData, StageStep, around, cut, stage_step
+from seatrial.estimation.step import StageStep, around, stage_step
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -187,15 +188,7 @@ def run_stage(
     start = np.array([_start(parameter, found) for parameter in chosen])
 
     def stepped(substeps: int) -> Criterion:
-        return Criterion(
-            campaign,
-            stage,
-            vehicle=vehicle,
-            parameters=chosen,
-            data=plan.data,
-            substeps=substeps,
-            threads=threads,
-        )
+        return Criterion(Problem(vehicle, stage, plan.data, chosen, substeps, threads))
 
     criterion = stepped(plan.step.search)
     box: dict[str, Any] = {
@@ -223,7 +216,7 @@ def run_stage(
         if best.interrupted or not math.isfinite(best.cost):
             break
         if estimated:
-            estimate_initial_velocities(criterion, best.x, smoothed)
+            criterion = with_initial_velocities(criterion, best.x, smoothed)
         elite = best.elite
         best = join(best, descend(criterion, criterion.linearised, best.x, **box))
         if not best.interrupted:

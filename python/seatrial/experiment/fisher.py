@@ -31,7 +31,7 @@ from seatrial.base.errors import CampaignError, SimulationError, nearest
 from seatrial.campaign.file import Axes, Coefficient, Stage
 from seatrial.campaign.parameters import Parameter, names, spread
 from seatrial.campaign.parameters import parameters as parsed
-from seatrial.estimation.segments import stage_step
+from seatrial.estimation.step import stage_step
 from seatrial.experiment.forecast import simulated
 from seatrial.sensors.sensor import KINDS
 from seatrial.statistics.autocorrelation import variance_inflation

@@ -222,8 +222,9 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: 
         "environment": [(trial.rho, trial.g) for trial in data.trials],
     }
     digest.update(to_json(described).encode())
-    for trial, counted in zip(data.trials, data.counted, strict=True):
-        signals = [trial.t, trial.observed, counted, trial.nu, trial.tau, trial.voltage_v, trial.current]
+    for record in data.records:
+        trial = record.trial
+        signals = [trial.t, trial.observed, record.counted, trial.nu, trial.tau, trial.voltage_v, trial.current]
         for values in (*signals, *trial.commands.values(), *trial.measured.values()):
             digest.update(b"-" if values is None else np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()

@@ -1,19 +1,18 @@
-"""Open-loop prediction of a trial: windows simulated from the smoothed measured state at their start.
-
-The step is halved until the simulated velocities no longer change: a score is the model's, not the step's.
-
-How well a vehicle predicts a trial: the record is simulated in windows restarted from the measured state.
+"""How well a vehicle predicts a trial: the record is simulated in windows restarted from the measured state.
 
 Per channel ``R2 = 1 - SSE / SST``, both sums pooled over all windows and trials, SST about the mean of the
 pooled measured samples. A window starts at the smoothed measured state; its first sample and masked ones do
 not count. R2 is 1 for a perfect model, 0 for one no better than the mean, negative below. Angles are
-compared along the shorter way round.
+compared along the shorter way round. The step is halved until the simulated velocities no longer change: a
+score is the model's, not the step's.
+
+Tests: ``tests/trial/test_score.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +20,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, deviations, difference, readable
 from seatrial.base.errors import TrialError, nearest
+from seatrial.trial.record import Record, Replay, cut_spans, restarted
 from seatrial.trial.trial import Input, Trial
 
 if TYPE_CHECKING:
@@ -68,20 +68,11 @@ def windows(
     first = 0 if start_s is None else int(np.searchsorted(trial.t, start_s - 1e-9))
     last = len(trial) if stop_s is None else int(np.searchsorted(trial.t, stop_s - 1e-9))
     length = last if np.isinf(ahead_s) else max(1, round(ahead_s / trial.dt))
-    starts = np.flatnonzero(trial.startable)
-    spans: list[tuple[int, int]] = []
-    late = left_out = 0
-    planned = first
-    while planned < last - 1:
-        following = starts[np.searchsorted(starts, planned) :]
-        start = int(following[0]) if len(following) else last
-        left_out += (min(start, last - 1) - planned) // length
-        if start >= last - 1:
-            break
-        late += start > planned
-        stop = min(start + length + 1, last)
-        spans.append((start, stop))
-        planned = stop - 1
+    spans = cut_spans(trial, first, last, length + 1)
+    planned = [first, *(stop - 1 for _, stop in spans)]
+    late = sum(start > plan for (start, _), plan in zip(spans, planned, strict=False))
+    starts = [*(start for start, _ in spans), last - 1]
+    left_out = sum((start - plan) // length for start, plan in zip(starts, planned, strict=True))
     if not spans:
         raise TrialError(
             f"{trial.name}: no window can start from {trial.t[0] if start_s is None else start_s:g} s "
@@ -129,21 +120,17 @@ def predict(
     TrialError
         If the input or the supply voltage that the vehicle needs is not recorded.
     """
-    from seatrial._core import OpenLoop
-
     chosen = input or default_input(vehicle, trial)
     _check_inputs(vehicle, trial, chosen)
-    segments = [(0, start, stop, *trial.state(start)) for start, stop in spans]
+    record = Record(trial, chosen, trial.valid)
+    replay = Replay(vehicle, (record,), tuple(restarted(trial, spans)), free=free, measured=measured)
     result: list[Window] = []
     substeps = 1
     while substeps <= _MOST_SUBSTEPS:
-        record = trial.record(substeps=substeps, input=chosen, motion=bool(measured))
-        loop = OpenLoop(vehicle, [record], segments, free=free, measured=measured, substeps=substeps)
-        tracks = loop.predict(np.zeros(0))
+        tracks = replace(replay, substeps=substeps).simulated()
         coarser = result
         result = [
-            Window(trial, start, stop, np.asarray(track))
-            for (start, stop), track in zip(spans, tracks, strict=True)
+            Window(trial, start, stop, track) for (start, stop), track in zip(spans, tracks, strict=True)
         ]
         if coarser and _converged(coarser, result):
             break

@@ -19,7 +19,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.campaign.parameters import Parameter
-from seatrial.estimation.segments import StageData, cut
+from seatrial.estimation.problem import Problem, StageData, cut
 from seatrial.report.plot.identification import Row, coefficient_bars
 from seatrial.report.plot.style import (
     MEASURED,
@@ -180,15 +180,8 @@ def polished_cost(fit: Identification, result: StageResult) -> float | None:
         return None
     stage = next(one for one in fit.campaign.stages if one.name == result.name)
     chosen = fit.campaign.parameters[stage.name]
-    criterion = Criterion(
-        fit.campaign,
-        stage,
-        vehicle=fit.certainty.vehicle,
-        parameters=chosen,
-        data=cut(fit.campaign, stage),
-        substeps=result.substeps,
-        threads=1,
-    )
+    data = cut(fit.campaign, stage)
+    criterion = Criterion(Problem(fit.certainty.vehicle, stage, data, chosen, result.substeps, threads=1))
     values = fit.certainty.vehicle.coefficients()
     candidate = np.array([[values[p.members[0][0]] / p.members[0][1] for p in chosen]])
     return float(criterion(candidate)[0])
@@ -213,7 +206,7 @@ def _models(fit: Identification, result: StageResult) -> list[Vehicle]:
 def _pieces(fit: Identification, stage: Stage, data: StageData, models: Sequence[Vehicle]) -> list[Piece]:
     pieces, end = [], None
     for index, (name, trial) in enumerate(zip(data.names, data.trials, strict=True)):
-        spans = [(one.start, one.stop) for one in data.segments if one.trial == index]
+        spans = [(one.start, one.stop) for one in data.segments if one.record == index]
         found = [
             predict(
                 vehicle,

@@ -34,7 +34,7 @@ from seatrial.sensors.sensor import TYPICAL
 from seatrial.trial.score import default_input
 from seatrial.verification.campaign import requirement_of, sensors_of_table
 from seatrial.verification.mission_log.log import MissionLog, thinned
-from seatrial.verification.mission_log.restarts import Restarts, check_usable, restarts
+from seatrial.verification.mission_log.restarts import PredictedLog, check_usable, restarts
 from seatrial.verification.mission_log.spread import Spread, spread_of_reference
 from seatrial.verification.mission_log.validity import FEWEST_WINDOWS
 from seatrial.verification.mission_log.verify_log import verify_log
@@ -231,7 +231,7 @@ def campaign_reference(
         A recording of the campaign is missing, or none has the input of the log.
     """
 
-    def parts(one: CampaignLog) -> list[Restarts]:
+    def parts(one: CampaignLog) -> list[PredictedLog]:
         trial = thinned(one.log.trial, judged.log.trial.dt)
         spans: list[tuple[float | None, float | None]] = [(None, None)]
         if one.trial and one.trial == judged.trial:

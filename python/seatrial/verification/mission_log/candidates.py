@@ -36,7 +36,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.vehicle.actuators import actuator_groups
-from seatrial.verification.mission_log.restarts import Restarts, Slopes
+from seatrial.verification.mission_log.restarts import PredictedLog, Slopes
 from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
 
 if TYPE_CHECKING:
@@ -377,7 +377,7 @@ class Whitening:
         Channels that count, as places in `CHANNELS`.
     """
 
-    def __init__(self, log: Restarts, spread: Spread, slopes: Sequence[Slopes]) -> None:
+    def __init__(self, log: PredictedLog, spread: Spread, slopes: Sequence[Slopes]) -> None:
         self.log = log
         self.places = [k for k, name in enumerate(CHANNELS) if name in log.channels]
         start = np.where(np.isfinite(spread.noise), spread.noise, 0.0)[list(INITIAL_PLACES)]

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +24,7 @@ from seatrial import _core
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import shorter
+from seatrial.trial.record import Record, Replay, restarted
 from seatrial.trial.score import default_input, predict, windows
 from seatrial.trial.trial import Input
 
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["Restarts", "Slopes", "check_usable", "restarts"]
+__all__ = ["PredictedLog", "Slopes", "check_usable", "restarts"]
 
 _FEWEST = 8
 """Fewer samples per window tell nothing of how an error grows."""
@@ -52,32 +53,45 @@ class Slopes:
 
 
 @dataclass(frozen=True, eq=False)
-class Restarts:
+class PredictedLog:
     """A log cut into windows, and what a vehicle predicts in them.
 
     Attributes
     ----------
-    vehicle, trial
-        The model and the log.
-    spans
-        First sample of every window, and one past its last.
-    input
-        What drives the vehicle: "commands", "measured" or "tau".
-    predicted, residual, counted
-        Per window (n, 12): what the vehicle shows, measured minus that (zero where it does not count), and
-        which samples count: not the first of a window, no masked one.
-    substeps
-        Steps of the integration per sample.
+    replay
+        The log's windows as the model replays them.
+    predicted, residual
+        Per window (n, 12), SI: what the vehicle shows, and measured minus that, zero where it does not count.
     """
 
-    vehicle: Vehicle
-    trial: Trial
-    spans: tuple[tuple[int, int], ...]
-    input: Input
+    replay: Replay
     predicted: tuple[Array, ...]
     residual: tuple[Array, ...]
-    counted: tuple[Mask, ...]
-    substeps: int
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The model."""
+        return self.replay.vehicle
+
+    @property
+    def trial(self) -> Trial:
+        """The log."""
+        return self.replay.records[0].trial
+
+    @property
+    def input(self) -> Input:
+        """What drives the vehicle: "commands", "measured" or "tau"."""
+        return self.replay.records[0].input
+
+    @property
+    def spans(self) -> tuple[tuple[int, int], ...]:
+        """First sample of every window, and one past its last."""
+        return tuple((one.start, one.stop) for one in self.replay.segments)
+
+    @cached_property
+    def counted(self) -> tuple[Mask, ...]:
+        """Samples (n, 12) of every window that count: not the first, no masked one."""
+        return tuple(self.replay.counted(index) for index in range(len(self.replay.segments)))
 
     @property
     def channels(self) -> list[str]:
@@ -96,16 +110,15 @@ class Restarts:
 
     def of(self, changes: Mapping[str, float]) -> list[Array]:
         """Residuals (n, 12) of every window for the vehicle with other coefficients, SI."""
-        names = list(changes)
-        shown = self._open_loop(names).predict(np.array([changes[name] for name in names], dtype=float))
-        return self._residuals(shown)
+        return replace(self.replay, names=tuple(changes)).residuals(list(changes.values()))
 
-    def in_water(self, current: Array) -> Restarts:
+    def in_water(self, current: Array) -> PredictedLog:
         """The same windows in another steady current (2,) or (3,), north, east, down, m/s."""
         water = np.tile(np.append(current, 0.0)[:3], (len(self.trial), 1))
-        found = replace(self, trial=replace(self.trial, current=water))
-        shown = tuple(np.asarray(one) for one in found._open_loop([]).predict(np.zeros(0)))
-        return replace(found, predicted=shown, residual=tuple(found._residuals(shown)))
+        record = replace(self.replay.records[0], trial=replace(self.trial, current=water))
+        replay = replace(self.replay, records=(record,))
+        shown = replay.simulated()
+        return PredictedLog(replay, tuple(shown), tuple(replay.errors_of(shown)))
 
     def slopes(
         self, directions: Sequence[Mapping[str, float]], *, current: bool = False
@@ -123,33 +136,14 @@ class Restarts:
         present = self.vehicle.coefficients()
         rows = np.array([[one.get(name, 0.0) for name in names] for one in directions], dtype=float)
         nuisances = ["current_north", "current_east"] if current else []
-        found = self._open_loop(names).sensitivities(
+        found = replace(self.replay, names=tuple(names)).sensitivities(
             np.array([present.get(name, 0.0) for name in names]),
             rows.reshape(len(directions), len(names)),
             nuisances=nuisances,
             initials=_core.initial_names(),
         )
         count = len(directions) + len(nuisances)
-        return tuple(
-            Slopes(
-                *(
-                    np.where(mask[:, :, None], part, 0.0)
-                    for part in (slope[:, :, :count], slope[:, :, count:])
-                )
-            )
-            for (_, slope), mask in zip(found, self.counted, strict=True)
-        )
-
-    def _open_loop(self, names: Sequence[str]) -> _core.OpenLoop:
-        record = self.trial.record(substeps=self.substeps, input=self.input, motion=False)
-        segments = [(0, first, last, *self.trial.state(first)) for first, last in self.spans]
-        return _core.OpenLoop(self.vehicle, [record], segments, names=names, substeps=self.substeps)
-
-    def _residuals(self, shown: Sequence[Array]) -> list[Array]:
-        return [
-            _residual(self.trial, span, np.asarray(one), mask)
-            for span, one, mask in zip(self.spans, shown, self.counted, strict=True)
-        ]
+        return tuple(Slopes(slope[:, :, :count], slope[:, :, count:]) for _, slope in found)
 
 
 def restarts(
@@ -160,7 +154,7 @@ def restarts(
     start_s: float | None = None,
     stop_s: float | None = None,
     input: Input | None = None,
-) -> Restarts:
+) -> PredictedLog:
     """Windows of a log and what a vehicle predicts in them.
 
     Parameters
@@ -199,21 +193,19 @@ def restarts(
     full = max(last - first for first, last in spans)
     spans = [span for span in spans if span[1] - span[0] > full // 2] or spans
     found = predict(vehicle, trial, spans, input=chosen)
-    counted = []
-    for first, last in spans:
-        mask = trial.valid[first:last].copy()
-        mask[0] = False
-        # Nose up or down, roll and yaw are not told apart.
-        steep = np.abs(np.nan_to_num(trial.observed[first:last, 10])) > _STEEP
-        mask[steep, 9] = False
-        mask[steep, 11] = False
-        counted.append(mask)
-    shown = tuple(window.simulated for window in found)
-    residual = tuple(
-        _residual(trial, span, one, mask) for span, one, mask in zip(spans, shown, counted, strict=True)
+    # Nose up or down, roll and yaw are not told apart.
+    steep = np.abs(np.nan_to_num(trial.observed[:, 10])) > _STEEP
+    counted = trial.valid.copy()
+    counted[steep, 9] = False
+    counted[steep, 11] = False
+    replay = Replay(
+        vehicle,
+        (Record(trial, chosen, counted),),
+        tuple(restarted(trial, spans)),
+        substeps=max(1, int(np.ceil(trial.dt / _SUBSTEP_S - 1e-9))),
     )
-    substeps = max(1, int(np.ceil(trial.dt / _SUBSTEP_S - 1e-9)))
-    return Restarts(vehicle, trial, tuple(spans), chosen, shown, residual, tuple(counted), substeps)
+    shown = tuple(window.simulated for window in found)
+    return PredictedLog(replay, shown, tuple(replay.errors_of(shown)))
 
 
 def check_usable(trial: Trial, ahead_s: float) -> None:
@@ -247,10 +239,3 @@ def check_usable(trial: Trial, ahead_s: float) -> None:
             f"{trial.name}: one sample every {trial.dt:.3g} s: expected at least {_FEWEST} in a window of"
             f" {ahead_s:g} s; give a log of a higher rate, or the unit of t_s if its times are not in seconds"
         )
-
-
-def _residual(trial: Trial, span: tuple[int, int], shown: Array, mask: Mask) -> Array:
-    with np.errstate(invalid="ignore", over="ignore"):
-        error = trial.observed[slice(*span)] - shown
-        error[:, 9:] = shorter(error[:, 9:])
-    return np.where(mask, error, 0.0)

@@ -53,7 +53,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError, nearest
-from seatrial.verification.mission_log.restarts import Restarts
+from seatrial.verification.mission_log.restarts import PredictedLog
 
 __all__ = [
     "INITIAL_PLACES",
@@ -172,7 +172,7 @@ class Spread:
         return float(student.ppf(0.975, max(self.windows - 1, 2)))
 
 
-def spread_of_reference(references: Sequence[Restarts]) -> Spread:
+def spread_of_reference(references: Sequence[PredictedLog]) -> Spread:
     """Spread over logs on which the model is known to hold, (b, 12), SI.
 
     Raises
@@ -209,7 +209,7 @@ def spread_of_reference(references: Sequence[Restarts]) -> Spread:
     return replace(found, effective=_worth(references, found))
 
 
-def spread_of_errors(rms: Mapping[str, float], log: Restarts, source: str = "the errors given") -> Spread:
+def spread_of_errors(rms: Mapping[str, float], log: PredictedLog, source: str = "the errors given") -> Spread:
     """Spread (b, 12) from a root mean square error per channel over windows of the same length, SI.
 
     Raises
@@ -229,7 +229,7 @@ def spread_of_errors(rms: Mapping[str, float], log: Restarts, source: str = "the
     return Spread(longest * share, sigma, np.minimum(_noise([log]), sigma[0]), 1_000_000, source)
 
 
-def spread_of_noise(log: Restarts) -> Spread:
+def spread_of_noise(log: PredictedLog) -> Spread:
     """Spread (b, 12) from the log's own noise and what it does to the state at a restart, SI."""
     noise = _noise([log])
     slopes = log.slopes([])
@@ -249,7 +249,7 @@ def spread_of_noise(log: Restarts) -> Spread:
     return Spread(since[keep], sigma, noise, len(log.spans), source)
 
 
-def _worth(references: Sequence[Restarts], spread: Spread) -> Array:
+def _worth(references: Sequence[PredictedLog], spread: Spread) -> Array:
     """How many independent samples (12,) the tail of each channel rests on."""
     found = np.full(12, np.inf)
     bands = [
@@ -264,7 +264,7 @@ def _worth(references: Sequence[Restarts], spread: Spread) -> Array:
     return found
 
 
-def _noise(logs: Sequence[Restarts]) -> Array:
+def _noise(logs: Sequence[PredictedLog]) -> Array:
     """Root mean square (12,) of the errors in the first moments after a restart; infinite without any."""
     squares, samples = np.zeros(12), np.zeros(12)
     for log in logs:

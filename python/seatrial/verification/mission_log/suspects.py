@@ -61,7 +61,7 @@ from seatrial.base.channels import CHANNELS, readable
 from seatrial.statistics.linearisation import Linearisation, Piece
 from seatrial.statistics.score_test import ScoreTests, score_tests
 from seatrial.verification.mission_log.candidates import Candidate, Suspect, Whitening
-from seatrial.verification.mission_log.restarts import Restarts, Slopes
+from seatrial.verification.mission_log.restarts import PredictedLog, Slopes
 from seatrial.verification.mission_log.spread import INITIAL_PLACES, Spread
 
 __all__ = [
@@ -115,12 +115,12 @@ class UnloggedThrust:
         )
 
 
-def unlogged_thrusts(log: Restarts, white: Whitening) -> tuple[UnloggedThrust, ...]:
+def unlogged_thrusts(log: PredictedLog, white: Whitening) -> tuple[UnloggedThrust, ...]:
     """Every actuator with the thrust that its commands do not tell, the best explanation first.
 
     Parameters
     ----------
-    log : Restarts
+    log : PredictedLog
         None where a recorded wrench drives the vehicle.
     white : Whitening
         Of the same log.
@@ -166,12 +166,12 @@ _STEPS = 4
 _STILL_M_S = 1e-3
 
 
-def in_current(log: Restarts, spread: Spread) -> tuple[Restarts, tuple[float, float]]:
+def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[float, float]]:
     """Log with the steady current that suits it best, and that current north and east, m/s.
 
     Parameters
     ----------
-    log : Restarts
+    log : PredictedLog
         Without a recorded current.
     spread : Spread
         Of a valid model's errors.
@@ -207,17 +207,17 @@ def current_words(current: Sequence[float]) -> str:
 _SENSED = ("u", "v", "w", "p", "q", "r", "roll", "pitch", "yaw")
 
 
-def offset_channels(log: Restarts) -> list[str]:
+def offset_channels(log: PredictedLog) -> list[str]:
     """Channels of a log whose offset shows: not positions, which move start and path alike."""
     return [name for name in log.channels if name in _SENSED]
 
 
-def offset_slopes(log: Restarts, slopes: Sequence[Slopes], channels: Sequence[str]) -> list[Slopes]:
+def offset_slopes(log: PredictedLog, slopes: Sequence[Slopes], channels: Sequence[str]) -> list[Slopes]:
     """Derivatives of measured less predicted by the offset of each channel, per window.
 
     Parameters
     ----------
-    log : Restarts
+    log : PredictedLog
     slopes : sequence of Slopes
         Of the same windows, by their starts.
     channels : sequence of str
@@ -261,7 +261,7 @@ _MOST_GAIN = 2.0
 
 
 def suspects(
-    log: Restarts,
+    log: PredictedLog,
     spread: Spread,
     tried: Sequence[Candidate],
     *,
@@ -273,7 +273,7 @@ def suspects(
 
     Parameters
     ----------
-    log : Restarts
+    log : PredictedLog
     spread : Spread
         Of a valid model's errors.
     tried : sequence of Candidate
@@ -391,7 +391,7 @@ def suspects(
     return tuple(suspect for _, suspect in found[:most])
 
 
-def _plausible(log: Restarts, coefficients: Mapping[str, float]) -> bool:
+def _plausible(log: PredictedLog, coefficients: Mapping[str, float]) -> bool:
     """Whether no coefficient changes its sign or becomes three times itself, and no actuator's gain twice."""
     present = log.vehicle.coefficients()
     signed = [

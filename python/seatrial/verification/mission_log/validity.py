@@ -39,7 +39,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, readable
 from seatrial.statistics.multiple_testing import holm
-from seatrial.verification.mission_log.restarts import Restarts
+from seatrial.verification.mission_log.restarts import PredictedLog
 from seatrial.verification.mission_log.spread import (
     INITIAL_PLACES,
     LEAST_SHARE,
@@ -135,7 +135,7 @@ class Validity:
     """
 
     channels: Mapping[str, ChannelValidity]
-    log: Restarts
+    log: PredictedLog
     half_width: tuple[Array, ...]
     spread: Spread
     expected: Mapping[str, ExpectedShare]
@@ -166,7 +166,7 @@ class Validity:
 
 
 def validity(
-    log: Restarts,
+    log: PredictedLog,
     spread: Spread,
     *,
     draws: Mapping[str, Array] | None = None,
@@ -177,7 +177,7 @@ def validity(
 
     Parameters
     ----------
-    log : Restarts
+    log : PredictedLog
     spread : Spread
         Of a valid model's errors.
     draws : mapping of str to (k,) ndarray, optional
@@ -243,7 +243,7 @@ def powers(of: Validity, changes: Sequence[list[Array]], *, level: float = LEVEL
 class _Moved:
     """What vehicles and sensors that may be true would show about the prediction, to first order."""
 
-    def __init__(self, log: Restarts, draws: Mapping[str, Array], offsets: Array) -> None:
+    def __init__(self, log: PredictedLog, draws: Mapping[str, Array], offsets: Array) -> None:
         present = log.vehicle.coefficients()
         names = list(draws)
         self.log = log

@@ -30,7 +30,7 @@ from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.metrics import log_figures, logged_steps
-from seatrial.verification.mission_log.restarts import Restarts, restarts
+from seatrial.verification.mission_log.restarts import PredictedLog, restarts
 from seatrial.verification.mission_log.spread import (
     Spread,
     spread_of_errors,
@@ -82,7 +82,7 @@ class ModelJudgement:
 
 def judge_model(
     known: Fitted,
-    windows: Restarts,
+    windows: PredictedLog,
     reference: Any,
     *,
     draws: int,
@@ -197,7 +197,7 @@ def _not_failing(
     return ModelJudgement("model still valid", reason, judged, (), shown, notes, current)
 
 
-def _spread(reference: Any, windows: Restarts, ahead_s: float) -> Spread:
+def _spread(reference: Any, windows: PredictedLog, ahead_s: float) -> Spread:
     if reference is None:
         return spread_of_noise(windows)
     if isinstance(reference, Spread):
