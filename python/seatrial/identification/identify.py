@@ -224,7 +224,15 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: 
     digest.update(to_json(described).encode())
     for record in data.records:
         trial = record.trial
-        signals = [trial.t, trial.observed, record.counted, trial.nu, trial.tau, trial.voltage_v, trial.current]
+        signals = [
+            trial.t,
+            trial.observed,
+            record.counted,
+            trial.nu,
+            trial.tau,
+            trial.voltage_v,
+            trial.current,
+        ]
         for values in (*signals, *trial.commands.values(), *trial.measured.values()):
             digest.update(b"-" if values is None else np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
