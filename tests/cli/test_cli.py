@@ -19,11 +19,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from seatrial._core import Vehicle
-from seatrial.base.progress import Progress
+from seatrial.base.progress import Progress, Step
 from seatrial.bench_test.evaluate import bench
 from seatrial.cli import app
 from seatrial.cli import demo as demo_verb
-from seatrial.cli.console import identification_progress
+from seatrial.cli.console import search_progress
 from seatrial.trial.generated import Recipe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -345,18 +345,23 @@ def test_interrupted_identification_keeps_the_best_so_far(tmp_path: Path) -> Non
 
 def test_progress_tells_stage_generation_best_and_time_left(capsys: pytest.CaptureFixture[str]) -> None:
     state = Progress(
-        stage="surge", phase="evolution", generation=7, generations=90, evaluations=56, best=0.1234,
-        stages_done=1, stages=4, fraction=0.31, elapsed_s=3.0, left_s=42.0,
+        what="surge", done=1, total=4, fraction=0.31, elapsed_s=3.0, left_s=42.0,
+        step=Step("evolution", 7, 90, 56, 0.1234, 3.0),
     )  # fmt: skip
-    with identification_progress(quiet=True) as silent:
+    with search_progress("first", quiet=True) as silent:
         silent(state)
     assert capsys.readouterr().err == ""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("seatrial.cli.console._LINE_EVERY_S", 0.0)
-        with identification_progress() as spoken:
+        with search_progress("first") as spoken:
             spoken(state)
             line = capsys.readouterr().err
-            spoken(replace(state, generation=1))  # of which nothing can be told yet
-    assert "left" not in capsys.readouterr().err
+            spoken(replace(state, step=Step("evolution", 1, 90, 8, 0.2, 0.1)))  # too early to tell
+            spoken(replace(state, left_s=float("nan")))
+            assert "left" not in capsys.readouterr().err
+            spoken(replace(state, step=None))
+            assert "surge [2/4]: about 42 s left" in capsys.readouterr().err
+            spoken(replace(state, step=None, detail="9 of 24 missions flown"))
+            assert "surge: 9 of 24 missions flown, about 42 s left" in capsys.readouterr().err
     for words in ("31 %", "surge [2/4]", "generation 7 of at most 90", "best 0.1234", "at most 42 s left"):
         assert words in line

@@ -14,11 +14,12 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.base.errors import CampaignError
+from seatrial.base.progress import Progress
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.estimation.joint import Joint
 from seatrial.experiment import coverage as coverage_module
-from seatrial.experiment.coverage import Coverage, CoverageProgress, coverage
+from seatrial.experiment.coverage import Coverage, coverage
 from seatrial.experiment.repetition import Draw, Resailing, sensor_seed
 from seatrial.experiment.repetition import draw as original_draw
 from seatrial.trial.generated import Recipe
@@ -200,7 +201,7 @@ def test_a_published_run_is_reused_unless_told_otherwise(
 
     monkeypatch.setattr(coverage_module, "draw", never)
     shutil.copytree(folder / "run", tmp_path / "run")
-    shown: list[CoverageProgress] = []
+    shown: list[Progress] = []
     again = coverage(campaign, seeds=3, criticised=1, run_dir=tmp_path / "run", progress=shown.append)
     assert again.draws == found.draws[:3]
     assert shown[-1].done == 3

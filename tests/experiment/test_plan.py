@@ -15,6 +15,7 @@ from typer.testing import CliRunner, Result
 
 from seatrial import Campaign, CampaignError, State, TrialError, Vehicle
 from seatrial.base.channels import CHANNELS, DEGREE
+from seatrial.base.progress import Progress
 from seatrial.campaign.parameters import Parameter
 from seatrial.cli import app
 from seatrial.experiment.drives import Thrusters
@@ -271,8 +272,8 @@ def test_what_cannot_be_planned_is_refused(options: dict[str, Any], words: str) 
 
 
 def test_a_plan_can_be_interrupted() -> None:
-    def stop(fraction: float, words: str) -> None:
-        if fraction > 0.2:
+    def stop(state: Progress) -> None:
+        if state.fraction > 0.2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

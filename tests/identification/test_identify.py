@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.criterion import Criterion
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
+from tests.base.killed import kill
 
 TRUTH = {"X_udot": -9.0, "X_uu": -14.0, "Z_ww": -450.0, "Z_wdot": -160.0}
 
@@ -174,7 +176,7 @@ def test_interrupt_keeps_the_best_so_far_and_the_run_goes_on_later(
 
     def interrupt(progress: Progress) -> None:
         seen.append(progress)
-        if progress.stage == "heave":
+        if progress.what == "heave":
             raise KeyboardInterrupt
 
     fit = identify(campaign(SURGE, later), run_dir=tmp_path / "run", progress=interrupt)
@@ -182,10 +184,41 @@ def test_interrupt_keeps_the_best_so_far_and_the_run_goes_on_later(
     assert [stage.interrupted for stage in fit.stages] == [False, True]
     assert fit.stages[1].cost <= fit.stages[1].start_cost
     assert "Interrupted" in fit.summary()
-    assert all(0.0 <= p.fraction <= 1.0 and p.left_s >= 0.0 for p in seen)
+    assert all(0.0 <= p.fraction <= 1.0 and not p.left_s < 0.0 for p in seen)
     resumed = identify(campaign(SURGE, later), run_dir=tmp_path / "run")
     assert [stage.reused for stage in resumed.stages] == [True, False]
     assert outcome(resumed) == outcome(identify(campaign(SURGE, later)))
+
+
+def test_a_killed_identification_goes_on_and_equals_an_undisturbed_one(
+    campaign: Callable[..., Campaign], recordings: dict[str, pl.DataFrame], tmp_path: Path
+) -> None:
+    """kill -9 in the second stage."""
+    later = HEAVE.replace("axes", 'after = ["surge"]\naxes')
+    for name, table in recordings.items():
+        table.write_parquet(tmp_path / f"{name}.parquet")
+    (tmp_path / "made.toml").write_text(HEAD + TRIALS + SURGE + later)
+    kill(
+        """
+        import seatrial as st
+        def watch(state):
+            if state.what == "heave":
+                die()
+        campaign = st.Campaign.load(folder / "made.toml")
+        st.identify(campaign, run_dir=folder / "run", progress=watch)
+        """,
+        tmp_path,
+    )
+    assert not (tmp_path / "run").exists()
+    made = Campaign.load(tmp_path / "made.toml")
+    resumed = identify(made, run_dir=tmp_path / "run")
+    assert [stage.reused for stage in resumed.stages] == [True, False]
+    undisturbed = identify(campaign(SURGE, later))
+    assert outcome(resumed) == outcome(undisturbed)
+    assert found(resumed) == found(undisturbed)
+    again = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (again["kind"], again["name"], again["interrupted"]) == ("identification", "made", False)
+    assert not list(tmp_path.glob("run.*"))
 
 
 def test_stage_that_waits_for_an_interrupted_one_is_named(campaign: Callable[..., Campaign]) -> None:

@@ -25,6 +25,7 @@ from seatrial.tuning.result import (
 )
 from seatrial.tuning.search import GroupResult, search_group, search_margins
 from seatrial.tuning.tune import plan_of, tune
+from tests.base.killed import kill
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, start, tuned
 
 ASTERN = """
@@ -70,11 +71,11 @@ class Watch:
 
     @property
     def stages(self) -> set[str]:
-        return {state.stage.partition(",")[0] for state in self.seen}
+        return {state.what.partition(",")[0] for state in self.seen}
 
     def __call__(self, state: Progress) -> None:
         self.seen.append(state)
-        if state.stage == self.stop and state.generation > 1:
+        if state.what == self.stop and state.step is not None and state.step.generation > 1:
             raise KeyboardInterrupt
 
 
@@ -114,6 +115,28 @@ def test_law_neither_threads_nor_a_second_run_change_the_result() -> None:
     ]
 
 
+def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -> None:
+    """kill -9 in the second group."""
+    kill(
+        """
+        import seatrial as st
+        from tests.tuning.test_tune import TWO, quick
+        def watch(state):
+            if state.what == "surge":
+                die()
+        st.tune(quick(TWO), run_dir=folder / "run", progress=watch, threads=1)
+        """,
+        tmp_path,
+    )
+    assert not (tmp_path / "run").exists()
+    whole, seen = tune(quick(TWO), threads=1), Watch()
+    resumed = tune(quick(TWO), run_dir=tmp_path / "run", progress=seen, threads=1)
+    assert "heading" not in seen.stages
+    assert resumed.autopilot.gains() == whole.autopilot.gains()
+    assert resumed.judged[-1].trials == whole.judged[-1].trials
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
+
+
 def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) -> None:
     whole = tune(quick(TWO), threads=1)
     first = tune(quick(TWO), run_dir=tmp_path / "run", progress=Watch(stop="surge"), threads=1)
@@ -136,7 +159,7 @@ def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) 
     seen = Watch()
     second = tune(quick(TWO), run_dir=tmp_path / "run", progress=seen, threads=1)
     assert not second.interrupted
-    assert {state.stage for state in seen.seen[:1]} == {"surge"}
+    assert {state.what for state in seen.seen[:1]} == {"surge"}
     assert second.autopilot.gains() == whole.autopilot.gains()
     assert (tmp_path / "run" / "tuning.json").is_file()
 

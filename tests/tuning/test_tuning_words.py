@@ -60,7 +60,7 @@ def test_a_campaign_without_a_table_is_told_that_defaults_are_searched() -> None
 
     def stop(state: Progress) -> None:
         seen.append(state)
-        if state.generation > 1:
+        if state.step is not None and state.step.generation > 1:
             raise KeyboardInterrupt
 
     one = tune(campaign(""), progress=stop, threads=1)

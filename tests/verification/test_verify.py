@@ -16,6 +16,7 @@ import pytest
 from scipy.stats import binom, norm
 
 import seatrial as st
+from seatrial.base.progress import Progress
 from seatrial.identification.fitted import Fitted
 from seatrial.report.plot.verification import WorstFlight, verification_figures, worst_missions
 from seatrial.verification import missions as mission_series
@@ -23,10 +24,11 @@ from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.comparison import compared, mcnemar
 from seatrial.verification.flown_missions import FlownMissions, figures_for_requirements
 from seatrial.verification.judgement import judged
-from seatrial.verification.missions import CampaignFlights, MissionsFlown
+from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.requirement import Requirement
 from seatrial.verification.verification import Verification
 from seatrial.verification.verify import verify
+from tests.base.killed import kill
 from tests.flight.flying import OUT
 from tests.report.figures import assert_on_page
 from tests.verification.verifying import SHORT, campaign
@@ -164,8 +166,8 @@ def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
         flown.extend(np.asarray(numbers).tolist())
         return fly(self, numbers, **options)
 
-    def stop(state: MissionsFlown) -> None:
-        if state.flown == 16:
+    def stop(state: Progress) -> None:
+        if state.done == 16:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(CampaignFlights, "fly", counted)
@@ -175,13 +177,16 @@ def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
     assert len(cut.flown) == 16
     assert "(interrupted)" in cut.summary()
     assert json.loads((run_dir / "verification.json").read_text())["missions"]["flown"] == 16
-    states: list[MissionsFlown] = []
+    states: list[Progress] = []
     whole = verify(campaign(folder), run_dir=run_dir, progress=states.append)
     assert flown == list(range(24))
     assert not whole.interrupted
     assert same(whole, found)
-    assert [state.flown for state in states] == [8, 16, 24]
-    assert [state.left_s > 0.0 for state in states] == [True, True, False]
+    assert [state.done for state in states] == [8, 16, 24]
+    # Nothing is known of the time while all missions come from the earlier run.
+    assert [math.isnan(state.left_s) for state in states] == [True, True, False]
+    assert states[-1].left_s == 0.0
+    assert "24 of 24 missions flown" in states[-1].detail
     # More missions begin with those that lie in the run directory; other inputs use none of them.
     flown.clear()
     verify(campaign(folder), run_dir=run_dir, runs=32)
@@ -189,6 +194,36 @@ def test_ctrl_c_keeps_what_was_flown_and_the_same_call_goes_on(
     flown.clear()
     verify(campaign(folder, seed=8), run_dir=run_dir, runs=8)
     assert flown == list(range(8))
+
+
+def test_a_killed_verification_goes_on_and_equals_an_undisturbed_one(
+    folder: Path, found: Verification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """kill -9 after the second chunk of missions."""
+    kill(
+        """
+        import seatrial as st
+        from seatrial.verification import missions
+        from tests.verification.verifying import campaign
+        missions.CHUNK = 8
+        st.verify(campaign(folder), run_dir=folder / "run", progress=lambda state: state.done == 16 and die())
+        """,
+        tmp_path,
+    )
+    assert not (tmp_path / "run").exists()
+    monkeypatch.setattr(mission_series, "CHUNK", 8)
+    flown: list[int] = []
+    fly = CampaignFlights.fly
+
+    def counted(self: CampaignFlights, numbers: Any, **options: Any) -> Any:
+        flown.extend(np.asarray(numbers).tolist())
+        return fly(self, numbers, **options)
+
+    monkeypatch.setattr(CampaignFlights, "fly", counted)
+    resumed = verify(campaign(tmp_path), run_dir=tmp_path / "run")
+    assert flown == list(range(16, 24))
+    assert same(resumed, found)
+    assert resumed.verdict == found.verdict
 
 
 def test_law_kept_missions_are_taken_up_for_the_same_inputs_alone(folder: Path) -> None:

@@ -1,7 +1,8 @@
-"""What long work reports while it runs."""
+"""Progress of long work: what it reports while it runs, and how the time left is estimated."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -40,32 +41,9 @@ class Clock:
         self._wall_s = self.elapsed_s
         return self
 
-    def left_s(self, fraction: float) -> float:
-        """Time left, s, when the rest of the work takes as long as the fraction that is done."""
-        return self.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
-
-
-@dataclass(frozen=True)
-class Progress:
-    """State of an identification after one batch of candidates of one stage.
-
-    ``best`` is that stage's best cost, ``fraction`` the share of all stages' work that is done and ``left_s``
-    the time left, s, if every search uses its whole budget. ``notes`` are sentences to show at once: what the
-    data cannot determine, known before the search.
-    """
-
-    stage: str
-    phase: str
-    generation: int
-    generations: int
-    evaluations: int
-    best: float
-    stages_done: int
-    stages: int
-    fraction: float
-    elapsed_s: float
-    left_s: float
-    notes: tuple[str, ...] = ()
+    def left_s(self, done: float, to_do: float) -> float:
+        """Time left, s, if what is to do goes on as fast as what was done; NaN where nothing was done yet."""
+        return self.elapsed_s * to_do / done if done > 0.0 else math.nan
 
 
 @dataclass(frozen=True)
@@ -83,6 +61,46 @@ class Step:
     def left_s(self) -> float:
         """Time left in this phase, s, if it uses its whole budget."""
         return self.elapsed_s * (self.generations - self.generation) / max(self.generation, 1)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """State of long work: a search, a series of missions, repetitions, a plan.
+
+    Attributes
+    ----------
+    what
+        Part of the work that is under way: stage, group of gains, autopilot, repetition, trial.
+    done, total
+        Parts (or missions, repetitions) that are finished, and all of them.
+    fraction
+        Share of all work that is done.
+    elapsed_s
+        Time so far, s.
+    left_s
+        Time left, s; of a search, if it uses its whole budget. NaN while nothing is known of it.
+    step
+        State of the search that is under way; None where nothing is searched.
+    detail
+        More words on it.
+    notes
+        Sentences to show at once: what the data cannot determine, known before the search.
+    """
+
+    what: str
+    done: int
+    total: int
+    fraction: float
+    elapsed_s: float
+    left_s: float
+    step: Step | None = None
+    detail: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def best(self) -> float:
+        """Best cost of the search so far; NaN where nothing is searched."""
+        return math.nan if self.step is None else self.step.best
 
 
 Watch = Callable[[Step], None]

@@ -5,10 +5,11 @@ A verb prints its answer first (`answer`) and draws afterwards. Options that sev
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,7 +33,6 @@ __all__ = [
     "check_axes",
     "complain",
     "formats",
-    "identification_progress",
     "list_figures",
     "long_work",
     "note",
@@ -154,14 +154,9 @@ def list_figures(console: Console, written: Sequence[Path]) -> None:
         console.print(f"Figures ({endings}) in {folder}: {', '.join(stems)}", soft_wrap=True, markup=False)
 
 
-def identification_progress(*, quiet: bool = False) -> AbstractContextManager[Callable[[State], None]]:
-    """Callback for `seatrial.identification.identify.identify`, see `search_progress`."""
-    return search_progress("reading the trials", quiet=quiet)
-
-
 @contextmanager
 def search_progress(first: str, *, quiet: bool = False) -> Iterator[Callable[[State], None]]:
-    """Callback for a long search that shows stage, generation, cost and time left; `first` stands before."""
+    """Callback for long work that shows what runs, best cost and time left; `first` stands before that."""
     with long_work(first, quiet=quiet) as show:
         yield lambda state: show(
             state.fraction, _words(state), [f"before the search: {note}" for note in state.notes]
@@ -210,11 +205,16 @@ def _lines() -> Callable[[float, str, Sequence[str]], None]:
 
 
 def _words(state: State) -> str:
-    left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
+    head = state.what
+    if state.total and not state.detail:
+        head += f" [{min(state.done + 1, state.total)}/{state.total}]"
+    words = [state.detail] if state.detail else []
+    step = state.step
+    if step is not None:
+        words += [step.phase, f"generation {step.generation} of at most {step.generations}"]
+        words.append(f"best {step.best:.4g}")
     # The first generations load and warm up what the later ones find ready.
-    known = state.generation >= _TELLING_GENERATIONS
-    return (
-        f"{state.stage} [{state.stages_done + 1}/{state.stages}]: {state.phase},"
-        f" generation {state.generation} of at most {state.generations},"
-        f" best {state.best:.4g}" + (f", at most {left} left" if known else "")
-    )
+    if math.isfinite(state.left_s) and (step is None or step.generation >= _TELLING_GENERATIONS):
+        left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
+        words.append(f"{'about' if step is None else 'at most'} {left} left")
+    return f"{head}: {', '.join(words)}" if words else head

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,11 +12,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from seatrial.experiment.coverage import Coverage, CoverageProgress, CoverageRow
+    from seatrial.experiment.coverage import Coverage, CoverageRow
 
 __all__ = ["coverage", "print_coverage"]
-
-_LINE_EVERY_S = 5.0
 
 
 def coverage(
@@ -47,14 +41,14 @@ def coverage(
     Ctrl-C keeps what is done; the same command goes on from there.
     """
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import output, print_json
+    from seatrial.cli.console import output, print_json, search_progress
     from seatrial.experiment.coverage import coverage as covered
     from seatrial.trial.truth import Truth
 
     loaded = Campaign.load(campaign)
     named = loaded.name if truth is None else f"{loaded.name}-{truth.stem}"
     folder = out or Path("runs") / named
-    with _progress(quiet=json) as progress:
+    with search_progress("first repetition", quiet=json) as progress:
         found = covered(
             loaded,
             seeds=seeds,
@@ -149,42 +143,3 @@ def _sentences(found: Coverage) -> list[str]:
     if found.interrupted:
         lines.append(f"interrupted after {total} of {found.asked} repetitions; run again to go on")
     return lines
-
-
-@contextmanager
-def _progress(*, quiet: bool) -> Iterator[Callable[[CoverageProgress], None]]:
-    """Callback that shows repetitions and time left: a bar on a terminal, now and then a line elsewhere."""
-    if quiet:
-        yield lambda _: None
-        return
-    if not sys.stderr.isatty():
-        yield _lines()
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), MofNCompleteColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("sailing the trials", total=None)
-        yield lambda state: bar.update(
-            task, completed=state.done, total=state.asked, description=_words(state)
-        )
-
-
-def _lines() -> Callable[[CoverageProgress], None]:
-    last = time.monotonic()
-
-    def show(state: CoverageProgress) -> None:
-        nonlocal last
-        if time.monotonic() - last >= _LINE_EVERY_S:
-            last = time.monotonic()
-            print(f"{state.done} of {state.asked}  {_words(state)}", file=sys.stderr, flush=True)
-
-    return show
-
-
-def _words(state: CoverageProgress) -> str:
-    if math.isnan(state.left_s):
-        return state.phase
-    left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
-    return f"{state.phase}, about {left} left"

@@ -101,10 +101,10 @@ def run_identification(
     campaign: Campaign, folder: Path, *, threads: int | None = None, resume: bool = True, quiet: bool = False
 ) -> Identification:
     """Identification of a campaign into a run directory, with progress on standard error."""
-    from seatrial.cli.console import identification_progress
+    from seatrial.cli.console import search_progress
     from seatrial.identification.identify import identify as identified
 
-    with identification_progress(quiet=quiet) as progress:
+    with search_progress("reading the trials", quiet=quiet) as progress:
         return identified(campaign, run_dir=folder, progress=progress, resume=resume, threads=threads)
 
 
@@ -154,10 +154,10 @@ def _restart(
     fit: Identification, folder: Path, starts: int, *, threads: int | None, resume: bool, quiet: bool
 ) -> Restarts:
     """Random starts of an identified campaign, with progress on standard error."""
-    from seatrial.cli.console import identification_progress
+    from seatrial.cli.console import search_progress
     from seatrial.identification.restarts import restarts
 
-    with identification_progress(quiet=quiet) as progress:
+    with search_progress("reading the trials", quiet=quiet) as progress:
         return restarts(
             fit.campaign,
             starts=starts,

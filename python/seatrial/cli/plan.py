@@ -5,10 +5,6 @@ Tables of a plan for who sails it.
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,8 +24,6 @@ if TYPE_CHECKING:
     from seatrial.experiment.plan import Plan, Ranked
 
 __all__ = ["plan", "print_plan"]
-
-_LINE_EVERY_S = 5.0
 
 
 def plan(
@@ -77,7 +71,7 @@ def plan(
     Everything is simulated: open loop, on the model as it is. Plan again after each trial.
     """
     from seatrial.base.errors import TrialError
-    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.cli.console import list_figures, output, print_json, search_progress
     from seatrial.experiment.forecast import Limits
     from seatrial.experiment.plan import plan as planned
 
@@ -86,7 +80,7 @@ def plan(
     limits = Limits(depth_m=max_depth, area_m=_area(area), tilt_deg=max_tilt)
     instruments = _instruments(sensors, current)
     loaded, vehicle = _load(target)
-    with _progress(quiet=json) as progress:
+    with search_progress("reading", quiet=json) as progress:
         found = planned(
             loaded,
             coefficients=_list(coefficients),
@@ -173,31 +167,6 @@ def _instruments(text: str, current: float) -> Instruments:
         except ValueError:
             raise SeatrialError(f"--sensors {part!r}: expected KIND or KIND=NOISE, as dvl=0.02") from None
     return Instruments.on_board(kinds, current_m_s=current)
-
-
-@contextmanager
-def _progress(*, quiet: bool) -> Iterator[Callable[[float, str], None] | None]:
-    """Callback that shows how far the plan is: a bar on a terminal, a line every few seconds elsewhere."""
-    if quiet:
-        yield None
-    elif not sys.stderr.isatty():
-        last = time.monotonic()
-
-        def line(fraction: float, words: str) -> None:
-            nonlocal last
-            if time.monotonic() - last >= _LINE_EVERY_S:
-                last = time.monotonic()
-                print(f"{100 * fraction:3.0f} %  {words}", file=sys.stderr, flush=True)
-
-        yield line
-    else:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-
-        columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), TaskProgressColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("reading", total=1.0)
-            yield lambda fraction, words: bar.update(task, completed=fraction, description=words)
 
 
 _HEAD = ("thrust", "sailed", "area, m", "to depth, m", "score", "tells most of")

@@ -10,8 +10,7 @@ How a verification is shown on the command line: progress while it flies, tables
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,19 +26,9 @@ if TYPE_CHECKING:
     from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.comparison import AutopilotComparison
     from seatrial.verification.judgement import JudgedRequirement
-    from seatrial.verification.missions import MissionsFlown
     from seatrial.verification.verification import Verification
 
-__all__ = [
-    "draw",
-    "gains_source",
-    "missions_progress",
-    "print_verification",
-    "refuse_beside",
-    "verified",
-    "verify",
-    "verify_log",
-]
+__all__ = ["draw", "gains_source", "print_verification", "refuse_beside", "verified", "verify", "verify_log"]
 
 
 def verify(
@@ -179,9 +168,10 @@ def verified(
     quiet: bool = False,
 ) -> Verification:
     """Verification of a campaign into a run directory, with progress on standard error."""
+    from seatrial.cli.console import search_progress
     from seatrial.verification.verify import conduct
 
-    with missions_progress(quiet=quiet) as progress:
+    with search_progress("first missions", quiet=quiet) as progress:
         return conduct(prepared, run_dir=folder, progress=progress, resume=resume, threads=threads)
 
 
@@ -346,15 +336,6 @@ _FIGURES = {
 }
 
 
-@contextmanager
-def missions_progress(*, quiet: bool = False) -> Iterator[Callable[[MissionsFlown], None]]:
-    """Callback for `seatrial.verify` that shows the missions flown, real-time factor and time left."""
-    from seatrial.cli.console import long_work
-
-    with long_work("first missions", quiet=quiet) as show:
-        yield lambda state: show(state.flown / state.runs, _words(state), ())
-
-
 def print_verification(console: Console, found: Verification) -> None:
     """Print verdict, requirements, causes, worst missions and comparison."""
     from seatrial.verification.verification import again, headline, time_sentence
@@ -516,14 +497,6 @@ def _sentences(one: JudgedRequirement) -> list[str]:
     if one.found.failures:
         said += [f"{one.requirement.name}: {cause}." for cause in one.named_causes[:3]]
     return said
-
-
-def _words(state: MissionsFlown) -> str:
-    left = f"{state.left_s:.0f} s" if state.left_s < 90 else f"{state.left_s / 60:.0f} min"
-    return (
-        f"{state.autopilot}: {state.flown} of {state.runs} missions,"
-        f" {state.real_time_factor:,.0f} times real time, {left} left"
-    )
 
 
 def _number(value: float, decimals: int) -> str:

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import CampaignError
-from seatrial.base.progress import Clock
+from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.joint import Joint
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.truth import Truth
 
-__all__ = ["Coverage", "CoverageProgress", "CoverageRow", "coverage", "rows"]
+__all__ = ["Coverage", "CoverageRow", "coverage", "rows"]
 
 LEVEL = 0.95
 """Probability with which an interval promises to hold the truth."""
@@ -281,17 +281,6 @@ def rows(draws: Sequence[Draw]) -> tuple[CoverageRow, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class CoverageProgress:
-    """State of a coverage run: repetitions done and asked for, what runs, time so far and left in s."""
-
-    done: int
-    asked: int
-    phase: str
-    elapsed_s: float
-    left_s: float
-
-
 def coverage(
     campaign: Campaign,
     *,
@@ -300,7 +289,7 @@ def coverage(
     truth: Truth | None = None,
     criticised: int = 5,
     run_dir: str | Path | None = None,
-    progress: Callable[[CoverageProgress], None] | None = None,
+    progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
 ) -> Coverage:
@@ -394,13 +383,13 @@ class _Repetitions:
         asked: int,
         run: RunDirectory,
         clock: Clock,
-        progress: Callable[[CoverageProgress], None] | None,
+        progress: Callable[[Progress], None] | None,
         threads: int | None,
     ) -> None:
         self.resailing, self.asked, self.run, self.clock = resailing, asked, run, clock
         self.progress, self.threads = progress, threads
         self.inputs = _inputs(resailing)
-        self.done, self.sailed, self.spent = 0, 0, 0.0
+        self.done, self.fresh = 0, 0
 
     def draw(self, seed: int, *, criticised: bool) -> Draw:
         """A repetition, or what an earlier run kept of it."""
@@ -416,8 +405,7 @@ class _Repetitions:
                 threads=self.threads,
                 watch=lambda _: self._show(name),
             )
-            self.sailed += 1
-            self.spent += found.wall_s
+            self.fresh += 1
             self.run.keep(name, self.inputs, found.to_dict())
         self.done += 1
         self._show(name)
@@ -436,13 +424,18 @@ class _Repetitions:
         self.run.keep(name, self.inputs, {"held": [one.to_dict() for one in found]})
         return found
 
-    def _show(self, phase: str) -> None:
+    def _show(self, what: str) -> None:
         if self.progress is None:
             return
-        elapsed = self.clock.elapsed_s
-        each = self.spent / self.sailed if self.sailed else math.nan
         self.progress(
-            CoverageProgress(self.done, self.asked, phase, elapsed, each * (self.asked - self.done))
+            Progress(
+                what=what,
+                done=self.done,
+                total=self.asked,
+                fraction=self.done / self.asked,
+                elapsed_s=self.clock.elapsed_s,
+                left_s=self.clock.left_s(self.fresh, self.asked - self.done),
+            )
         )
 
 

@@ -26,6 +26,7 @@ import numpy as np
 from seatrial._core import Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError, nearest
+from seatrial.base.progress import Clock, Progress
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.parameters import Parameter
 from seatrial.experiment import fisher
@@ -250,8 +251,6 @@ _LEAST_SHARE, _LARGEST_SHARE = 0.1, 1.0
 
 _ALIKE = 1.01  # of trials that are as good within a per cent, the one that needs the least area
 
-Progress = Callable[[float, str], None]
-
 
 def plan(
     what: Vehicle | Campaign | Identification,
@@ -266,7 +265,7 @@ def plan(
     use_recorded: bool = True,
     voltage_v: float = NOMINAL_V,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Callable[[Progress], None] | None = None,
 ) -> Plan:
     """Plan of the next trials for a vehicle, a campaign or what it identified.
 
@@ -297,7 +296,7 @@ def plan(
     threads : int, optional
         Threads of the core; the plan does not depend on it.
     progress : callable, optional
-        Called with the fraction that is done and what is being done.
+        Called with a `Progress` before each step and each manoeuvre.
 
     Raises
     ------
@@ -312,7 +311,13 @@ def plan(
     >>> found.sequence[0].manoeuvre.kind
     'free decay'
     """
-    tell = progress or (lambda fraction, words: None)
+    clock = Clock()
+
+    def tell(fraction: float, what: str, done: int = 0, total: int = 0) -> None:
+        if progress is not None:
+            left_s = clock.left_s(fraction, 1.0 - fraction)
+            progress(Progress(what, done, total, fraction, clock.elapsed_s, left_s))
+
     if not (np.isfinite(budget_s) and budget_s >= 10.0):
         raise CampaignError(f"budget: expected at least 10 s for a trial, found {budget_s:g} s")
     if count < 1:
@@ -341,7 +346,7 @@ def plan(
         )
     told: list[Array] = []
     for index, one in enumerate(fitting):
-        tell(0.2 + 0.8 * index / len(fitting), one.manoeuvre.name)
+        tell(0.2 + 0.8 * index / len(fitting), one.manoeuvre.name, index, len(fitting))
         run = information(vehicle, one.manoeuvre, sought, given, voltage_v=voltage_v, threads=threads)
         told.append(one.manoeuvre.repeats(budget_s) * run)
 

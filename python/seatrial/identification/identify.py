@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import math
 import queue
 import threading
 from collections.abc import Callable, Mapping
@@ -185,17 +184,13 @@ class StageOrder:
         done = sum(planned[name] for name in self.results) + (plan.done(step) if step else 0.0)
         fraction = min(done / max(sum(planned.values()), done, 1.0), 1.0)
         return Progress(
-            stage=plan.stage.name,
-            phase=step.phase if step else "starting",
-            generation=step.generation if step else 0,
-            generations=step.generations if step else plan.generations,
-            evaluations=step.evaluations if step else 0,
-            best=step.best if step else math.inf,
-            stages_done=len(self.results),
-            stages=len(self.plans),
+            what=plan.stage.name,
+            done=len(self.results),
+            total=len(self.plans),
             fraction=fraction,
             elapsed_s=self.clock.elapsed_s,
-            left_s=self.clock.left_s(fraction),
+            left_s=self.clock.left_s(fraction, 1.0 - fraction),
+            step=step,
         )
 
 
@@ -316,17 +311,13 @@ def _watch(order: StageOrder, progress: Callable[[Progress], None] | None) -> Ca
         stages = len(order.plans)
         progress(
             Progress(
-                stage="joint polish",
-                phase=step.phase,
-                generation=step.generation,
-                generations=step.generations,
-                evaluations=step.evaluations,
-                best=step.best,
-                stages_done=stages,
-                stages=stages + 1,
+                what="joint polish",
+                done=stages,
+                total=stages + 1,
                 fraction=1.0,
                 elapsed_s=order.clock.elapsed_s,
                 left_s=step.left_s,
+                step=step,
             )
         )
 

@@ -547,10 +547,10 @@ def _whole(
         progress(
             replace(
                 state,
-                stage=f"start {number + 1} of {starts}, {state.stage}",
+                what=f"start {number + 1} of {starts}, {state.what}",
                 fraction=fraction,
                 elapsed_s=clock.elapsed_s,
-                left_s=clock.left_s(fraction),
+                left_s=clock.left_s(fraction, 1.0 - fraction),
             )
         )
 

@@ -417,17 +417,13 @@ class TuningRun:
         share = part if name == "margins" else begun + share * part
         self.progress(
             Progress(
-                stage=name,
-                phase=step.phase,
-                generation=step.generation,
-                generations=step.generations,
-                evaluations=step.evaluations,
-                best=step.best,
-                stages_done=self.done,
-                stages=self.stages,
+                what=name,
+                done=self.done,
+                total=self.stages,
                 fraction=min(self.work.done(name, share), 1.0),
                 elapsed_s=self.clock.elapsed_s,
                 left_s=self.work.left_s(name, share),
+                step=step,
                 notes=self.notes,
             )
         )

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 
 from seatrial import _core
 from seatrial._core import autopilot_names
+from seatrial.base.progress import Clock, Progress
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
 from seatrial.flight.failures import Fault, Outage
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     from seatrial.base.run import RunDirectory
     from seatrial.flight.mission import Mission
 
-__all__ = ["CHUNK", "CampaignFlights", "MissionsFlown", "Series", "fly_series"]
+__all__ = ["CHUNK", "CampaignFlights", "Series", "fly_series"]
 
 _LARGEST_STEP_S = 0.02
 
@@ -261,22 +262,6 @@ CHUNK = 512
 """Missions between two reports."""
 
 
-@dataclass(frozen=True)
-class MissionsFlown:
-    """State of a verification after a chunk.
-
-    ``autopilot`` is what flies ("verified", "start", ...), ``flown`` of ``runs`` missions are done,
-    ``left_s`` is the time left, s, ``real_time_factor`` the time flown over the time it took.
-    """
-
-    autopilot: str
-    flown: int
-    runs: int
-    elapsed_s: float
-    left_s: float
-    real_time_factor: float
-
-
 @dataclass(frozen=True, eq=False)
 class Series:
     """Missions flown, None without a single one, and whether Ctrl-C ended them early."""
@@ -291,7 +276,7 @@ def fly_series(
     *,
     autopilot: str = "verified",
     run: RunDirectory,
-    progress: Callable[[MissionsFlown], None] | None = None,
+    progress: Callable[[Progress], None] | None = None,
     threads: int | None = None,
 ) -> Series:
     """The first missions of a verification; after Ctrl-C those that were finished.
@@ -308,7 +293,7 @@ def fly_series(
         Called after each chunk; it may raise KeyboardInterrupt.
     threads : int, optional
     """
-    began, parts, fresh = time.monotonic(), [], 0
+    clock, parts, fresh = Clock(), [], 0
     interrupted = False
     try:
         for start in range(0, runs, CHUNK):
@@ -323,16 +308,17 @@ def fly_series(
                 run.keep(name, flights.digest, {"missions": part.to_text()})
             parts.append(part)
             if progress is not None:
-                elapsed = time.monotonic() - began
-                flown_s = sum(one.flown_s for one in parts)
+                flown_s = sum(part.flown_s for part in parts)
+                factor = flown_s / max(sum(part.wall_s for part in parts), 1e-9)
                 progress(
-                    MissionsFlown(
-                        autopilot=autopilot,
-                        flown=stop,
-                        runs=runs,
-                        elapsed_s=elapsed,
-                        left_s=elapsed * (runs - stop) / max(fresh, 1),
-                        real_time_factor=flown_s / max(sum(one.wall_s for one in parts), 1e-9),
+                    Progress(
+                        what=autopilot,
+                        done=stop,
+                        total=runs,
+                        fraction=stop / runs,
+                        elapsed_s=clock.elapsed_s,
+                        left_s=clock.left_s(fresh, runs - stop),
+                        detail=f"{stop} of {runs} missions flown, {factor:,.0f} times real time",
                     )
                 )
     except KeyboardInterrupt:

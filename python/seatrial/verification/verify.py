@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.progress import Clock
+from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts, sha256
 from seatrial.campaign.campaign import input_hashes
 from seatrial.flight.checks import checked_threads
@@ -24,7 +24,7 @@ from seatrial.verification.judgement import (
     judged,
     perceived_and_true,
 )
-from seatrial.verification.missions import MissionsFlown, fly_series
+from seatrial.verification.missions import fly_series
 from seatrial.verification.verification import Verification, input_files
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def verify(
     missions: Sequence[Mission | str | Path] | None = None,
     threads: int | None = None,
     run_dir: str | Path | None = None,
-    progress: Callable[[MissionsFlown], None] | None = None,
+    progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     compare: bool | Mapping[str, Any] = False,
 ) -> Verification:
@@ -82,7 +82,7 @@ def verify(
     run_dir : str or Path, optional
         Folder for the results. Finished missions are kept in it, and in its sibling while the run goes on.
     progress : callable, optional
-        Called in the caller's thread with a `MissionsFlown` after every 512 missions.
+        Called in the caller's thread with a `Progress` after every 512 missions.
     resume : bool
         Reuse the missions that an earlier run in this folder flew from the same inputs.
     compare : bool or mapping of str to autopilot
@@ -127,7 +127,7 @@ def conduct(
     prepared: VerifiedCampaign,
     *,
     run_dir: str | Path | None = None,
-    progress: Callable[[MissionsFlown], None] | None = None,
+    progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
 ) -> Verification:
@@ -156,7 +156,7 @@ def _verified(
     run: RunDirectory,
     clock: Clock,
     *,
-    progress: Callable[[MissionsFlown], None] | None,
+    progress: Callable[[Progress], None] | None,
     threads: int | None,
 ) -> Verification:
     series = fly_series(
@@ -212,7 +212,7 @@ def _compared(
     flown: FlownMissions,
     *,
     run: RunDirectory,
-    progress: Callable[[MissionsFlown], None] | None,
+    progress: Callable[[Progress], None] | None,
     threads: int | None,
 ) -> tuple[AutopilotComparison | None, bool]:
     """Other autopilots on the first missions; nothing where Ctrl-C ended one of them early."""
