@@ -218,7 +218,8 @@ def test_a_killed_identification_goes_on_and_equals_an_undisturbed_one(
     assert found(resumed) == found(undisturbed)
     again = json.loads((tmp_path / "run" / "run.json").read_text())
     assert (again["kind"], again["name"], again["interrupted"]) == ("identification", "made", False)
-    assert not list(tmp_path.glob("run.*"))
+    assert not list(tmp_path.glob("run.[!p]*"))
+    assert not (tmp_path / "run.partial").exists()
 
 
 def test_stage_that_waits_for_an_interrupted_one_is_named(campaign: Callable[..., Campaign]) -> None:
