@@ -223,7 +223,7 @@ def test_a_killed_verification_goes_on_and_equals_an_undisturbed_one(
     resumed = verify(campaign(tmp_path), run_dir=tmp_path / "run")
     assert flown == list(range(16, 24))
     assert same(resumed, found)
-    assert resumed.verdict == found.verdict
+    assert resumed.outcome == found.outcome
 
 
 def test_law_kept_missions_are_taken_up_for_the_same_inputs_alone(folder: Path) -> None:
