@@ -14,8 +14,6 @@ from types import ModuleType
 
 TYPE_CHECKING = False  # without `typing`, which takes longer than all else here
 if TYPE_CHECKING:
-    from typing import Any
-
     from seatrial._core import Autopilot as Autopilot
     from seatrial._core import Flights as Flights
     from seatrial._core import Run as Run
@@ -129,18 +127,19 @@ __all__ = [
 class _Package(ModuleType):
     """The package, in which a public function keeps its name when the module of that name is imported."""
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if not (name in _HOME and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 
 
 sys.modules[__name__].__class__ = _Package
 
+if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+    def __getattr__(name: str) -> object:
+        if name not in _HOME:
+            raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
+        return getattr(import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:
