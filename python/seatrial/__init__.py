@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.verdict import LogVerdict
     from seatrial.verification.mission_log.verify_log import verify_log
+    from seatrial.verification.requirement import Requirement
     from seatrial.verification.verification import Verification
     from seatrial.verification.verify import verify
 
@@ -57,6 +58,7 @@ _HOME = {
     "Mission": "seatrial.flight.mission",
     "MissionLog": "seatrial.verification.mission_log.log",
     "Outage": "seatrial.flight.failures",
+    "Requirement": "seatrial.verification.requirement",
     "Restarts": "seatrial.identification.restarts",
     "Run": "seatrial._core",
     "Score": "seatrial.trial.score",
@@ -97,6 +99,7 @@ __all__ = [
     "Mission",
     "MissionLog",
     "Outage",
+    "Requirement",
     "Restarts",
     "Run",
     "Score",

@@ -318,7 +318,7 @@ def test_a_diverged_mission_has_no_numbers_and_holds_nothing_that_rests_on_one(
         "alert_cause": np.array([0.0, np.nan, 1.0]),
         "alert_time_s": np.array([0.0, 0.0, 33.0]),
     }
-    monkeypatch.setattr("seatrial.flight.metrics.figures_of", lambda _: raw)
+    monkeypatch.setattr("seatrial.verification.flown_missions.figures_of", lambda _: raw)
     counts = np.array([[4, 1], [0, 0], [9, 9]])
     flights = SimpleNamespace(cross_track_counts=counts, true_cross_track_counts=counts)
     found, (seen, _) = figures_for_requirements(cast(Any, flights))

@@ -49,6 +49,8 @@ class Campaign:
         Where paths in the file begin.
     trials : mapping, optional
         Trial name to path or frame, instead of the file's own.
+    vehicle : Vehicle, optional
+        Instead of the one that the file names.
 
     Examples
     --------
@@ -78,11 +80,13 @@ class Campaign:
         source: str,
         folder: Path,
         trials: Mapping[str, Any] | None = None,
+        vehicle: Vehicle | None = None,
     ) -> None:
         self.file = file
         self.text = text
         self.source = source
         self.folder = folder
+        self._given_vehicle = vehicle
         self.bench = self._bench_test()
         self.vehicle = self._load_vehicle() if self.bench is None else self.bench.vehicle
         self._sources, self._data = self._trial_sources(dict(trials or {}))
@@ -125,6 +129,7 @@ class Campaign:
         folder: str | Path = ".",
         source: str = "<text>",
         trials: Mapping[str, Any] | None = None,
+        vehicle: Vehicle | None = None,
     ) -> Campaign:
         """Campaign from TOML text; paths in it are relative to the folder.
 
@@ -136,13 +141,17 @@ class Campaign:
             What to call the text in messages.
         trials : mapping, optional
             As in `load`.
+        vehicle : Vehicle, optional
+            Instead of the one that the text names.
 
         Raises
         ------
         CampaignError, VehicleError
             As in `load`.
         """
-        return cls(parse(text, source), text=text, source=source, folder=Path(folder), trials=trials)
+        return cls(
+            parse(text, source), text=text, source=source, folder=Path(folder), trials=trials, vehicle=vehicle
+        )
 
     def with_locked_axes(self, mode: LockedAxes) -> Campaign:
         """Campaign with every axis that a stage does not free frozen or replayed; the joint estimate stays.
@@ -195,7 +204,14 @@ class Campaign:
             The file asks for what cannot be done.
         """
         text = self.text if text is None else text
-        other = Campaign(file, text=text, source=self.source, folder=self.folder, trials=self._data)
+        other = Campaign(
+            file,
+            text=text,
+            source=self.source,
+            folder=self.folder,
+            trials=self._data,
+            vehicle=self._given_vehicle,
+        )
         other.trials = self.trials
         return other
 
@@ -348,6 +364,8 @@ class Campaign:
     def _load_vehicle(self) -> Vehicle:
         from seatrial._core import Vehicle
 
+        if self._given_vehicle is not None:
+            return self._given_vehicle
         name = self.file.vehicle
         try:
             return Vehicle.load(str(self._path(name, "key vehicle")) if is_path(name) else name)

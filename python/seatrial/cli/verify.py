@@ -169,10 +169,10 @@ def verified(
 ) -> Verification:
     """Verification of a campaign into a run directory, with progress on standard error."""
     from seatrial.cli.console import search_progress
-    from seatrial.verification.verify import conduct
+    from seatrial.verification.verify import run_verification
 
     with search_progress("first missions", quiet=quiet) as progress:
-        return conduct(prepared, run_dir=folder, progress=progress, resume=resume, threads=threads)
+        return run_verification(prepared, run_dir=folder, progress=progress, resume=resume, threads=threads)
 
 
 def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:

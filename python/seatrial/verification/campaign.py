@@ -22,6 +22,7 @@ from seatrial.campaign.verification_table import MissionTable, RequirementTable,
 from seatrial.flight.checks import (
     checked_rows,
     checked_seabed,
+    checked_seed,
     checked_supply,
     checked_times,
     longest,
@@ -36,6 +37,7 @@ from seatrial.verification.draws import targets
 from seatrial.verification.judgement import check_energy
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.requirement import Requirement, default_requirements
+from seatrial.verification.verification import WITHOUT_FILE
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
 __all__ = [
     "VerifiedCampaign",
     "autopilot_of",
+    "campaign_of",
     "check_table",
     "requirement_of",
     "sensors_of_table",
@@ -301,6 +304,59 @@ def verified_campaign(
     return VerifiedCampaign(campaign, flights, requirements, others, number, tuple(notes))
 
 
+def campaign_of(
+    vehicle: Vehicle,
+    missions: Sequence[Mission | str | Path],
+    *,
+    requirements: Sequence[Requirement],
+    seed: int,
+    settings: Mapping[str, Any],
+    name: str | None = None,
+) -> Campaign:
+    """Campaign of a verification that no file describes; its text states what a file would.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    missions : sequence of Mission, str or Path
+    requirements : sequence of Requirement
+    seed : int
+    settings : mapping
+        Other keys of the table ``[verification]``.
+    name : str, optional
+        That of the vehicle by default.
+
+    Raises
+    ------
+    CampaignError
+        A key is unknown, or a value is not one that it may hold.
+    """
+    import tomlkit
+
+    from seatrial.campaign.campaign import Campaign
+
+    for key in ("missions", "requirements"):
+        if key in settings:
+            raise CampaignError(f"settings: key {key} is a parameter of its own; leave it out here")
+    titles = [Path(one).stem if isinstance(one, str | Path) else one.name for one in _listed(missions)]
+    table = {
+        "missions": titles,
+        **settings,
+        "requirements": [
+            {"name": one.name, "holds": one.holds, "probability": one.probability} for one in requirements
+        ],
+    }
+    asked = {"format": 1, "name": name or vehicle.name, "vehicle": vehicle.name, "seed": checked_seed(seed)}
+    text = tomlkit.dumps({**asked, "verification": table})
+    return Campaign.from_toml(text, source=WITHOUT_FILE, vehicle=vehicle)
+
+
+def _listed(missions: Any) -> Sequence[Mission | str | Path]:
+    if isinstance(missions, str | Path | Mission) or not missions:
+        raise CampaignError(f"missions: expected a list of missions or files, found {missions!r}")
+    return list(missions)
+
+
 def autopilot_of(source: Any) -> Autopilot:
     """Autopilot of a tuning, a run directory of it, a file, a built-in name, or itself.
 
@@ -333,8 +389,7 @@ def _table(
                 ' missions = ["mission.toml"], or give missions'
             )
         return table, tuple(_mission(campaign, one.file) for one in table.missions)
-    if isinstance(missions, str | Path | Mission) or not missions:
-        raise CampaignError(f"missions: expected a list of missions or files, found {missions!r}")
+    missions = _listed(missions)
     flown = tuple(Mission.load(one) if isinstance(one, str | Path) else one for one in missions)
     titles = [
         Path(one).stem if isinstance(one, str | Path) else loaded_one.name

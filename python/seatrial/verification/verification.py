@@ -195,6 +195,9 @@ class Verification:
 
 _CAUSES = 4
 
+WITHOUT_FILE = "verify"
+"""Source of a campaign that no file describes."""
+
 
 def summary(found: Verification) -> str:
     """Text that a control engineer reads."""
@@ -264,6 +267,8 @@ def comparison_lines(found: AutopilotComparison) -> list[str]:
 
 def again(found: Verification) -> str:
     """How to fly a mission again."""
+    if found.campaign.source == WITHOUT_FILE:
+        return "Any mission flies again by its number: verification.replay(NUMBER)."
     return (
         f"Any mission flies again by its number: seatrial verify {found.campaign.source} --replay NUMBER"
         " (with the same --run, --autopilot and --mission), or verification.replay(NUMBER)."

@@ -1,8 +1,4 @@
-"""Verification of an autopilot by many missions: the public function.
-
-The work is in `seatrial.verification.verify`, loaded at the call: `import seatrial` stays light.
-
-The conduct of a verification: missions flown, with other autopilots too, all of them judged and kept.
+"""`verify`: an autopilot judged by many missions of drawn vehicles, and how such a run goes.
 
 Tests: ``tests/verification/test_verify.py``.
 """
@@ -11,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
+from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts, sha256
 from seatrial.campaign.campaign import input_hashes
@@ -28,21 +25,29 @@ from seatrial.verification.missions import fly_series
 from seatrial.verification.verification import Verification, input_files
 
 if TYPE_CHECKING:
-    from seatrial._core import Vehicle
+    from seatrial._core import Autopilot, Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
+    from seatrial.tuning.result import Tuning
     from seatrial.verification.campaign import VerifiedCampaign
     from seatrial.verification.flown_missions import FlownMissions
+    from seatrial.verification.requirement import Requirement
 
-__all__ = ["conduct", "verify"]
+__all__ = ["run_verification", "verify"]
 
 
+_SHARE, _LEAST = 10, 200  # of the missions, a tenth and at least so many, fly with other autopilots too
+
+_VERIFIED = "verified"
+
+
+@overload
 def verify(
     campaign: Campaign,
     fit: Identification | Fitted | Vehicle | str | Path | None = None,
-    gains: Any = None,
+    gains: Tuning | Autopilot | str | Path | None = None,
     *,
     model: Vehicle | str | Path | None = None,
     runs: int | None = None,
@@ -52,8 +57,51 @@ def verify(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     compare: bool | Mapping[str, Any] = False,
+) -> Verification: ...
+
+
+@overload
+def verify(
+    vehicle: Identification | Fitted | Vehicle | str | Path,
+    autopilot: Tuning | Autopilot | str | Path,
+    missions: Sequence[Mission | str | Path],
+    /,
+    *,
+    requirements: Sequence[Requirement] = (),
+    settings: Mapping[str, Any] | None = None,
+    name: str | None = None,
+    seed: int = 0,
+    model: Vehicle | str | Path | None = None,
+    runs: int | None = None,
+    threads: int | None = None,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    compare: Mapping[str, Any] | None = None,
+) -> Verification: ...
+
+
+def verify(
+    campaign: Campaign | Identification | Fitted | Vehicle | str | Path,
+    fit: Any = None,
+    gains: Any = None,
+    *,
+    requirements: Sequence[Requirement] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    name: str | None = None,
+    seed: int | None = None,
+    model: Vehicle | str | Path | None = None,
+    runs: int | None = None,
+    missions: Sequence[Mission | str | Path] | None = None,
+    threads: int | None = None,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    compare: bool | Mapping[str, Any] | None = False,
 ) -> Verification:
     """Verdict on an autopilot from many missions of vehicles that are drawn from what is known of one.
+
+    ``verify(campaign, fit, gains)`` or, without a file, ``verify(vehicle, autopilot, missions, ...)``.
 
     Every mission has its own vehicle, water, noise, failures and start, as the table ``[verification]`` of
     the campaign says; the autopilot believes in the identified vehicle. Mission i depends on the campaign's
@@ -61,22 +109,31 @@ def verify(
 
     Parameters
     ----------
-    campaign : Campaign
-        With a table ``[verification]``.
-    fit : Identification, Fitted, Vehicle, str or Path, optional
+    campaign : Campaign; or Identification, Fitted, Vehicle, str or Path
+        With a table ``[verification]``. Without a campaign: what is known of the vehicle.
+    fit : Identification, Fitted, Vehicle, str or Path; or Tuning, Autopilot, str or Path
         The vehicle and how well it is known: a result of `seatrial.identify`, its run directory, or a
-        vehicle, whose coefficients count as exact; by default the campaign's vehicle.
-    gains : Tuning, Autopilot, str or Path, optional
+        vehicle, whose coefficients count as exact; by default the campaign's vehicle. Without a campaign: the
+        autopilot.
+    gains : Tuning, Autopilot, str or Path; or sequence of Mission, str or Path
         The autopilot: a result of `seatrial.tune` or its run directory, an autopilot, a built-in name or a
-        file; by default the campaign's.
+        file; by default the campaign's. Without a campaign: the missions.
+    requirements : sequence of Requirement, optional
+        Without a campaign: what must hold; by default that missions are complete and paths are kept.
+    settings : mapping, optional
+        Without a campaign: the other keys of ``[verification]``, for example current, faults, sensors.
+    name : str, optional
+        Without a campaign: of the result; that of the vehicle by default.
+    seed : int, optional
+        Without a campaign: of all draws.
     model : Vehicle, str or Path, optional
         The vehicle that the autopilot believes in; by default the best values of ``fit``. With it, ``fit``
         may be a vehicle that the autopilot does not know: the truth of generated trials, or another one of
         its class.
     runs : int, optional
-        Number of missions instead of the table's.
+        Number of missions instead of the table's, which is 1000 where it says nothing.
     missions : sequence of Mission, str or Path, optional
-        Instead of the table's.
+        Instead of the campaign's.
     threads : int, optional
         Threads of the core; by default all. The result does not depend on it.
     run_dir : str or Path, optional
@@ -108,22 +165,61 @@ def verify(
     >>> import seatrial as st
     >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
     >>> found = st.verify(campaign, "runs/cwolf", "runs/cwolf-tuned")  # doctest: +SKIP
-    >>> found.verdict, found.requirement("keeps its path").found.interval  # doctest: +SKIP
+    >>> found.outcome, found.requirement("keeps its path").found.interval  # doctest: +SKIP
+
+    Without a file:
+
+    >>> mission = st.Mission.from_toml('''
+    ... format = 1
+    ... name = "out"
+    ... speed_m_s = 1.5
+    ... acceptance_radius_m = 5.0
+    ... [[legs]]
+    ... north_m = 60.0
+    ... east_m = 0.0
+    ... depth_m = 5.0
+    ... ''')
+    >>> ends = st.Requirement("is complete", 'ending == "complete"', probability=0.9)
+    >>> water = {"current": {"speed_m_s": [0.0, 0.3]}}
+    >>> found = st.verify("cwolf", "cwolf", [mission], requirements=[ends], settings=water, runs=64)
+    >>> found.outcome, found.requirement("is complete").found.failures
+    ('held', 0)
     """
-    from seatrial.verification.campaign import verified_campaign
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.identification.fitted import Fitted
+    from seatrial.verification.campaign import campaign_of, verified_campaign
 
+    if isinstance(campaign, Campaign):
+        alone = {"requirements": requirements, "settings": settings, "name": name, "seed": seed}
+        if named := [key for key, value in alone.items() if value is not None]:
+            raise CampaignError(
+                f"{named[0]}: expected only without a campaign, found it beside {campaign.source}; write it"
+                " into the campaign's file"
+            )
+    else:
+        if fit is None or (gains is None and missions is None):
+            raise CampaignError(
+                "verify: expected a Campaign, or a vehicle, its autopilot and missions, found"
+                f" {'a vehicle alone' if fit is None else 'no missions'}; give verify(vehicle, autopilot,"
+                " [mission])"
+            )
+        known, fit, gains, missions = Fitted.of(campaign), None, fit, gains if missions is None else missions
+        campaign = campaign_of(
+            known.vehicle,
+            missions,
+            requirements=requirements or (),
+            settings=settings or {},
+            name=name,
+            seed=0 if seed is None else seed,
+        )
+        fit = known
     prepared = verified_campaign(
-        campaign, fit, gains, model=model, runs=runs, missions=missions, compare=compare
+        campaign, fit, gains, model=model, runs=runs, missions=missions, compare=compare or False
     )
-    return conduct(prepared, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
+    return run_verification(prepared, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
 
 
-_VERIFIED = "verified"
-
-_SHARE, _LEAST = 10, 200
-
-
-def conduct(
+def run_verification(
     prepared: VerifiedCampaign,
     *,
     run_dir: str | Path | None = None,

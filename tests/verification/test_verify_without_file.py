@@ -1,0 +1,69 @@
+"""`verify` with a vehicle, an autopilot and missions instead of a campaign file."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import seatrial as st
+from seatrial.base.errors import CampaignError
+from tests.flight.flying import OUT, mission
+
+ENDS = st.Requirement("is complete", 'ending == "complete"', probability=0.9)
+WATER: dict[str, Any] = {"current": {"speed_m_s": [0.0, 0.2]}, "start": {"position_m": 2.0}}
+
+CAMPAIGN = """
+format = 1
+name = "cwolf"
+vehicle = "cwolf"
+autopilot = "cwolf"
+seed = 3
+[verification]
+missions = ["out.toml"]
+runs = 24
+current = { speed_m_s = [0.0, 0.2] }
+start = { position_m = 2.0 }
+requirements = [{ name = "is complete", holds = 'ending == "complete"', probability = 0.9 }]
+"""
+
+
+def test_it_flies_what_a_file_with_the_same_keys_asks_for(tmp_path: Path) -> None:
+    (tmp_path / "out.toml").write_text(mission(OUT).to_toml())
+    by_file = st.verify(st.Campaign.from_toml(CAMPAIGN, folder=tmp_path))
+    alone = st.verify(
+        "cwolf", "cwolf", [tmp_path / "out.toml"], requirements=[ENDS], settings=WATER, runs=24, seed=3
+    )
+    assert alone.table().equals(by_file.table())
+    assert alone.outcome == by_file.outcome
+    assert [one.to_dict() for one in alone.requirements] == [one.to_dict() for one in by_file.requirements]
+    assert alone.replay(7).outcome == alone.flown.figures["ending"][7]
+
+
+def test_it_leaves_a_run_directory(tmp_path: Path) -> None:
+    found = st.verify("cwolf", "cwolf", [mission(OUT)], runs=4, name="dock", run_dir=tmp_path / "run")
+    assert (tmp_path / "run" / "verification.json").is_file()
+    assert 'name = "dock"' in (tmp_path / "run" / "campaign.toml").read_text()
+    assert "verification.replay(NUMBER)" in found.summary()
+    assert "seatrial verify" not in found.summary()
+
+
+@pytest.mark.parametrize(
+    ("given", "options", "message"),
+    [
+        (("cwolf",), {}, "a vehicle alone"),
+        (("cwolf", "cwolf"), {}, "no missions"),
+        (("cwolf", "cwolf", []), {}, "missions: expected a list"),
+        (("cwolf", "cwolf", [mission(OUT)]), {"settings": {"curent": {}}}, "curent"),
+        (("cwolf", "cwolf", [mission(OUT)]), {"settings": {"missions": []}}, "a parameter of its own"),
+        (("cwolf", "cwolf", [mission(OUT)]), {"seed": -1}, "seed: expected a whole number"),
+    ],
+)
+def test_what_cannot_be_verified_is_refused(given: Any, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(Exception, match=message):
+        st.verify(*given, runs=4, **options)
+
+
+def test_a_campaign_refuses_what_belongs_into_its_file(tmp_path: Path) -> None:
+    campaign = st.Campaign.from_toml(CAMPAIGN, folder=tmp_path)
+    with pytest.raises(CampaignError, match="settings: expected only without a campaign"):
+        st.verify(campaign, settings=WATER)  # type: ignore[call-overload]
