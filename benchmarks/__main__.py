@@ -97,7 +97,7 @@ def job_rows(speed: Speed, job: Job, rivals: tuple[Rival, Rival], whole_s: float
         ),
         ("their steps per s / chain, two threads", job.steps / job.wall_s / rate["two threads"], ".0%", ""),
         ("their steps per s of CPU / chain, one core", job.steps / job.cpu_s / rate["chain"], ".0%", ""),
-        ("identify of that hour, polish and certainty included, s", whole_s, ".0f", ""),
+        ("identify of that hour, polish and assessment included, s", whole_s, ".0f", ""),
     ]
 
 

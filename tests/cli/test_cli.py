@@ -215,7 +215,7 @@ def test_identify_reuses_finished_stages_and_prints_json(starter: Path, here: Pa
     assert [stage["reused"] for stage in again["stages"]] == [True, True, True]
     assert again["coefficients"] == first["coefficients"]
     names = {Path(path).stem for path in again["figures"]}
-    expected = {"vehicle", "characteristic", "convergence", "intervals", "criticism"}
+    expected = {"vehicle", "characteristic", "convergence", "intervals", "residual_analysis"}
     assert names == expected | {f"trial_{name}" for name in ("straight", "zigzag", "dive", "mixed")}
     assert all(Path(path).is_file() for path in again["figures"])
     fresh = json.loads(call(*arguments, "--no-resume", "--no-figures").stdout)

@@ -111,7 +111,7 @@ def campaign(folder: Path) -> Campaign:
 
 @pytest.fixture(scope="module")
 def found(campaign: Campaign, folder: Path) -> Coverage:
-    return coverage(campaign, seeds=SEEDS, criticised=1, run_dir=folder / "run", threads=1)
+    return coverage(campaign, seeds=SEEDS, analysed=1, run_dir=folder / "run", threads=1)
 
 
 def test_identifiable_coefficients_and_the_current_lie_in_their_intervals(found: Coverage) -> None:
@@ -156,7 +156,7 @@ def test_the_held_out_trial_scores_the_estimate_like_the_truth(found: Coverage) 
 
 
 def test_the_same_seed_gives_the_same_repetition(campaign: Campaign, found: Coverage) -> None:
-    second = coverage(campaign, seeds=1, first=2, criticised=0, threads=2)
+    second = coverage(campaign, seeds=1, first=2, analysed=0, threads=2)
     assert timeless(second.draws[0]) == timeless(found.draws[1])
     assert found.draws[0].estimate != found.draws[1].estimate
 
@@ -175,7 +175,7 @@ def test_an_interrupted_run_goes_on_and_equals_an_undisturbed_one(
     monkeypatch.setattr(coverage_module, "draw", draw)
 
     def run() -> Coverage:
-        return coverage(campaign, seeds=4, criticised=0, run_dir=tmp_path / "run", threads=1)
+        return coverage(campaign, seeds=4, analysed=0, run_dir=tmp_path / "run", threads=1)
 
     part = run()
     assert part.interrupted
@@ -190,7 +190,7 @@ def test_an_interrupted_run_goes_on_and_equals_an_undisturbed_one(
 
 def timeless(one: Draw) -> Draw:
     """The draw without its wall time and what only some are asked."""
-    return replace(one, wall_s=0.0, criticism=None)
+    return replace(one, wall_s=0.0, residual_analysis=None)
 
 
 def test_a_published_run_is_reused_unless_told_otherwise(
@@ -202,7 +202,7 @@ def test_a_published_run_is_reused_unless_told_otherwise(
     monkeypatch.setattr(coverage_module, "draw", never)
     shutil.copytree(folder / "run", tmp_path / "run")
     shown: list[Progress] = []
-    again = coverage(campaign, seeds=3, criticised=1, run_dir=tmp_path / "run", progress=shown.append)
+    again = coverage(campaign, seeds=3, analysed=1, run_dir=tmp_path / "run", progress=shown.append)
     assert again.draws == found.draws[:3]
     assert shown[-1].done == 3
     with pytest.raises(AssertionError):
@@ -231,13 +231,13 @@ def test_two_truths_are_refused(folder: Path, tmp_path: Path) -> None:
 def test_a_truth_outside_the_model_class_is_named_and_warned_of(campaign: Campaign, folder: Path) -> None:
     other = TRUTH + "[values]\n" + "".join(f'"{name}.T_1" = 0.6\n' for name in ("SbU", "SbL", "PU", "PL"))
     (folder / "outside.toml").write_text(other)
-    result = coverage(campaign, seeds=2, truth=Truth.load(folder / "outside.toml"), criticised=1, threads=1)
+    result = coverage(campaign, seeds=2, truth=Truth.load(folder / "outside.toml"), analysed=1, threads=1)
     assert result.outside == {f"{name}.T_1": (0.15, 0.6) for name in ("PL", "PU", "SbL", "SbU")}
-    assert (result.criticised, result.warned) == (1, 1)
-    criticism = result.draws[0].criticism
-    assert criticism is not None
-    assert "outside the model class" in criticism[0]
-    assert "stern.T_1" in criticism[0]
+    assert (result.analysed, result.warned) == (1, 1)
+    residual_analysis = result.draws[0].residual_analysis
+    assert residual_analysis is not None
+    assert "outside the model class" in residual_analysis[0]
+    assert "stern.T_1" in residual_analysis[0]
     assert result.held == ()
     assert result.failures == ()
     scores = result.hold_out()
@@ -273,7 +273,7 @@ def test_the_command_prints_the_table_and_its_exit_code_tells_the_verdict(
     folder: Path, found: Coverage
 ) -> None:
     path, out = str(folder / "campaign.toml"), str(folder / "run")
-    arguments = ["coverage", path, "--seeds", str(SEEDS), "--criticised", "1", "--threads", "1", "--out", out]
+    arguments = ["coverage", path, "--seeds", str(SEEDS), "--analysed", "1", "--threads", "1", "--out", out]
     shown = CliRunner().invoke(app, arguments)
     assert shown.exit_code == 0
     assert "X_uu" in shown.output

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from seatrial._core import Vehicle
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.scale import STATIC, THRUST, Held, Homogeneity
-from seatrial.identification.fitted import CoefficientCovariance, coefficient_covariance
-from seatrial.identification.identification import Identification
+from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 
 Array = NDArray[np.float64]
 
@@ -27,7 +26,7 @@ def joint(
     bench: Any = None,
     warning: str | None = None,
     held: tuple[Held, ...] = (),
-) -> Identification:
+) -> SimpleNamespace:
     """What of an identification counts: two parameters, X_uu and Y_vv, with bounds 40 and 400 wide."""
     names, widths = ("X_uu", "Y_vv"), (40.0, 400.0)
     matrix = np.array(covariance, float)
@@ -35,7 +34,7 @@ def joint(
         Parameter(name, ((name, 1.0),), "N s2/m2", -10.0, -width, 0.0, False)
         for name, width in zip(names, widths, strict=True)
     )
-    certainty = SimpleNamespace(
+    assessment = SimpleNamespace(
         parameters=parameters,
         uncertainty=SimpleNamespace(
             names=names,
@@ -47,42 +46,40 @@ def joint(
             singular_values=np.ones(2) if singular is None else np.array(singular),
             vectors=np.eye(2) if vectors is None else np.array(vectors),
         ),
-        criticism=SimpleNamespace(warning=warning),
+        residual_analysis=SimpleNamespace(warning=warning),
     )
     scale = SimpleNamespace(
         homogeneity=Homogeneity((), (), held), tested=() if bench is None else tuple(bench.pulls)
     )
-    return cast(
-        Identification,
-        SimpleNamespace(
-            certainty=certainty,
-            vehicle=Vehicle.load("cwolf"),
-            coefficients=(),
-            scale=scale,
-            campaign=SimpleNamespace(bench=bench),
-        ),
+    return SimpleNamespace(
+        assessment=assessment, vehicle=Vehicle.load("cwolf"), scale=scale, bench=bench, staged=()
+    )
+
+
+def covariance_of(one: SimpleNamespace) -> CoefficientCovariance:
+    """Covariance of what `joint` gave."""
+    known: Any = one
+    return coefficient_covariance(
+        known.assessment, known.vehicle, scale=known.scale, staged=known.staged, bench=known.bench
     )
 
 
 def test_what_the_data_tell_is_left_as_it_is() -> None:
-    known = coefficient_covariance(joint([[4.0, 3.0], [3.0, 100.0]]))
-    assert known is not None
+    known = covariance_of(joint([[4.0, 3.0], [3.0, 100.0]]))
     np.testing.assert_allclose(known.matrix, [[4.0, 3.0], [3.0, 100.0]], rtol=1e-12)
     assert known.notes == ()
 
 
 def test_notes_say_what_no_draw_contains() -> None:
-    """The criticism's warning, and what holds the scale of all forces where no bench test measured it."""
+    """The residuals' warning, and what holds the scale of all forces where no bench test measured it."""
     thrust = Held(THRUST, ("SbL",))
-    known = coefficient_covariance(joint(np.eye(2), warning="The truth lies outside", held=(thrust,)))
-    assert known is not None
+    known = covariance_of(joint(np.eye(2), warning="The truth lies outside", held=(thrust,)))
     outside, scale = known.notes
     assert outside.startswith("The truth lies outside. Draws stay within that class")
     assert scale.startswith("The scale rests on the thrust of SbL as in the vehicle file; draws do not vary")
     fitted = CoefficientCovariance.from_dict(json.loads(json.dumps(known.to_dict())), "run")
     assert fitted.notes == known.notes
-    only_moments = coefficient_covariance(joint(np.eye(2), held=(Held(STATIC, ("m g z_g",)),)))
-    assert only_moments is not None
+    only_moments = covariance_of(joint(np.eye(2), held=(Held(STATIC, ("m g z_g",)),)))
     assert only_moments.notes == ()
 
 
@@ -93,10 +90,9 @@ def test_direction_without_information_gets_the_bounds_and_keeps_its_sum() -> No
     fixed = 1e-4 * np.outer(both[0], both[0]) * np.outer(width, width)
     # Whatever number stands in the direction that data do not tell, it means nothing.
     rounding = 7.0 * np.outer(both[1], both[1]) * np.outer(width, width)
-    known = coefficient_covariance(
+    known = covariance_of(
         joint(fixed + rounding, singular=[100.0, 1e-9], vectors=both, sigma=[np.inf, np.inf])
     )
-    assert known is not None
     spread = both @ (known.matrix / np.outer(width, width)) @ both.T
     # rtol: rounding of the eigenvectors, of 1e-16 beside 1/12 against 1e-4
     np.testing.assert_allclose(spread, np.diag([1e-4, 1.0 / 12.0]), rtol=1e-9, atol=1e-15)
@@ -105,16 +101,14 @@ def test_direction_without_information_gets_the_bounds_and_keeps_its_sum() -> No
 
 def test_a_coefficient_of_a_stage_alone_is_said_to_stay() -> None:
     found = joint(np.eye(2))
-    cast(Any, found).coefficients = (SimpleNamespace(name="X_uu"), SimpleNamespace(name="N_rr"))
-    known = coefficient_covariance(found)
-    assert known is not None
+    found.staged = ("X_uu", "N_rr")
+    known = covariance_of(found)
     (note,) = known.notes
     assert note.startswith("N_rr: set by a stage and not in the joint estimate")
 
 
 def test_coefficient_wider_than_its_bounds_is_cut_there() -> None:
-    known = coefficient_covariance(joint([[1.0, 0.0], [0.0, 1e6]]))
-    assert known is not None
+    known = covariance_of(joint([[1.0, 0.0], [0.0, 1e6]]))
     np.testing.assert_allclose(known.matrix, np.diag([1.0, 400.0**2 / 12.0]), rtol=1e-12)
     assert known.notes[0].startswith("Y_vv: the data tell less")
 
@@ -134,8 +128,7 @@ def test_thrust_varies_as_the_bench_test_found_it() -> None:
         points=SimpleNamespace(signal=np.array([1.0, 5.0]), voltage_v=np.zeros(2)),
         directions={"ahead": SimpleNamespace(fit=Line(), points=np.array([0, 1]))},
     )
-    known = coefficient_covariance(joint(np.eye(2), bench=SimpleNamespace(pulls={"stern": fit})))
-    assert known is not None
+    known = covariance_of(joint(np.eye(2), bench=SimpleNamespace(pulls={"stern": fit})))
     assert known.names == ("X_uu", "Y_vv", "SbU.gain", "PU.gain")
     # Half the band over the quantile: 0.4 / 2 / 10 = 2 %, of gains of one, common to both.
     np.testing.assert_allclose(known.matrix[2:, 2:], 4e-4 * np.ones((2, 2)), rtol=1e-12)

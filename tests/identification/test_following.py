@@ -168,13 +168,13 @@ def test_a_suggestion_that_is_true_is_kept(tmp_path: Path) -> None:
     head = HEAD.replace('"cwolf"', '"model.toml"').replace("[[60.0, 80.0]]", "[[80.0, 120.0]]")
     made = Campaign.from_toml(head + budget + SURGE + POLISH, folder=tmp_path, trials={"run": frame})
     first = identify(made, threads=1)
-    assert first.certainty is not None
-    best = first.certainty.criticism.suggestions[0]
+    assert first.assessment is not None
+    best = first.assessment.residual_analysis.suggestions[0]
     assert "X_u" in (best.name, *best.alternatives)
     second, change = try_suggestion(made, best, before=first, threads=1)
     assert change.verdict == "keep"
     # Noise of 0.004 m/s on speeds of 0.3 m/s leaves 2e-4; the suggestion is of first order, so it leads by an
     # alternative that looks alike.
     assert change.r2["u"][1] > 0.998
-    assert second.certainty is not None
-    assert not second.certainty.criticism.suggestions
+    assert second.assessment is not None
+    assert not second.assessment.residual_analysis.suggestions

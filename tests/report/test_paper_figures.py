@@ -167,7 +167,7 @@ def test_stage_result_shows_errors_fall_and_the_coefficients_found(fit: Identifi
         f"surge: criterion {number(result.start_cost)} \N{RIGHTWARDS ARROW} {number(result.cost)} std dev."
     )
     assert f"{heading}, joint polish {number(polished)}" in words
-    certain = fit.certainty
+    certain = fit.assessment
     assert certain is not None
     known = certain.of("X_uu")
     assert known is not None

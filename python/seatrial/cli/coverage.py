@@ -24,8 +24,8 @@ def coverage(
     truth: Annotated[
         Path | None, typer.Option(help="Truth file that sails all trials instead of the recipes' own.")
     ] = None,
-    criticised: Annotated[
-        int, typer.Option(min=0, help="Repetitions in which the model criticism is asked as well.")
+    analysed: Annotated[
+        int, typer.Option(min=0, help="Repetitions in which the residual analysis is asked as well.")
     ] = 5,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Run directory; runs/NAME of the campaign by default.")
@@ -54,7 +54,7 @@ def coverage(
             seeds=seeds,
             first=first,
             truth=None if truth is None else Truth.load(truth),
-            criticised=criticised,
+            analysed=analysed,
             run_dir=folder,
             progress=progress,
             resume=resume,
@@ -131,11 +131,11 @@ def _sentences(found: Coverage) -> list[str]:
         f" ratio is {2.0 * one.rise:.2f}, {'above' if one.contradicted else 'below'} 3.84 of 95 %"
         for one in found.held
     ]
-    if found.criticised:
-        lines.append(f"the model criticism warns in {found.warned} of {found.criticised} repetitions")
-        warned = next((one for one in found.draws if one.criticism), None)
-        if warned is not None and warned.criticism:
-            lines += [f"seed {warned.seed}: {text}" for text in warned.criticism]
+    if found.analysed:
+        lines.append(f"the residual analysis warns in {found.warned} of {found.analysed} repetitions")
+        warned = next((one for one in found.draws if one.residual_analysis), None)
+        if warned is not None and warned.residual_analysis:
+            lines += [f"seed {warned.seed}: {text}" for text in warned.residual_analysis]
     slow = [one.seed for one in found.draws if not one.converged]
     if slow:
         lines.append(f"not converged within the rounds of the polish: seeds {', '.join(map(str, slow))}")

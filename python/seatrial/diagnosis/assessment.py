@@ -1,4 +1,4 @@
-"""How sure an identification is: joint estimate, intervals, what the data tell and what the model lacks.
+"""Assessment of an identification: joint estimate, intervals, what the data tell and what the model lacks.
 
 With ``[polish]`` in the campaign the stages' result is polished first; without it, it is judged where it is.
 """
@@ -15,7 +15,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Step
 from seatrial.campaign.parameters import Parameter
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
-from seatrial.diagnosis.residual_analysis import Criticism, criticise_joint
+from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, polish
 from seatrial.statistics.information import InformationCriteria, information_criteria
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["Certainty", "certainty", "conditioning"]
+__all__ = ["Assessment", "assess", "conditioning"]
 
 
 @dataclass(frozen=True)
-class Certainty:
-    """How sure an identification is.
+class Assessment:
+    """How well an identification knows its coefficients, and what speaks against the model.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Certainty:
         Verdict per coefficient, singular values, and a sentence per combination that the data cannot tell.
     criteria
         AIC and BIC, for the choice between models.
-    criticism
+    residual_analysis
         Autocorrelation of the residuals, missing terms, signals that the residuals follow.
     """
 
@@ -60,7 +60,7 @@ class Certainty:
     uncertainty: Uncertainty
     identifiability: Identifiability
     criteria: InformationCriteria
-    criticism: Criticism
+    residual_analysis: ResidualAnalysis
 
     def of(self, name: str) -> Mapping[str, Any] | None:
         """Estimate, sigma, 95 % interval and verdict of a parameter; None if it is not in the estimate."""
@@ -98,11 +98,11 @@ class Certainty:
             )
         if len(self.polished.costs) > 1:
             lines.append(self._starts())
-        if self.criticism.warning:
-            lines.append(self.criticism.warning)
+        if self.residual_analysis.warning:
+            lines.append(self.residual_analysis.warning)
         lines += self.identifiability.sentences
-        lines += [one.sentence for one in self.criticism.suggestions]
-        lines += [one.sentence for one in self.criticism.signals]
+        lines += [one.sentence for one in self.residual_analysis.suggestions]
+        lines += [one.sentence for one in self.residual_analysis.signals]
         return lines
 
     def to_dict(self) -> dict[str, Any]:
@@ -113,7 +113,7 @@ class Certainty:
             "uncertainty": self.uncertainty.to_dict(),
             "identifiability": self.identifiability.to_dict(),
             "information_criteria": self.criteria.to_dict(),
-            "criticism": self.criticism.to_dict(),
+            "residual_analysis": self.residual_analysis.to_dict(),
             "sentences": self.sentences(),
         }
 
@@ -140,14 +140,14 @@ def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]
     return warnings_before(linearise(joint, joint.start))
 
 
-def certainty(
+def assess(
     campaign: Campaign,
     vehicle: Vehicle,
     *,
     watch: Callable[[Step], None] | None = None,
     threads: int | None = None,
-) -> Certainty:
-    """How sure the campaign's coefficients are, polished jointly where the campaign asks for it.
+) -> Assessment:
+    """Assessment of the campaign's coefficients, polished jointly where the campaign asks for it.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def certainty(
         )
     found = covariance(lin)
     sigma = dict(zip(found.names, found.sigma.tolist(), strict=True))
-    return Certainty(
+    return Assessment(
         vehicle=joint.identified(polished.values),
         parameters=joint.parameters,
         unknowns=joint.unknowns,
@@ -182,7 +182,7 @@ def certainty(
         uncertainty=found,
         identifiability=judge(lin, sigma),
         criteria=information_criteria(lin),
-        criticism=criticise_joint(
+        residual_analysis=analyse_joint(
             joint, polished.values, initial=polished.initial, noise=polished.noise, refits=0
         ),
     )

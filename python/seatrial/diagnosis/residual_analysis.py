@@ -1,4 +1,4 @@
-"""Model criticism: what the residuals say against the model, and what to do about it.
+"""Residual analysis: what the residuals say against the model, and what to do about it.
 
 Three questions. Do the residuals look like the sensors' noise (`seatrial.diagnosis.residual_analysis`)? Which
 coefficient that is held should be free (`seatrial.diagnosis.missing_terms`)? Which other signal do they
@@ -45,7 +45,7 @@ from seatrial.statistics.score_test import score_tests
 if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
 
-__all__ = ["Criticism", "criticise", "criticise_joint"]
+__all__ = ["ResidualAnalysis", "analyse", "analyse_joint"]
 
 _EXCESS = 1.5
 
@@ -58,7 +58,7 @@ _INTERVALS = (
 
 
 @dataclass(frozen=True)
-class Criticism:
+class ResidualAnalysis:
     """What the residuals say against the model; printed, sentences.
 
     Attributes
@@ -113,7 +113,7 @@ class Criticism:
         return "\n".join(lines)
 
 
-def criticise(
+def analyse(
     lin: Linearisation,
     *,
     tried: Sequence[Candidate] = (),
@@ -122,8 +122,8 @@ def criticise(
     sensor_noise: Mapping[str, float] | None = None,
     tested: int | None = None,
     level: float = 0.05,
-) -> Criticism:
-    """Criticism of a model by its residuals.
+) -> ResidualAnalysis:
+    """Residual analysis of a model.
 
     Parameters
     ----------
@@ -154,10 +154,10 @@ def criticise(
         level=level,
     )
     correlations = autocorrelations(lin, sensor_noise=sensor_noise)
-    return _criticism(first, correlations, first.suggestions, found)
+    return _analysis(first, correlations, first.suggestions, found)
 
 
-def criticise_joint(
+def analyse_joint(
     joint: Joint,
     values: Array,
     *,
@@ -166,8 +166,8 @@ def criticise_joint(
     sensor_noise: Mapping[str, float] | None = None,
     level: float = 0.05,
     refits: int = 3,
-) -> Criticism:
-    """Criticism of a joint estimate: every coefficient of the vehicle is tried, and every recorded signal.
+) -> ResidualAnalysis:
+    """Residual analysis of a joint estimate: every coefficient and every recorded signal is tried.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def criticise_joint(
     noise : ndarray, shape (C,), optional
         Standard deviations of the channels' residuals; by default they are estimated.
     sensor_noise, level
-        As in `criticise`.
+        As in `analyse`.
     refits : int
         The first suggestions that are freed in turn and estimated again before one leads
         (`seatrial.diagnosis.refitting`); each takes some rounds of a polish. With zero all numbers are of
@@ -191,7 +191,7 @@ def criticise_joint(
     >>> from seatrial.estimation.joint import Joint
     >>> from seatrial.estimation.joint_estimate import polish
     >>> joint = Joint(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
-    >>> print(criticise_joint(joint, polish(joint).values))  # doctest: +SKIP
+    >>> print(analyse_joint(joint, polish(joint).values))  # doctest: +SKIP
     """
     info = joint.vehicle.coefficient_info()
     trials = {name: joint.campaign.trials[name] for name in joint.data.names}
@@ -214,7 +214,7 @@ def criticise_joint(
         known=info,
         level=level,
     )
-    return _criticism(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
+    return _analysis(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
 
 
 @dataclass(frozen=True)
@@ -248,13 +248,13 @@ def _first(
     return _First(suggestions, tuple(fitted), block, length, count, alike)
 
 
-def _criticism(
+def _analysis(
     first: _First,
     correlations: tuple[Autocorrelation, ...],
     suggestions: tuple[Suggestion, ...],
     signals: tuple[FollowedSignal, ...],
-) -> Criticism:
-    return Criticism(
+) -> ResidualAnalysis:
+    return ResidualAnalysis(
         autocorrelations=correlations,
         suggestions=suggestions,
         signals=signals,

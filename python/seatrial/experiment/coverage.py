@@ -10,7 +10,7 @@ A coefficient that is called identifiable passes when 44 of 50 intervals hold it
 bad luck in one case of eighty (binomial distribution, other numbers of repetitions alike). A coefficient
 that is called not identifiable is held at a value a quarter of its bounds' width away while all others
 are estimated again: the data must not contradict it. Where the truth lies outside the model class there
-is no right value to hold; such a campaign is judged by its hold-out, and by whether the model criticism
+is no right value to hold; such a campaign is judged by its hold-out, and by whether the residual analysis
 warns.
 
 Tested by ``tests/experiment/test_coverage.py``.
@@ -159,14 +159,14 @@ class Coverage:
         return tuple(said)
 
     @property
-    def criticised(self) -> int:
-        """Repetitions in which the model criticism was asked."""
-        return sum(one.criticism is not None for one in self.draws)
+    def analysed(self) -> int:
+        """Repetitions in which the residual analysis was asked."""
+        return sum(one.residual_analysis is not None for one in self.draws)
 
     @property
     def warned(self) -> int:
         """Repetitions in which it warns."""
-        return sum(bool(one.criticism) for one in self.draws)
+        return sum(bool(one.residual_analysis) for one in self.draws)
 
     def hold_out(self) -> dict[str, dict[str, float]]:
         """Mean R2 on the held-out trials by vehicle ("start", "estimate", "truth") and channel."""
@@ -189,7 +189,7 @@ class Coverage:
             "interrupted": self.interrupted,
             "outside": {name: list(pair) for name, pair in self.outside.items()},
             "failures": list(self.failures),
-            "criticised": self.criticised,
+            "analysed": self.analysed,
             "warned": self.warned,
             "rows": [
                 asdict(row) | {"required": row.required, "identifiable": row.identifiable}
@@ -287,7 +287,7 @@ def coverage(
     seeds: int = 50,
     first: int = 1,
     truth: Truth | None = None,
-    criticised: int = 5,
+    analysed: int = 5,
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
@@ -305,8 +305,8 @@ def coverage(
         Seed of the first one; the others count on.
     truth : Truth, optional
         Sails the trials instead of the recipes' own.
-    criticised : int
-        Repetitions in which the model criticism is asked as well.
+    analysed : int
+        Repetitions in which the residual analysis is asked as well.
     run_dir : str or Path, optional
         Folder for the results. Finished repetitions are kept beside it while the run goes on.
     progress : callable, optional
@@ -341,7 +341,7 @@ def coverage(
         try:
             outside = resailing.outside(Joint(resailing.sail(first), threads=threads))
             for seed in range(first, first + seeds):
-                draws.append(work.draw(seed, criticised=seed < first + criticised))
+                draws.append(work.draw(seed, analysed=seed < first + analysed))
             if not outside:
                 held = work.held(first, [row.name for row in rows(draws) if _doubted(row)])
         except KeyboardInterrupt:
@@ -361,7 +361,7 @@ def coverage(
                 clock=clock,
                 inputs=input_hashes(campaign) | {"truth": sha256(resailing.truth.vehicle.to_toml())},
                 seed=first,
-                options={"repetitions": seeds, "criticised": criticised},
+                options={"repetitions": seeds, "analysed": analysed},
                 interrupted=interrupted,
             ),
         )
@@ -391,17 +391,17 @@ class _Repetitions:
         self.inputs = _inputs(resailing)
         self.done, self.fresh = 0, 0
 
-    def draw(self, seed: int, *, criticised: bool) -> Draw:
+    def draw(self, seed: int, *, analysed: bool) -> Draw:
         """A repetition, or what an earlier run kept of it."""
         name = f"seed-{seed}"
         kept = self.run.finished(name, self.inputs)
-        if kept is not None and not (criticised and kept["criticism"] is None):
+        if kept is not None and not (analysed and kept["residual_analysis"] is None):
             found = Draw.from_dict(kept)
         else:
             found = draw(
                 self.resailing,
                 seed,
-                criticised=criticised,
+                analysed=analysed,
                 threads=self.threads,
                 watch=lambda _: self._show(name),
             )

@@ -21,7 +21,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.identifiability import judge
-from seatrial.diagnosis.residual_analysis import criticise_joint
+from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.diagnosis.weak_combination import WEAK
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
@@ -63,8 +63,8 @@ class Draw:
     verdict
         Of `seatrial.diagnosis.identifiability.judge`; for a nuisance parameter "prior" where the data add
         little.
-    criticism
-        What the model criticism says; empty if it has nothing to say, None if it was not asked.
+    residual_analysis
+        What the residual analysis says; empty if it has nothing to say, None if it was not asked.
     hold_out
         R2 by vehicle ("start", "estimate", "truth") and channel on the held-out trials, ten seconds ahead.
     converged, rounds, wall_s
@@ -81,7 +81,7 @@ class Draw:
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     verdict: tuple[str, ...]
-    criticism: tuple[str, ...] | None
+    residual_analysis: tuple[str, ...] | None
     hold_out: Mapping[str, Mapping[str, float]]
     converged: bool
     rounds: int
@@ -97,7 +97,9 @@ class Draw:
         values = {name: kept[name] for name in cls.__dataclass_fields__}
         for name in ("names", "units", "kinds", "verdict"):
             values[name] = tuple(values[name])
-        values["criticism"] = None if kept["criticism"] is None else tuple(kept["criticism"])
+        values["residual_analysis"] = (
+            None if kept["residual_analysis"] is None else tuple(kept["residual_analysis"])
+        )
         missing = {"truth": math.nan, "estimate": math.nan, "sigma": math.inf}
         missing |= {"lower": -math.inf, "upper": math.inf}
         for name, value in missing.items():
@@ -142,7 +144,7 @@ def draw(
     resailing: Resailing,
     seed: int,
     *,
-    criticised: bool = False,
+    analysed: bool = False,
     threads: int | None = None,
     watch: Callable[[Step], None] | None = None,
 ) -> Draw:
@@ -152,8 +154,8 @@ def draw(
     ----------
     resailing : Resailing
     seed : int
-    criticised : bool
-        Whether to ask the model criticism too, which takes longer than the estimate.
+    analysed : bool
+        Whether to ask the residual analysis too, which takes longer than the estimate.
     threads : int, optional
         Threads of the core; the result does not depend on it.
     watch : callable, optional
@@ -195,7 +197,7 @@ def draw(
             said[one.name] if one.kind == "coefficient" else _told(sd / one.prior_sd)
             for one, sd in zip(lin.unknowns, found.sigma, strict=True)
         ),
-        criticism=_criticism(joint, polished) if criticised else None,
+        residual_analysis=_analysis(joint, polished) if analysed else None,
         hold_out={name: _hold_out(campaign, joint, vehicle) for name, vehicle in vehicles.items()},
         converged=polished.converged,
         rounds=polished.rounds,
@@ -234,9 +236,9 @@ def hold(
     return tuple(found)
 
 
-def _criticism(joint: Joint, found: Polished) -> tuple[str, ...]:
-    """What the model criticism says, its warning first."""
-    said = criticise_joint(joint, found.values, initial=found.initial, noise=found.noise)
+def _analysis(joint: Joint, found: Polished) -> tuple[str, ...]:
+    """What the residual analysis says, its warning first."""
+    said = analyse_joint(joint, found.values, initial=found.initial, noise=found.noise)
     if said.warning is None:
         return ()
     return (said.warning, *(one.sentence for one in said.suggestions))

@@ -15,16 +15,16 @@ from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunDirectory, part_file, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
+from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 from seatrial.identification.hold_out import POOLED
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
-    from seatrial.diagnosis.assessment import Certainty
+    from seatrial.diagnosis.assessment import Assessment
     from seatrial.diagnosis.identifiability import Identifiability
     from seatrial.estimation.scale import ScaleReport
-    from seatrial.identification.fitted import CoefficientCovariance
     from seatrial.trial.score import Score
 
 __all__ = [
@@ -86,8 +86,8 @@ class Identification:
         An `Estimate` per coefficient: start value, estimate, bounds, bound hit or not.
     stages
         A `StageResult` per stage that ran: costs, history, segments, step.
-    certainty
-        A `Certainty`: joint estimate, standard deviations, what the data tell, what the model lacks; None
+    assessment
+        An `Assessment`: joint estimate, standard deviations, what the data tell, what the model lacks; None
         where the stages were interrupted or the trials cannot be judged jointly.
     before
         Sentences on what the data cannot tell, known before the search.
@@ -109,7 +109,7 @@ class Identification:
     vehicle: Vehicle
     coefficients: tuple[Estimate, ...]
     stages: tuple[StageResult, ...]
-    certainty: Certainty | None
+    assessment: Assessment | None
     before: tuple[str, ...]
     scale: ScaleReport
     scores: Mapping[str, Mapping[str, Mapping[str, Score]]]
@@ -141,14 +141,20 @@ class Identification:
     @property
     def identifiability(self) -> Identifiability | None:
         """What the data tell and what they cannot; None without a joint estimate."""
-        return None if self.certainty is None else self.certainty.identifiability
+        return None if self.assessment is None else self.assessment.identifiability
 
     @cached_property
     def covariance(self) -> CoefficientCovariance | None:
         """Covariance of the coefficients, SI, to draw vehicles with; None without a joint estimate."""
-        from seatrial.identification.fitted import coefficient_covariance
-
-        return coefficient_covariance(self)
+        if self.assessment is None:
+            return None
+        return coefficient_covariance(
+            self.assessment,
+            self.vehicle,
+            scale=self.scale,
+            staged=[row.name for row in self.coefficients],
+            bench=self.campaign.bench,
+        )
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -175,7 +181,7 @@ class Identification:
             "stages": [stage.to_dict() for stage in self.stages],
             "before": list(self.before),
             "scale": self.scale.to_dict(),
-            "certainty": None if self.certainty is None else self.certainty.to_dict(),
+            "assessment": None if self.assessment is None else self.assessment.to_dict(),
             "covariance": None if self.covariance is None else self.covariance.to_dict(),
             "scores": {
                 part: {
@@ -256,7 +262,7 @@ def derived(vehicle: Vehicle) -> dict[str, float]:
 
 
 def estimates(
-    campaign: Campaign, stages: tuple[StageResult, ...], certainty: Certainty | None = None
+    campaign: Campaign, stages: tuple[StageResult, ...], assessment: Assessment | None = None
 ) -> tuple[Estimate, ...]:
     """Rows for every coefficient that was set: by the joint estimate, or by the last stage that freed it."""
     rows: dict[str, Estimate] = {}
@@ -264,10 +270,10 @@ def estimates(
         for parameter in campaign.parameters[stage.name]:
             value, start = stage.estimates[parameter.name], stage.starts[parameter.name]
             rows |= _rows(campaign, parameter, value, start=start, stage=stage.name)
-    for parameter in () if certainty is None else certainty.parameters:
-        known = certainty.of(parameter.name) if certainty is not None else None
+    for parameter in () if assessment is None else assessment.parameters:
+        known = assessment.of(parameter.name) if assessment is not None else None
         if known is not None:
-            moved = certainty is not None and certainty.polished.rounds > 0
+            moved = assessment is not None and assessment.polished.rounds > 0
             before = rows.get(parameter.members[0][0])
             rows |= _rows(
                 campaign,
@@ -383,16 +389,16 @@ def _worst(fit: Identification) -> tuple[str, str]:
             "widen the bounds of these coefficients in the campaign if the values are plausible; otherwise"
             " hold them, the data do not determine them"
         )
-    criticism = None if fit.certainty is None else fit.certainty.criticism
-    if criticism is not None and criticism.suggestions:
-        first = criticism.suggestions[0]
+    residual_analysis = None if fit.assessment is None else fit.assessment.residual_analysis
+    if residual_analysis is not None and residual_analysis.suggestions:
+        first = residual_analysis.suggestions[0]
         return (
             f"the residual of {first.channel} follows {first.follows}: the model misses a term"
             f" (freeing {first.name} lowers the cost by {first.gain:.2g} %)",
             f"free {first.name} in a stage of the campaign, identify again and compare the held-out scores",
         )
-    if criticism is not None and criticism.warning:
-        loudest = max(criticism.autocorrelations, key=lambda one: one.excess)
+    if residual_analysis is not None and residual_analysis.warning:
+        loudest = max(residual_analysis.autocorrelations, key=lambda one: one.excess)
         return (
             f"the residual of {loudest.channel} is {loudest.excess:.2g} times the noise of its sensor and"
             f" correlated over {loudest.correlation_s:.2g} s",
@@ -454,7 +460,7 @@ def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table
 
 def _nuisance_table(fit: Identification) -> Table:
     """What the trials added to their records, estimated with the coefficients."""
-    nuisances = [] if fit.certainty is None else fit.certainty.nuisances()
+    nuisances = [] if fit.assessment is None else fit.assessment.nuisances()
     rows = [(row["name"], row["unit"], plus_minus(row["estimate"], row["sigma"])) for row in nuisances]
     head = ("nuisance parameter", "unit", "estimate")
     return Table.of("Sensor errors and currents of the trials, estimated with them", head, rows, left=2)
@@ -497,8 +503,8 @@ def _stage_table(fit: Identification) -> Table:
         )
         for stage in fit.stages
     ]
-    if fit.certainty is not None and fit.certainty.polished.rounds:
-        polished = fit.certainty.polished
+    if fit.assessment is not None and fit.assessment.polished.rounds:
+        polished = fit.assessment.polished
         costs = [f"{polished.rms(cost):.4g}" for cost in (polished.start_cost, polished.cost)]
         rows.append((
             "joint estimate (rms in sd of the residual)",
@@ -550,8 +556,8 @@ def advice(fit: Identification) -> list[str]:
         for row in distinct(fit)
         if row.at_bound
     ]
-    if fit.certainty is not None:
-        lines += fit.certainty.sentences()
+    if fit.assessment is not None:
+        lines += fit.assessment.sentences()
     lines += fit.scale.sentences()
     lines += fit.notes
     if fit.interrupted:

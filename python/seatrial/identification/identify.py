@@ -24,7 +24,7 @@ from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
-from seatrial.diagnosis.assessment import Certainty, certainty, conditioning
+from seatrial.diagnosis.assessment import Assessment, assess, conditioning
 from seatrial.estimation.frozen_motion import frozen_sentences
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, plan, run_stage
@@ -260,10 +260,10 @@ def conduct(
         vehicle = campaign.vehicle
         for stage in stages:
             vehicle = vehicle.with_coefficients(stage.coefficients)
-        sure: Certainty | None = None
+        sure: Assessment | None = None
         interrupted = order.stop.is_set()
         if not interrupted and not notes:
-            sure = certainty(campaign, vehicle, watch=_watch(order, progress), threads=threads)
+            sure = assess(campaign, vehicle, watch=_watch(order, progress), threads=threads)
             vehicle, interrupted = sure.vehicle, sure.polished.interrupted
         judged = part_scores(campaign, vehicle)
         fit = Identification(
@@ -271,7 +271,7 @@ def conduct(
             vehicle=vehicle,
             coefficients=estimates(campaign, stages, sure),
             stages=stages,
-            certainty=sure,
+            assessment=sure,
             scores=judged.scores,
             before=before,
             scale=judge_scale(campaign, vehicle),

@@ -2,7 +2,7 @@
 
 In the order of Taubert et al. (2014): outline, block diagrams of model and actuators, motor,
 characteristics, schema of the optimisation, its results stage by stage, convergence; what is known
-beyond: certainty, model criticism, predictions of held-out trials; and the autopilot: structure, line of
+beyond: uncertainty, residual analysis, predictions of held-out trials; and the autopilot: structure, line of
 sight, a flight. Everything that the data at hand allow
 is drawn, the rest is named with the reason. Held by `tests/report/test_paper_figures.py`.
 """

@@ -160,9 +160,9 @@ def bench_plates(bench: BenchTest | None) -> Iterator[Plate]:
 
 
 def campaign_plates(fit: Identification) -> Iterator[Plate]:
-    """Plates of an identification: schema, stages, convergence, certainty, held-out trials."""
+    """Plates of an identification: schema, stages, convergence, uncertainty, held-out trials."""
     from seatrial.examples.paper.model import optimisation_diagram
-    from seatrial.report.plot.identification import convergence, intervals, model_criticism, trial_figure
+    from seatrial.report.plot.identification import convergence, intervals, residual_figure, trial_figure
     from seatrial.report.plot.stage import stage_result
 
     campaign = fit.campaign
@@ -177,7 +177,7 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
     for result in fit.stages:
         stage = next(one for one in campaign.stages if one.name == result.name)
         polish = (
-            ", at the joint polish" if fit.certainty is not None and fit.certainty.polished.rounds else ""
+            ", at the joint polish" if fit.assessment is not None and fit.assessment.polished.rounds else ""
         )
         yield Plate(
             f"stage_{_safe(result.name)}",
@@ -194,7 +194,7 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
             " optimum, in per cent of it, over the candidates tried; the lines at the foot have reached it.",
             partial(convergence, fit.stages),
         )
-    if (sure := fit.certainty) is not None:
+    if (sure := fit.assessment) is not None:
         yield Plate(
             "intervals",
             "How sure the coefficients are: standard deviations in per cent of the estimate, and"
@@ -202,9 +202,9 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
             partial(intervals, sure),
         )
         yield Plate(
-            "criticism",
+            "residual_analysis",
             "What the residuals say against the model: their autocorrelation, and what would explain it.",
-            partial(model_criticism, sure.criticism),
+            partial(residual_figure, sure.residual_analysis),
         )
     for trial in campaign.trials:
         if campaign.source_of(trial).hold_out:

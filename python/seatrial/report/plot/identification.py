@@ -1,4 +1,4 @@
-"""The figures of an identification: vehicle, convergence, certainty, criticism, every trial.
+"""The figures of an identification: vehicle, convergence, uncertainty, residual analysis, every trial.
 
 How sure the coefficients are, on one page: relative standard deviations, verdicts, correlations.
 
@@ -51,8 +51,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from seatrial.diagnosis.assessment import Certainty
-    from seatrial.diagnosis.residual_analysis import Criticism
+    from seatrial.diagnosis.assessment import Assessment
+    from seatrial.diagnosis.residual_analysis import ResidualAnalysis
     from seatrial.diagnosis.residual_autocorrelation import Autocorrelation
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.identification import Identification
@@ -64,7 +64,7 @@ __all__ = [
     "convergence",
     "gallery",
     "intervals",
-    "model_criticism",
+    "residual_figure",
 ]
 
 _COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
@@ -74,7 +74,7 @@ _ROW_IN = 0.14
 _LARGEST = 1e3  # per cent: what is less certain stands at the edge
 
 
-def intervals(certainty: Certainty) -> Figure:
+def intervals(assessment: Assessment) -> Figure:
     """Figure of the standard deviations of the coefficients and of how they depend on one another.
 
     Left, per coefficient: its standard deviation in per cent of the estimate, coloured by the verdict, beside
@@ -82,17 +82,17 @@ def intervals(certainty: Certainty) -> Figure:
 
     Parameters
     ----------
-    certainty : Certainty
+    assessment : Assessment
         Of an identification.
     """
-    found, names = certainty.uncertainty, list(certainty.identifiability.verdicts)
+    found, names = assessment.uncertainty, list(assessment.identifiability.verdicts)
     places = [found.names.index(name) for name in names]
     size = np.maximum(np.abs(found.estimate[places]), 1e-12)
     with house_style():
         figure = new_figure(max(3.2, 1.1 + _ROW_IN * len(names)))
         left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.15])
         relative = [100.0 * part[places] / size for part in (found.sigma, found.naive)]
-        _deviations(left, names, *relative, verdicts=certainty.identifiability.verdicts)
+        _deviations(left, names, *relative, verdicts=assessment.identifiability.verdicts)
         _correlations(figure, right, names, found.correlation[np.ix_(places, places)])
         panel_title(left, "Standard deviations")
         left.set_xlabel(f"% of the estimate, blocks of {found.block_s:.3g} s")
@@ -127,28 +127,26 @@ def _correlations(figure: Figure, axes: Axes, names: list[str], matrix: np.ndarr
     bar.outline.set_visible(False)
 
 
-_COLUMNS, _MODEL_CRITICISM_ROW_IN, _BAR_IN = 3, 1.15, 0.24
+_COLUMNS, _ANALYSIS_ROW_IN, _BAR_IN = 3, 1.15, 0.24
 
 _WEAK = 0.1
 
 _LABEL = 24  # letters of names beside a bar
 
 
-def model_criticism(criticism: Criticism) -> Figure:
+def residual_figure(found: ResidualAnalysis) -> Figure:
     """Figure of the autocorrelation of every channel's residual, and of what would explain it, ranked.
 
     A band holds 95 of 100 autocorrelations of white residuals. A bar is the fall of the cost in percent when
     a coefficient is freed, or the share of a channel's residual, in percent, that a signal explains.
     """
-    shown = criticism.autocorrelations
+    shown = found.autocorrelations
     rows = -(-max(len(shown), 1) // _COLUMNS)
-    bars = len(criticism.suggestions) + len(criticism.signals)
+    bars = len(found.suggestions) + len(found.signals)
     lower = 0.55 + _BAR_IN * max(bars, 1)
     with house_style():
-        figure = new_figure(0.35 + _MODEL_CRITICISM_ROW_IN * rows + lower)
-        parts = np.asarray(
-            figure.subfigures(2, 1, height_ratios=[_MODEL_CRITICISM_ROW_IN * rows + 0.3, lower])
-        )
+        figure = new_figure(0.35 + _ANALYSIS_ROW_IN * rows + lower)
+        parts = np.asarray(figure.subfigures(2, 1, height_ratios=[_ANALYSIS_ROW_IN * rows + 0.3, lower]))
         upper_part, lower_part = parts[0], parts[1]
         grid = upper_part.subplots(rows, _COLUMNS, squeeze=False, sharex=True, sharey=True)
         for axes, one in zip(grid.flat, shown, strict=False):
@@ -162,7 +160,7 @@ def model_criticism(criticism: Criticism) -> Figure:
             if used:
                 used[-1].set_xlabel("lag, s")
                 used[-1].tick_params(labelbottom=True)
-        _ranked(lower_part.subplots(), criticism)
+        _ranked(lower_part.subplots(), found)
     return figure
 
 
@@ -178,22 +176,22 @@ def _autocorrelation(axes: Axes, one: Autocorrelation) -> None:
     )
 
 
-def _ranked(axes: Axes, criticism: Criticism) -> None:
+def _ranked(axes: Axes, found: ResidualAnalysis) -> None:
     """Bars of suggestions, then of signals, the largest at the top."""
     entries = [
         (f"{_names([one.name, *one.alternatives])}  ({one.channel} follows {one.follows})", one.gain)
-        for one in criticism.suggestions
+        for one in found.suggestions
     ]
     entries += [
-        (f"{one.channel} follows {one.signal}{_lag(one.lag_s)}", 100.0 * one.r2) for one in criticism.signals
+        (f"{one.channel} follows {one.signal}{_lag(one.lag_s)}", 100.0 * one.r2) for one in found.signals
     ]
     panel_title(axes, "What would explain it")
     if not entries:
         axes.set_axis_off()
-        words = f"None of {criticism.tested} coefficients is missing, and no signal is followed"
+        words = f"None of {found.tested} coefficients is missing, and no signal is followed"
         axes.text(0.0, 0.5, words, transform=axes.transAxes, va="center")
         return
-    first = len(criticism.suggestions)
+    first = len(found.suggestions)
     colours = [SIMULATED] * first + [FAINT] * (len(entries) - first)
     places = np.arange(len(entries))
     axes.barh(places, [value for _, value in entries], color=colours, height=0.62)
@@ -342,9 +340,9 @@ def _figures(fit: Identification) -> Iterator[tuple[str, Figure]]:
         yield "characteristic", characteristic(fit.vehicle)
     if fit.stages:
         yield "convergence", convergence(fit.stages)
-    if fit.certainty is not None:
-        yield "intervals", intervals(fit.certainty)
-        yield "criticism", model_criticism(fit.certainty.criticism)
+    if fit.assessment is not None:
+        yield "intervals", intervals(fit.assessment)
+        yield "residual_analysis", residual_figure(fit.assessment.residual_analysis)
     for trial in fit.campaign.trials:
         try:
             yield f"trial_{trial}", trial_figure(fit, trial)

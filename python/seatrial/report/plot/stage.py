@@ -176,13 +176,13 @@ def polished_cost(fit: Identification, result: StageResult) -> float | None:
     """Criterion of a stage at the joint polish, in standard deviations; None without one."""
     from seatrial.estimation.criterion import Criterion
 
-    if fit.certainty is None or not fit.certainty.polished.rounds:
+    if fit.assessment is None or not fit.assessment.polished.rounds:
         return None
     stage = next(one for one in fit.campaign.stages if one.name == result.name)
     chosen = fit.campaign.parameters[stage.name]
     data = cut(fit.campaign, stage)
-    criterion = Criterion(Problem(fit.certainty.vehicle, stage, data, chosen, result.substeps, threads=1))
-    values = fit.certainty.vehicle.coefficients()
+    criterion = Criterion(Problem(fit.assessment.vehicle, stage, data, chosen, result.substeps, threads=1))
+    values = fit.assessment.vehicle.coefficients()
     candidate = np.array([[values[p.members[0][0]] / p.members[0][1] for p in chosen]])
     return float(criterion(candidate)[0])
 
@@ -198,8 +198,8 @@ def _models(fit: Identification, result: StageResult) -> list[Vehicle]:
         start |= parameter.coefficients(result.starts[parameter.name])
     vehicle = fit.campaign.vehicle
     made = [vehicle.with_coefficients(start), vehicle.with_coefficients(before | result.coefficients)]
-    if fit.certainty is not None and fit.certainty.polished.rounds:
-        made.append(fit.certainty.vehicle)
+    if fit.assessment is not None and fit.assessment.polished.rounds:
+        made.append(fit.assessment.vehicle)
     return made
 
 
@@ -289,8 +289,8 @@ def _rows(fit: Identification, result: StageResult, parameters: Sequence[Paramet
     rows = []
     for parameter in parameters:
         known = None
-        if fit.certainty is not None and fit.certainty.polished.rounds:
-            known = fit.certainty.of(parameter.name)
+        if fit.assessment is not None and fit.assessment.polished.rounds:
+            known = fit.assessment.of(parameter.name)
         rows.append(
             Row(
                 name=parameter.name,

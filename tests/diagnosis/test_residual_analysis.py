@@ -1,4 +1,4 @@
-"""Model criticism on models linear in their unknowns: score tests against refits, alarms, memory, signals."""
+"""Residual analysis of models linear in their unknowns: score tests, refits, alarms, memory, signals."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from seatrial.diagnosis.missing_terms import (
     missing_terms,
     signal_of,
 )
-from seatrial.diagnosis.residual_analysis import criticise
+from seatrial.diagnosis.residual_analysis import analyse
 from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
 from seatrial.diagnosis.residual_signals import motion_signals, recorded_signals
-from seatrial.report.plot.identification import model_criticism
+from seatrial.report.plot.identification import residual_figure
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 from seatrial.statistics.score_test import score_tests
 from seatrial.trial.trial import Trial
@@ -155,7 +155,7 @@ def test_what_the_data_cannot_tell_apart_is_one_suggestion() -> None:
         return replace(p, jacobian=jacobian)
 
     lin = replace(lin, pieces=tuple(twin(p) for p in lin.pieces))
-    found = criticise(lin, tried=TRIED)
+    found = analyse(lin, tried=TRIED)
     assert [{one.name, *one.alternatives} for one in found.suggestions] == [{"Y_ur", "Y_r"}]
     assert "free Y_ur or Y_r;" in found.suggestions[0].sentence or "Y_r or Y_ur" in str(found)
     assert found.indistinguishable == ("N_uv",)
@@ -198,7 +198,7 @@ def test_signals_without_a_coefficient_are_named_with_what_to_do() -> None:
         for k in range(1, 100):
             out[k] = math.exp(-DT / 5.0) * out[k - 1] + product[k]
     forced = residual_plus(lin, 0, [4.0 * one / np.std(lag) for one in lag])
-    found = criticise(forced, info=Vehicle.load("cwolf").coefficient_info())
+    found = analyse(forced, info=Vehicle.load("cwolf").coefficient_info())
     assert (found.signals[0].channel, found.signals[0].signal) == ("v", "w q")
     assert found.signals[0].lag_s > 0.0
     assert "no coefficient has this form" in found.signals[0].sentence
@@ -206,21 +206,21 @@ def test_signals_without_a_coefficient_are_named_with_what_to_do() -> None:
     assert "judge" in (found.warning or "")
 
     lever = residual_plus(lin, 0, [4.0 * one / np.std(motion["r"]) for one in motion["r"]])
-    first = criticise(lever).signals[0]
+    first = analyse(lever).signals[0]
     assert (first.signal, first.lag_s) == ("r", 0.0)
     assert "lever_x" in first.sentence
 
     battery = [np.sign(np.sin(0.2 * p.t)) for p in lin.pieces]
     sagging = residual_plus(lin, 1, [2.0 * one for one in battery])
-    assert criticise(sagging, signals={"voltage": battery}).signals[0].signal == "voltage"
+    assert analyse(sagging, signals={"voltage": battery}).signals[0].signal == "voltage"
 
 
 def test_noise_is_no_structure_and_coloured_noise_is_said() -> None:
-    quiet = criticise(linear(7), tried=TRIED)
+    quiet = analyse(linear(7), tried=TRIED)
     assert not quiet.structural
     assert quiet.warning is None
     assert "None of the 8 coefficients" in str(quiet)
-    red = criticise(linear(7, rho=0.98), tried=TRIED)
+    red = analyse(linear(7, rho=0.98), tried=TRIED)
     assert not red.structural
     assert "outside the model class or the sensors' noise is not white" in (red.warning or "")
     assert json.loads(json.dumps(red.to_dict()))["structural"] is False
@@ -244,8 +244,8 @@ def test_actuators_without_a_group_are_no_group_together() -> None:
 
 
 def test_figure_shows_every_channel_and_every_finding() -> None:
-    found = criticise(linear(1, missing={"N_vv": 0.8, "K_v": -0.5}), tried=TRIED)
-    figure = model_criticism(found)
+    found = analyse(linear(1, missing={"N_vv": 0.8, "K_v": -0.5}), tried=TRIED)
+    figure = residual_figure(found)
     figure.canvas.draw()
     shown = [axes for axes in figure.axes if axes.axison]
     assert [axes.get_title(loc="left") for axes in shown[:2]] == ["v", "r"]
@@ -254,7 +254,7 @@ def test_figure_shows_every_channel_and_every_finding() -> None:
     both = bool(found.suggestions) and bool(found.signals)
     assert ("grey" in shown[-1].get_xlabel()) is both
     assert "\N{MULTIPLICATION SIGN} noise" in shown[0].get_title(loc="right")
-    nothing = model_criticism(criticise(linear(7), tried=TRIED))
+    nothing = residual_figure(analyse(linear(7), tried=TRIED))
     assert any("None of 8" in text.get_text() for axes in nothing.axes for text in axes.texts)
 
 

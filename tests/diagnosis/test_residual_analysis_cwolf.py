@@ -1,4 +1,4 @@
-"""Model criticism of CWolf: the term that it misses ranks first, a truth inside the class is left alone."""
+"""Residual analysis of CWolf: the term that it misses ranks first, a truth inside the class is left alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from seatrial._core import State, Vehicle
 from seatrial.campaign.campaign import Campaign
-from seatrial.diagnosis.residual_analysis import Criticism, criticise_joint
+from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from tests.statistics.linear_trials import memory
@@ -41,12 +41,12 @@ channels = { u = 1.0, v = 1.0, p = 1.0, r = 1.0 }
 """
 
 
-def criticised(folder: Path, seed: int, *, rho: float = 0.0, **truth: float) -> Criticism:
-    """Criticism of a joint estimate of CWolf without terms that the vehicle of the trial has."""
+def analysed(folder: Path, seed: int, *, rho: float = 0.0, **truth: float) -> ResidualAnalysis:
+    """Analysis of the residuals of a joint estimate of CWolf without terms that the vehicle of the trial has."""
     vehicle = Vehicle.load("cwolf")
     (folder / "model.toml").write_text(vehicle.with_coefficients(dict.fromkeys(truth, 0.0)).to_toml())
     generator = np.random.default_rng(seed)
-    # At 10 Hz the motors' dead time is one sample; where it is interpolated, the criticism sees it.
+    # At 10 Hz the motors' dead time is one sample; where it is interpolated, the analysis sees it.
     t = np.arange(0.0, 160.0, 0.1)
     under_way = (
         t > 3.0
@@ -68,14 +68,14 @@ def criticised(folder: Path, seed: int, *, rho: float = 0.0, **truth: float) -> 
     campaign = Campaign.from_toml(CAMPAIGN, folder=folder, trials={"zigzag": frame})
     joint = Joint(campaign, threads=1)
     best = polish(joint)
-    return criticise_joint(joint, best.values, initial=best.initial, noise=best.noise)
+    return analyse_joint(joint, best.values, initial=best.initial, noise=best.noise)
 
 
 @pytest.mark.parametrize(("name", "truth"), [("Y_ur", 80.0), ("N_uv", 60.0), ("K_v", 2.0)])
 def test_the_term_that_cwolf_misses_ranks_first_with_its_value(
     tmp_path: Path, name: str, truth: float
 ) -> None:
-    found = criticised(tmp_path, 1, **{name: truth})
+    found = analysed(tmp_path, 1, **{name: truth})
     first = found.suggestions[0]
     assert first.name == name
     assert f"free {name}" in first.sentence
@@ -91,7 +91,7 @@ def test_the_term_that_cwolf_misses_ranks_first_with_its_value(
 
 @pytest.mark.parametrize(("seed", "rho"), [(1, 0.0), (2, 0.9)])
 def test_a_truth_inside_the_class_is_left_alone(tmp_path: Path, seed: int, rho: float) -> None:
-    found = criticised(tmp_path, seed, rho=rho)
+    found = analysed(tmp_path, seed, rho=rho)
     assert not found.structural
     # Noise with a memory is said, but not taken for a missing term.
     assert (found.warning is None) == (rho == 0.0)

@@ -1,0 +1,304 @@
+"""Covariance of the coefficients that an identification set, in a form from which vehicles can be drawn.
+
+The joint estimate's covariance V is that of parameters; a parameter sets its members by factors F, so that
+the coefficients have ``F' V F``: what is tied moves together.
+
+Data tell some combinations badly or not at all, and the sandwich has no number for the latter. The campaign's
+bounds say how far they may lie. In widths of the bounds no direction is taken as wider than a number anywhere
+inside them, a standard deviation of ``1/sqrt(12)`` (that of `seatrial.diagnosis.identifiability`): larger
+eigenvalues are cut there, and directions without information, the right singular vectors of zero, get it.
+What the data do tell of the same coefficients stays as it is.
+
+The bench test's thrust counts as exact in the joint estimate. Its own standard deviation at the strongest
+point comes on top, common to the actuators that were pulled together. It is added without refitting the rest,
+although a wrong thrust would move the damping along with it: the vehicles drawn are a little more unlike each
+other than they need to be.
+
+It is the covariance of the best model in the class. Where the truth lies outside
+(`seatrial.diagnosis.residual_analysis`), it may be many of these standard deviations away; nor does it hold
+the common factor of all forces, which trials do not tell (`seatrial.estimation.scale`). The notes say both.
+
+Further standard deviations in percent, by name, pattern or group, are added by `widened`.
+
+Tests: ``tests/identification/test_coefficient_covariance.py``, ``tests/identification/test_fitted.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.campaign.parameters import names, spread
+from seatrial.estimation.scale import STATIC
+from seatrial.vehicle.actuators import actuator_groups
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.bench_test.result import BenchTest
+    from seatrial.diagnosis.assessment import Assessment
+    from seatrial.estimation.scale import ScaleReport
+
+__all__ = ["CoefficientCovariance", "coefficient_covariance", "widened"]
+
+_UNIFORM = 1.0 / 12.0  # variance of a number somewhere in an interval of length one
+
+_NONE = 1e-5  # singular value, over the largest, that is rounding: the root of the information's 1e-11
+
+_ABSENT = 1e-4  # component of a unit vector that is no part of it
+
+
+@dataclass(frozen=True, eq=False)
+class CoefficientCovariance:
+    """How well coefficients are known.
+
+    Attributes
+    ----------
+    names
+        Coefficients (n,).
+    at
+        Their values (n,), SI.
+    matrix
+        Covariance (n, n), SI; singular where coefficients are tied.
+    notes
+        Sentences: what is not in it, and what is there by assumption.
+    """
+
+    names: tuple[str, ...]
+    at: Array
+    matrix: Array
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain lists."""
+        return {
+            "names": list(self.names),
+            "at": self.at.tolist(),
+            "matrix": self.matrix.tolist(),
+            "notes": list(self.notes),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Any, source: str) -> CoefficientCovariance:
+        """Covariance of plain lists.
+
+        Raises
+        ------
+        CampaignError
+            They do not fit together; the message begins with `source`.
+        """
+        try:
+            known = tuple(str(name) for name in data["names"])
+            at = np.array(data["at"], float).reshape(len(known))
+            matrix = np.array(data["matrix"], float).reshape(len(known), len(known))
+            notes = tuple(str(note) for note in data.get("notes", ()))
+        except (KeyError, TypeError, ValueError, AttributeError):
+            raise CampaignError(
+                f"{source}: key covariance: expected names, their values under at and a square matrix; let"
+                " `seatrial identify` write the file again"
+            ) from None
+        if not (np.isfinite(at).all() and np.isfinite(matrix).all()):
+            raise CampaignError(
+                f"{source}: key covariance: expected finite numbers; let `seatrial identify` write the file"
+                " again"
+            )
+        return cls(known, at, matrix, notes)
+
+
+def coefficient_covariance(
+    assessment: Assessment,
+    vehicle: Vehicle,
+    *,
+    scale: ScaleReport,
+    staged: Sequence[str] = (),
+    bench: BenchTest | None = None,
+) -> CoefficientCovariance:
+    """Covariance of the coefficients that an identification set.
+
+    Parameters
+    ----------
+    assessment : Assessment
+        The joint estimate.
+    vehicle : Vehicle
+        With all estimates.
+    scale : ScaleReport
+        What the scale of all forces rests on.
+    staged : sequence of str, optional
+        All coefficients that were set: those that only a stage set have no standard deviation.
+    bench : BenchTest, optional
+        Whose thrust the campaign takes.
+    """
+    parameters, own = assessment.parameters, vehicle.coefficients()
+    matrix, notes = _bounded(assessment)
+    factors = spread(parameters)
+    found, among = names(parameters), factors.T @ matrix @ factors
+    notes += _beyond(assessment, scale)
+    alone = [name for name in staged if name not in found]
+    if alone:
+        notes.append(
+            f"{', '.join(alone)}: set by a stage and not in the joint estimate, so there is no standard"
+            " deviation; draws keep the estimate."
+        )
+    if bench is not None:
+        found, among = _with_thrust(found, among, bench, own, notes)
+    at = np.array([own.get(name, 0.0) for name in found])
+    return CoefficientCovariance(tuple(found), at, 0.5 * (among + among.T), tuple(notes))
+
+
+def _beyond(assessment: Assessment, scale: ScaleReport) -> list[str]:
+    """Sentences on what no draw contains: what the model class lacks, and another scale of all forces."""
+    said = []
+    if assessment.residual_analysis.warning:
+        said.append(
+            f"{assessment.residual_analysis.warning}. Draws stay within that class; deviations on top, such"
+            ' as coefficients = { "*_uu" = 10.0 } under [verification], stand for what it lacks.'
+        )
+    if not scale.tested and any(one.kind != STATIC for one in scale.homogeneity.held):
+        rests = scale.homogeneity.sentences()[1]
+        said.append(
+            f"{rests}; draws do not vary it, all forces and masses together may be larger or smaller."
+        )
+    return said
+
+
+def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
+    """Covariance (p, p) of the parameters with the bounds in place of what the data do not tell."""
+    uncertainty, told = assessment.uncertainty, assessment.identifiability
+    known = [parameter.name for parameter in assessment.parameters]
+    places = [uncertainty.names.index(name) for name in known]
+    width = np.array([parameter.upper - parameter.lower for parameter in assessment.parameters])
+    scaled = uncertainty.covariance[np.ix_(places, places)] / np.outer(width, width)
+    absent = ~np.isfinite(uncertainty.sigma[places])
+    silent = _silent(
+        told.singular_values, told.vectors[:, [told.names.index(name) for name in known]], absent
+    )
+    rest = np.eye(len(known)) - silent @ silent.T
+    values, vectors = np.linalg.eigh(rest @ scaled @ rest)
+    cut = values > _UNIFORM
+    if not cut.any() and not silent.shape[1]:
+        return width[:, None] * scaled * width, []
+    bounded = (vectors * np.clip(values, 0.0, _UNIFORM)) @ vectors.T + _UNIFORM * silent @ silent.T
+    along = absent | (np.abs(vectors[:, cut]).max(axis=1, initial=0.0) > 0.5)
+    weak = [name for name, one in zip(known, along, strict=True) if one]
+    said = [
+        f"{', '.join(weak)}: the data tell less than the campaign's bounds, and draws vary as a number"
+        " anywhere inside them (standard deviation 0.29 of their width); what hangs on that varies less with it."
+    ]
+    return width[:, None] * bounded * width, said if weak else []
+
+
+def _silent(singular: Array, vectors: Array, absent: NDArray[np.bool_]) -> Array:
+    """Orthonormal directions (p, s), in widths of the bounds, of which the data tell nothing."""
+    if not absent.any():
+        return np.zeros((len(absent), 0))
+    rows = [row for value, row in zip(singular, vectors, strict=True) if value <= _NONE * singular[0]]
+    for place in np.flatnonzero(absent):
+        if not any(abs(row[place]) > _ABSENT for row in rows):
+            rows.append(np.eye(len(absent))[place])
+    return np.asarray(np.linalg.qr(np.array(rows).T)[0])
+
+
+def _with_thrust(
+    known: list[str], matrix: Array, bench: BenchTest, own: Mapping[str, float], notes: list[str]
+) -> tuple[list[str], Array]:
+    """Coefficients and covariance with the bench test's own uncertainty of the thrust."""
+    said = []
+    for name, fit in bench.pulls.items():
+        share = _thrust_sd(fit)
+        gains = [gain for actuator in fit.unit.actuators if (gain := f"{actuator}.gain") in own]
+        if share <= 0.0 or not gains:
+            continue
+        new = [gain for gain in gains if gain not in known]
+        known = [*known, *new]
+        matrix = np.pad(matrix, (0, len(new)))
+        along = np.zeros(len(known))
+        along[[known.index(gain) for gain in gains]] = [share * own[gain] for gain in gains]
+        matrix = matrix + np.outer(along, along)
+        said.append(f"{name} {100.0 * share:.2g} %")
+    if said:
+        notes.append(f"Thrust varies by the bench test's own standard deviation: {', '.join(said)}.")
+    return known, matrix
+
+
+def _thrust_sd(fit: Any) -> float:
+    """Relative standard deviation of a group's fitted thrust at the strongest point, the worse direction."""
+    worst = 0.0
+    for direction in fit.directions.values():
+        strongest = direction.points[np.argmax(np.abs(fit.points.signal[direction.points]))]
+        inputs = [abs(float(fit.points.signal[strongest]))]
+        if len(direction.fit.scale) > 1:
+            inputs.append(float(fit.points.voltage_v[strongest]))
+        curve = float(direction.fit.bands([inputs])[0][0]) / direction.fit.quantile
+        worst = max(worst, curve / abs(float(direction.fit.at([inputs])[0])))
+    return worst if np.isfinite(worst) else 0.0
+
+
+def widened(
+    vehicle: Vehicle, percent: Mapping[str, float], *, names: Sequence[str], covariance: Array
+) -> tuple[tuple[str, ...], Array]:
+    """Names (m,) and covariance (m, m), SI, with further relative standard deviations.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Of whose values the percentages are.
+    percent : mapping of str to float
+        By name, by pattern (``"*_uu"``: each for itself) or by group (``"stern.gain"``: all together).
+    names, covariance : (n,) sequence of str, (n, n) array
+        What they are added to.
+
+    Raises
+    ------
+    CampaignError
+        A name is unknown or its value zero, or a percentage is impossible.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> own = st.Vehicle.load("cwolf")
+    >>> names, matrix = widened(own, {"m": 2.0}, names=(), covariance=np.zeros((0, 0)))
+    >>> names, matrix.round(2).tolist()
+    (('m',), [[7.29]])
+    """
+    own = vehicle.coefficients()
+    known, matrix = list(names), covariance
+    for pattern, share in percent.items():
+        number = isinstance(share, int | float) and not isinstance(share, bool)
+        if not number or not 0.0 < share < 100.0:
+            raise CampaignError(
+                f"standard deviations: {pattern!r}: expected percent above 0 and below 100, found {share!r}"
+            )
+        for together in _meant(pattern, vehicle, own):
+            new = [name for name in together if name not in known]
+            known += new
+            matrix = np.pad(matrix, (0, len(new)))
+            along = np.zeros(len(known))
+            along[[known.index(name) for name in together]] = [0.01 * share * own[name] for name in together]
+            matrix = matrix + np.outer(along, along)
+    return tuple(known), matrix
+
+
+def _meant(pattern: str, vehicle: Vehicle, own: Mapping[str, float]) -> list[list[str]]:
+    """Coefficients behind a name, a pattern or a group, those that vary together in one list."""
+    group, _, suffix = pattern.partition(".")
+    groups = actuator_groups(vehicle)
+    if pattern not in own and group in groups:
+        together = [name for actuator in groups[group] if (name := f"{actuator}.{suffix}") in own]
+        if together:
+            return [together]
+    found = [[name] for name in own if fnmatchcase(name, pattern) and own[name] != 0.0]
+    if not found:
+        zero = [name for name in own if fnmatchcase(name, pattern)]
+        raise CampaignError(
+            f"standard deviations: {zero[0]} of {vehicle.name} is zero, and so is any percentage of it;"
+            " leave it out"
+            if zero
+            else f"standard deviations: {vehicle.name} has no coefficient {pattern!r}{nearest(pattern, own)}"
+        )
+    return found
