@@ -31,7 +31,7 @@ def test_a_plateau_is_one_point_with_its_mean(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.signal, STEPS)
     # The flow decays with 0.2 s, 2 s are left out: exp(-10) of at most 60 N is left at the first sample.
     np.testing.assert_allclose(found.thrust, [thrust("stern", s) for s in STEPS], atol=2e-4)
-    assert found.places[0] == "18.0 to 23.9 s"
+    assert found.labels[0] == "18.0 to 23.9 s"
 
 
 def test_samples_before_the_flow_has_settled_are_left_out(tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_a_table_without_time_is_a_point_per_row(tmp_path: Path) -> None:
     keys = 'axis = "X"\ncolumns = { "cmd.stern" = "rpm", "load.X_n" = "newton" }'
     found = points(tmp_path, rows, keys)
     np.testing.assert_allclose(found.thrust * FACTOR["stern"], [6.0, 21.0, 46.0, 82.0], rtol=1e-6)
-    assert found.places == ("row 2", "row 3", "row 5", "row 6")
+    assert found.labels == ("row 2", "row 3", "row 5", "row 6")
     assert "1 rows with empty cells left out" in found.notes
 
 

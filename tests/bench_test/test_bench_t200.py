@@ -77,7 +77,7 @@ def test_a_table_from_every_second_row_foretells_the_others(tmp_path: Path) -> N
 
 
 def test_the_written_vehicle_pulls_as_the_sheet(tmp_path: Path) -> None:
-    vehicle = Vehicle.load(found().write_vehicle(tmp_path / "t200.toml"))
+    vehicle = Vehicle.load(found().save_vehicle(tmp_path / "t200.toml"))
     rows = pl.read_csv(DATA).filter(pl.col("supply_V") == 16, pl.col("pwm_us") % 40 == 20)
     for row in rows.iter_rows(named=True):
         force = bollard(vehicle, {"by_pulse_width": float(row["pwm_us"])}, voltage_v=16.0)[0]

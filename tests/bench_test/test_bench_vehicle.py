@@ -63,7 +63,7 @@ def fitted(found: BenchTest) -> list[float]:
 )
 def test_the_written_file_gives_the_fitted_thrust(tmp_path: Path, keys: str, kind: str) -> None:
     found = bench(on_file(tmp_path, more=f"[regression]\n{keys}\n"))
-    written = found.write_vehicle(tmp_path / "new.toml")
+    written = found.save_vehicle(tmp_path / "new.toml")
     vehicle = Vehicle.load(written)
     assert vehicle.actuator_info()["SbU"]["characteristic"] == kind
     # Six written digits; a table of 12 chords per direction is up to 1.9e-5 (2000/12)^2 / 4 N = 0.13 N off.
@@ -221,12 +221,12 @@ def test_a_file_is_never_overwritten_silently_and_never_in_part(tmp_path: Path) 
     target = tmp_path / "mine.toml"
     target.write_text("precious")
     with pytest.raises(SeatrialError, match="exists and is not overwritten"):
-        found.write_vehicle(target)
+        found.save_vehicle(target)
     assert target.read_text() == "precious"
-    found.write_vehicle(target, replace=True)
+    found.save_vehicle(target, replace=True)
     assert target.read_text() == found.vehicle_text
     with pytest.raises(SeatrialError, match="cannot be written"):
-        found.write_vehicle(tmp_path / "no" / "such" / "folder.toml")
+        found.save_vehicle(tmp_path / "no" / "such" / "folder.toml")
     assert [p.name for p in tmp_path.glob("*.writing")] == []
 
 

@@ -17,9 +17,8 @@ from seatrial import _core
 from seatrial.base.channels import CHANNELS
 from seatrial.base.toml_file import Section
 from seatrial.campaign import file as campaign_file
-from seatrial.campaign import tuning_table as search_budget
+from seatrial.campaign import search_budget
 from seatrial.campaign import tuning_table as tuning_file
-from seatrial.campaign import verification_table as distribution_table
 from seatrial.campaign import verification_table as verification_file
 from seatrial.cli import app
 from seatrial.flight import mission
@@ -83,7 +82,7 @@ def test_every_parameter_is_documented(name: str, thing: Any, doc: str) -> None:
 
 
 def _sections() -> Iterator[type[BaseModel]]:
-    for module in (campaign_file, search_budget, tuning_file, verification_file, distribution_table):
+    for module in (campaign_file, search_budget, tuning_file, verification_file):
         for thing in vars(module).values():
             if inspect.isclass(thing) and issubclass(thing, Section):
                 yield thing

@@ -189,7 +189,7 @@ def test_cwolfs_truth_differs_from_the_built_in_vehicle_by_ten_to_forty_per_cent
 def test_a_generated_file_says_so_and_reads_like_its_recipe(tmp_path: Path) -> None:
     recipe = Recipe.load(CWOLF / "trials" / "roll.toml")
     path = tmp_path / "roll.csv"
-    recipe.write_csv(path)
+    recipe.save(path)
     assert path.read_text().startswith("# GENERATED")
     from_recipe, from_file = Trial.read(recipe.path), Trial.read(path)
     np.testing.assert_array_equal(from_recipe.observed, from_file.observed)

@@ -9,7 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-__all__ = ["CampaignError", "SeatrialError", "SimulationError", "TrialError", "VehicleError", "nearest"]
+__all__ = [
+    "CampaignError",
+    "SeatrialError",
+    "SimulationError",
+    "TrialError",
+    "VehicleError",
+    "nearest",
+    "reason",
+]
 
 
 class SeatrialError(Exception):

@@ -21,10 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest, reason
 
 __all__ = [
-    "AUTOPILOT",
     "CAMPAIGN",
-    "EMPTY",
-    "MISSION",
     "VEHICLE",
     "Count",
     "FolderName",

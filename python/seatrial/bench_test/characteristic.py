@@ -343,10 +343,10 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
         low = float(facts[f"minimum_{side}"]) or float(tested.min())
         limit = float(facts[f"maximum_{side}"])
         high = limit if np.isfinite(limit) else float(tested.max())
-        place = f"{fit.unit.name} {side}"
+        where = f"{fit.unit.name} {side}"
         if high > _BEYOND * tested.max():
             found.append(
-                f"{place}: tested up to {tested.max():.4g} of {high:.4g} {unit}; beyond, the curve is a guess"
+                f"{where}: tested up to {tested.max():.4g} of {high:.4g} {unit}; beyond, the curve is a guess"
             )
         grid = np.linspace(low, high, _POINTS)
         for voltage_v in _voltages(fit):
@@ -358,13 +358,13 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
                 top = int(thrust[: below[0] + 1].argmax())
                 bottom = top + int(thrust[top : below[-1] + 1].argmin())
                 found.append(
-                    f"{place}: the curve falls between {grid[top]:.4g} and {grid[bottom]:.4g}"
+                    f"{where}: the curve falls between {grid[top]:.4g} and {grid[bottom]:.4g}"
                     f" {unit}{words}, which no propeller does; more points there, or a lower order"
                 )
             against = np.flatnonzero(thrust < -_NOISE * np.abs(thrust).max())
             if len(against):
                 found.append(
-                    f"{place}: the curve pushes the wrong way up to {grid[against[-1]]:.4g} {unit}{words};"
+                    f"{where}: the curve pushes the wrong way up to {grid[against[-1]]:.4g} {unit}{words};"
                     " try through_origin = true, or tare the cell"
                 )
     silent = dead_band(fit.points.signal, fit.points.thrust)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Vehicle
 
-__all__ = ["LOADS", "BenchTable", "Unit", "read_bench_table", "unit_of"]
+__all__ = ["BenchTable", "Unit", "listed", "read_bench_table", "unit_of"]
 
 LOADS = ("load.X_n", "load.Y_n", "load.Z_n")
 

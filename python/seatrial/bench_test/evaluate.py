@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.motor_model import StepRecord
 
-__all__ = ["bench", "fingerprint", "read_steps"]
+__all__ = ["bench", "fingerprint", "vehicle_of"]
 
 
 def read_steps(
@@ -323,6 +323,5 @@ def _file(text: str, bench: Path, where: str, hashes: dict[str, Any]) -> Path:
     found = file_path(text, bench.parent, f"{where}, key file")
     if not found.is_file():
         raise CampaignError(f"{where}, key file: there is no file {found}; correct the path")
-    with found.open("rb") as stream:
-        hashes[text] = hashlib.file_digest(stream, "sha256").hexdigest()
+    hashes[text] = sha256(found.read_bytes())
     return found

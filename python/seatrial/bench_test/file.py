@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from seatrial.base.toml_file import FolderName, Name, NotNegative, Number, Positive, Section, checked, tables
 
-__all__ = ["BenchFile", "Pull", "Regression", "SignOf", "Steps", "parse"]
+__all__ = ["SENSES", "BenchFile", "Pull", "Regression", "Steps", "parse"]
 
 SENSES = {
     "ahead": ("X", 1.0),

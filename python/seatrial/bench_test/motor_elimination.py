@@ -44,7 +44,7 @@ from seatrial.bench_test.motor_fit import (
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise, Plateau, Statics, starts
 
-__all__ = ["Found", "Reading", "Readings", "bracket", "edges", "eliminated", "readings"]
+__all__ = ["Found", "bracket", "eliminated", "readings"]
 
 _MOST = 24
 

@@ -26,17 +26,7 @@ from seatrial.bench_test.motor_fit import MotorUncertainty
 from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise
 
-__all__ = [
-    "ActuatorDifference",
-    "Directions",
-    "MotorEstimate",
-    "MotorFitness",
-    "MotorParameter",
-    "compare_actuators",
-    "compare_directions",
-    "rates",
-    "vehicle_keys",
-]
+__all__ = ["MotorEstimate", "MotorFitness", "MotorParameter", "compare_actuators", "compare_directions"]
 
 
 @dataclass(frozen=True)

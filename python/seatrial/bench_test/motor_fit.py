@@ -46,6 +46,7 @@ __all__ = [
     "Reason",
     "fit",
     "reachable",
+    "spread",
     "uncertainty",
     "unseen_rates",
     "wide",

@@ -30,7 +30,6 @@ __all__ = [
     "Noise",
     "Plateau",
     "Statics",
-    "Transition",
     "limited",
     "noise_of",
     "plateaus",

@@ -25,7 +25,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 
-__all__ = ["LEAST_SAMPLES", "Plateau", "held", "plateaus", "rows_as_plateaus", "standard_error"]
+__all__ = ["Plateau", "held", "plateaus", "rows_as_plateaus", "standard_error"]
 
 LEAST_SAMPLES = 5
 """Fewer steady samples of the load have no mean worth the name."""
@@ -47,7 +47,7 @@ class Plateau:
 
     Attributes
     ----------
-    place
+    label
         Row, or interval of time, for messages.
     signal
         Per actuator, mean over the steady samples.
@@ -63,7 +63,7 @@ class Plateau:
         its size.
     """
 
-    place: str
+    label: str
     signal: dict[str, float]
     load: Array
     error: Array
@@ -180,8 +180,8 @@ def _plateau(
             load_mean[axis]
         )
     volts = np.nan if voltage_v is None else _mean(held(voltage_v)[steady])
-    place = f"{t[steady[0]]:.1f} to {t[steady[-1]]:.1f} s"
-    return Plateau(place, means, load_mean, error, volts, int(counts.min()), bool(drifting))
+    label = f"{t[steady[0]]:.1f} to {t[steady[-1]]:.1f} s"
+    return Plateau(label, means, load_mean, error, volts, int(counts.min()), bool(drifting))
 
 
 def _mean(values: Array) -> float:

@@ -32,16 +32,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.columns import Unit
     from seatrial.bench_test.file import Pull
 
-__all__ = [
-    "Points",
-    "PullPoints",
-    "behind_motors",
-    "distance",
-    "read_pull",
-    "repeated",
-    "settled",
-    "signals_of",
-]
+__all__ = ["Points", "PullPoints", "distance", "read_pull", "settled"]
 
 _STEP_S = 0.05
 
@@ -181,7 +172,7 @@ class PullPoints:
     signal, thrust, voltage, error
         Signal in the command's unit, from neutral; thrust of a single actuator, N; supply voltage, V, NaN
         where it is not known; standard error of the thrust from its samples, N, NaN in a table without time.
-    places, running
+    labels, running
         Row or interval of each, and the actuators that ran.
     zero_effect, zero_error
         Thrust per newton of zero error (n, a), and the standard error of the tare (a,) in N.
@@ -201,7 +192,7 @@ class PullPoints:
     thrust: Array
     voltage_v: Array
     error: Array
-    places: tuple[str, ...]
+    labels: tuple[str, ...]
     running: tuple[tuple[str, ...], ...]
     zero_effect: Array
     zero_error: Array
@@ -304,7 +295,7 @@ def _gathered(
     rests: int,
     notes: list[str],
 ) -> PullPoints:
-    drifting = [plateau.place for plateau, _ in points if plateau.drifting]
+    drifting = [plateau.label for plateau, _ in points if plateau.drifting]
     if drifting:
         notes.append(
             f"the load still moved on {len(drifting)} of {len(points)} plateaus (first at {drifting[0]});"
@@ -330,7 +321,7 @@ def _gathered(
         thrust=np.array([p.thrust for p in separated]),
         voltage_v=np.array([plateau.voltage_v for plateau, _ in points]),
         error=np.array([p.error for p in separated]),
-        places=tuple(plateau.place for plateau, _ in points),
+        labels=tuple(plateau.label for plateau, _ in points),
         running=tuple(p.running for p in separated),
         zero_effect=np.array([p.weights for p in separated]),
         zero_error=tare_error,
@@ -397,7 +388,7 @@ def _tare(
 class Points:
     """Points (n,) of a group: signal in the command's unit, thrust of one actuator in N, voltage in V.
 
-    ``pull`` names the pull of each, ``place`` file and row or time, ``running`` the actuators. ``zero``
+    ``pull`` names the pull of each, ``label`` file and row or time, ``running`` the actuators. ``zero``
     (n, m) is the thrust per newton of zero error of each cell, ``zero_error`` (m,) the tares' standard errors
     in N from their samples, ``rests`` (m,) the steady parts behind each tare.
     """
@@ -410,7 +401,7 @@ class Points:
     zero_error: Array
     rests: Array
     pull: tuple[str, ...]
-    place: tuple[str, ...]
+    label: tuple[str, ...]
     running: tuple[tuple[str, ...], ...]
 
     @classmethod
@@ -426,8 +417,8 @@ class Points:
             zero=np.asarray(block_diag(*[p.zero_effect for p in pulls])),
             zero_error=np.concatenate([p.zero_error for p in pulls]),
             rests=np.concatenate([np.full(len(p.zero_error), float(p.rests)) for p in pulls]),
-            pull=tuple(p.name for p in pulls for _ in p.places),
-            place=tuple(f"{Path(p.file).name}, {place}" for p in pulls for place in p.places),
+            pull=tuple(p.name for p in pulls for _ in p.labels),
+            label=tuple(f"{Path(p.file).name}, {label}" for p in pulls for label in p.labels),
             running=tuple(names for p in pulls for names in p.running),
         )
 

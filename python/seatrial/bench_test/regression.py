@@ -46,13 +46,16 @@ from seatrial.base.arrays import Array
 __all__ = [
     "Candidate",
     "LeastSquares",
+    "Term",
     "candidates",
     "coefficient_name",
+    "design",
     "lack_of_fit",
     "least_squares",
     "outliers",
     "paper_b",
     "r_squared",
+    "recommended",
     "terms_of",
 ]
 

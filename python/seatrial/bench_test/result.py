@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_model import StepRecord
     from seatrial.bench_test.pulls import PullPoints
 
-__all__ = ["BenchTest", "motor_sentences", "pull_sentences"]
+__all__ = ["BenchTest", "share"]
 
 _MOST = 4
 
@@ -114,7 +114,7 @@ def _outliers(fit: UnitFit, one: DirectionFit) -> list[str]:
     points = fit.points
     kept = fit.regression.outliers == "keep"
     shown = [
-        f"pull {points.pull[k]}, {points.place[k]} ({points.signal[k]:+.4g} {fit.unit.command},"
+        f"pull {points.pull[k]}, {points.label[k]} ({points.signal[k]:+.4g} {fit.unit.command},"
         f" {points.thrust[k]:+.3g} N)"
         for k in one.outliers[:_MOST]
     ]
@@ -253,7 +253,7 @@ class BenchTest:
                 {
                     "group": unit,
                     "pull": points.pull[k],
-                    "place": points.place[k],
+                    "place": points.label[k],
                     f"signal_{fit.unit.command}": points.signal[k],
                     "voltage_v": None if np.isnan(points.voltage_v[k]) else points.voltage_v[k],
                     "thrust_n": points.thrust[k],
@@ -267,7 +267,7 @@ class BenchTest:
         pl.DataFrame(rows, infer_schema_length=None).write_csv(stream)
         return stream.getvalue().decode()
 
-    def write_vehicle(self, path: str | Path, *, replace: bool = False) -> Path:
+    def save_vehicle(self, path: str | Path, *, replace: bool = False) -> Path:
         """Path of the vehicle file with the results after it was written, whole or not at all.
 
         Parameters
@@ -291,7 +291,7 @@ class BenchTest:
             write_atomic(target, self.vehicle_text.encode())
         except OSError as error:
             raise SeatrialError(
-                f"{target}: cannot be written ({reason(error)}); choose a place that you may write to"
+                f"{target}: cannot be written ({reason(error)}); choose a folder that you may write to"
             ) from None
         return target
 
@@ -470,7 +470,7 @@ def _unit_dict(fit: UnitFit) -> dict[str, Any]:
         "points": len(points.signal),
         "directions": {
             side: one.to_dict()
-            | {"outliers": [f"pull {points.pull[k]}, {points.place[k]}" for k in one.outliers]}
+            | {"outliers": [f"pull {points.pull[k]}, {points.label[k]}" for k in one.outliers]}
             for side, one in fit.directions.items()
         },
     }

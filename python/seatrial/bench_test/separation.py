@@ -98,20 +98,20 @@ def separate(
     running = tuple(name for name in unit.actuators if abs(plateau.signal[name]) > zero)
     if not running:
         return None
-    place = f"{where}, {plateau.place}"
-    _refuse_others(plateau, unit, geometry, zero, place)
+    where = f"{where}, {plateau.label}"
+    _refuse_others(plateau, unit, geometry, zero, where)
     signals = np.array([plateau.signal[name] for name in running])
     total = np.sum([geometry[name] for name in running], axis=0)
     mean = float(np.sqrt(np.mean(signals**2)) * np.sign(signals[0]))
     if (np.abs(signals - mean) > _ALIKE * abs(mean)).any():
         raise TrialError(
-            f"{place}: {_spoken(running, signals, unit)} pull with unlike signals, so that their sum tells no"
+            f"{where}: {_spoken(running, signals, unit)} pull with unlike signals, so that their sum tells no"
             " single thrust; drive them alike, or one by one"
         )
     length = float(np.linalg.norm(total))
     if length < _LEAST_FACTOR:
         raise TrialError(
-            f"{place}: {', '.join(running)} together give {length:.2g} N along the load cell per newton of"
+            f"{where}: {', '.join(running)} together give {length:.2g} N along the load cell per newton of"
             " each: their forces cancel or act across it; check axis and direction of the pull"
         )
     weights = total / length**2
@@ -127,7 +127,7 @@ def separate(
     )
 
 
-def _refuse_others(plateau: Plateau, unit: Unit, geometry: dict[str, Array], zero: float, place: str) -> None:
+def _refuse_others(plateau: Plateau, unit: Unit, geometry: dict[str, Array], zero: float, where: str) -> None:
     others = [
         name
         for name, signal in plateau.signal.items()
@@ -135,7 +135,7 @@ def _refuse_others(plateau: Plateau, unit: Unit, geometry: dict[str, Array], zer
     ]
     if others:
         raise TrialError(
-            f"{place}: {', '.join(others)} ran as well and act along the load cell; test {unit.name} alone"
+            f"{where}: {', '.join(others)} ran as well and act along the load cell; test {unit.name} alone"
         )
 
 

@@ -72,9 +72,9 @@ class ThrustTable:
         rows = np.array([self.force_at(row, signal) for row in range(len(self.force))])
         if len(rows) == 1 or voltage_v is None:
             return np.asarray(rows[0])
-        place = np.interp(voltage_v, self.voltage_v, np.arange(len(self.voltage_v)))
-        low = np.minimum(place.astype(int), len(rows) - 2)
-        share = place - low
+        position = np.interp(voltage_v, self.voltage_v, np.arange(len(self.voltage_v)))
+        low = np.minimum(position.astype(int), len(rows) - 2)
+        share = position - low
         every = np.arange(rows.shape[1])
         return np.asarray((1.0 - share) * rows[low, every] + share * rows[low + 1, every])
 
@@ -176,10 +176,10 @@ def from_points(
         for k in range(len(means)):
             fitted[level == k] = np.interp(signal[level == k], grid, force[k])
         residual = thrust - fitted
-        place = _next_knot(signal, level, residual / allowed, distinct, grid, silent)
-        if place is None or len(chosen) >= knots:
+        knot = _next_knot(signal, level, residual / allowed, distinct, grid, silent)
+        if knot is None or len(chosen) >= knots:
             break
-        chosen = sorted({*chosen, place})
+        chosen = sorted({*chosen, knot})
     return ThrustTable(grid, means if voltage_v is not None else np.zeros(0), force, level, residual, silent)
 
 
@@ -228,9 +228,9 @@ def _hats(signal: Array, thrust: Array, grid: Array, silent: tuple[float, float]
     """Thrust (k,) at the knots: least squares of the linear interpolation, zero inside the dead band."""
     from scipy.optimize import lsq_linear
 
-    place = np.interp(signal, grid, np.arange(len(grid)))
-    low = np.minimum(place.astype(int), len(grid) - 2)
-    share = place - low
+    position = np.interp(signal, grid, np.arange(len(grid)))
+    low = np.minimum(position.astype(int), len(grid) - 2)
+    share = position - low
     matrix = np.zeros((len(signal), len(grid)))
     rows = np.arange(len(signal))
     matrix[rows, low] = 1.0 - share

@@ -25,7 +25,7 @@ from seatrial.bench_test.characteristic import SIDES, DirectionFit, UnitFit
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["KEPT", "Written", "entry_of", "write_results"]
+__all__ = ["PER_MINUTE", "write_results"]
 
 KEPT = ("p2", "alpha2", "diameter_m", "wake", "thrust_deduction", "q1", "q2", "power_w_s3")
 """Keys that no bollard test measures."""

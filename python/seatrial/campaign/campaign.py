@@ -7,7 +7,6 @@ Trials are read when first asked for, the bench test when the campaign is made; 
 from __future__ import annotations
 
 import functools
-import hashlib
 import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -358,8 +357,7 @@ class Campaign:
         path = self.path_of(trial)
         if path is None:
             return None
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return sha256(path.read_bytes())
 
     def _load_vehicle(self) -> Vehicle:
         from seatrial._core import Vehicle
@@ -447,6 +445,12 @@ class _Trials(Mapping[str, "Trial"]):
 
     def __len__(self) -> int:
         return len(self._sources)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in vars(self).items() if key != "_lock"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _lock=threading.Lock())
 
 
 def _bench_test(path: Path, vehicle: Vehicle, where: str) -> BenchTest:

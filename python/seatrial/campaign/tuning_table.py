@@ -21,9 +21,7 @@ __all__ = [
     "BESIDE",
     "LOOPS",
     "Beside",
-    "CorridorTable",
     "LeastMargins",
-    "Loop",
     "LoopTable",
     "Loops",
     "Margins",
@@ -171,11 +169,11 @@ class CorridorTable(Section):
 
 def _of_a_step(corridor: Corridor) -> Corridor:
     """The corridor, unless even a response that begins at 0 and ends at 1 is outside."""
-    for at, place, value in ((0.0, "begins", 0.0), (corridor.until_s, "ends", 1.0)):
+    for at, event, value in ((0.0, "begins", 0.0), (corridor.until_s, "ends", 1.0)):
         lower, upper = (float(side[0]) for side in corridor.sampled([at]))
         if not lower <= value <= upper:
             raise ValueError(
-                f"a response {place} at {value:g}, which lies outside at {at:g} s: lower is {lower:g}, upper"
+                f"a response {event} at {value:g}, which lies outside at {at:g} s: lower is {lower:g}, upper"
                 f" {upper:g} there; let the bounds enclose it"
             )
     return corridor

@@ -50,19 +50,16 @@ from seatrial.base.toml_file import (
 )
 
 __all__ = [
+    "Between",
     "Current",
-    "Direction",
-    "Distribution",
     "DistributionTable",
     "FaultTable",
     "MissionTable",
     "Obstacle",
     "OutageTable",
-    "PositiveDistribution",
     "RequirementTable",
     "Seabed",
     "Start",
-    "Turn",
     "VerificationTable",
     "parse_verification",
 ]

@@ -55,9 +55,9 @@ def bench(
     folder = found.save(out or Path("runs") / f"bench-{found.file.name}")
     written = None
     if write is not None:
-        written = found.write_vehicle(write)
+        written = found.save_vehicle(write)
     elif in_place and found.vehicle_path is not None:
-        written = found.write_vehicle(found.vehicle_path, replace=True)
+        written = found.save_vehicle(found.vehicle_path, replace=True)
 
     def drawn() -> list[Path]:
         return _draw(found, folder, formats(pdf)) if figures else []

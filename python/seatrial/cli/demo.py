@@ -84,7 +84,7 @@ def _cwolf(
     logs.mkdir(exist_ok=True)
     for name in campaign.trials:
         if (path := campaign.path_of(name)) is not None:
-            Recipe.load(path).write_csv(logs / f"generated-{name}.csv")
+            Recipe.load(path).save(logs / f"generated-{name}.csv")
     if not quiet:
         console.print(f"Generated trials in {logs}\n", soft_wrap=True, markup=False)
     return fit, truth.vehicle

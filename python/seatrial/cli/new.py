@@ -42,7 +42,7 @@ def new(
         ) from None
     for records, names in _RECORDS.items():
         for name in names:
-            Recipe.load(starter / records / f"{name}.toml").write_csv(folder / records / f"{name}.csv")
+            Recipe.load(starter / records / f"{name}.toml").save(folder / records / f"{name}.csv")
     console = output()
     console.print(
         f"Project in {folder}: {', '.join(_FILES)}; generated example records in {'/, '.join(_RECORDS)}/",

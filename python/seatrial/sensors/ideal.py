@@ -31,7 +31,7 @@ from seatrial.sensors.sensor import KINDS, Sensor
 if TYPE_CHECKING:
     from seatrial._core import Run, Vehicle
 
-__all__ = ["ON_THE_TETHER", "Conditions", "Ideal", "at_sea", "tether_force"]
+__all__ = ["ON_THE_TETHER", "Conditions", "Ideal", "at_sea"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,12 +138,12 @@ class Ideal:
         if kind == "attitude":
             return np.rad2deg(to_euler(self._attitude(t)))
         if kind in ("depth", "position", "gps"):
-            place = self._place(r, t)
+            position = self._position(r, t)
             if kind == "depth":
-                return place[:, 2:]
+                return position[:, 2:]
             if kind == "gps":
-                place[place[:, 2] >= 0.0] = np.nan
-            return place[:, :2]
+                position[position[:, 2] >= 0.0] = np.nan
+            return position[:, :2]
         if kind == "voltage":
             return self._voltage(t)
         if kind == "load_cell":
@@ -165,7 +165,7 @@ class Ideal:
         nu = self._at(self._run.nu, t)
         return np.asarray(nu[:, :3] + np.cross(nu[:, 3:], r))
 
-    def _place(self, r: Array, t: Array) -> Array:
+    def _position(self, r: Array, t: Array) -> Array:
         position = self._at(self._run.position, t)
         return position + matrix(self._attitude(t)) @ r if r.any() else position
 
@@ -173,7 +173,7 @@ class Ideal:
         bottom = self._conditions.bottom_depth_m
         if bottom is None or sensor.max_range_m is None:
             return np.zeros(len(t), bool)
-        altitude = bottom - self._place(np.array(sensor.position), t)[:, 2]
+        altitude = bottom - self._position(np.array(sensor.position), t)[:, 2]
         if altitude.min(initial=np.inf) < 0.0:
             raise TrialError(
                 f"dvl: the vehicle goes down to {bottom - altitude.min():.1f} m, below the bottom at"

@@ -37,18 +37,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Run
 
-__all__ = [
-    "asynchronous",
-    "biases",
-    "finer",
-    "held",
-    "linear",
-    "measure",
-    "own_stamps",
-    "rows",
-    "silent",
-    "times",
-]
+__all__ = ["asynchronous", "biases", "finer", "held", "linear", "measure", "silent", "times"]
 
 
 def silent(sensor: Sensor, t: Array, random: np.random.Generator) -> NDArray[np.bool_]:

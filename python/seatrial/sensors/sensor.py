@@ -21,17 +21,7 @@ from seatrial.base.toml_file import Section, checked, tables, text_of
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "KINDS",
-    "TYPICAL",
-    "Kind",
-    "Sensor",
-    "SensorFile",
-    "load_sensors",
-    "one_each",
-    "parse_sensors",
-    "read_as",
-]
+__all__ = ["KINDS", "TYPICAL", "Sensor", "SensorFile", "load_sensors", "one_each", "parse_sensors", "read_as"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +34,7 @@ class Kind:
         Canonical columns that it logs, in order.
     unit
         Ending of its keys: that of the columns' numbers.
-    placed
+    has_lever_arm
         Whether what it shows depends on where it sits, ``position_m``.
     ranged
         Whether it needs the bottom within ``max_range_m``.
@@ -52,25 +42,25 @@ class Kind:
 
     columns: tuple[str, ...]
     unit: str
-    placed: bool = False
+    has_lever_arm: bool = False
     ranged: bool = False
 
 
 KINDS: dict[str, Kind] = {
-    "dvl": Kind(("u_m_s", "v_m_s", "w_m_s"), "m_s", placed=True, ranged=True),
-    "dvl_water": Kind(("u_water_m_s", "v_water_m_s", "w_water_m_s"), "m_s", placed=True),
+    "dvl": Kind(("u_m_s", "v_m_s", "w_m_s"), "m_s", has_lever_arm=True, ranged=True),
+    "dvl_water": Kind(("u_water_m_s", "v_water_m_s", "w_water_m_s"), "m_s", has_lever_arm=True),
     "gyro": Kind(("p_deg_s", "q_deg_s", "r_deg_s"), "deg_s"),
     "attitude": Kind(("roll_deg", "pitch_deg", "yaw_deg"), "deg"),
-    "depth": Kind(("z_m",), "m", placed=True),
-    "position": Kind(("x_m", "y_m"), "m", placed=True),
-    "gps": Kind(("x_m", "y_m"), "m", placed=True),
+    "depth": Kind(("z_m",), "m", has_lever_arm=True),
+    "position": Kind(("x_m", "y_m"), "m", has_lever_arm=True),
+    "gps": Kind(("x_m", "y_m"), "m", has_lever_arm=True),
     "revolutions": Kind((), "rpm"),
     "voltage": Kind(("voltage_v",), "v"),
     "load_cell": Kind(("load.X_n", "load.Y_n", "load.Z_n"), "n"),
 }
 """Kinds by name; "revolutions" logs one column per actuator, in the unit of its command."""
 
-Place = tuple[float, float, float]
+Position = tuple[float, float, float]
 
 _TIMES = ("rate_hz", "latency_s", "phase_s", "jitter_s", "dropout_every_s", "dropout_s")
 
@@ -98,7 +88,7 @@ class Sensor:
     jitter_s
         Standard deviation by which a stamp misses its regular time, at most 0.45 of the interval.
     position
-        Its place in the body frame from O, m.
+        Its lever arm: position in the body frame from O, m.
     dropout_every_s, dropout_s
         Mean time from a drop-out to the next one, and its mean duration; None: it never drops out.
     max_range_m
@@ -112,7 +102,7 @@ class Sensor:
     latency_s: float = 0.0
     phase_s: float = 0.0
     jitter_s: float = 0.0
-    position: Place = (0.0, 0.0, 0.0)
+    position: Position = (0.0, 0.0, 0.0)
     dropout_every_s: float | None = None
     dropout_s: float | None = None
     max_range_m: float | None = None
@@ -144,7 +134,7 @@ class Sensor:
             raise TrialError(f'{where}: unknown sensor "{kind}"{nearest(kind, KINDS)}')
         keys = {f"{name}_{KINDS[kind].unit}": name for name in ("noise", "bias", "quantum")}
         keys |= {name: name for name in _TIMES}
-        if KINDS[kind].placed:
+        if KINDS[kind].has_lever_arm:
             keys["position_m"] = "position"
         if KINDS[kind].ranged:
             keys["max_range_m"] = "max_range_m"
@@ -152,8 +142,8 @@ class Sensor:
         for key, value in table.items():
             if key not in keys:
                 raise TrialError(f'{where}, {kind}: unknown key "{key}"{nearest(key, keys)}')
-            place = f"{where}, {kind}, key {key}"
-            values[keys[key]] = _place(value, place) if key == "position_m" else _number(value, key, place)
+            name = f"{where}, {kind}, key {key}"
+            values[keys[key]] = _position(value, name) if key == "position_m" else _number(value, key, name)
         if ("dropout_s" in values) != ("dropout_every_s" in values):
             given, missing = ("dropout_s", "dropout_every_s")[:: 1 if "dropout_s" in values else -1]
             raise TrialError(f"{where}, {kind}: {given} without {missing}; a drop-out needs both, in s")
@@ -203,7 +193,7 @@ def _number(value: Any, key: str, where: str) -> float:
     return float(value)
 
 
-def _place(value: Any, where: str) -> Place:
+def _position(value: Any, where: str) -> Position:
     numbers = isinstance(value, list | tuple) and all(
         isinstance(x, int | float) and not isinstance(x, bool) and np.isfinite(x) for x in value
     )

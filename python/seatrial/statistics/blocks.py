@@ -30,16 +30,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.statistics.linearisation import Linearisation, Piece
 
-__all__ = [
-    "BlockLength",
-    "Blocks",
-    "Whitened",
-    "autocorrelation",
-    "block_length",
-    "blocks",
-    "determined",
-    "whitened",
-]
+__all__ = ["BlockLength", "autocorrelation", "block_length", "blocks", "determined", "whitened"]
 
 _LONGER = 1.25
 
@@ -103,7 +94,7 @@ def block_length(lin: Linearisation) -> BlockLength:
             "the joint estimate has no sample that counts, so its uncertainty cannot be told; expected at"
             " least one valid sample of a measured channel in a segment; check hold_out, segment_s, channels"
         )
-    covered = sum(len(np.unique(places[rows])) for _, places, rows in _places(lin))
+    covered = sum(len(np.unique(grid[rows])) for _, grid, rows in _on_grid(lin))
     rho, pairs = _autocorrelation(lin, max(covered // 4, 1))
     memory, wanted = np.ones(len(counts)), np.zeros(len(counts))
     for channel, samples in enumerate(counts):
@@ -125,12 +116,12 @@ def autocorrelation(lin: Linearisation, lags: int) -> Array:
 def _autocorrelation(lin: Linearisation, lags: int) -> tuple[Array, Array]:
     """Autocorrelation and number of pairs, both (C, lags + 1)."""
     products, pairs = np.zeros((2, lags + 1, len(lin.channels)))
-    for pieces, places, _ in _places(lin):
+    for pieces, grid, _ in _on_grid(lin):
         psi = np.concatenate([piece.weight * piece.residual * piece.counted for piece in pieces])
         counted = np.concatenate([piece.counted for piece in pieces]).astype(float)
-        total, often = np.zeros((2, int(places.max()) + 1, len(lin.channels)))
-        np.add.at(total, places, psi)
-        np.add.at(often, places, counted)
+        total, often = np.zeros((2, int(grid.max()) + 1, len(lin.channels)))
+        np.add.at(total, grid, psi)
+        np.add.at(often, grid, counted)
         series, seen = total / np.maximum(often, 1.0), (often > 0).astype(float)
         size = 1 << (2 * len(series) - 1).bit_length()
         kept = min(lags + 1, len(series))
@@ -157,8 +148,8 @@ def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
     counts = np.maximum(np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0), 1)
     colour = length.memory * square / counts
     score, information, coloured = [], [], np.zeros((unknowns, unknowns))
-    for pieces, places, rows in _places(lin):
-        covered = np.unique(places[rows])
+    for pieces, grid, rows in _on_grid(lin):
+        covered = np.unique(grid[rows])
         if not len(covered):
             continue
         block = _divided(pieces, length.samples)
@@ -195,15 +186,15 @@ def _divided(pieces: Sequence[Piece], length: int) -> NDArray[np.intp]:
     return np.asarray(np.concatenate(part) * number // parts)
 
 
-def _places(lin: Linearisation) -> Iterator[tuple[list[Piece], NDArray[np.intp], NDArray[np.bool_]]]:
-    """Per trial: its pieces, the place of each of their rows on the trial's time grid, which rows count."""
+def _on_grid(lin: Linearisation) -> Iterator[tuple[list[Piece], NDArray[np.intp], NDArray[np.bool_]]]:
+    """Per trial: its pieces, the index of each of their rows on the trial's time grid, which rows count."""
     trials: dict[str, list[Piece]] = {}
     for piece in lin.pieces:
         trials.setdefault(piece.trial, []).append(piece)
     for pieces in trials.values():
         t = np.concatenate([piece.t for piece in pieces])
-        places = np.rint((t - t.min()) / lin.dt).astype(np.intp)
-        yield pieces, places, np.concatenate([piece.counted.any(axis=1) for piece in pieces])
+        grid = np.rint((t - t.min()) / lin.dt).astype(np.intp)
+        yield pieces, grid, np.concatenate([piece.counted.any(axis=1) for piece in pieces])
 
 
 def _rule(rho: Array, pairs: Array, samples: int) -> tuple[float, float]:

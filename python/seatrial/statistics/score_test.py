@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["ScoreResults", "ScoreTests", "false_discovery", "score_tests", "unexplained"]
+__all__ = ["ScoreTests", "false_discovery", "score_tests", "unexplained"]
 
 _ALIKE = 1e-6
 """A candidate of which less than this is left beside what is fitted cannot be told from it."""
@@ -143,12 +143,12 @@ def score_tests(
     columns : sequence of ndarray, shape (n, C, k)
         What the channels of each segment would show of the candidates, in the residual's unit.
     fitted : sequence of int
-        Places of the fitted unknowns.
+        Indices of the fitted unknowns.
     block : sequence of ndarray, shape (n,)
         Block of each sample of each segment, from 0 on.
     """
-    places = list(fitted)
-    inside, count = len(places), 1 + max((int(b[-1]) for b in block), default=-1)
+    indices = list(fitted)
+    inside, count = len(indices), 1 + max((int(b[-1]) for b in block), default=-1)
     width = inside + columns[0].shape[2] + 1 if columns else inside + 1
     products = np.zeros((count, width, width))
     samples = 0.0
@@ -156,7 +156,7 @@ def score_tests(
     for piece, own, dense in zip(lin.pieces, columns, block, strict=True):
         root, number = (np.sqrt(piece.weight) * piece.counted)[every], dense[every]
         samples += float((root**2).sum())
-        sides = piece.jacobian[every][:, :, places], own[every], piece.residual[every][:, :, None]
+        sides = piece.jacobian[every][:, :, indices], own[every], piece.residual[every][:, :, None]
         rows = np.concatenate(sides, axis=2) * root[:, :, None]
         edges = np.flatnonzero(np.diff(number)) + 1
         for part, at in zip(np.split(rows, edges), number[np.concatenate([[0], edges])], strict=True):
@@ -167,12 +167,12 @@ def score_tests(
     sums = np.concatenate([total[None], total - products])
     reduced = sums[:, inside:, inside:]
     if inside:
-        unknowns = [lin.unknowns[i] for i in places]
+        unknowns = [lin.unknowns[i] for i in indices]
         # The width of the bounds holds what the data cannot tell, as it does in the fit.
         precision = np.array([min(u.prior_sd, u.scale) ** -2.0 for u in unknowns])
         centre = np.array([
             (u.prior - x) * u.prior_sd**-2.0
-            for u, x in zip(unknowns, np.asarray(lin.values)[places], strict=True)
+            for u, x in zip(unknowns, np.asarray(lin.values)[indices], strict=True)
         ])
         normal = sums[:, :inside, :inside] + np.diag(precision)
         size = np.sqrt(np.maximum(np.diagonal(normal[0]), 1e-300))

@@ -5,7 +5,7 @@ compared with them after both went through the same filter (the slope of a strai
 window), so that neither gains a delay. Its latency is the shift of least absolute error, found between the
 samples; its uncertainty comes from leaving out one eighth of the record at a time (jackknife). It is removed
 only if it is several times its uncertainty and the shifted sensor really follows the pose; otherwise it is
-only reported. A velocity that runs against the pose is reversed, unless a place of the sensor away from O
+only reported. A velocity that runs against the pose is reversed, unless a lever arm of the sensor
 explains it better: in a turn the bow goes sideways against the stern. The velocity through the water, of the
 same instrument, is reversed with it where it has the same sense.
 """
@@ -24,7 +24,7 @@ from seatrial.trial.columns import GROUPS, Source
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["Latency", "align", "latency", "pose_motion"]
+__all__ = ["align"]
 
 LARGEST_S = 1.0
 """Latencies are searched within plus and minus this."""
@@ -135,8 +135,8 @@ def pose_motion(signals: Mapping[str, Signal], t: Array, name: str) -> tuple[Arr
         return motion, _all_around(known, half)
     full, seen = np.zeros((len(t), 3)), np.zeros((len(t), 3), bool)
     for position in (signals[name] for name in ("position", "depth") if name in signals):
-        place = ["xyz".index(c) for c in position.channels]
-        full[:, place], seen[:, place] = linear(position, t)
+        columns = ["xyz".index(c) for c in position.channels]
+        full[:, columns], seen[:, columns] = linear(position, t)
     known = known & seen.all(axis=1)
     return np.einsum("nji,nj->ni", matrix(q), _slope(full, half, step)), _all_around(known, half)
 

@@ -23,7 +23,7 @@ from seatrial.trial.resampling import GAP, held, linear
 from seatrial.trial.signals import RecordingReport, Signal
 from seatrial.trial.smoothing import spline
 
-__all__ = ["WaterCurrent", "add_current", "assemble", "water_current"]
+__all__ = ["assemble", "water_current"]
 
 _PART_S = 60.0
 
@@ -149,16 +149,16 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
     for name in ("position", "depth", "velocity", "rates"):
         if name in signals:
             _report_gaps(signals[name], report)
-            place = [CHANNELS.index(channel) for channel in signals[name].channels]
-            filled[:, place], valid[:, place] = linear(signals[name], t)
-            observed[:, place] = filled[:, place]
+            columns = [CHANNELS.index(channel) for channel in signals[name].channels]
+            filled[:, columns], valid[:, columns] = linear(signals[name], t)
+            observed[:, columns] = filled[:, columns]
     _only_fixes(signals, valid, report)
     if "attitude" in signals:
         _report_gaps(signals["attitude"], report)
         attitude, good = linear(signals["attitude"], t)
-        place = [CHANNELS.index(channel) for channel in signals["attitude"].channels]
-        observed[:, place] = to_euler(attitude)[:, [k - 9 for k in place]]
-        valid[:, place] = good[:, :1]
+        columns = [CHANNELS.index(channel) for channel in signals["attitude"].channels]
+        observed[:, columns] = to_euler(attitude)[:, [k - 9 for k in columns]]
+        valid[:, columns] = good[:, :1]
         _derive(observed, valid, filled, attitude, t, report)
     observed[~np.isfinite(observed)] = np.nan
     absent = np.logical_and.reduce(np.isnan(observed), axis=0)
@@ -219,10 +219,10 @@ def _derive(
             continue
         window = 2 * _STENCIL + 1
         good = np.asarray(minimum_filter1d(known.astype(np.uint8), window, mode="nearest")).astype(bool)
-        place = [first + k for k in missing]
-        observed[:, place] = filled[:, place] = motion[:, missing]
-        valid[:, place] = good[:, None]
-        names = " ".join(CHANNELS[k] for k in place)
+        columns = [first + k for k in missing]
+        observed[:, columns] = filled[:, columns] = motion[:, missing]
+        valid[:, columns] = good[:, None]
+        names = " ".join(CHANNELS[k] for k in columns)
         report.add("info", names, f"derived from {origin} by smoothing differentiation")
 
 
@@ -234,10 +234,10 @@ def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingRep
     position = signals.get("position")
     if position is None or "z" in position.channels:
         return
-    place = [CHANNELS.index(channel) for channel in position.channels]
-    share = float(valid[:, place].any(axis=1).mean())
+    columns = [CHANNELS.index(channel) for channel in position.channels]
+    share = float(valid[:, columns].any(axis=1).mean())
     if 0.0 < share < _FIXES:
-        valid[:, place] = False
+        valid[:, columns] = False
         names = " ".join(position.channels)
         report.add(
             "warning",

@@ -14,7 +14,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.rotation import angle_between, conjugate, continuous, product
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["MEASURED", "mark"]
+__all__ = ["mark"]
 
 MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
 

@@ -240,8 +240,8 @@ class Recipe:
     def _fine_voltage(self) -> Array | None:
         return None if self.voltage_v is None else held(self.voltage_v, self.every)
 
-    def write_csv(self, path: str | Path) -> None:
-        """Write the table as a CSV file whose first lines say that it was generated, and from what.
+    def save(self, path: str | Path) -> None:
+        """Save the table as a CSV file whose first lines say that it was generated, and from what.
 
         Raises
         ------
@@ -287,24 +287,24 @@ def _commands(
     voltage_v = np.full(len(t), np.nan if file.voltage_v is None else file.voltage_v)
     last = -np.inf
     for number, row in enumerate(file.commands, 1):
-        place = f"{where}: commands[{number}]"
+        entry = f"{where}: commands[{number}]"
         start = row.get("t_s")
         if start is None or start < last:
             raise TrialError(
-                f"{place}: expected t_s, s, not before the row above; found {start}; sort the rows"
+                f"{entry}: expected t_s, s, not before the row above; found {start}; sort the rows"
             )
         last = start
         after = t >= start - 1e-9
         for name, value in row.items():
             if name == "voltage_v":
                 if value <= 0.0:
-                    raise TrialError(f"{place}, key voltage_v: expected a positive number, found {value:g}")
+                    raise TrialError(f"{entry}, key voltage_v: expected a positive number, found {value:g}")
                 voltage_v[after] = value
             elif name in members:
                 for actuator in members[name]:
                     commands[actuator][after] = value
             elif name != "t_s":
-                raise TrialError(f'{place}: unknown actuator or group "{name}"{nearest(name, members)}')
+                raise TrialError(f'{entry}: unknown actuator or group "{name}"{nearest(name, members)}')
     if np.isfinite(voltage_v).all():
         return commands, voltage_v
     if np.isfinite(voltage_v).any():

@@ -20,7 +20,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.rotation import continuous
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["GAP", "between", "common", "held", "instruments", "linear", "together", "uniform"]
+__all__ = ["GAP", "common", "held", "instruments", "linear", "together"]
 
 GAP = 1.9
 """Longest distance between neighbours that is no gap, in median intervals: one lost sample is a gap."""

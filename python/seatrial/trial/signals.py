@@ -9,7 +9,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 
-__all__ = ["Finding", "RecordingReport", "Signal"]
+__all__ = ["RecordingReport", "Signal"]
 
 
 @dataclass(frozen=True)

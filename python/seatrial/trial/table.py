@@ -1,4 +1,4 @@
-"""From the cells of a table to signals in SI and NED/FRD: the one place where a recording is converted."""
+"""From the cells of a table to signals in SI and NED/FRD: the only conversion of a recording."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def _rotated(y: Array, group: Group, given: Mapping[str, Source], file: str) -> 
             if j != k and (partner not in given or given[partner].frame != given[name].frame):
                 raise TrialError(
                     f'{file}: {name}: frame "{given[name].frame}" mixes axes, so {partner} is needed '
-                    "in the same frame; map it too, each from the recording's component of the same place"
+                    "in the same frame; map it too, each from the recording's component of the same index"
                 )
         result[:, k] = np.where(row != 0.0, y, 0.0) @ row
     return result

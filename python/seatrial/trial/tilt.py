@@ -22,7 +22,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import matrix, product
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["Tilt", "level", "tilt"]
+__all__ = ["LARGEST", "level", "tilt"]
 
 LARGEST = 10.0 * DEGREE
 """More is no tilt of a frame but another frame: it is reported and left."""

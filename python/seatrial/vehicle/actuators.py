@@ -19,7 +19,18 @@ from seatrial.base.arrays import Array
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Push", "actuator_groups", "bollard", "command", "largest", "pushes", "voltage_for"]
+__all__ = [
+    "NOMINAL_V",
+    "Push",
+    "actuator_groups",
+    "bollard",
+    "command",
+    "largest",
+    "pushes",
+    "settling_s",
+    "turns_that_way",
+    "voltage_for",
+]
 
 NOMINAL_V = 14.8
 """Supply voltage at which tables of thrust are read: four lithium cells."""

@@ -20,7 +20,7 @@ from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Gain", "Statics", "damping_gain", "growth", "neutral_fins", "statics"]
+__all__ = ["Statics", "damping_gain", "growth", "neutral_fins", "statics"]
 
 _SMALL = 1e-5
 

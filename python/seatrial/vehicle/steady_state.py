@@ -24,14 +24,17 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 __all__ = [
+    "KNOT_M_S",
+    "TURN_KINDS",
+    "TURN_SHARES",
     "Speed",
-    "Steady",
     "Turn",
     "cruise",
     "drivers",
     "round_speeds_kn",
     "speeds",
     "steady",
+    "turn_commands",
     "turn_kinds",
     "turning_senses",
     "turns",

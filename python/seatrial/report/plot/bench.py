@@ -193,7 +193,7 @@ def _name_outliers(axes: Axes, fit: UnitFit, outlying: NDArray[np.int_]) -> None
             fontsize=6.5,
             color=RESIDUAL,
         )
-        listed.append(f"{number}  {fit.points.pull[k]}, {fit.points.place[k].split(', ', 1)[-1]}")
+        listed.append(f"{number}  {fit.points.pull[k]}, {fit.points.label[k].split(', ', 1)[-1]}")
     more = len(outlying) - _NAMED
     listed += [f"and {more} more"] if more > 0 else []
     axes.text(

@@ -18,7 +18,7 @@ from seatrial.base.errors import TrialError, nearest
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["FORMATS", "Reader", "read_table"]
+__all__ = ["Reader", "read_table"]
 
 Reader: TypeAlias = "Callable[[Path], pl.DataFrame]"
 
