@@ -154,9 +154,9 @@ def test_every_watch_and_reaction_has_its_words() -> None:
 def test_the_verb_prints_modes_gains_and_safety(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(TEXT)
-    result = call("check", path, "--vehicle", "cwolf")
+    result = call("check", path, "--vehicle", "cwolf", "--verbose")
     assert result.exit_code == 0, result.output
-    for words in ("Modes", "Gains", "K_P", "No position for 60 s", "Nothing looks wrong."):
+    for words in ("Modes", "Gains", "K_P", "No position for 60 s", "nothing looks wrong"):
         assert words in result.stdout
     data = json.loads(call("check", path, "--json").stdout)
     assert data["modes"][1]["from_speed_m_s"] == 0.8

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import seatrial as st
+from seatrial.check.autopilot import weak_points
 from seatrial.cli import app
-from seatrial.cli.autopilot import weak_points
 from tests.flight.flying import OUT
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -65,7 +65,7 @@ def test_the_summary_tells_rows_gains_margins_and_what_next() -> None:
 
 def test_authority_is_told_at_the_speed_that_a_vehicle_with_fins_needs() -> None:
     told = call("lauv").stdout
-    assert told.startswith("At 1.1 m/s surge, roll, pitch and yaw can be commanded")
+    assert "- At 1.1 m/s surge, roll, pitch and yaw can be commanded" in told
     assert "No roll loop: the hull rights itself" in told
 
 

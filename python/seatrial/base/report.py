@@ -179,8 +179,9 @@ def _sentence(text: str) -> str:
     """The text with a capital first letter of its first word and a full stop."""
     text = text.strip()
     first = text.partition(" ")[0]
-    # A symbol such as K_p or u keeps its case; an ordinary word begins with a capital.
-    capital = text[:1].upper() + text[1:] if first.isalpha() and len(first) > 2 and first.islower() else text
+    # A symbol such as K_p or u and a command keep their case; an ordinary word begins with a capital.
+    ordinary = first.isalpha() and len(first) > 2 and first.islower() and first != "seatrial"
+    capital = text[:1].upper() + text[1:] if ordinary else text
     return capital if capital.endswith((".", "!", "?")) else f"{capital}."
 
 

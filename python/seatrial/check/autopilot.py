@@ -19,13 +19,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial.base.report import Column, Report, Section, Table
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.stability import statics
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.control_design.margin_report import MarginRow
 
-__all__ = ["AutopilotCheck", "GainRow", "ModeRow", "check_autopilot", "on_vehicle", "safety_sentences"]
+__all__ = [
+    "AutopilotCheck",
+    "GainRow",
+    "ModeRow",
+    "StartGains",
+    "check_autopilot",
+    "on_vehicle",
+    "safety_sentences",
+    "weak_points",
+]
 
 _REACTIONS = {
     "continue": "the mission goes on",
@@ -156,9 +167,144 @@ class AutopilotCheck:
         """The check as plain data for JSON."""
         return asdict(self)
 
+    def report(self, start: StartGains | None = None) -> Report:
+        """Loops and speeds, the worst problem, what to do next; then modes, gains, margins and notes.
+
+        Parameters
+        ----------
+        start : StartGains, optional
+            Of gains that were just made: their margins, and what the vehicle can command.
+        """
+        return _report(self, start)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
     def __str__(self) -> str:
-        parts = [f"{self.name}: {self.description}".rstrip(": "), *self.notes, *self.safety]
-        return "\n".join([*parts, *(f"WARNING {text}" for text in self.warnings)])
+        return self.summary()
+
+
+@dataclass(frozen=True)
+class StartGains:
+    """What start gains are worth.
+
+    Attributes
+    ----------
+    authority
+        What the vehicle can command, what the loss of an actuator costs, why a row has no loop.
+    margins
+        Per mode and breakpoint.
+    sound
+        Range of speeds ahead at which the loops are sound, m/s; None where there is none.
+    """
+
+    authority: tuple[str, ...]
+    margins: tuple[MarginRow, ...]
+    sound: tuple[float, float] | None
+
+
+_MANY = 100.0  # a gain margin beyond it is no limit
+
+
+def _report(check: AutopilotCheck, start: StartGains | None) -> Report:
+    """Three lines, modes, gains, margins, notes; what the safety watches as details."""
+    notes, warnings = list(check.notes), list(check.warnings)
+    if start is not None:
+        more, short = weak_points(start.margins, start.sound)
+        notes, warnings = notes + more, warnings + short
+    worst, next_step = "no warning: limits, gains and safety fit each other", "fly a mission: seatrial fly"
+    if warnings:
+        worst, next_step = (
+            warnings[0],
+            ("stay within these limits in the missions, or change the file and check again"),
+        )
+    elif start is None and not any("reaches" in text for text in notes):
+        next_step = "check it on its vehicle: seatrial check AUTOPILOT --vehicle VEHICLE"
+    count = len(warnings)
+    tables = [_mode_table(check), _gain_table(check)]
+    if start is not None:
+        tables.append(_margins(start.margins))
+    return Report(
+        title=check.name,
+        outcome=f"{count} warning{'s' if count > 1 else ''}" if count else "nothing looks wrong",
+        good=_how_good(check, start),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(check.description, () if start is None else start.authority, tuple(tables)),
+            Section(sentences=(*(f"WARNING: {text}" for text in warnings), *notes)),
+            Section("Safety", check.safety, details=True),
+        ),
+    )
+
+
+def _how_good(check: AutopilotCheck, start: StartGains | None) -> str:
+    """Law, modes, breakpoints; the range of sound speeds and the least phase margin of start gains."""
+    speeds = check.speeds_m_s
+    said = f"{check.control.upper()} every {check.period_s:g} s, {len(check.modes)} mode{'s' if len(check.modes) > 1 else ''}"
+    if speeds:
+        said += f", gains at {len(speeds)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s"
+    if start is None or start.sound is None:
+        return said
+    low, high = start.sound
+    inside = [row.phase_deg for row in start.margins if row.sound and low <= row.speed_m_s <= high]
+    least = f", phase margin at least {min(inside):.0f} deg" if inside else ""
+    return f"{said}; sound from {low:.2f} to {high:.2f} m/s{least}"
+
+
+def _mode_table(check: AutopilotCheck) -> Table:
+    rows = [
+        (
+            mode.name,
+            f"{mode.from_speed_m_s:g}",
+            mode.depth_by,
+            " ".join(mode.loops),
+            " ".join(mode.actuators) or "all",
+        )
+        for mode in check.modes
+    ]
+    texts = (Column(name, align="left") for name in ("depth by", "loops", "actuators"))
+    return Table.of("Modes", ("mode", "from m/s", *texts), rows)
+
+
+def _gain_table(check: AutopilotCheck) -> Table:
+    rows = [(row.loop, row.gain, *(f"{value:.3g}" for value in row.values)) for row in check.gains]
+    head = ("loop", "at m/s", *(f"{speed:.3g}" for speed in check.speeds_m_s))
+    return Table.of("Gains", head, rows if check.control == "pid" else (), left=2)
+
+
+def _margins(margins: Sequence[MarginRow]) -> Table:
+    rows = []
+    for row in margins:
+        numbers = ("", "", "")  # margins of an unstable loop mean nothing
+        if row.doubles_s is None:
+            gain = f"{row.gain:.1f}" if row.gain < _MANY else "any"
+            delay = f"{row.delay_s:.2f}" if row.delay_s < _MANY else "any"
+            numbers = (f"{row.phase_deg:.0f}", gain, delay)
+        rows.append((row.mode, f"{row.speed_m_s:.2f}", *numbers, row.verdict))
+    head = ("mode", "at m/s", "phase, deg", "gain", "delay, s", Column("verdict", align="left"))
+    return Table.of("Margins: phase, factor of the gain, delay; the least of all loops", head, rows)
+
+
+def weak_points(
+    margins: Sequence[MarginRow], sound: tuple[float, float] | None
+) -> tuple[list[str], list[str]]:
+    """Notes and warnings about breakpoints that are not sound; `sound` is the sound range, m/s."""
+    weak = [row for row in margins if not row.sound]
+    if sound is None:
+        return [], ["no speed ahead is sound; look at what is not commanded"]
+    ahead = [row for row in weak if row.speed_m_s >= 0.0]
+    notes = []
+    if len(ahead) < len(weak):
+        least = max(row.speed_m_s for row in weak if row.speed_m_s < 0.0)
+        notes.append(f"Astern at {-least:.2f} m/s and faster it is not sound; a mission does not go astern")
+    if not ahead:
+        return notes, []
+    low, high = sound
+    grows = list(dict.fromkeys(row.grows for row in ahead if row.grows))
+    why = f"a motion grows ({', '.join(grows)})" if grows else "the margins are small"
+    return notes, [f"keep the speed of missions between {low:.2f} and {high:.2f} m/s; elsewhere {why}"]
 
 
 def check_autopilot(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import SeatrialError
+from seatrial.base.report import Report, Section, Table
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -56,6 +57,106 @@ class CampaignCheck:
             "scale": self.scale.to_dict() if self.scale else None,
             "problems": list(self.problems),
         }
+
+    def report(self) -> Report:
+        """Whether it is ready, the worst problem, what to do next; then trials, stages, inputs, scale."""
+        return _report(self)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+
+def _report(check: CampaignCheck) -> Report:
+    """Three lines, trials, stages, inputs; what was found about each trial as details."""
+    worst, next_step = _worst(check)
+    inputs = () if check.inputs is None else tuple(check.inputs.sentences())
+    scale = () if check.scale is None else tuple(check.scale.sentences())
+    free = tuple(f"{stage.name}: {', '.join(stage.coefficients)}" for stage in check.stages)
+    findings = tuple(
+        Section(f"Trial {name}", tuple(str(report).splitlines()), details=True)
+        for name, report in check.reports.items()
+    )
+    samples = sum(stage.samples for stage in check.stages)
+    minutes = sum(report.duration_s for report in check.reports.values()) / 60.0
+    count = sum(len(stage.coefficients) for stage in check.stages)
+    return Report(
+        title=check.name,
+        outcome="not ready" if check.problems else "Ready to identify",
+        good=(
+            f"{len(check.reports)} trials of {check.vehicle} ({minutes:.0f} min); {len(check.stages)} stages"
+            f" free {count} coefficients on {samples} samples"
+        ),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(sentences=check.problems),
+            Section(sentences=free, tables=(_trial_table(check), _stage_table(check))),
+            Section("Inputs over what is fitted", inputs, (_input_table(check),)),
+            Section("Scale of all forces", scale),
+            *findings,
+        ),
+    )
+
+
+def _worst(check: CampaignCheck) -> tuple[str, str]:
+    """The worst problem of a campaign, and what to do about it."""
+    if check.problems:
+        return check.problems[0], "correct the campaign or the recording and check again"
+    identify = "run seatrial identify on this campaign"
+    for severity in ("error", "warning"):
+        for name, report in check.reports.items():
+            for finding in report.findings:
+                if finding.severity == severity:
+                    text = str(finding).removeprefix(severity).strip()
+                    return (
+                        f"trial {name}: {text}",
+                        f"correct the trial or its column map if it is used; then {identify}",
+                    )
+    said = [] if check.scale is None else check.scale.sentences()
+    for sentence in (*([] if check.inputs is None else check.inputs.sentences()), *said):
+        if sentence.startswith("WARNING"):
+            return sentence.removeprefix("WARNING").strip(" :"), f"settle this first; then {identify}"
+    return "no warning about recordings, inputs or scale", identify
+
+
+def _trial_table(check: CampaignCheck) -> Table:
+    rows = [
+        (
+            name,
+            f"{report.duration_s:.1f}",
+            f"{report.rate_hz:.4g}",
+            str(report.samples),
+            str(max(report.masked.values(), default=0)),
+            str(sum(finding.severity != "info" for finding in report.findings) or ""),
+        )
+        for name, report in check.reports.items()
+    ]
+    return Table.of("Trials", ("trial", "duration, s", "rate, Hz", "samples", "masked", "warnings"), rows)
+
+
+def _stage_table(check: CampaignCheck) -> Table:
+    rows = [
+        (
+            stage.name,
+            ", ".join(stage.trials),
+            stage.free,
+            str(len(stage.coefficients)),
+            str(stage.segments),
+            str(stage.samples),
+            f"{1e3 * stage.step_s:.3g}",
+        )
+        for stage in check.stages
+    ]
+    head = ("stage", "trials", "free", "coefficients", "segments", "samples", "step, ms")
+    return Table.of("Stages in the order of their run", head, rows, left=3)
+
+
+def _input_table(check: CampaignCheck) -> Table:
+    drives = () if check.inputs is None else check.inputs.drives
+    rows = [(one.actuator, one.group, f"{one.rms_n:.3g}", f"{100.0 * one.ahead:.0f}") for one in drives]
+    head = ("actuator", "group", "thrust about its mean, N", "impulse ahead, %")
+    return Table.of("", head, rows, left=2)
 
 
 def check_campaign(campaign: Campaign) -> CampaignCheck:

@@ -10,6 +10,7 @@ How near a mission's straight ways come to its fence. Held by tests/check/test_c
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.report import Table
 
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
@@ -30,6 +32,7 @@ __all__ = [
     "fence_sentences",
     "leg_numbers",
     "leg_rows",
+    "legs_table",
     "ways",
 ]
 
@@ -234,3 +237,39 @@ def fence_sentences(mission: Mission) -> tuple[list[str], list[str]]:
             f" acceptance of {radius:g} m; a turn or a current may carry the vehicle out"
         ]
     return [f'Fence: {nearest:.1f} m from the nearest way, that to "{label}"'], []
+
+
+_LABEL = 22  # characters: the table of legs stays within 80 columns
+
+_MOST_LEGS = 60
+
+
+def legs_table(legs: Sequence[LegRow], duration: Callable[[float], str]) -> Table:
+    """A row per leg of the file, the first of very many; `duration` writes a time in s."""
+    rows = [
+        (
+            str(row.number),
+            row.label if len(row.label) <= _LABEL else row.label[: _LABEL - 1] + "…",
+            str(row.waypoints),
+            f"{row.length_m:.0f}",
+            f"{row.slope_deg:+.0f}" if abs(row.slope_deg) >= 0.5 else "0",
+            _level(row),
+            f"{row.speed_m_s:g}",
+            duration(row.time_s),
+            "" if row.power_w is None else f"{row.power_w:.0f}",
+        )
+        for row in legs[:_MOST_LEGS]
+    ]
+    notes = []
+    if len(legs) > _MOST_LEGS:
+        notes.append(f"and {len(legs) - _MOST_LEGS} legs more: --json tells all of them")
+    if any(row.vertical == "altitude" for row in legs):
+        notes.append("^ above the bottom")
+    head = ("leg", "what", "points", "m", "deg", "depth, m", "m/s", "time", "W")
+    return Table.of("Legs", head, rows, left=2, note="; ".join(notes))
+
+
+def _level(row: LegRow) -> str:
+    low, high = row.level_m
+    mark = "^" if row.vertical == "altitude" else ""
+    return f"{low:.3g}{mark}" if high - low < 0.05 else f"{low:.3g}-{high:.3g}{mark}"

@@ -30,7 +30,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.check.legs import Corner, LegRow, corners, fence_sentences, leg_rows
+from seatrial.base.report import Report, Section
+from seatrial.check.legs import Corner, LegRow, corners, fence_sentences, leg_rows, legs_table
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.turning import turning_radius
 
@@ -351,9 +352,37 @@ class MissionCheck:
         data["turning_radius_m"] = {f"{speed:g}": radius for speed, radius in self.turning_radius_m.items()}
         return data
 
+    def report(self) -> Report:
+        """Length and time, the worst problem, what to do next; then legs and notes."""
+        worst, next_step = "no warning: legs, limits and fence fit each other", "fly it: seatrial fly"
+        if self.warnings:
+            worst, next_step = self.warnings[0], "change the mission or the vehicle's limits, and check again"
+        count = len(self.warnings)
+        energy = "" if self.energy is None else f", {self.energy.total_wh:.3g} Wh"
+        return Report(
+            title=self.name,
+            outcome=f"{count} warning{'s' if count > 1 else ''}" if count else "nothing looks wrong",
+            good=(
+                f"{self.waypoints} waypoints, {self.length_m:.0f} m, planned to take"
+                f" {duration(self.planned_s)}{energy}"
+            ),
+            worst=worst,
+            next_step=next_step,
+            sections=(
+                Section(
+                    self.description,
+                    (*(f"WARNING: {text}" for text in self.warnings), *self.notes),
+                    (legs_table(self.legs, duration),),
+                ),
+            ),
+        )
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
     def __str__(self) -> str:
-        parts = [f"{self.name}: {self.description}".rstrip(": "), *self.notes]
-        return "\n".join([*parts, *(f"WARNING {text}" for text in self.warnings)])
+        return self.summary()
 
 
 def check_mission(

@@ -7,29 +7,18 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from seatrial.base.errors import SeatrialError, nearest
+from seatrial.cli.console import Json, Pdf, Verbose, formats
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rich.console import Console
-    from rich.table import Table
-
     from seatrial._core import Vehicle
-    from seatrial.check.autopilot import AutopilotCheck
-    from seatrial.check.campaign import CampaignCheck
-    from seatrial.check.legs import LegRow
-    from seatrial.check.mission import MissionCheck
-    from seatrial.check.vehicle import VehicleCheck
-    from seatrial.estimation.inputs import InputJudgement
-    from seatrial.vehicle.steady_state import Speed
 
-__all__ = ["TURN_HEADS", "check", "check_autopilot_file", "check_mission_file", "print_modes_and_gains"]
+__all__ = ["check"]
 
 _ADVICE = {
     "a bench file": "evaluate it with seatrial bench {}",
@@ -48,12 +37,12 @@ _OPTIONS: dict[str, tuple[str, ...]] = {
 }
 """Options that only some files have."""
 
-TURN_HEADS = {
-    "under way": "inner side at half",
-    "inner side stopped": "stopped",
-    "inner side half astern": "half astern",
-    "on the spot": "opposed",
-}
+
+class _Drawing(NamedTuple):
+    """Whether figures are drawn, and in which formats."""
+
+    wanted: bool
+    formats: tuple[str, ...]
 
 
 def check(
@@ -87,10 +76,11 @@ def check(
         ),
     ] = None,
     figures: Annotated[
-        bool,
-        typer.Option(help="Draw three views, characteristics and performance, or the mission (PNG and PDF)."),
+        bool, typer.Option(help="Draw three views, characteristics and performance, or the mission (PNG).")
     ] = True,
-    json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    pdf: Pdf = False,
+    verbose: Verbose = False,
+    json: Json = False,
 ) -> None:
     """Check a vehicle (signs, speeds, turns, stability), an autopilot, a mission or a campaign beforehand."""
     _check_options(voltage, speed_kn or [])
@@ -100,43 +90,58 @@ def check(
         if value is not None and option not in _OPTIONS[kind]:
             fitting = " or ".join(name for name, options in _OPTIONS.items() if option in options)
             raise SeatrialError(f"{option} is for {fitting}, and {target} is {kind}; leave it out")
+    drawing = _Drawing(figures, formats(pdf))
     if kind == "a campaign":
-        _check_campaign(target, json=json)
+        _check_campaign(target, verbose=verbose, json=json)
     elif kind == "a mission":
-        check_mission_file(target, vehicle, autopilot, voltage_v=voltage, out=out, figures=figures, json=json)
+        _check_mission(target, vehicle, autopilot, voltage, out, drawing=drawing, verbose=verbose, json=json)
     elif kind == "an autopilot":
-        check_autopilot_file(target, vehicle, voltage_v=voltage, json=json)
+        _check_autopilot(target, vehicle, voltage, verbose=verbose, json=json)
     else:
-        _check_vehicle(target, voltage, speed_kn, out=out, figures=figures, json=json)
+        _check_vehicle(target, voltage, speed_kn, out, drawing=drawing, verbose=verbose, json=json)
 
 
 def _check_vehicle(
-    target: str, voltage: float, speed_kn: list[float] | None, *, out: Path | None, figures: bool, json: bool
+    target: str,
+    voltage: float,
+    speed_kn: list[float] | None,
+    out: Path | None,
+    *,
+    drawing: _Drawing,
+    verbose: bool,
+    json: bool,
 ) -> None:
     from seatrial._core import Vehicle
+    from seatrial.base.run import check_writable
     from seatrial.check.vehicle import check_vehicle
-    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.cli.console import answer, print_json
 
     vehicle = Vehicle.load(target)
+    if out is not None:
+        check_writable(out)
     found = check_vehicle(vehicle, voltage_v=voltage, speeds_kn=speed_kn or None)
-    written: list[Path] = []
-    if figures:
-        from seatrial.report.plot.performance import characteristic, performance
-        from seatrial.report.plot.style import save
-        from seatrial.report.plot.vehicle import three_views
+    folder = out or Path("runs") / f"check-{vehicle.name}"
 
-        folder = out or Path("runs") / f"check-{vehicle.name}"
-        written += save(three_views(vehicle), folder / "three_views")
-        if vehicle.actuators:
-            written += save(characteristic(vehicle), folder / "characteristic")
-        if (sailing := performance(vehicle, voltage_v=voltage)) is not None:
-            written += save(sailing, folder / "performance")
+    def drawn() -> list[Path]:
+        return _draw_vehicle(vehicle, voltage, folder, drawing.formats) if drawing.wanted else []
+
     if json:
-        print_json(found.to_dict() | {"figures": [str(path) for path in written]})
-        return
-    console = output()
-    _print_vehicle(console, found)
-    list_figures(console, written)
+        print_json(found.to_dict() | {"figures": [str(path) for path in drawn()]})
+    else:
+        answer(found.report(), verbose=verbose, draw=drawn)
+
+
+def _draw_vehicle(vehicle: Vehicle, voltage: float, folder: Path, endings: tuple[str, ...]) -> list[Path]:
+    from seatrial.report.plot.performance import characteristic, performance
+    from seatrial.report.plot.style import save
+    from seatrial.report.plot.vehicle import three_views
+
+    written = save(three_views(vehicle), folder / "three_views", formats=endings)
+    if vehicle.actuators:
+        written += save(characteristic(vehicle), folder / "characteristic", formats=endings)
+    if (sailing := performance(vehicle, voltage_v=voltage)) is not None:
+        written += save(sailing, folder / "performance", formats=endings)
+    return written
 
 
 def _check_options(voltage: float, speed_kn: list[float]) -> None:
@@ -176,164 +181,37 @@ def _is_campaign(target: str) -> bool:
     return file_kind(target) == CAMPAIGN
 
 
-def _print_vehicle(console: Console, found: VehicleCheck) -> None:
-    from seatrial.cli.console import table
-
-    console.print(f"[bold]{found.name}[/bold]: {found.description}\n", soft_wrap=True)
-    for first, *others in found.by_actuator():
-        console.print(str(first), soft_wrap=True, markup=False)
-        for push in others:
-            console.print(f"{push.size}: {push.words}", soft_wrap=True, markup=False, style="dim")
-    if found.speeds:
-        console.print()
-        straight = [(_command(row), row) for row in found.speeds]
-        console.print(_speed_table("Speed on a straight course", "all ahead", straight))
-    if found.cruises:
-        asked = [(f"{row.speed_kn:g} kn", row) for row in found.cruises]
-        console.print(_speed_table("What a speed takes", "speed", asked))
-    if found.turns:
-        kinds = list(dict.fromkeys(turn.kind for turn in found.turns))
-        head = ["outer side", *(TURN_HEADS[kind] for kind in kinds)]
-        console.print(table("Steady turns: radius and rate", head, _turn_rows(found, kinds)))
-    for note in found.notes:
-        console.print(note, soft_wrap=True, markup=False)
-    for warning in found.warnings:
-        console.print(f"WARNING: {warning}", soft_wrap=True, markup=False, style="yellow")
-    if not found.warnings:
-        console.print("Nothing looks wrong.")
-
-
-def _speed_table(title: str, first: str, rows: list[tuple[str, Speed]]) -> Table:
-    """Table of speeds; what no row knows has no column."""
-    from seatrial.cli.console import table
-
-    columns: dict[str, list[str]] = {first: [label for label, _ in rows]}
-    if first == "speed":
-        columns["all ahead"] = [_command(row) for _, row in rows]
-    columns["m/s"] = [f"{row.speed_m_s:.2f}" for _, row in rows]
-    if first != "speed":
-        columns["kn"] = [f"{row.speed_kn:.1f}" for _, row in rows]
-    columns["thrust, N"] = [f"{row.thrust_n:.3g}" for _, row in rows]
-    columns["power, W"] = ["" if row.power_w is None else _rounded(row.power_w) for _, row in rows]
-    columns["endurance, h"] = ["" if row.endurance_h is None else f"{row.endurance_h:.2g}" for _, row in rows]
-    columns["range, km"] = ["" if row.range_km is None else _rounded(row.range_km) for _, row in rows]
-    known = {head: cells for head, cells in columns.items() if any(cells)}
-    return table(title, list(known), zip(*known.values(), strict=True))
-
-
-def _command(row: Speed) -> str:
-    """The command as a person sets it: whole revolutions and microseconds, newtons in three digits."""
-    return f"{row.command:.3g} N" if row.unit == "N" else f"{row.command:.0f} {row.unit}"
-
-
-def _rounded(value: float) -> str:
-    """Two digits of what is small, no decimals of what is not."""
-    return f"{value:.2g}" if value < 9.95 else f"{value:.0f}"
-
-
-def _turn_rows(found: VehicleCheck, kinds: list[str]) -> list[list[str]]:
-    """One row per command of the outer side, one cell per kind of turn."""
-    cells: dict[str, dict[str, str]] = {}
-    for turn in found.turns:
-        digits = 2 if turn.radius_m < 10.0 else 1
-        cells.setdefault(f"{turn.command:.4g} {turn.unit}", {})[turn.kind] = (
-            f"{turn.radius_m:.{digits}f} m {abs(turn.rate_deg_s):.1f}°/s"
-        )
-    return [[command, *(row.get(kind, "") for kind in kinds)] for command, row in cells.items()]
-
-
-def _check_campaign(target: str, *, json: bool) -> None:
+def _check_campaign(target: str, *, verbose: bool, json: bool) -> None:
     from seatrial.campaign.campaign import Campaign
     from seatrial.check.campaign import check_campaign
-    from seatrial.cli.console import complain, output, print_json
+    from seatrial.cli.console import answer, complain, print_json
 
     found = check_campaign(Campaign.load(target))
     if json:
         print_json(found.to_dict())
     else:
-        _print_campaign(output(), found)
+        answer(found.report(), verbose=verbose)
     if found.problems:
         for problem in found.problems:
             complain(problem)
         raise typer.Exit(2)
 
 
-def _print_campaign(console: Console, found: CampaignCheck) -> None:
-    from seatrial.cli.console import table
-
-    console.print(f"[bold]{found.name}[/bold]: vehicle {found.vehicle}, {len(found.reports)} trials\n")
-    for name, report in found.reports.items():
-        console.print(f"Trial {name}", style="bold", markup=False)
-        console.print(str(report), soft_wrap=True, markup=False)
-    if found.stages:
-        rows = [
-            [
-                stage.name,
-                ", ".join(stage.trials),
-                stage.free,
-                str(len(stage.coefficients)),
-                str(stage.segments),
-                str(stage.samples),
-                f"{1e3 * stage.step_s:.3g}",
-            ]
-            for stage in found.stages
-        ]
-        head = ["stage", "trials", "free", "coefficients", "segments", "samples", "step, ms"]
-        console.print()
-        console.print(table("Stages in the order of their run", head, rows, left=3))
-        for stage in found.stages:
-            console.print(f"{stage.name}: {', '.join(stage.coefficients)}", soft_wrap=True, markup=False)
-        console.print()
-    if found.inputs is not None:
-        _print_inputs(console, found.inputs)
-    if found.scale is not None:
-        console.print("Scale of all forces", style="bold")
-        _print_sentences(console, found.scale.sentences())
-    if not found.problems:
-        console.print("\nReady to identify.")
-
-
-def _print_inputs(console: Console, found: InputJudgement) -> None:
-    from seatrial.cli.console import table
-
-    if found.drives:
-        rows = [
-            [one.actuator, one.group, f"{one.rms_n:.3g}", f"{100.0 * one.ahead:.0f}"] for one in found.drives
-        ]
-        head = ["actuator", "group", "thrust about its mean, N", "impulse ahead, %"]
-        console.print(table("Inputs over what is fitted", head, rows, left=2))
-    else:
-        console.print("Inputs over what is fitted", style="bold")
-    _print_sentences(console, found.sentences())
-    console.print()
-
-
-def _print_sentences(console: Console, sentences: list[str]) -> None:
-    for sentence in sentences:
-        style = "yellow" if sentence.startswith("WARNING") else None
-        console.print(f"- {sentence}", soft_wrap=True, markup=False, style=style)
-
-
-_LABEL = 22  # characters: the table of legs stays within 80 columns
-
-_MOST_LEGS = 60
-
-
-def check_mission_file(
+def _check_mission(
     target: str,
     vehicle: str | None,
     autopilot: str | None,
-    *,
-    voltage_v: float,
+    voltage: float,
     out: Path | None,
-    figures: bool,
+    *,
+    drawing: _Drawing,
+    verbose: bool,
     json: bool,
 ) -> None:
-    """Check a mission file, and draw its plan."""
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.toml_file import loaded
     from seatrial.check.mission import check_mission
-    from seatrial.cli.console import list_figures, output, print_json
+    from seatrial.cli.console import answer, print_json
     from seatrial.flight.mission import Mission
 
     mission = Mission.load(target)
@@ -341,129 +219,39 @@ def check_mission_file(
         mission,
         vehicle=None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle"),
         autopilot=None if autopilot is None else loaded(Autopilot, autopilot, "--autopilot"),
-        voltage_v=voltage_v,
+        voltage_v=voltage,
     )
     folder = out or Path("runs") / f"check-{Path(target).stem}"
-    written: list[Path] = []
-    if figures:
+
+    def drawn() -> list[Path]:
+        if not drawing.wanted:
+            return []
         from seatrial.report.plot.mission import mission_plan
         from seatrial.report.plot.style import save
 
-        written = save(mission_plan(mission), folder / "mission_plan")
-    metres = None
-    if mission.origin is not None and (figures or out is not None):
+        return save(mission_plan(mission), folder / "mission_plan", formats=drawing.formats)
+
+    results = ""
+    if mission.origin is not None and (drawing.wanted or out is not None):
         metres = folder / "mission_metres.toml"
         folder.mkdir(parents=True, exist_ok=True)
         metres.write_text(mission.to_toml(), encoding="utf-8")
+        results = f"In metres, as the autopilot reads it: {metres}"
     if json:
-        print_json(found.to_dict() | {"figures": [str(path) for path in written]})
-        return
-    console = output()
-    _print_mission(console, found)
-    if metres is not None:
-        console.print(f"In metres, as the autopilot reads it: {metres}", soft_wrap=True, markup=False)
-    list_figures(console, written)
+        print_json(found.to_dict() | {"figures": [str(path) for path in drawn()]})
+    else:
+        answer(found.report(), verbose=verbose, results=results, draw=drawn)
 
 
-def check_autopilot_file(target: str, vehicle: str | None, *, voltage_v: float, json: bool) -> None:
-    """Check an autopilot file."""
+def _check_autopilot(target: str, vehicle: str | None, voltage: float, *, verbose: bool, json: bool) -> None:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.toml_file import loaded
     from seatrial.check.autopilot import check_autopilot
-    from seatrial.cli.console import output, print_json
+    from seatrial.cli.console import answer, print_json
 
     on: Vehicle | None = None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle")
-    found = check_autopilot(Autopilot.load(target), vehicle=on, voltage_v=voltage_v)
+    found = check_autopilot(Autopilot.load(target), vehicle=on, voltage_v=voltage)
     if json:
         print_json(found.to_dict())
-        return
-    _print_autopilot(output(), found)
-
-
-def _print_mission(console: Console, found: MissionCheck) -> None:
-    from seatrial.check.mission import duration
-    from seatrial.cli.console import table
-
-    _title(console, found.name, found.description)
-    powered = any(row.power_w is not None for row in found.legs)
-    head = ["leg", "what", "points", "m", "deg", "depth, m", "m/s", "time", *(["W"] if powered else [])]
-    shown, left_out = found.legs, 0
-    if len(found.legs) > _MOST_LEGS:
-        shown, left_out = found.legs[:_MOST_LEGS], len(found.legs) - _MOST_LEGS
-    rows = [
-        [
-            str(row.number),
-            _shortened(row.label),
-            str(row.waypoints),
-            f"{row.length_m:.0f}",
-            f"{row.slope_deg:+.0f}" if abs(row.slope_deg) >= 0.5 else "0",
-            _level(row),
-            f"{row.speed_m_s:g}",
-            duration(row.time_s),
-            *([_power(row)] if powered else []),
-        ]
-        for row in shown
-    ]
-    console.print(table("Legs", head, rows, left=2))
-    if left_out:
-        console.print(f"and {left_out} legs more: --json tells all of them", markup=False)
-    if any(row.vertical == "altitude" for row in found.legs):
-        console.print("^ above the bottom", markup=False)
-    _print_mission_sentences(console, found.notes, found.warnings)
-
-
-def _print_autopilot(console: Console, found: AutopilotCheck) -> None:
-    _title(console, found.name, found.description)
-    print_modes_and_gains(console, found)
-    _print_mission_sentences(console, [*found.notes, *found.safety], found.warnings)
-
-
-def print_modes_and_gains(console: Console, found: AutopilotCheck) -> None:
-    """Print the mode table and, of a PID, its gains."""
-    from seatrial.cli.console import table
-
-    rows = [
-        [
-            mode.name,
-            f"{mode.from_speed_m_s:g}",
-            mode.depth_by,
-            " ".join(mode.loops),
-            " ".join(mode.actuators) or "all",
-        ]
-        for mode in found.modes
-    ]
-    console.print(table("Modes", ["mode", "from m/s", "depth by", "loops", "actuators"], rows))
-    if found.gains and found.control == "pid":
-        gains = [[row.loop, row.gain, *(f"{value:.3g}" for value in row.values)] for row in found.gains]
-        head = ["loop", "at m/s", *(f"{speed:.3g}" for speed in found.speeds_m_s)]
-        console.print(table("Gains", head, gains, left=2))
-
-
-def _title(console: Console, name: str, description: str) -> None:
-    console.print(
-        f"{name}: {description}" if description else name, soft_wrap=True, markup=False, style="bold"
-    )
-    console.print()
-
-
-def _print_mission_sentences(console: Console, notes: Sequence[str], warnings: Sequence[str]) -> None:
-    for note in notes:
-        console.print(note, soft_wrap=True, markup=False)
-    for warning in warnings:
-        console.print(f"WARNING: {warning}", soft_wrap=True, markup=False, style="yellow")
-    if not warnings:
-        console.print("Nothing looks wrong.")
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LABEL else text[: _LABEL - 1] + "…"
-
-
-def _level(row: LegRow) -> str:
-    low, high = row.level_m
-    mark = "^" if row.vertical == "altitude" else ""
-    return f"{low:.3g}{mark}" if high - low < 0.05 else f"{low:.3g}-{high:.3g}{mark}"
-
-
-def _power(row: LegRow) -> str:
-    return "" if row.power_w is None else f"{row.power_w:.0f}"
+    else:
+        answer(found.report(), verbose=verbose)

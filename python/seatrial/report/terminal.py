@@ -26,8 +26,8 @@ def show(report: Report, console: Console, *, verbose: bool = False) -> None:
     """
     for line in report.lines():
         _say(console, line, style="bold")
-    console.print()
     for section in report.shown(verbose=verbose):
+        console.print()
         if section.title:
             _say(console, section.title, style="bold")
         for table in section.tables:
@@ -37,6 +37,7 @@ def show(report: Report, console: Console, *, verbose: bool = False) -> None:
                 console.print()
         for sentence in section.sentences:
             _say(console, f"- {sentence}")
+    console.print()
     if not verbose and report.hidden:
         _say(console, f"{report.hidden} more tables and remarks: --verbose")
 
