@@ -186,14 +186,11 @@ def test_score_against_another_vehicle(files: Path, tmp_path: Path) -> None:
     shown = CliRunner().invoke(app, arguments)
     assert shown.exit_code == 0, shown.output
     assert "On run (8 s ahead, 25 windows), the error of second in a typical window" in shown.stdout
-    told = CliRunner().invoke(app, [*arguments, "--json", "--pdf", "--out", str(tmp_path / "figures")])
+    told = CliRunner().invoke(app, [*arguments, "--json", "--out", str(tmp_path / "figures")])
     data = json.loads(told.stdout)
     assert list(data["vehicles"]) == ["first", "second", "cwolf"]
     assert {row["vehicle"] for row in data["overall"]} == {"second", "cwolf"}
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {
-        "variants_run.png",
-        "variants_run.pdf",
-    }
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"variants_run.png"}
 
 
 def test_score_against_itself_is_refused(files: Path) -> None:
