@@ -54,11 +54,14 @@ test-python: export OPENBLAS_NUM_THREADS := 1
 test-python: build ## the Python front against the core and the recordings
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
-test-wheel: wheel ## the wheel in an empty environment outside the clone: the whole chain from logs to verdict
+test-wheel: wheel ## the wheel in an empty environment outside the clone: types, a script, the whole chain to a verdict
 	@folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	$(BIN)/python -m venv "$$folder/venv"; \
-	"$$folder/venv/bin/pip" install --constraint constraints.txt dist/*.whl; \
-	cd "$$folder"; venv/bin/seatrial --version; venv/bin/seatrial demo --json > demo.json; \
+	"$$folder/venv/bin/pip" install --no-compile --constraint constraints.txt dist/*.whl mypy; \
+	cp tests/wheel/user_script.py "$$folder"; cd "$$folder"; \
+	venv/bin/mypy --strict user_script.py; \
+	venv/bin/python user_script.py script; \
+	venv/bin/seatrial --version; venv/bin/seatrial demo --json > demo.json; \
 	venv/bin/python "$(CURDIR)/tests/cli/chain_of_demo.py" demo.json
 
 check: build ## format, lint, order of the rooms, types, and the committed stub against the binding
