@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
+import tomlkit
 
 import seatrial as st
-from seatrial.base.errors import SeatrialError
+from seatrial.base.errors import CampaignError, SeatrialError
 from seatrial.base.progress import Progress
+from seatrial.campaign.tuning_table import TuningTable
 from seatrial.control_design.margin_constraint import MarginConstraint
-from seatrial.tuning import tune as tuning_run
+from seatrial.tuning import tuning_run
 from seatrial.tuning.judgement import judge
 from seatrial.tuning.result import (
     comparison_head,
@@ -203,7 +206,9 @@ def test_margins_come_first_where_the_start_gains_leave_the_motion_unstable() ->
     assert any(point.growth_per_s[0] > 0.0 for point in shortfall)
     result = search_margins(one, seed=1)
     assert result is not None
-    after = MarginConstraint(one.vehicle, tuned_autopilot(one.autopilot, result.gains, "small"), (-1.0,))
+    after = MarginConstraint(
+        one.vehicle, tuned_autopilot(one.autopilot, result.gains, "small", "the campaign small"), (-1.0,)
+    )
     assert all(point.growth_per_s[0] == 0.0 for point in after.margins({}))
     assert result.after["margin"] < 0.2 * result.before["margin"]
     # The speeds ahead have margins: their gains stay.
@@ -212,7 +217,10 @@ def test_margins_come_first_where_the_start_gains_leave_the_motion_unstable() ->
     still = one.samples(0, 1)
     calm, wild = (
         judge(one, "", one.rig(pilot, threads=1), still)
-        for pilot in (tuned_autopilot(one.autopilot, result.gains, "small"), one.autopilot)
+        for pilot in (
+            tuned_autopilot(one.autopilot, result.gains, "small", "the campaign small"),
+            one.autopilot,
+        )
     )
     assert calm.nominal_s < wild.nominal_s
 
@@ -350,3 +358,41 @@ def test_a_refused_tuning_leaves_nothing_behind(tmp_path: Path) -> None:
 def test_without_loops_every_loop_at_work_is_planned() -> None:
     assert set(plan_of(campaign("[tuning]")).loops) == {"surge", "heave", "pitch", "heading"}
     assert start().name == plan().autopilot.name == "cwolf start"
+
+
+CORRIDOR = {"rise_s": 5.0, "overshoot": 0.3, "settling_s": 10.0, "settled": 0.1, "until_s": 12.0}
+LOOPS = {"heading": {"steps": [20.0], "speeds_m_s": [1.5], "corridor": CORRIDOR}}
+SHORT = {"samples": 0, "settle_s": 6.0, "budget": {"population": 8, "generations": 1, "simplex_rounds": 1}}
+
+
+def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(tmp_path: Path) -> None:
+    text = tomlkit.dumps({"format": 1, "name": "small", "seed": 5, "vehicle": "cwolf", "autopilot": "cwolf"})
+    text += tomlkit.dumps({"tuning": {"loops": LOOPS} | SHORT})
+    by_file = st.tune(st.Campaign.from_toml(text), threads=1)
+    given = st.tune(
+        "cwolf",
+        "cwolf",
+        loops=LOOPS,
+        settings=SHORT,
+        name="small",
+        seed=5,
+        run_dir=tmp_path / "run",
+        threads=1,
+    )
+    assert given.campaign is None
+    assert given.autopilot.gains() == by_file.autopilot.gains()
+    assert given.judged[-1].trials == by_file.judged[-1].trials
+    assert sentences(given) == sentences(by_file)
+    written = tomllib.loads((tmp_path / "run" / "tuning.toml").read_text())["tuning"]
+    assert TuningTable.model_validate(written) == given.plan.table
+
+
+def test_what_a_tuning_without_a_file_lacks_is_named() -> None:
+    with pytest.raises(CampaignError, match="a vehicle and its autopilot"):
+        st.tune("cwolf")  # type: ignore[call-overload]
+    with pytest.raises(CampaignError, match="heding"):
+        st.tune("cwolf", "cwolf", loops={"heding": {}})
+    with pytest.raises(CampaignError, match="seed: expected only without a campaign"):
+        st.tune(campaign(), seed=3)  # type: ignore[call-overload]
+    with pytest.raises(CampaignError, match="voltage_v"):
+        st.tune("bluerov2-heavy", "bluerov2-heavy")

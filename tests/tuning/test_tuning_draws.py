@@ -10,7 +10,7 @@ import pytest
 import seatrial as st
 from seatrial.campaign.verification_table import parse_verification
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning import tune as tuning_run
+from seatrial.tuning import tuning_run
 from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.step_trial import Samples
 from seatrial.verification.draws import draw_missions
@@ -27,7 +27,8 @@ def made() -> tuple[st.Campaign, TuningPlan]:
     """A tuning of a vehicle whose drag is known to a tenth."""
     text = HEADING.replace("samples = 1", "samples = 6")
     given, one = campaign(text), plan(text)
-    return given, TuningPlan(one.table, Fitted.of("cwolf", percent={"X_uu": 10.0}), one.autopilot)
+    fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})
+    return given, TuningPlan(one.table, fitted, one.autopilot, given.name, given.seed)
 
 
 def test_responses_are_judged_in_finer_steps_of_integration_than_they_are_searched_in(

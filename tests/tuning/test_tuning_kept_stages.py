@@ -14,8 +14,7 @@ import pytest
 import seatrial as st
 from seatrial.base.run import RunDirectory, part_file
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning import loop_steps
-from seatrial.tuning import tune as tuning_run
+from seatrial.tuning import loop_steps, tuning_run
 from seatrial.tuning.plan import TuningPlan
 from tests.tuning.tuning_campaigns import HEAD, campaign, cwolf, start
 from tests.tuning.tuning_runs import Told
@@ -62,7 +61,8 @@ class Bench:
         # What comes after the searches takes time and keeps nothing.
         self.monkeypatch.setattr(tuning_run, "take_back", lambda _, gains, *__, **___: (dict(gains), ()))
         self.monkeypatch.setattr(tuning_run, "tuned_autopilot", lambda start, *_: start)
-        told.run(self.monkeypatch, given, TuningPlan(table, self.fitted, self.autopilot), self.directory)
+        plan = TuningPlan(table, self.fitted, self.autopilot, given.name, given.seed)
+        told.run(self.monkeypatch, given, plan, self.directory)
         return [search.group for search in told.searches]
 
     def stage(self, name: str) -> Path:

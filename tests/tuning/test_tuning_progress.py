@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from seatrial.tuning.tune import WorkLeft
+from seatrial.tuning.tuning_run import WorkLeft
 
 PARTS = {"margins": 1.0e5, "heave": 1.0e6, "surge": 2.0e6, "heave, again": 1.0e6, "surge, again": 2.0e6}
 

@@ -12,13 +12,13 @@ import pytest
 import seatrial as st
 from seatrial.base.run import RunDirectory
 from seatrial.tuning import search as take_back
-from seatrial.tuning import tune as tuning_run
+from seatrial.tuning import tuning_run
 from seatrial.tuning.judgement import Judged, JudgedTrial
 from seatrial.tuning.plan import Group, TuningPlan
 from seatrial.tuning.result import Tuning
 from seatrial.tuning.search import GroupResult
 from seatrial.tuning.step_trial import Rig, Samples
-from seatrial.tuning.tune import TuningRun
+from seatrial.tuning.tuning_run import TuningRun
 
 Found = Callable[[str, Mapping[str, float]], Mapping[str, float]]
 Outside = Callable[[str, Mapping[str, float]], float]
@@ -102,7 +102,7 @@ class Told:
         monkeypatch.setattr(take_back, "judge", self.judge)
         quiet = Judged("", plan.autopilot, (), 0, {})
         monkeypatch.setattr(tuning_run, "judged_without_noise", lambda *_: quiet)
-        return TuningRun(campaign, plan, directory or RunDirectory(None), None, 1).run(relay=False)
+        return TuningRun(plan, directory or RunDirectory(None), campaign=campaign, threads=1).run(relay=False)
 
 
 def values(samples: Samples, name: str = "X_uu") -> set[float]:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from seatrial.campaign.campaign import Campaign
+    from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
 
 __all__ = ["draw", "fitted_source", "tune", "tuned"]
@@ -81,7 +82,7 @@ def fitted_source(campaign: Campaign, given: Path | None) -> Path | str | None:
 
 def tuned(
     campaign: Campaign,
-    source: object,
+    source: Identification | Path | str | None,
     folder: Path | None,
     *,
     relay: bool = False,
@@ -96,7 +97,7 @@ def tuned(
     with search_progress("making ready", quiet=quiet) as progress:
         return tuning(
             campaign,
-            source,  # type: ignore[arg-type]
+            source,
             run_dir=folder,
             progress=progress,
             relay=relay,

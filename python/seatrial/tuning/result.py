@@ -59,7 +59,7 @@ class Tuning:
     Attributes
     ----------
     campaign, plan
-        What was asked for, and the trials and samples that it became.
+        What was asked for (None without a file), and the trials and samples that it became.
     autopilot
         With the tuned gains.
     groups
@@ -84,7 +84,7 @@ class Tuning:
         What the result rests on, see `seatrial.base.run.run_facts`.
     """
 
-    campaign: Campaign
+    campaign: Campaign | None
     plan: TuningPlan
     autopilot: Autopilot
     groups: tuple[GroupResult, ...]
@@ -100,7 +100,7 @@ class Tuning:
     def __repr__(self) -> str:
         groups = ", ".join(group.name for group in self.groups)
         state = "interrupted" if self.interrupted else f"feasible={self.feasible}"
-        return f"Tuning({self.campaign.name}: {state}, searched: {groups})"
+        return f"Tuning({self.plan.name}: {state}, searched: {groups})"
 
     @property
     def start(self) -> Autopilot:
@@ -196,7 +196,7 @@ class Tuning:
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data."""
         return {
-            "campaign": self.campaign.name,
+            "campaign": self.plan.name,
             "vehicle": self.plan.vehicle.name,
             "autopilot": self.autopilot.name,
             "feasible": self.feasible,
@@ -236,13 +236,17 @@ class Tuning:
         from dataclasses import asdict
 
         import polars as pl
+        import tomlkit
 
         history = [{"search": group.name} | asdict(step) for group in self.groups for step in group.history]
         trials = [
             {"autopilot": judged.name} | asdict(trial) for judged in self.judged for trial in judged.trials
         ]
+        asked = {"tuning": self.plan.table.model_dump(mode="json", exclude_none=True, exclude_defaults=True)}
         return {
-            "campaign.toml": self.campaign.text,
+            "campaign.toml" if self.campaign else "tuning.toml": (
+                self.campaign.text if self.campaign else tomlkit.dumps(asked)
+            ),
             "autopilot.toml": self.autopilot.to_toml(),
             "start_autopilot.toml": self.start.to_toml(),
             "vehicle.toml": self.plan.vehicle.to_toml(),
@@ -253,7 +257,7 @@ class Tuning:
         }
 
 
-def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], campaign: str) -> Autopilot:
+def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], name: str, origin: str) -> Autopilot:
     """The autopilot with other gains, four digits each, under a name that says where they come from."""
     import tomlkit
 
@@ -261,8 +265,8 @@ def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], campaign: str)
 
     rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in gains.items()}
     text = tomlkit.parse(start.with_gains(rounded).to_toml() if rounded else start.to_toml())
-    text["name"] = f"{campaign} tuned"
-    text["description"] = f"Gains of {start.name} tuned on the campaign {campaign} by constraint criteria"
+    text["name"] = f"{name} tuned"
+    text["description"] = f"Gains of {start.name} tuned on {origin} by constraint criteria"
     return Autopilot.from_toml(tomlkit.dumps(text), "tuned")
 
 
@@ -319,7 +323,7 @@ def report(tuning: Tuning) -> Report:
     if not tuning.interrupted:
         tables.append(margin_table(tuning.margins["tuned"], title="Margins with the tuned gains"))
     return Report(
-        title=tuning.campaign.name,
+        title=tuning.plan.name,
         outcome=_outcome(tuning),
         good=_how_good(tuning),
         worst=worst,
@@ -469,9 +473,9 @@ def _why(tuning: Tuning, trial: JudgedTrial) -> str:
     return ""
 
 
-def without_table(campaign: Campaign) -> tuple[str, ...]:
+def without_table(campaign: Campaign | None) -> tuple[str, ...]:
     """A sentence where a campaign does not say what to tune."""
-    if campaign.file.tuning is not None:
+    if campaign is None or campaign.file.tuning is not None:
         return ()
     return (
         "The campaign has no [tuning]: steps, corridors and speeds are the defaults of its vehicle and its"

@@ -47,11 +47,18 @@ class TuningScope:
         The vehicle and how well it is known.
     autopilot
         With the start gains.
+    name, seed
+        Of the tuning; all its draws come from the seed.
+    origin
+        What the gains are tuned on, in words.
     """
 
     table: TuningTable
     fitted: Fitted
     autopilot: Autopilot
+    name: str = "tuning"
+    seed: int = 0
+    origin: str = ""
 
     @property
     def vehicle(self) -> Vehicle:

@@ -1,0 +1,359 @@
+"""One tuning under way: margins, group after group, the groups that violate once more, judgement.
+
+Ctrl-C at any time ends it with the best gains so far.
+
+The time left is that of the searches that are still to come, if each uses its whole budget: what a search
+costs to the processor is about proportional to the time that its candidates fly. A second turn of all
+groups counts from the beginning and falls away where it is not needed, so that the time left may shorten
+and hardly ever grows. What an earlier run left behind counts as done, but says nothing of the pace.
+
+Held by tests/tuning/test_tune.py, tests/tuning/test_second_turn.py, tests/tuning/test_tuning_kept_stages.py,
+tests/tuning/test_tuning_draws.py and tests/tuning/test_tuning_progress.py.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.progress import Clock, Progress, Step
+from seatrial.base.run import RunDirectory, run_facts, version
+from seatrial.estimation.search import LANES, batch_size
+from seatrial.flight.sensor_channels import sensors_of
+from seatrial.tuning.judgement import Judged, judge, judged_without_noise
+from seatrial.tuning.objective import RESERVE
+from seatrial.tuning.plan import Group, TuningPlan
+from seatrial.tuning.relay import relay_autopilot
+from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
+from seatrial.tuning.search import GENERATIONS, ROUNDS, GroupResult, search_group, search_margins, take_back
+from seatrial.tuning.step_trial import Rig, Samples
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot
+    from seatrial.campaign.campaign import Campaign
+
+__all__ = ["TuningRun", "WorkLeft"]
+
+_PACE = 1.0 / 60_000.0  # s per s of flight before anything was measured: about two cores
+
+_BEGUN = 0.02  # of all work, that the first guess of the pace counts as
+
+_PASSES = 2
+
+_FRESH, _NOISES = 24, 8  # vehicles drawn for the last judgement, and noises of the vehicle itself
+
+_FINE_STEP_S = 0.02
+
+_OTHER_SEED = 7919
+
+_OF_MARGINS = 0.1  # of the work of the searches that fly
+
+_EVOLUTION = 0.7  # of the budget of a group
+
+_JUDGEMENT = "judgement"
+
+_GIVEN_AWAY = 0.01  # of a margin, as much as the frequency grid and four digits of a gain leave
+
+
+class TuningRun:
+    """One tuning under way.
+
+    Parameters
+    ----------
+    plan : TuningPlan
+    run : RunDirectory
+        Where finished groups are kept.
+    campaign : Campaign, optional
+        That the plan is of.
+    inputs : mapping, optional
+        SHA-256 of what the run reads, by name.
+    progress : callable, optional
+        Called with a `Progress`.
+    threads : int, optional
+        All by default.
+    """
+
+    def __init__(
+        self,
+        plan: TuningPlan,
+        run: RunDirectory,
+        *,
+        campaign: Campaign | None = None,
+        inputs: Mapping[str, str] | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        threads: int | None = None,
+    ) -> None:
+        self.campaign, self.plan, self.directory = campaign, plan, run
+        self.inputs = inputs or {}
+        self.progress, self.threads = progress, threads
+        self.clock = Clock()
+        self.done, self.stages = 0, len(plan.groups) + 1
+        self.stopped = False
+        self.notes = without_table(campaign)
+        self.work = WorkLeft(self._planned())
+        self.results: list[GroupResult] = []
+        self.gains: dict[str, float] = {}
+        self.taken_back: tuple[str, ...] = ()
+
+    def run(self, *, relay: bool) -> Tuning:
+        """Tuning, interrupted after Ctrl-C.
+
+        Parameters
+        ----------
+        relay : bool
+            Whether a relay autotuning is judged beside.
+        """
+        try:
+            if self._search():
+                return self._result((), relay=None)
+            self._take_back()
+            return self._judge(relay=relay)
+        except KeyboardInterrupt:
+            self.stopped = True
+            return self._result((), relay=None)
+
+    def _search(self) -> bool:
+        """Search the margins, then the groups; whether Ctrl-C ended it."""
+        plan, seed = self.plan, self.plan.seed
+        samples = plan.samples(plan.table.samples, seed)
+        if self._keep("margins", lambda watch: search_margins(plan, seed=seed, watch=watch)):
+            return True
+        open_ = list(range(len(plan.groups)))
+        for turn in range(_PASSES):
+            self.stages = self.done + len(open_)
+            for place in open_:
+                group = plan.groups[place]
+                offset = 1 + place + turn * len(plan.groups)
+
+                def search(
+                    watch: Callable[[Step], None],
+                    group: Group = group,
+                    offset: int = offset,
+                    met: Samples = samples,
+                ) -> GroupResult:
+                    rig = self._rig(plan.autopilot.with_gains(self.gains), 2 * _FINE_STEP_S)
+                    return search_group(
+                        plan, group, rig, met, seed=seed + offset, start=self.gains, watch=watch
+                    )
+
+                if self._keep(_name(group, turn), search):
+                    return True
+            if turn + 1 == _PASSES:
+                break
+            # The second turn flies what shows who needs it.
+            samples = plan.samples(plan.table.samples, seed, nominal=_NOISES)
+            open_ = [k for k in range(len(plan.groups)) if self._spoils(k) or self._violates(k, samples)]
+            self.work.keep_only({_JUDGEMENT, *(_name(plan.groups[k], turn + 1) for k in open_)})
+            if not open_:
+                break
+        return False
+
+    def _take_back(self) -> None:
+        """Give groups their start gains again where these are better at the last judgement."""
+        self.gains, self.taken_back = take_back(self.plan, self.gains, self._fresh(), threads=self.threads)
+
+    def _fresh(self) -> Samples:
+        """Samples of the last judgement, which no search has seen."""
+        return self.plan.samples(_FRESH, self.plan.seed + _OTHER_SEED, nominal=_NOISES)
+
+    def _judge(self, *, relay: bool) -> Tuning:
+        """Tuning with its judgement."""
+        plan, fresh = self.plan, self._fresh()
+        autopilots: dict[str, Autopilot] = {"start": plan.autopilot}
+        relayed = None
+        if relay:
+            relayed = relay_autopilot(
+                plan.vehicle, plan.autopilot, sensors=plan.sensors, voltage=plan.table.voltage_v
+            )
+            autopilots["relay"] = relayed.autopilot
+        autopilots["tuned"] = self._tuned()
+        judged = tuple(
+            judge(plan, name, self._rig(autopilot, _FINE_STEP_S), fresh)
+            for name, autopilot in autopilots.items()
+        )
+        quiet = None
+        if not judged[-1].feasible:
+            quiet = judged_without_noise(plan, self._rig(autopilots["tuned"], _FINE_STEP_S))
+        return replace(self._result(judged, relay=relayed), quiet=quiet)
+
+    def _planned(self) -> dict[str, float]:
+        """Time that each part flies at most, s; the margins, which do not fly, as a share of it."""
+        budget, parts = self.plan.table.budget, dict[str, float]()
+        count = 1 + self.plan.table.samples
+        for turn in range(_PASSES):
+            for group in self.plan.groups:
+                size = budget.population or batch_size(len(group.parameters))
+                sets = size * (budget.generations or GENERATIONS) + LANES * (budget.simplex_rounds or ROUNDS)
+                each = sum(len(trials) * trials.duration_s for trials in group.trials)
+                parts[_name(group, turn)] = sets * each * (count if turn == 0 else count - 1 + _NOISES)
+        flown = sum(parts.values())
+        each = sum(len(t) * t.duration_s for group in self.plan.groups for t in group.trials)
+        last = (_FRESH + _NOISES) * 2 * 2 * each
+        return {"margins": _OF_MARGINS * flown / _PASSES} | parts | {_JUDGEMENT: last}
+
+    def _keep(self, name: str, search: Callable[[Callable[[Step], None]], GroupResult | None]) -> bool:
+        """Run or reuse a part of the search; whether it was interrupted."""
+        inputs = self._inputs(name)
+        self.work.begin(name)
+        kept = self.directory.finished(name, inputs)
+        found = search(lambda step: self._report(name, step)) if kept is None else GroupResult.from_dict(kept)
+        self.done += 1
+        self.work.end(name, kept=kept is not None)
+        if found is None:
+            return False
+        self.results.append(replace(found, name=name))
+        self.gains |= found.gains
+        if kept is None and not found.interrupted:
+            self.directory.keep(name, inputs, found.to_dict())
+        return found.interrupted
+
+    def _inputs(self, name: str) -> str:
+        """Hash of all that a part of the search depends on."""
+        fitted = self.plan.fitted
+        sensors = sensors_of(self.plan.sensors, self.plan.vehicle)
+        text = json.dumps([
+            name,
+            version("seatrial"),
+            repr(sensors),
+            [_PASSES, _NOISES, RESERVE, GENERATIONS, ROUNDS],
+            self.plan.table.model_dump_json(),
+            self.plan.to_dict(),  # what the table leaves to its defaults
+            self.plan.current_m_s,
+            self.plan.autopilot.to_toml(),
+            fitted.vehicle.to_toml(),
+            list(fitted.names),
+            fitted.covariance.tolist(),
+            self.plan.seed,
+            sorted(self.gains.items()),
+        ])
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _rig(self, autopilot: Autopilot, max_step: float) -> Rig:
+        return self.plan.rig(autopilot, max_step=max_step, threads=self.threads)
+
+    def _spoils(self, place: int) -> bool:
+        """Whether the search of a group gave margins away, caught between them and its corridors."""
+        name = _name(self.plan.groups[place], 0)
+        found = next(result for result in self.results if result.name == name)
+        return found.after["margin"] > found.before["margin"] + _GIVEN_AWAY
+
+    def _violates(self, place: int, samples: Samples) -> bool:
+        """Whether a group leaves a corridor with the gains that the others found since."""
+        rig = self._rig(self.plan.autopilot.with_gains(self.gains), 2 * _FINE_STEP_S)
+        judged = judge(self.plan, "", rig, samples, only=(self.plan.groups[place],), responses=False)
+        return judged.worst_s > 0.0
+
+    def _tuned(self) -> Autopilot:
+        return tuned_autopilot(self.plan.autopilot, self.gains, self.plan.name, self.plan.origin)
+
+    def _result(self, judged: tuple[Judged, ...], *, relay: Any) -> Tuning:
+        interrupted = self.stopped or (bool(self.results) and self.results[-1].interrupted)
+        return Tuning(
+            campaign=self.campaign,
+            plan=self.plan,
+            autopilot=self._tuned(),
+            groups=tuple(self.results),
+            judged=judged,
+            relay=relay,
+            taken_back=self.taken_back,
+            elapsed_s=self.clock.elapsed_s,
+            interrupted=interrupted,
+            facts=run_facts(
+                "tuning",
+                self.plan.name,
+                clock=self.clock,
+                inputs=self.inputs,
+                seed=self.plan.seed,
+                interrupted=interrupted,
+            ),
+        )
+
+    def _report(self, name: str, step: Step) -> None:
+        if self.progress is None:
+            return
+        part = step.generation / max(step.generations, 1)
+        # Of a group's budget the evolution strategy takes about two thirds.
+        begun, share = {"evolution": (0.0, _EVOLUTION), "simplex": (_EVOLUTION, 1.0 - _EVOLUTION)}.get(
+            step.phase, (0.0, 1.0)
+        )
+        share = part if name == "margins" else begun + share * part
+        self.progress(
+            Progress(
+                what=name,
+                done=self.done,
+                total=self.stages,
+                fraction=min(self.work.done(name, share), 1.0),
+                elapsed_s=self.clock.elapsed_s,
+                left_s=self.work.left_s(name, share),
+                step=step,
+                notes=self.notes,
+            )
+        )
+        self.notes = ()
+
+
+def _name(group: Group, turn: int) -> str:
+    return group.name if turn == 0 else f"{group.name}, again ({turn + 1})"
+
+
+class WorkLeft:
+    """Work of named parts, done and to do.
+
+    Parameters
+    ----------
+    parts : mapping of str to float
+        Time flown at most by each part, s.
+    clock : callable, optional
+        Now, s.
+
+    Examples
+    --------
+    >>> now = iter([0.0, 10.0])
+    >>> work = WorkLeft({"heave": 1e6, "surge": 3e6}, clock=lambda: next(now))
+    >>> work.begin("heave")
+    >>> round(work.done("heave", 1.0), 2)
+    0.25
+    """
+
+    def __init__(self, parts: Mapping[str, float], *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._left = dict(parts)
+        self._all = max(sum(self._left.values()), 1e-9)
+        self._clock = clock
+        self._worked, self._took = 0.0, 0.0
+        self._began = 0.0
+
+    def begin(self, name: str) -> None:
+        """A part is searched from now on; one that was not planned comes on top."""
+        self._left.setdefault(name, 0.0)
+        self._began = self._clock()
+
+    def done(self, name: str, share: float) -> float:
+        """Share of all work that is done, when of the part that was begun this share is."""
+        return 1.0 - (self._sum() - share * self._left[name]) / self._all
+
+    def left_s(self, name: str, share: float) -> float:
+        """Time left, s, if every part uses its whole budget."""
+        part = self._left[name]
+        first = _BEGUN * self._all
+        worked = self._worked + share * part
+        took = self._took + (self._clock() - self._began if part > 0.0 else 0.0)
+        pace = (_PACE * first + took) / (first + worked)
+        return max(pace * (self._sum() - share * part), 0.0)
+
+    def end(self, name: str, *, kept: bool = False) -> None:
+        """A part is over, or was kept by an earlier run."""
+        part = self._left.pop(name, 0.0)
+        if not kept and part > 0.0:
+            self._worked += part
+            self._took += self._clock() - self._began
+
+    def keep_only(self, names: Collection[str]) -> None:
+        """Parts that are still to do; all others are not needed."""
+        self._left = {name: part for name, part in self._left.items() if name in names}
+
+    def _sum(self) -> float:
+        return sum(self._left.values())
