@@ -96,13 +96,7 @@ def tuned(
 
     with search_progress("making ready", quiet=quiet) as progress:
         return tuning(
-            campaign,
-            source,
-            run_dir=folder,
-            progress=progress,
-            relay=relay,
-            resume=resume,
-            threads=threads,
+            campaign, source, run_dir=folder, progress=progress, relay=relay, resume=resume, threads=threads
         )
 
 
