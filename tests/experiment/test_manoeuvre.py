@@ -1,4 +1,4 @@
-"""Manoeuvres: drives of one axis, commands within limits, shapes that come back, forecasts that warn."""
+"""Manoeuvres: combinations of one axis, commands within limits, shapes that come back, forecasts that warn."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 
 from seatrial import TrialError, Vehicle, VehicleError
 from seatrial.base.channels import AXES
-from seatrial.experiment import manoeuvre as shapes
-from seatrial.experiment.drives import AHEAD, Thrusters
+from seatrial.experiment import levels as shapes
+from seatrial.experiment.combinations import AHEAD, Thrusters
 from seatrial.experiment.forecast import Limits, Proposal, forecast, proposals, simulated, uneven
 from seatrial.experiment.manoeuvre import (
     Manoeuvre,
@@ -123,13 +123,13 @@ def test_what_is_proposed_keeps_within_the_limits() -> None:
 def test_a_drive_pushes_its_axis_and_what_the_group_can_of_nothing_else(name: str) -> None:
     vehicle = VEHICLES[name]
     thrusters = Thrusters(vehicle)
-    assert {drive.axis for drive in thrusters.drives} == set(vehicle.controllable)
+    assert {combination.axis for combination in thrusters.combinations} == set(vehicle.controllable)
     matrix = np.asarray(vehicle.allocation_matrix())
-    for drive in thrusters.drives:
-        wrench = matrix @ np.array(drive.thrusts)
-        assert wrench[AXES.index(drive.axis)] == pytest.approx(1.0)
+    for combination in thrusters.combinations:
+        wrench = matrix @ np.array(combination.thrusts)
+        assert wrench[AXES.index(combination.axis)] == pytest.approx(1.0)
     for axis in vehicle.controllable:
-        best = thrusters.drives_of(axis)[0]
+        best = thrusters.combinations_of(axis)[0]
         wrench = matrix @ np.array(best.thrusts)
         others = [AXES.index(row) for row in vehicle.controllable if row != axis]
         # What all rows are controllable for can be pushed alone; 0.03: thrusters' directions in three digits.
@@ -137,8 +137,8 @@ def test_a_drive_pushes_its_axis_and_what_the_group_can_of_nothing_else(name: st
 
 
 def test_stern_and_vertical_propellers_both_pitch_cwolf() -> None:
-    assert {drive.group for drive in THRUSTERS.drives_of("M")} == {"stern", "vertical"}
-    assert [drive.group for drive in THRUSTERS.drives_of("N")] == ["stern"]
+    assert {combination.group for combination in THRUSTERS.combinations_of("M")} == {"stern", "vertical"}
+    assert [combination.group for combination in THRUSTERS.combinations_of("N")] == ["stern"]
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -175,7 +175,7 @@ def test_a_vehicle_without_heave_thrusters_is_not_trimmed() -> None:
     )
     vehicle = Vehicle.from_toml(text)
     thrusters = Thrusters(vehicle)
-    assert [drive.motion for drive in thrusters.drives] == ["surge"]
+    assert [combination.motion for combination in thrusters.combinations] == ["surge"]
     assert not thrusters.trim().any()
     found, _ = proposals(vehicle, duration_s=30.0)
     kinds = {proposal.manoeuvre.kind for proposal in found}
@@ -248,7 +248,7 @@ def test_multisines_have_a_low_crest_their_band_and_nothing_in_common(duration_s
 
 
 def test_two_sided_manoeuvres_push_as_hard_both_ways() -> None:
-    yaw, heave = THRUSTERS.drives_of("N")[0], THRUSTERS.drives_of("Z")[0]
+    yaw, heave = THRUSTERS.combinations_of("N")[0], THRUSTERS.combinations_of("Z")[0]
     turned = zigzag(THRUSTERS, yaw, duration_s=80.0, ahead="half", amplitude=0.6)
     port, starboard = turned.commands["PU"], turned.commands["SbU"]
     middle = len(turned.t) // 2
@@ -263,9 +263,9 @@ def test_two_sided_manoeuvres_push_as_hard_both_ways() -> None:
 
 
 def test_all_axes_at_once_share_the_motors() -> None:
-    drives = [THRUSTERS.drives_of(axis)[0] for axis in "XZMN"]
+    combinations = [THRUSTERS.combinations_of(axis)[0] for axis in "XZMN"]
     for ahead in (None, *AHEAD):
-        one = multisine(THRUSTERS, drives, duration_s=60.0, ahead=ahead, amplitude=1.0)
+        one = multisine(THRUSTERS, combinations, duration_s=60.0, ahead=ahead, amplitude=1.0)
         assert max(float(np.abs(values).max()) for values in one.commands.values()) <= 2000.0
 
 
@@ -293,7 +293,7 @@ def test_a_free_decay_says_what_it_takes_and_dies_away() -> None:
 
 
 def test_the_forecast_is_deep_and_wide_enough_for_both_runs() -> None:
-    yaw = THRUSTERS.drives_of("N")[0]
+    yaw = THRUSTERS.combinations_of("N")[0]
     turning = spiral(THRUSTERS, yaw, duration_s=60.0, ahead="half")
     other = uneven(CWOLF)
     seen = forecast(turning, CWOLF, other)
@@ -307,7 +307,7 @@ def test_the_forecast_is_deep_and_wide_enough_for_both_runs() -> None:
 
 
 def test_a_long_straight_run_warns_that_nothing_steers() -> None:
-    surge = THRUSTERS.drives_of("X")[0]
+    surge = THRUSTERS.combinations_of("X")[0]
     straight = staircase(THRUSTERS, surge, duration_s=120.0, both=False)
     seen = forecast(straight, CWOLF, uneven(CWOLF), limits=Limits(area_m=(100.0, 100.0)))
     assert any("open loop: thrust 3 % uneven" in warning for warning in seen.warnings)
@@ -336,7 +336,7 @@ def test_a_heavy_vehicle_is_not_tilted_by_hand() -> None:
 
 def test_what_diverges_does_not_fit() -> None:
     wild = CWOLF.with_coefficients({"Y_v": 1e5})
-    yaw = Thrusters(wild).drives_of("N")[0]
+    yaw = Thrusters(wild).combinations_of("N")[0]
     seen = forecast(zigzag(Thrusters(wild), yaw, duration_s=30.0), wild, uneven(wild))
     assert seen.excess == "the simulation diverges"
 
@@ -348,7 +348,7 @@ def test_repeats_count_the_pauses_between() -> None:
 
 
 def test_the_command_file_reads_back(tmp_path: Path) -> None:
-    one = zigzag(THRUSTERS, THRUSTERS.drives_of("N")[0], duration_s=40.0)
+    one = zigzag(THRUSTERS, THRUSTERS.combinations_of("N")[0], duration_s=40.0)
     one.write_csv(tmp_path / "zigzag.csv")
     assert (tmp_path / "zigzag.csv").read_text().startswith("t_s,cmd.SbU,")
     trial = Trial.read(tmp_path / "zigzag.csv", align=False)
@@ -360,13 +360,13 @@ def test_the_command_file_reads_back(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_sailed_is_refused() -> None:
-    surge = THRUSTERS.drives_of("X")[0]
+    surge = THRUSTERS.combinations_of("X")[0]
     with pytest.raises(VehicleError, match="at least one second"):
         staircase(THRUSTERS, surge, duration_s=0.0)
     with pytest.raises(VehicleError, match=r"expected an amplitude above 0 and up to 1, found 1\.2"):
         staircase(THRUSTERS, surge, duration_s=60.0, amplitude=1.2)
     with pytest.raises(VehicleError, match="expected one of slow, half, full"):
-        zigzag(THRUSTERS, THRUSTERS.drives_of("N")[0], duration_s=60.0, ahead="flank")
+        zigzag(THRUSTERS, THRUSTERS.combinations_of("N")[0], duration_s=60.0, ahead="flank")
     with pytest.raises(VehicleError, match="expected axis K"):
         free_decay(THRUSTERS, "X", duration_s=30.0)
     hulk = Thrusters(Vehicle.from_toml(SAILOR.format(name="hulk")))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.progress import Progress
 from seatrial.campaign.parameters import Parameter
 from seatrial.cli import app
-from seatrial.experiment.drives import Thrusters
+from seatrial.experiment.combinations import Thrusters
 from seatrial.experiment.fisher import (
     Instruments,
     information,
@@ -30,7 +31,8 @@ from seatrial.experiment.fisher import (
 )
 from seatrial.experiment.forecast import Limits
 from seatrial.experiment.manoeuvre import Manoeuvre, coast_down, dive, free_decay, staircase, zigzag
-from seatrial.experiment.plan import Plan, plan
+from seatrial.experiment.plan import plan
+from seatrial.experiment.plan_result import Plan
 from seatrial.report.plot.planned_trial import planned_trial
 from seatrial.report.plot.style import save
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
@@ -41,8 +43,8 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 STARTER = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "starter"
 CWOLF = Vehicle.load("cwolf")
 THRUSTERS = Thrusters(CWOLF)
-SURGE, YAW, HEAVE = (THRUSTERS.drives_of(axis)[0] for axis in "XNZ")
-PITCH = next(drive for drive in THRUSTERS.drives_of("M") if drive.group == "stern")
+SURGE, YAW, HEAVE = (THRUSTERS.combinations_of(axis)[0] for axis in "XNZ")
+PITCH = next(combination for combination in THRUSTERS.combinations_of("M") if combination.group == "stern")
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +168,7 @@ def test_the_plan_beats_staircases_of_equal_length(default: Plan) -> None:
     """The issue's criterion, on the sum of the relative standard deviations of CWolf's 28 coefficients."""
     assert len(default.coefficients) == 28
     assert default.staircases_score is not None
-    # Measured with three trials of 60 s: 0.83 against 8.4 of the best staircases on all drives (0.10), and 42
+    # Measured with three trials of 60 s: 0.83 against 8.4 of the best staircases on all combinations (0.10), and 42
     # of staircases ahead and astern (0.02); with 180 s 0.47, 7.0 and 42. Of the bounds alone it is 47.
     assert default.score_after < 0.3 * default.staircases_score
     ahead = [staircase(THRUSTERS, SURGE, duration_s=60.0, both=both) for both in (True, False)]
@@ -278,6 +280,20 @@ def test_a_plan_can_be_interrupted() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         plan(CWOLF, candidates=paper(60.0), budget_s=60.0, progress=stop)
+
+
+def test_a_plan_is_saved_as_a_run_and_survives_pickling(tmp_path: Path) -> None:
+    found = plan(CWOLF, candidates=paper(60.0)[:2], budget_s=60.0, count=2)
+    run = found.save(tmp_path / "run")
+    names = ["plan.json", "run.json", "trial-2.csv", "trial-2.toml", "trial.csv", "trial.toml"]
+    assert sorted(path.name for path in run.iterdir()) == names
+    assert json.loads((run / "plan.json").read_text())["score_after"] == pytest.approx(found.score_after)
+    facts = json.loads((run / "run.json").read_text())
+    assert (facts["kind"], facts["name"], facts["options"]["count"]) == ("plan", CWOLF.name, 2)
+    found.write(tmp_path / "trial.csv")
+    for name in ("trial.csv", "trial.toml"):
+        assert (tmp_path / name).read_bytes() == (run / name).read_bytes()
+    assert pickle.loads(pickle.dumps(found)).to_dict() == found.to_dict()
 
 
 def test_instruments_by_kind_and_in_their_own_units() -> None:
@@ -392,8 +408,8 @@ def test_the_trials_of_a_campaign_count(tmp_path: Path) -> None:
     campaign = Campaign.load(tmp_path / "mine" / "campaign.toml")
     thrusters = Thrusters(campaign.vehicle)
     candidates = [
-        staircase(thrusters, thrusters.drives_of("X")[0], duration_s=40.0, both=False),
-        zigzag(thrusters, thrusters.drives_of("N")[0], duration_s=40.0),
+        staircase(thrusters, thrusters.combinations_of("X")[0], duration_s=40.0, both=False),
+        zigzag(thrusters, thrusters.combinations_of("N")[0], duration_s=40.0),
     ]
     fresh = plan(campaign, budget_s=40.0, candidates=candidates, count=1, use_recorded=False)
     after = plan(campaign, budget_s=40.0, candidates=candidates, count=1)

@@ -9,7 +9,8 @@ process works in the folder it holds ``<name>.lock``, and a second one is refuse
 ``run.json`` has the same keys in every verb (`run_facts`):
 
 =============== ====================================================================================
-kind            identification, random starts, coverage, tuning, verification, log verdict, flight, bench test
+kind            identification, random starts, plan, coverage, tuning, verification, log verdict, flight,
+                bench test
 name            of the campaign, the mission or the bench file
 options         what the caller asked for beside the files, by name
 seed            of all random numbers, null without any

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.experiment.fisher import Instruments
-    from seatrial.experiment.plan import Plan, Ranked
+    from seatrial.experiment.plan_result import Plan, Ranked
 
 __all__ = ["plan", "print_plan"]
 

@@ -1,16 +1,16 @@
-"""What a manoeuvre tells: Fisher information of the sought coefficients from exact sensitivities.
+"""Fisher information of a manoeuvre about the sought coefficients, and what is known before it.
 
-The manoeuvre is flown on the model and cut into segments, each restarted from the simulated state. The rows
-are what the instruments would show, in standard deviations of their noise; the columns are exact derivatives
-(dual numbers). The initial conditions of each segment are unknown and projected out (variable projection,
-Golub & Pereyra 1973), an unknown steady current is eliminated once per run (Schur complement). Errors of a
-model repeat from sample to sample, so that only one sample per correlation time counts.
+The manoeuvre is simulated and cut into segments, each restarted from the simulated state. Rows are readings
+of the instruments in standard deviations of their noise; columns are exact derivatives (dual numbers). The
+initial conditions of each segment are unknown and projected out (variable projection, Golub & Pereyra 1973);
+an unknown steady current is eliminated once per run (Schur complement). Errors of a model repeat from sample
+to sample, so that only one sample per correlation time counts.
 
-What is known before the next trial: which coefficients are sought, their bounds, what was recorded.
+A bound is weak prior knowledge: a uniform distribution between the bounds has the standard deviation of their
+distance over the square root of twelve. Recorded trials of a campaign add their information, one sample per
+correlation time, nuisance parameters eliminated.
 
-A bound is weak knowledge: a coefficient may lie anywhere between its bounds, with the standard deviation of
-that uniform distribution, the width over the square root of twelve. What a campaign recorded adds its
-information, one sample per correlation time, nuisance parameters eliminated.
+Held by ``tests/experiment/test_plan.py``.
 """
 
 from __future__ import annotations
@@ -115,9 +115,8 @@ class Instruments:
         Parameters
         ----------
         kinds : mapping, optional
-            Kinds of `seatrial.sensors.sensor.KINDS`; by default DVL 0.01 m/s, gyro 0.2 deg/s, attitude 0.5
-            deg,
-            depth 0.02 m. A position sensor is usually good for 0.5 m.
+            Kinds of `seatrial.sensors.sensor.KINDS`; by default DVL 0.01 m/s, gyro 0.2 deg/s, attitude
+            0.5 deg, depth 0.02 m. The usual position sensor has 0.5 m.
         **further : float
             Attributes of `Instruments`.
 
@@ -202,6 +201,7 @@ def information(
     size = len(parameters)
     total = np.zeros((size + len(currents), size + len(currents)))
     for rows, slopes in shown:
+        # The first sample of a segment is its initial condition and adds nothing.
         weighted = slopes / _noise(rows, channels, instruments)[:, :, None]
         flat = weighted[1:].reshape(-1, weighted.shape[2])
         left = _without(flat[:, total.shape[0] :], flat[:, : total.shape[0]])
@@ -209,6 +209,7 @@ def information(
     total *= min(manoeuvre.dt / instruments.correlation_s, 1.0)
     if not currents:
         return total
+    # The current is a nuisance with a prior; the Schur complement leaves the parameters' own information.
     total[size:, size:] += np.eye(len(currents)) * instruments.current_m_s**-2.0
     return eliminate(total, range(size), range(size, size + len(currents)))
 

@@ -1,13 +1,13 @@
-"""Forecast of a manoeuvre: how deep, how far, how tilted it goes, and where it goes when all is not even.
+"""Forecast of a manoeuvre: the depth, area and tilt it needs; and proposals that fit into given limits.
 
-It is sailed twice on the model: as planned, and by a vehicle whose sides push a little unevenly and that
-starts a little tilted. Open loop, the second one drifts off; room is needed for both. The model knows no
-surface, so the depth at the start follows from how far the vehicle rises.
+A manoeuvre is simulated twice: as planned, and with a vehicle whose sides push a little unevenly and that
+starts a little tilted. Without feedback the second one drifts away; there must be room for both. The model
+knows no surface, so the depth at the start follows from how far the vehicle rises.
 
-Proposals: the repertoire at the amplitudes and durations that fit into given limits.
+Each proposed manoeuvre is tried at full amplitude and then at less until it fits. Where the area or the depth
+is too small for the whole duration, shorter versions are tried too and repeated instead.
 
-Each manoeuvre is tried at full amplitude and then at less until it fits; where the area or the depth is too
-small for the whole duration, shorter ones are tried too, which are sailed several times instead.
+Held by ``tests/experiment/test_manoeuvre.py``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from seatrial._core import Vehicle
 from seatrial.base.errors import VehicleError
 from seatrial.experiment import manoeuvre
-from seatrial.experiment.drives import AHEAD, Drive, Thrusters
+from seatrial.experiment.combinations import AHEAD, Combination, Thrusters
 from seatrial.experiment.manoeuvre import Manoeuvre, free_decay
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 from seatrial.vehicle.stability import statics
@@ -136,10 +136,11 @@ def forecast(
     Examples
     --------
     >>> import seatrial as st
-    >>> from seatrial.manoeuvre import Thrusters, staircase
+    >>> from seatrial.experiment.combinations import Thrusters
+    >>> from seatrial.experiment.manoeuvre import staircase
     >>> vehicle = st.Vehicle.load("cwolf")
     >>> thrusters = Thrusters(vehicle)
-    >>> ahead = staircase(thrusters, thrusters.drives_of("X")[0], duration_s=60.0, both=False)
+    >>> ahead = staircase(thrusters, thrusters.combinations_of("X")[0], duration_s=60.0, both=False)
     >>> print(forecast(ahead, vehicle, uneven(vehicle), limits=Limits(area_m=(50.0, 20.0))).excess)
     it needs 99 m x 19 m
     """
@@ -318,25 +319,25 @@ def _fitted(
 
 
 def _sketches(thrusters: Thrusters) -> Iterator[Build]:
-    """Builders by duration and amplitude of all that the vehicle's drives can do."""
+    """Builders by duration and amplitude of all that the vehicle's combinations can do."""
 
     def of(make: Callable[..., Manoeuvre], what: object, **fixed: object) -> Build:
         return lambda span, size: make(thrusters, what, duration_s=span, amplitude=size, **fixed)
 
-    surge = bool(thrusters.drives_of("X"))
-    for drive in thrusters.drives:
-        yield of(manoeuvre.staircase, drive)
-        if drive.axis == "X":
-            yield of(manoeuvre.staircase, drive, both=False)
-        yield of(manoeuvre.coast_down, drive)
-        yield of(manoeuvre.multisine, [drive])
-        vertical = drive.axis in "ZM"
+    surge = bool(thrusters.combinations_of("X"))
+    for combination in thrusters.combinations:
+        yield of(manoeuvre.staircase, combination)
+        if combination.axis == "X":
+            yield of(manoeuvre.staircase, combination, both=False)
+        yield of(manoeuvre.coast_down, combination)
+        yield of(manoeuvre.multisine, [combination])
+        vertical = combination.axis in "ZM"
         if vertical:
-            yield of(manoeuvre.dive, drive)
-        for ahead in AHEAD if surge and drive.axis != "X" else ():
-            yield of(manoeuvre.dive if vertical else manoeuvre.zigzag, drive, ahead=ahead)
-            if drive.axis == "N":
-                yield of(manoeuvre.spiral, drive, ahead=ahead)
+            yield of(manoeuvre.dive, combination)
+        for ahead in AHEAD if surge and combination.axis != "X" else ():
+            yield of(manoeuvre.dive if vertical else manoeuvre.zigzag, combination, ahead=ahead)
+            if combination.axis == "N":
+                yield of(manoeuvre.spiral, combination, ahead=ahead)
     together = _one_per_axis(thrusters)
     if len(together) > 1:
         yield of(manoeuvre.multisine, together)
@@ -344,15 +345,15 @@ def _sketches(thrusters: Thrusters) -> Iterator[Build]:
             yield of(manoeuvre.multisine, together, ahead=ahead)
 
 
-def _one_per_axis(thrusters: Thrusters) -> list[Drive]:
-    """The purest drive of every axis."""
-    return [drives[0] for axis in "XYZKMN" if (drives := thrusters.drives_of(axis))]
+def _one_per_axis(thrusters: Thrusters) -> list[Combination]:
+    """The purest combination of every axis."""
+    return [combinations[0] for axis in "XYZKMN" if (combinations := thrusters.combinations_of(axis))]
 
 
 def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator[Manoeuvre]:
     """Free decays of what has a righting moment, and of heave where the vehicle rises or sinks."""
     rest = statics(thrusters.vehicle)
-    ways = (None, "half") if thrusters.drives_of("X") else (None,)
+    ways = (None, "half") if thrusters.combinations_of("X") else (None,)
     angle = max((a for a in _ANGLES_DEG if a <= 0.9 * limits.tilt_deg), default=0.5 * limits.tilt_deg)
     for axis, period in (("K", rest.roll_period_s), ("M", rest.pitch_period_s)):
         if period is None:

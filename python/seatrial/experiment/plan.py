@@ -1,38 +1,36 @@
-"""Plan: which trial to sail next, so that the weakest standard deviations shrink most.
+"""Plan of the next trials, so that the weakest standard deviations shrink most.
 
-Every manoeuvre that fits into the given room is flown on the model at its present coefficients; its Fisher
-information is added to what is known (bounds, recorded trials), and the sum of the relative standard
-deviations that is left ranks it. Trials after the first are chosen greedily. A standard deviation is taken
+Every manoeuvre that fits into the given room is simulated with the model at its present coefficients; its
+Fisher information is added to what is known (bounds, recorded trials), and the sum of the relative standard
+deviations that remain ranks it. Trials after the first are chosen greedily. A standard deviation is taken
 relative to the coefficient's value, which counts as no less than a tenth and no more than the whole of its
 bounds' width.
 
 Source: Goodwin & Payne, *Dynamic System Identification* (1977), chapter 6; Fedorov, *Theory of Optimal
-Experiments* (1972): A-optimal design. A model that is wrong gives a plan that is only good: plan again after
-each trial.
-
-A plan as a result: trials in their order, what each takes and tells; for machines and for who sails it.
+Experiments* (1972): A-optimal design. With a wrong model the plan is only good, not optimal: plan again after
+each trial. Held by ``tests/experiment/test_plan.py``.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seatrial._core import Vehicle
 from seatrial.base.arrays import Array
-from seatrial.base.errors import CampaignError, SeatrialError, TrialError, nearest
+from seatrial.base.errors import CampaignError, SeatrialError, nearest
 from seatrial.base.progress import Clock, Progress
-from seatrial.campaign.campaign import Campaign
+from seatrial.base.run import run_facts, sha256
+from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.parameters import Parameter
 from seatrial.experiment import fisher
 from seatrial.experiment.fisher import Instruments, information
-from seatrial.experiment.forecast import Forecast, Limits, Proposal, forecast, proposals, uneven
+from seatrial.experiment.forecast import Limits, Proposal, forecast, proposals, uneven
 from seatrial.experiment.manoeuvre import Manoeuvre
+from seatrial.experiment.plan_result import Change, Plan, Ranked
 from seatrial.statistics.information import covariance
 from seatrial.vehicle.actuators import NOMINAL_V
 
@@ -40,212 +38,7 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.statistics.linearisation import Linearisation
 
-__all__ = ["Change", "Plan", "Ranked", "plan"]
-
-_TOLD = 8
-
-
-@dataclass(frozen=True)
-class Change:
-    """Standard deviation of one coefficient before and after, in its unit; relative to ``relative_to``."""
-
-    name: str
-    unit: str
-    value: float
-    relative_to: float
-    before: float
-    after: float
-
-    @property
-    def relative_before(self) -> float:
-        """Relative standard deviation before; one is 100 %."""
-        return self.before / self.relative_to
-
-    @property
-    def relative_after(self) -> float:
-        """Relative standard deviation after."""
-        return self.after / self.relative_to
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self) | {"relative_before": self.relative_before, "relative_after": self.relative_after}
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """A trial that could be next.
-
-    Attributes
-    ----------
-    manoeuvre, forecast
-        What is sailed and what it takes.
-    amplitude
-        Share of the thrust that it uses; 0 where that does not apply.
-    repeats
-        How often it is sailed in the time of one trial, pauses included.
-    score
-        Sum of the relative standard deviations that it leaves.
-    gains
-        What becomes of every coefficient that counts, the greatest relative gain first.
-    """
-
-    manoeuvre: Manoeuvre
-    forecast: Forecast
-    amplitude: float
-    repeats: int
-    score: float
-    gains: tuple[Change, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, without the commands."""
-        manoeuvre = self.manoeuvre
-        return {
-            "name": manoeuvre.name,
-            "kind": manoeuvre.kind,
-            "words": manoeuvre.words,
-            "start": manoeuvre.start.words,
-            "duration_s": manoeuvre.duration_s,
-            "pause_s": manoeuvre.pause_s,
-            "amplitude": self.amplitude,
-            "repeats": self.repeats,
-            "score": self.score,
-            "forecast": asdict(self.forecast),
-            "gains": [change.to_dict() for change in self.gains],
-        }
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The next trials.
-
-    Attributes
-    ----------
-    vehicle, budget_s
-        Name of the vehicle and time of one trial, s.
-    coefficients
-        Standard deviations before the first trial and after the last one of the sequence.
-    score_before
-        Sum of the relative standard deviations before.
-    ranking
-        All manoeuvres that fit, as the next trial, the best first.
-    sequence
-        The trials to sail, each the best after those before.
-    staircases_score
-        What as many trials of staircases alone, the best of them, would leave; None if none fits.
-    refused
-        Why other manoeuvres do not fit, by name.
-    instruments
-        Noise, correlation time and current that were assumed.
-    recorded
-        Whether recorded trials count.
-    """
-
-    vehicle: str
-    budget_s: float
-    coefficients: tuple[Change, ...]
-    score_before: float
-    ranking: tuple[Ranked, ...]
-    sequence: tuple[Ranked, ...]
-    staircases_score: float | None
-    refused: Mapping[str, str]
-    instruments: Instruments
-    recorded: bool
-
-    @property
-    def score_after(self) -> float:
-        """Sum of the relative standard deviations after the sequence."""
-        return self.sequence[-1].score
-
-    def to_dict(self) -> dict[str, Any]:
-        """The plan as plain data for JSON."""
-        return {
-            "vehicle": self.vehicle,
-            "budget_s": self.budget_s,
-            "score_before": self.score_before,
-            "score_after": self.score_after,
-            "staircases_score": self.staircases_score,
-            "recorded": self.recorded,
-            "instruments": {
-                "noise": dict(self.instruments.noise),
-                "correlation_s": self.instruments.correlation_s,
-                "segment_s": self.instruments.segment_s,
-                "current_m_s": self.instruments.current_m_s,
-            },
-            "coefficients": [change.to_dict() for change in self.coefficients],
-            "sequence": [one.to_dict() for one in self.sequence],
-            "ranking": [one.to_dict() for one in self.ranking],
-            "refused": dict(self.refused),
-        }
-
-    def write(self, path: str | Path, *, trial: int = 1) -> list[Path]:
-        """Paths of the command file (CSV) and the sheet (TOML) of one trial of the sequence.
-
-        Parameters
-        ----------
-        path : str or Path
-            The command file, ending .csv; the sheet lies beside it.
-        trial : int
-            Its place in the sequence, from 1 on.
-
-        Raises
-        ------
-        TrialError
-            The ending is another one, or the files cannot be written.
-        """
-        target = Path(path)
-        if target.suffix != ".csv":
-            raise TrialError(f'{target}: expected the ending .csv, found "{target.suffix}"')
-        if not 1 <= trial <= len(self.sequence):
-            raise TrialError(f"trial {trial}: the plan has trials 1 to {len(self.sequence)}")
-        one = self.sequence[trial - 1]
-        sheet = target.with_suffix(".toml")
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            one.manoeuvre.write_csv(target)
-            sheet.write_text(self.sheet(one, target.name, trial), encoding="utf-8")
-        except OSError as error:
-            raise TrialError(
-                f"{target}: cannot be written ({error.strerror}); choose a folder that you may write to"
-            ) from None
-        return [target, sheet]
-
-    def sheet(self, one: Ranked, commands: str, trial: int) -> str:
-        """TOML text for who sails a trial: what, how long, where, what to beware of, what it tells."""
-        manoeuvre, seen = one.manoeuvre, one.forecast
-        depth = f"{seen.start_depth_m:.1f} m deep or deeper"
-        lines = [
-            f"# Trial {trial} of {len(self.sequence)} for {self.vehicle}. Depths are those of O.",
-            f"name = {_text(manoeuvre.name)}",
-            f"vehicle = {_text(self.vehicle)}",
-            f"commands = {_text(commands)}",
-            f"what = {_text(manoeuvre.words)}",
-            f"start = {_text(f'{manoeuvre.start.words}, {depth}')}",
-            f"duration_s = {manoeuvre.duration_s:.1f}",
-            f"repeats = {one.repeats}",
-            f"pause_s = {manoeuvre.pause_s:.1f} # between repeats",
-            f"area_m = [{seen.along_m:.0f}, {seen.across_m:.0f}] # along the course at the start, across it",
-            f"start_depth_m = {seen.start_depth_m:.1f}",
-            f"deepest_m = {seen.deepest_m:.1f}",
-            f"largest_roll_deg = {seen.roll_deg:.0f}",
-            f"largest_pitch_deg = {seen.pitch_deg:.0f}",
-            f"top_speed_m_s = {seen.speed_m_s:.2f}",
-            f"warnings = [{', '.join(_text(warning) for warning in seen.warnings)}]",
-            "",
-            "# Standard deviations in per cent of the coefficient, before and after this trial.",
-            "[tells]",
-        ]
-        lines += [
-            f"{_text(change.name)} = {{ before = {100 * change.relative_before:.1f},"
-            f" after = {100 * change.relative_after:.1f} }}"
-            for change in one.gains[:_TOLD]
-        ]
-        return "\n".join(lines) + "\n"
-
-
-def _text(words: str) -> str:
-    """A TOML basic string."""
-    return json.dumps(words, ensure_ascii=False)
-
+__all__ = ["plan"]
 
 _LEAST_SHARE, _LARGEST_SHARE = 0.1, 1.0
 
@@ -288,7 +81,7 @@ def plan(
     candidates : iterable of Manoeuvre, optional
         By default all of `seatrial.experiment.forecast` that fit into the limits.
     recorded : Linearisation, optional
-        What the recorded trials tell; by default that of the campaign's trials.
+        Linearisation of the recorded trials; by default that of the campaign's trials.
     use_recorded : bool
         Whether recorded trials count; if not, only the bounds are known.
     voltage_v : float
@@ -327,7 +120,7 @@ def plan(
     sought = fisher.of_vehicle(vehicle, names) if campaign is None else fisher.of_campaign(campaign, names)
     counting = _counting(sought, names)
 
-    tell(0.0, "what the recorded trials tell" if campaign else "what fits into the limits")
+    tell(0.0, "information in the recorded trials" if campaign else "manoeuvres that fit into the limits")
     given = instruments or Instruments.on_board()
     if recorded is None and campaign is not None and use_recorded:
         recorded = _linearised(campaign, vehicle, None if what is not campaign else given, threads)
@@ -337,27 +130,28 @@ def plan(
     if recorded is not None and use_recorded:
         prior = prior + fisher.recorded_information(recorded, sought, given)
 
-    tell(0.1, "what fits into the limits")
+    tell(0.1, "manoeuvres that fit into the limits")
     fitting, refused = _fitting(vehicle, candidates, budget_s, limits, voltage_v)
     if not fitting:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in list(refused.items())[:3])
         raise CampaignError(
             f"{vehicle.name}: no manoeuvre fits into the limits ({reasons}); give more room or time"
         )
-    told: list[Array] = []
+    informations: list[Array] = []
     for index, one in enumerate(fitting):
         tell(0.2 + 0.8 * index / len(fitting), one.manoeuvre.name, index, len(fitting))
         run = information(vehicle, one.manoeuvre, sought, given, voltage_v=voltage_v, threads=threads)
-        told.append(one.manoeuvre.repeats(budget_s) * run)
+        informations.append(one.manoeuvre.repeats(budget_s) * run)
 
     values = np.array([_value(vehicle, parameter) for parameter in sought])
     size = np.array([_size(parameter, value) for parameter, value in zip(sought, values, strict=True)])
     judge = _Judge(sought, values, size, counting, budget_s)
-    sequence, after = judge.greedy(prior, fitting, told, count)
+    sequence, after = judge.greedy(prior, fitting, informations, count)
     stairs = [k for k, one in enumerate(fitting) if one.manoeuvre.kind == "staircase"]
-    climbed, _ = judge.greedy(prior, [fitting[k] for k in stairs], [told[k] for k in stairs], count)
+    climbed, _ = judge.greedy(prior, [fitting[k] for k in stairs], [informations[k] for k in stairs], count)
     ranking = sorted(
-        (judge.ranked(prior, one, own) for one, own in zip(fitting, told, strict=True)), key=lambda r: r.score
+        (judge.ranked(prior, one, own) for one, own in zip(fitting, informations, strict=True)),
+        key=lambda r: r.score,
     )
     return Plan(
         vehicle=vehicle.name,
@@ -370,6 +164,15 @@ def plan(
         refused=refused,
         instruments=given,
         recorded=recorded is not None and use_recorded,
+        facts=run_facts(
+            "plan",
+            vehicle.name,
+            clock=clock,
+            inputs={"vehicle": sha256(vehicle.to_toml())}
+            if campaign is None
+            else input_hashes(campaign, trials=use_recorded),
+            options={"budget_s": budget_s, "count": count, "coefficients": names, "recorded": use_recorded},
+        ),
     )
 
 
@@ -418,17 +221,17 @@ class _Judge:
         )
 
     def greedy(
-        self, prior: Array, fitting: Sequence[Proposal], told: Sequence[Array], count: int
+        self, prior: Array, fitting: Sequence[Proposal], informations: Sequence[Array], count: int
     ) -> tuple[tuple[Ranked, ...], Array]:
         """Trials one after the other, each the best after those before; and the information at the end."""
         chosen: list[Ranked] = []
         total = prior
         for _ in range(count if fitting else 0):
-            scores = np.array([self.score(total + own) for own in told])
+            scores = np.array([self.score(total + own) for own in informations])
             alike = np.flatnonzero(scores <= _ALIKE * scores.min())
             best = min(map(int, alike), key=lambda k: _area(fitting[k]))
-            chosen.append(self.ranked(total, fitting[best], told[best]))
-            total = total + told[best]
+            chosen.append(self.ranked(total, fitting[best], informations[best]))
+            total = total + informations[best]
         return tuple(chosen), total
 
 
@@ -472,7 +275,7 @@ def _fitting(
 def _linearised(
     campaign: Campaign, vehicle: Vehicle, instruments: Instruments | None, threads: int | None
 ) -> Linearisation:
-    """What the campaign's trials tell; the noise is the instruments' where the model is not yet fitted."""
+    """Linearisation of the campaign's trials, with the instruments' noise before the model is fitted."""
     from seatrial.estimation.joint import Joint
     from seatrial.estimation.joint_estimate import linearise
 

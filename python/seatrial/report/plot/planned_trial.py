@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Run, Vehicle
     from seatrial.experiment.manoeuvre import Manoeuvre
-    from seatrial.experiment.plan import Plan, Ranked
+    from seatrial.experiment.plan_result import Plan, Ranked
 
 __all__ = ["planned_trial"]
 

@@ -1,9 +1,11 @@
-"""Drives: which actuators together push a vehicle along or about one axis, and with which commands.
+"""Actuator combinations: which actuators together push a vehicle along or about one axis, and their commands.
 
-A drive is the least-norm pattern of thrusts of one actuator group for one row of the wrench,
+A combination is the least-norm pattern of thrusts of one actuator group for one row of the wrench,
 ``f = pinv(B_controllable) e_i`` (Fossen 2011, section 12.3, with lengths scaled by half the hull); where no
-group alone does it, all actuators together. Patterns add as thrusts; the inverse of each actuator's
+group alone can do it, all actuators together. Patterns add as thrusts; the inverse of each actuator's
 characteristic at rest turns thrusts into commands, so that the limits of the motors hold.
+
+Held by ``tests/experiment/test_manoeuvre.py``.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from seatrial.vehicle.authority import commanded_rows
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["AHEAD", "MOTIONS", "Drive", "Thrusters"]
+__all__ = ["AHEAD", "MOTIONS", "Combination", "Thrusters"]
 
 MOTIONS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 """The motion along or about the axis of each letter."""
@@ -32,7 +34,7 @@ AHEAD = {"slow": 0.12, "half": 0.35, "full": 0.75}
 
 _PURE = 0.5  # a pattern drives an axis if this share of its wrench lies in that row
 
-_PURER = 0.02  # all together are a drive of their own where they push that much purer than a group
+_PURER = 0.02  # all together are a combination of their own where they push that much purer than a group
 
 _PARALLEL = 0.99
 
@@ -44,7 +46,7 @@ _DIGITS = {"rpm": 1, "us": 1, "N": 2}
 
 
 @dataclass(frozen=True)
-class Drive:
+class Combination:
     """Thrusts (actuators,) in N of one actuator group for a wrench of one along an axis, N or N m.
 
     ``group`` is "all" where all actuators work together. ``purity`` is the share of its wrench, with moments
@@ -63,7 +65,7 @@ class Drive:
 
 
 class Thrusters:
-    """The actuators of a vehicle as manoeuvres use them: drives, limits, commands for thrusts.
+    """The actuators of a vehicle as manoeuvres use them: combinations, limits, commands for thrusts.
 
     Parameters
     ----------
@@ -77,14 +79,14 @@ class Thrusters:
         Actuators in the vehicle's order.
     lower, upper
         Largest thrusts (actuators,) in N against and along their directions.
-    drives
-        One `Drive` per axis and actuator group that can command it.
+    combinations
+        One `Combination` per axis and actuator group that can command it.
 
     Examples
     --------
     >>> import seatrial as st
     >>> thrusters = Thrusters(st.Vehicle.load("cwolf"))
-    >>> [(drive.motion, drive.group) for drive in thrusters.drives]
+    >>> [(combination.motion, combination.group) for combination in thrusters.combinations]
     [('surge', 'stern'), ('pitch', 'stern'), ('yaw', 'stern'), ('heave', 'vertical'), ('pitch', 'vertical')]
     """
 
@@ -96,29 +98,34 @@ class Thrusters:
         self._curves = [self._curve(name) for name in self.names]
         self.lower = np.array([curve[0][0] for curve in self._curves])
         self.upper = np.array([curve[0][-1] for curve in self._curves])
-        self.drives = _drives(vehicle, self._matrix)
+        self.combinations = _combinations(vehicle, self._matrix)
 
-    def drives_of(self, axis: str) -> list[Drive]:
-        """Drives of the axis of this letter, the purest first."""
-        return sorted((drive for drive in self.drives if drive.axis == axis), key=lambda drive: -drive.purity)
+    def combinations_of(self, axis: str) -> list[Combination]:
+        """Combinations of the axis of this letter, the purest first."""
+        return sorted(
+            (combination for combination in self.combinations if combination.axis == axis),
+            key=lambda combination: -combination.purity,
+        )
 
-    def reach(self, drive: Drive, besides: Array | None = None) -> tuple[float, float]:
-        """Largest wrenches against and along the drive's axis, N or N m, besides thrusts (actuators,)."""
-        pattern = np.array(drive.thrusts)
+    def reach(self, combination: Combination, besides: Array | None = None) -> tuple[float, float]:
+        """Largest wrenches against and along the axis, N or N m, beside other thrusts (actuators,)."""
+        pattern = np.array(combination.thrusts)
         held = np.zeros(len(pattern)) if besides is None else besides
         return self._room(-pattern, held), self._room(pattern, held)
 
-    def push(self, drive: Drive, level: Array, besides: Array | None = None, *, even: bool = True) -> Array:
-        """Thrusts (n, actuators) in N for levels (n,) from -1 to 1 of what the drive reaches.
+    def push(
+        self, combination: Combination, level: Array, besides: Array | None = None, *, even: bool = True
+    ) -> Array:
+        """Thrusts (n, actuators) in N for levels (n,) from -1 to 1 of what the combination reaches.
 
         Even, +1 and -1 push equally hard; otherwise each is the largest in its own sense, and a propeller is
         weaker astern.
         """
-        against, along = self.reach(drive, besides)
+        against, along = self.reach(combination, besides)
         if even:
             against = along = min(against, along)
         level = np.asarray(level, dtype=float)
-        return np.outer(level * np.where(level > 0.0, along, against), drive.thrusts)
+        return np.outer(level * np.where(level > 0.0, along, against), combination.thrusts)
 
     def ahead(self, word: str) -> Array:
         """Thrusts (actuators,) in N for a word of the engine telegraph: "slow", "half" or "full" ahead.
@@ -128,7 +135,7 @@ class Thrusters:
         VehicleError
             Another word, or nothing drives the vehicle ahead.
         """
-        surge = self.drives_of("X")
+        surge = self.combinations_of("X")
         if not surge or word not in AHEAD:
             reason = f"expected one of {', '.join(AHEAD)}" if surge else "nothing drives this vehicle ahead"
             raise VehicleError(f"ahead {word!r}: {reason}")
@@ -148,7 +155,7 @@ class Thrusters:
     def trim(self) -> Array:
         """Thrusts (actuators,) in N that carry the net weight of the level vehicle; zero where none can."""
         none = np.zeros(len(self.names))
-        heave = self.drives_of("Z")
+        heave = self.combinations_of("Z")
         if not heave:
             return none
         needed = -float(np.asarray(self.vehicle.forces(np.zeros(6), (0.0, 0.0, 0.0))["restoring"])[2])
@@ -189,8 +196,8 @@ class Thrusters:
         return np.where(np.arange(len(shares)) == _POINTS, 0.0, force)[keep], commands[keep]
 
 
-def _drives(vehicle: Vehicle, matrix: Array) -> tuple[Drive, ...]:
-    """Drives of every group, then of all actuators together for the axes that no group drives."""
+def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
+    """Combinations of every group, then of all actuators together for the axes that no group drives."""
     rows = [row for row in AXES if row in (vehicle.controllable or commanded_rows(vehicle))]
     if matrix.shape[1] == 0 or not rows:
         return ()
@@ -200,12 +207,14 @@ def _drives(vehicle: Vehicle, matrix: Array) -> tuple[Drive, ...]:
     places = {name: k for k, name in enumerate(vehicle.actuators)}
     groups = [(group, [places[name] for name in names]) for group, names in actuator_groups(vehicle).items()]
     everything = ("all", list(places.values()))
-    found: list[Drive] = []
+    found: list[Combination] = []
     for group, members in [*(groups if len(groups) > 1 else []), everything]:
         accepted: list[Array] = []
         tried = [_pattern(scaled, rows, members, axis) for axis in rows]
         for purity, axis, pattern in sorted(tried, key=lambda entry: (-entry[0], AXES.index(entry[1]))):
-            rival = max((drive.purity for drive in found if drive.axis == axis), default=_PURE)
+            rival = max(
+                (combination.purity for combination in found if combination.axis == axis), default=_PURE
+            )
             if purity < _PURE or (group == "all" and purity < rival + _PURER):
                 continue
             unit = pattern / np.linalg.norm(pattern)
@@ -213,9 +222,11 @@ def _drives(vehicle: Vehicle, matrix: Array) -> tuple[Drive, ...]:
                 continue
             accepted.append(unit)
             pushed = float(matrix[AXES.index(axis)] @ pattern)
-            found.append(Drive(axis, group, tuple(float(x) for x in pattern / pushed), purity))
+            found.append(Combination(axis, group, tuple(float(x) for x in pattern / pushed), purity))
     order = [*(group for group, _ in groups), "all"]
-    return tuple(sorted(found, key=lambda drive: (order.index(drive.group), AXES.index(drive.axis))))
+    return tuple(
+        sorted(found, key=lambda combination: (order.index(combination.group), AXES.index(combination.axis)))
+    )
 
 
 def _pattern(scaled: Array, rows: list[str], members: list[int], axis: str) -> tuple[float, str, Array]:
