@@ -8,15 +8,15 @@ use crate::vehicle::Vehicle;
 use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
 use pyo3::{type_hint_identifier, type_hint_union};
-use seatrial::allocation::Allocator;
-use seatrial::autopilot::set_point::SET_POINTS;
-use seatrial::autopilot::settings::{Settings, built_in, built_in_names};
-use seatrial::autopilot::{Autopilot as Engaged, AutopilotState, Thought};
+use seatrial::control::allocation::Allocator;
+use seatrial::control::autopilot::set_point::SET_POINTS;
+use seatrial::control::autopilot::settings::{Settings, built_in, built_in_names};
+use seatrial::control::autopilot::{Autopilot as Engaged, AutopilotState, Thought};
+use seatrial::control::navigation::{CHANNEL_NAMES, GROUP, GROUP_NAMES, Measurement};
+use seatrial::control::safety::{REACTIONS, WATCH_NAMES};
+use seatrial::description::facts::Value;
 use seatrial::description::{Description, Effect};
 use seatrial::error::nearest;
-use seatrial::facts::Value;
-use seatrial::navigation::{CHANNEL_NAMES, GROUP, GROUP_NAMES, Measurement};
-use seatrial::safety::{REACTIONS, WATCH_NAMES};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -326,8 +326,8 @@ pub fn autopilot_names() -> BTreeMap<&'static str, Vec<&'static str>> {
         ("groups", GROUP_NAMES.to_vec()),
         ("reactions", REACTIONS.to_vec()),
         ("watches", WATCH_NAMES.to_vec()),
-        ("loops", seatrial::control_law::LOOPS.to_vec()),
-        ("endings", seatrial::closed_loop::summary::ENDINGS.to_vec()),
+        ("loops", seatrial::control::control_law::LOOPS.to_vec()),
+        ("endings", seatrial::flight::summary::ENDINGS.to_vec()),
         ("set_points", SET_POINTS.to_vec()),
     ])
 }

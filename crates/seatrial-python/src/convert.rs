@@ -8,8 +8,8 @@ use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 use pyo3::{type_hint_identifier, type_hint_subscript};
-use seatrial::facts::{Facts, Value};
-use seatrial::kinematics::{from_euler, normalised};
+use seatrial::description::facts::{Facts, Value};
+use seatrial::model::kinematics::{from_euler, normalised};
 use std::collections::BTreeMap;
 
 /// An array-like of any shape as float64, C order.

@@ -5,16 +5,16 @@ use crate::error::{interruptible, raised, refused};
 use crate::simulate::inputs;
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
-use seatrial::criterion::{CHANNEL_NAMES, CHANNELS, Loss};
 use seatrial::description::Description;
 use seatrial::error::nearest;
-use seatrial::integrate::State;
-use seatrial::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
-use seatrial::open_loop::batch::{Batch, Candidates};
-use seatrial::open_loop::inputs::{Inputs, modes};
-use seatrial::open_loop::sensitivities::{Point, Unknown};
-use seatrial::open_loop::{self, MotorStart, Segment};
-use seatrial::vehicle::Mode;
+use seatrial::fit::criterion::{CHANNEL_NAMES, CHANNELS, Loss};
+use seatrial::fit::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
+use seatrial::fit::open_loop::batch::{Batch, Candidates};
+use seatrial::fit::open_loop::inputs::{Inputs, modes};
+use seatrial::fit::open_loop::sensitivities::{Point, Unknown};
+use seatrial::fit::open_loop::{self, MotorStart, Segment};
+use seatrial::model::integrate::State;
+use seatrial::model::vehicle::Mode;
 use std::sync::Arc;
 
 /// One trial: inputs on a uniform time base, and measured channels with weights.

@@ -5,11 +5,11 @@ use crate::error::{interruptible, raised, refused};
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::description::Description;
-use seatrial::integrate;
-use seatrial::open_loop::batch::{Batch, Candidates, Run as Track};
-use seatrial::open_loop::inputs::{Inputs, actuator_index, modes};
-use seatrial::open_loop::{Record, Segment};
-use seatrial::vehicle::Mode;
+use seatrial::fit::open_loop::batch::{Batch, Candidates, Run as Track};
+use seatrial::fit::open_loop::inputs::{Inputs, actuator_index, modes};
+use seatrial::fit::open_loop::{Record, Segment};
+use seatrial::model::integrate;
+use seatrial::model::vehicle::Mode;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -114,7 +114,7 @@ impl Run {
     /// Roll, pitch and yaw, shape (n, 3), rad.
     #[getter]
     fn euler(&self) -> Array {
-        self.array(|track, k| seatrial::kinematics::to_euler(&track.states[k].attitude))
+        self.array(|track, k| seatrial::model::kinematics::to_euler(&track.states[k].attitude))
     }
 
     /// [u v w p q r], shape (n, 6), m/s and rad/s.
@@ -270,5 +270,5 @@ pub fn simulate_batch(
 /// The instruction set of the batches: avx512, avx2, sse4.2, neon or fallback.
 #[pyfunction]
 pub fn simd_level() -> PyResult<&'static str> {
-    seatrial::real::lanes::level().map(|(name, _)| name).map_err(raised)
+    seatrial::number::lanes::level().map(|(name, _)| name).map_err(raised)
 }

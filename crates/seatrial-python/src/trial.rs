@@ -3,10 +3,10 @@
 use crate::convert::{Named, Numbers};
 use crate::error::refused;
 use pyo3::prelude::*;
-use seatrial::autopilot::set_point::{SET_POINTS, SetPoint};
-use seatrial::closed_loop::trial::{Corridor, ERRORS, Trial, channel_index};
+use seatrial::control::autopilot::set_point::{SET_POINTS, SetPoint};
+use seatrial::control::navigation::CHANNEL_NAMES;
 use seatrial::error::nearest;
-use seatrial::navigation::CHANNEL_NAMES;
+use seatrial::flight::trial::{Corridor, ERRORS, Trial, channel_index};
 
 /// A corridor: channel, base and scale (k,), lower, upper, target and clock (P,).
 pub type CorridorRow = (String, Numbers, Numbers, Numbers, Numbers, Numbers, Numbers);

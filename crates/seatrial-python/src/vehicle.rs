@@ -4,16 +4,16 @@ use crate::convert::{Array, Fact, Named, Numbers, fact_map};
 use crate::error::{VehicleError, raised, refused};
 use crate::simulate::{Run, Simulation, State, inputs};
 use pyo3::prelude::*;
-use seatrial::algebra::Vec6;
-use seatrial::allocation::authority;
-use seatrial::allocation::report::RowAuthority;
-use seatrial::current::Current;
+use seatrial::control::allocation::authority;
+use seatrial::control::allocation::report::RowAuthority;
+use seatrial::description::facts::{self, Value};
 use seatrial::description::{Description, built_in, built_in_names};
 use seatrial::error::nearest;
-use seatrial::facts::{self, Value};
-use seatrial::kinematics::rotation;
-use seatrial::linearize::{Form, linearize};
-use seatrial::vehicle::Instant;
+use seatrial::model::current::Current;
+use seatrial::model::kinematics::rotation;
+use seatrial::model::linearize::{Form, linearize};
+use seatrial::model::vehicle::Instant;
+use seatrial::number::algebra::Vec6;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -250,7 +250,7 @@ impl Vehicle {
             .map(|(nu, attitude, current)| vehicle.forces(&rotation(attitude), nu, current.as_ref()))
             .collect();
         let single = nu.is_single() && rows.len() == 1;
-        let term = |read: fn(&seatrial::vehicle::Forces<f64>) -> Vec6<f64>| {
+        let term = |read: fn(&seatrial::model::vehicle::Forces<f64>) -> Vec6<f64>| {
             Array::rows(&rows.iter().map(read).collect::<Vec<_>>(), single)
         };
         let mut terms = BTreeMap::from([
@@ -325,7 +325,7 @@ impl Vehicle {
 }
 
 impl Vehicle {
-    fn nominal(&self) -> seatrial::vehicle::Vehicle<f64> {
-        seatrial::vehicle::Vehicle::nominal(&self.description)
+    fn nominal(&self) -> seatrial::model::vehicle::Vehicle<f64> {
+        seatrial::model::vehicle::Vehicle::nominal(&self.description)
     }
 }

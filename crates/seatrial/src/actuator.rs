@@ -13,13 +13,12 @@
 //! A [`fin`] turns its signal, a deflection, into lift and drag.
 
 pub mod characteristic;
-pub mod drive;
 pub mod fin;
 pub mod motor;
 pub mod response;
 
-use crate::algebra::Vec6;
-use crate::real::Real;
+use crate::number::algebra::Vec6;
+use crate::number::real::Real;
 use characteristic::{Characteristic, Thrust};
 use motor::Motor;
 

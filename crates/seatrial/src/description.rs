@@ -1,15 +1,21 @@
 //! A vehicle, read and checked: file, coefficients filled from the geometry, actuators placed.
 //!
-//! Immutable. [`crate::vehicle::Vehicle`] is made of it for a number type, a set of coefficients, an
+//! Immutable. [`crate::model::vehicle::Vehicle`] is made of it for a number type, a set of coefficients, an
 //! environment and the modes of the axes.
 
 mod bounds;
+pub mod coefficients;
+pub mod facts;
+pub mod geometry;
 mod placement;
+pub mod vehicle_file;
 
-use crate::algebra::{Vec6, pivots};
-use crate::coefficients::{self as names, FORCES, Layout, MASS, Scaling, added_mass, linear, quadratic};
+use crate::description::coefficients::{
+    self as names, FORCES, Layout, MASS, Scaling, added_mass, linear, quadratic,
+};
+use crate::description::vehicle_file::VehicleFile;
 use crate::error::Error;
-use crate::vehicle_file::VehicleFile;
+use crate::number::algebra::{Vec6, pivots};
 pub use placement::{ActuatorDescription, Effect};
 use placement::{place, place_fin};
 use std::collections::BTreeMap;
@@ -74,7 +80,9 @@ impl Description {
         if let Some(row) = file.controllable.iter().find(|row| !FORCES.contains(&row.as_str())) {
             return Err(fail(format!("controllable: expected rows among X Y Z K M N, found \"{row}\"")));
         }
-        if let Some(complaint) = file.geometry.as_ref().and_then(crate::geometry::Geometry::complaint) {
+        if let Some(complaint) =
+            file.geometry.as_ref().and_then(crate::description::geometry::Geometry::complaint)
+        {
             return Err(fail(complaint));
         }
         let thrusters = file.thrusters.iter().map(|t| &t.name);
@@ -254,7 +262,7 @@ impl Description {
                 if i > 0 && c[i] == 0.0 { "; give it, or a [geometry] from which it is filled" } else { "" }
             ));
         }
-        let vehicle = crate::vehicle::Vehicle::<f64>::nominal(self);
+        let vehicle = crate::model::vehicle::Vehicle::<f64>::nominal(self);
         let pivots = pivots(&vehicle.mass_matrix);
         if let Some(axis) = pivots.iter().position(|p| !(p.is_finite() && *p > 0.0)) {
             return Err(format!(

@@ -1,46 +1,31 @@
-//! seatrial: six-degree-of-freedom model, actuators and batch simulation of underwater vehicles.
-//!
-//! Reading order: [`vehicle`] is the equation of motion; each of its terms is a file
-//! ([`rigid_body`], [`added_mass`], [`damping`], [`lift`], [`restoring`], [`current`], [`actuator`]);
-//! [`integrate`] steps it; [`open_loop`] runs it through recorded commands, alone or in batches;
-//! [`criterion`] compares it with what [`observation`] says that instruments show; [`linearize`] is its tangent; [`description`] reads a vehicle from its file.
+//! seatrial: six-degree-of-freedom model, actuators, autopilot and batch simulation of underwater vehicles.
 //!
 //! SI and radians throughout; frames n = north-east-down, b = forward-starboard-down with origin O.
+//!
+//! # Reading order
+//! A group uses only groups before it in this list, so it can be read from the top; who knows Fossen begins at
+//! [`model`] and looks up the rest as it is used. Each group lists its own files in the same way.
+//!
+//! | group | what it holds |
+//! |---|---|
+//! | [`error`] | what may go wrong, as one type |
+//! | [`number`] | the number types (`f64`, eight lanes, dual numbers), algebra, random numbers |
+//! | [`actuator`] | from a command to a force: motor, characteristic of a thruster, fin |
+//! | [`model`] | the equation of motion, each term a file; one step of time; the tangent |
+//! | [`description`] | where its constants come from: vehicle file, geometry, coefficients, actuators placed |
+//! | [`fit`] | recorded commands through the model, and the distance from what was measured |
+//! | [`mission`] | the mission file and the waypoints that it means |
+//! | [`control`] | the autopilot: navigation, guidance, control laws, allocation, safety |
+//! | [`flight`] | the loop closed: vehicle, sensors and autopilot fly missions, alone or in batches |
 
 pub mod actuator;
-pub mod added_mass;
-pub mod algebra;
-pub mod allocation;
-pub mod autopilot;
-pub mod closed_loop;
-pub mod coefficients;
-pub mod control_law;
-pub mod criterion;
-pub mod current;
-pub mod damping;
+pub mod control;
 pub mod description;
 pub mod error;
-pub mod facts;
-pub mod geometry;
-pub mod guidance;
-pub mod integrate;
-pub mod kinematics;
-pub mod lift;
-pub mod linearize;
-pub mod lqr;
+pub mod fit;
+pub mod flight;
 pub mod mission;
-pub mod navigation;
-pub mod observation;
-pub mod open_loop;
-pub mod pid;
-pub mod random;
-pub mod real;
-pub mod reference_filter;
-pub mod restoring;
-pub mod rigid_body;
-pub mod safety;
-pub mod schedule;
-pub mod vehicle;
-pub mod vehicle_file;
+pub mod model;
+pub mod number;
 
 pub use error::Error;

@@ -18,8 +18,8 @@ pub mod patterns;
 mod plan;
 pub mod plane;
 
-use crate::algebra::Vec3;
 use crate::error::Error;
+use crate::number::algebra::Vec3;
 pub use fence::{inside, outside};
 use file::Leg;
 pub use file::MissionFile;

@@ -5,7 +5,7 @@
 mod vehicles;
 
 use proptest::prelude::*;
-use seatrial::coefficients::{HULL, PER_ACTUATOR};
+use seatrial::description::coefficients::{HULL, PER_ACTUATOR};
 use seatrial::description::{Description, built_in, built_in_names};
 use std::collections::BTreeMap;
 use vehicles::{cases, load, value, with};

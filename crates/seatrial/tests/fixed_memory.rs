@@ -1,11 +1,11 @@
 //! The autopilot steps in fixed memory: what a vehicle at sea runs takes nothing from the heap once it has begun.
 
-use seatrial::allocation::Allocator;
-use seatrial::autopilot::Autopilot;
-use seatrial::autopilot::settings::{Settings, built_in};
+use seatrial::control::allocation::Allocator;
+use seatrial::control::autopilot::Autopilot;
+use seatrial::control::autopilot::settings::{Settings, built_in};
+use seatrial::control::navigation::{GROUPS, Measurement};
 use seatrial::description::{Description, built_in as vehicle};
 use seatrial::mission::Mission;
-use seatrial::navigation::{GROUPS, Measurement};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
 use std::sync::Arc;

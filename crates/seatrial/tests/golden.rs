@@ -6,15 +6,15 @@
 #[path = "support/vehicles.rs"]
 mod vehicles;
 
-use seatrial::added_mass::AddedMass;
-use seatrial::algebra::{Mat3, product, skew};
-use seatrial::allocation::wrench_per_newton;
-use seatrial::coefficients::{added_mass, quadratic};
-use seatrial::geometry::{Geometry, Shape, lamb_factors};
-use seatrial::kinematics::{from_euler, rotation};
-use seatrial::restoring::Restoring;
-use seatrial::rigid_body::RigidBody;
-use seatrial::vehicle::Vehicle;
+use seatrial::control::allocation::wrench_per_newton;
+use seatrial::description::coefficients::{added_mass, quadratic};
+use seatrial::description::geometry::{Geometry, Shape, lamb_factors};
+use seatrial::model::added_mass::AddedMass;
+use seatrial::model::kinematics::{from_euler, rotation};
+use seatrial::model::restoring::Restoring;
+use seatrial::model::rigid_body::RigidBody;
+use seatrial::model::vehicle::Vehicle;
+use seatrial::number::algebra::{Mat3, product, skew};
 use vehicles::{distance, load, value};
 
 /// MSS `rbody`: 20 kg, radii of gyration 0.3, 0.5, 0.6 m about the centre of gravity.
@@ -163,7 +163,7 @@ fn golden_cwolf_drag_coefficients() {
         (hull.axial_drag() - 0.44 / slenderness) / (4.0 * (slenderness + 1.0 / slenderness.sqrt()));
     assert!((friction - 0.00369).abs() < 5e-6, "{friction}");
     let lateral = start_value(&hull, 135.0, 1025.0, quadratic(1, 1));
-    let area = -lateral / (0.5 * 1025.0 * seatrial::geometry::cross_flow_drag(slenderness));
+    let area = -lateral / (0.5 * 1025.0 * seatrial::description::geometry::cross_flow_drag(slenderness));
     assert!((area - 0.75).abs() < 1e-12);
 }
 

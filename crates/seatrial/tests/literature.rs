@@ -8,17 +8,17 @@
 #[path = "support/vehicles.rs"]
 mod vehicles;
 
-use seatrial::added_mass::AddedMass;
-use seatrial::algebra::product;
-use seatrial::coefficients::{LIFT_NAMES, added_mass, quadratic};
-use seatrial::current::Current;
 use seatrial::description::Description;
-use seatrial::geometry::{cross_flow_drag, lamb_factors};
-use seatrial::integrate::State;
-use seatrial::kinematics::{from_euler, normalised, quaternion_rate, rotation, to_euler};
-use seatrial::open_loop::inputs::Inputs;
-use seatrial::real::Real;
-use seatrial::vehicle::{Instant, Vehicle};
+use seatrial::description::coefficients::{LIFT_NAMES, added_mass, quadratic};
+use seatrial::description::geometry::{cross_flow_drag, lamb_factors};
+use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::model::added_mass::AddedMass;
+use seatrial::model::current::Current;
+use seatrial::model::integrate::State;
+use seatrial::model::kinematics::{from_euler, normalised, quaternion_rate, rotation, to_euler};
+use seatrial::model::vehicle::{Instant, Vehicle};
+use seatrial::number::algebra::product;
+use seatrial::number::real::Real;
 use std::f64::consts::PI;
 use vehicles::{GRAVITY, fly, hull, load, moving, times, value, with};
 

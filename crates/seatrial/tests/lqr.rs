@@ -3,11 +3,11 @@
 use fearless_simd::{Simd, SimdFrom, dispatch, f64x8};
 use proptest::array::{uniform6, uniform8, uniform15};
 use proptest::prelude::*;
-use seatrial::control_law::{HEADING, HEAVE, ROLL, SURGE, Situation};
-use seatrial::lqr::{Gain, Lqr, LqrState, LqrTable, STATES};
-use seatrial::real::Real;
-use seatrial::real::lanes::{LANES, Lanes, available_levels};
-use seatrial::schedule::{POINTS, Schedule};
+use seatrial::control::control_law::{HEADING, HEAVE, ROLL, SURGE, Situation};
+use seatrial::control::lqr::{Gain, Lqr, LqrState, LqrTable, STATES};
+use seatrial::control::schedule::{POINTS, Schedule};
+use seatrial::number::lanes::{LANES, Lanes, available_levels};
+use seatrial::number::real::Real;
 
 const SPEEDS: [f64; POINTS] = [-1.0, 0.0, 0.5, 1.0, 1.5, 2.0];
 const PERIOD: f64 = 0.1;

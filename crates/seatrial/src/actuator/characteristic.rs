@@ -17,7 +17,7 @@
 
 mod inverse;
 
-use crate::real::Real;
+use crate::number::real::Real;
 pub use inverse::Bias;
 use std::sync::Arc;
 

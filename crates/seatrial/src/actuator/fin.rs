@@ -20,8 +20,8 @@
 mod inverse;
 
 use super::motor::Motor;
-use crate::algebra::{Vec3, Vec6, cross, dot};
-use crate::real::Real;
+use crate::number::algebra::{Vec3, Vec6, cross, dot};
+use crate::number::real::Real;
 pub use inverse::Flow;
 
 /// A fin behind its servo.

@@ -5,7 +5,7 @@
 //! 2. Rate: `n_acc` while |n| grows, `n_dec` while it shrinks; a reversal first brakes to zero.
 //! 3. Dead time `T_t`: the ramp's past is read `T_t` earlier, linearly between half steps ([`DeadTime`]). It is
 //!    smooth in T_t: a delay of the command would move a ramp in whole steps only. Where there is no rate
-//!    limit the command itself is read earlier ([`crate::open_loop`]), which a pure delay allows.
+//!    limit the command itself is read earlier ([`crate::fit::open_loop`]), which a pure delay allows.
 //! 4. Lag `K_V/(T_1 s + 1)` with first-order hold, because its input is a ramp after the rate limit:
 //!    `n(t+h) = a n(t) + K_V [(1−a) u(t) + (1 − (T_1/h)(1−a)) (u(t+h) − u(t))]`, `a = e^(−h/T_1)`.
 //!    The motor advances by half steps, so that Runge–Kutta sees the signal at its midpoint.
@@ -13,7 +13,7 @@
 //! Source: Taubert et al. (2014), figures 6–8 and equation 34. Unit: the command's own (rpm, µs, N).
 //! Tests: `tests/laws.rs::law_motor_…`.
 
-use crate::real::Real;
+use crate::number::real::Real;
 
 /// Static limits of the command, positive magnitudes for both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@
 //! 0.3–3×; what has no start value gets bounds by the vehicle's weight and size, or none.
 
 use super::Description;
-use crate::coefficients::{self as names, MASS, added_mass, linear, quadratic};
+use crate::description::coefficients::{self as names, MASS, added_mass, linear, quadratic};
 
 impl Description {
     /// Default bounds of a coefficient for its identification, around its geometric start value or

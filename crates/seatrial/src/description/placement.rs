@@ -4,14 +4,14 @@
 use crate::actuator::characteristic::Table;
 use crate::actuator::fin::lift_slope;
 use crate::actuator::motor::Limits;
-use crate::algebra::{Vec3, Vec6};
-use crate::allocation::wrench_per_newton;
-use crate::coefficients as names;
-use crate::error::nearest;
-use crate::vehicle_file::{
+use crate::control::allocation::wrench_per_newton;
+use crate::description::coefficients as names;
+use crate::description::vehicle_file::{
     BelowMinimum, CharacteristicTable, CommandUnit, FinTable, MotorTable, Polynomial, Quadratic, Thruster,
     VehicleFile,
 };
+use crate::error::nearest;
+use crate::number::algebra::{Vec3, Vec6};
 use std::sync::Arc;
 
 /// The parts of an actuator that no candidate changes.

@@ -12,7 +12,7 @@
 use super::plane::{
     Place, between, cross, difference, distance, distance_of_stretches, distance_to_stretch, towards,
 };
-use crate::real::Real;
+use crate::number::real::Real;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// What stands in the water.

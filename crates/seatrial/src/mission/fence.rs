@@ -7,7 +7,7 @@
 //! Source: Sunday, *Practical Geometry Algorithms* (2021), crossing number.
 //! Tests: `tests/mission/fence.rs` (against the turning of the bearing round the fence; lanes agree).
 
-use crate::real::Real;
+use crate::number::real::Real;
 
 /// 1 where the place (north, east, m) lies outside the fence, else 0; 0 without a fence, 1 for a place that is not a
 /// number.

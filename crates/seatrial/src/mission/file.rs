@@ -6,8 +6,8 @@
 //! Tests: `tests/mission.rs`.
 
 use super::legs::{Lawnmower, Perimeter, Spiral, WaypointLeg};
+use crate::description::vehicle_file::{explain, parsed};
 use crate::error::{Error, nearest};
-use crate::vehicle_file::{explain, parsed};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 

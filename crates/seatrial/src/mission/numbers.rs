@@ -3,7 +3,7 @@
 //! Tests: `tests/mission/refusals.rs`.
 
 use super::plane::Place;
-use crate::real::Real;
+use crate::number::real::Real;
 
 /// The number when it is finite.
 pub(super) fn finite(key: &str, x: f64) -> Result<f64, String> {

@@ -8,7 +8,7 @@
 
 use super::plane::{Place, difference, distance, towards};
 use super::{Mission, Task, Vertical};
-use crate::algebra::Vec3;
+use crate::number::algebra::Vec3;
 use std::f64::consts::{PI, TAU};
 
 /// What lies between two waypoints, and what is done at the second.

@@ -3,7 +3,7 @@
 use crate::setup::Setup;
 use crate::vehicles::{cases, load};
 use proptest::prelude::*;
-use seatrial::algebra::{Vec6, dot};
+use seatrial::number::algebra::{Vec6, dot};
 
 /// A built-in vehicle and a force that all of its thrusters can give, N.
 const HOVERING: [(&str, f64); 3] = [("beluga", 8.0), ("bluerov2-heavy", 8.0), ("cwolf", 8.0)];

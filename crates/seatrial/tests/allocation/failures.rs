@@ -2,7 +2,7 @@
 
 use crate::setup::Setup;
 use crate::vehicles::load;
-use seatrial::allocation::authority;
+use seatrial::control::allocation::authority;
 
 const TAU: [f64; 6] = [12.0, 0.0, 3.0, 0.0, 0.8, 1.5];
 

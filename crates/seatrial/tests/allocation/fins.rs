@@ -3,8 +3,8 @@
 use crate::setup::Setup;
 use crate::vehicles::{cases, load};
 use proptest::prelude::*;
-use seatrial::algebra::dot;
-use seatrial::vehicle::Vehicle;
+use seatrial::model::vehicle::Vehicle;
+use seatrial::number::algebra::dot;
 
 proptest! {
     #![proptest_config(cases(256))]

@@ -3,12 +3,12 @@
 use crate::setup::{VOLTAGE, smooth};
 use crate::vehicles::load;
 use fearless_simd::{Level, Simd, SimdFrom, f64x8};
-use seatrial::algebra::Vec6;
-use seatrial::allocation::{AllocationTable, Allocator};
+use seatrial::control::allocation::{AllocationTable, Allocator};
 use seatrial::description::Description;
-use seatrial::real::Real;
-use seatrial::real::lanes::LANES;
-use seatrial::vehicle::{Mode, Structure, Vehicle};
+use seatrial::model::vehicle::{Mode, Structure, Vehicle};
+use seatrial::number::algebra::Vec6;
+use seatrial::number::lanes::LANES;
+use seatrial::number::real::Real;
 
 const STEPS: usize = 40;
 

@@ -3,7 +3,7 @@
 use crate::setup::Setup;
 use crate::vehicles::load;
 use seatrial::actuator::motor::Limits;
-use seatrial::allocation::minimum::Hold;
+use seatrial::control::allocation::minimum::Hold;
 
 fn hold(idle: f64) -> Hold {
     let limits = Limits { maximum: [2000.0, 1500.0], minimum: [150.0, 200.0], dead_band: false };

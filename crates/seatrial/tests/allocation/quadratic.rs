@@ -4,10 +4,10 @@ use crate::setup::Setup;
 use crate::vehicles::cases;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
-use seatrial::algebra::Vec6;
-use seatrial::allocation::pseudo_inverse::{LAMBDA, PseudoInverse};
-use seatrial::allocation::quadratic_programme::QuadraticProgramme;
-use seatrial::allocation::redistribution::Shares;
+use seatrial::control::allocation::pseudo_inverse::{LAMBDA, PseudoInverse};
+use seatrial::control::allocation::quadratic_programme::QuadraticProgramme;
+use seatrial::control::allocation::redistribution::Shares;
+use seatrial::number::algebra::Vec6;
 
 /// The gradient of ½ |H g − t|² + ½ λ |g|².
 fn gradient(p: &PseudoInverse<f64>, target: &Vec6<f64>, g: &[f64]) -> Vec<f64> {

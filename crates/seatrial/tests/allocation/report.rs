@@ -1,7 +1,7 @@
 //! What the built-in vehicles can command.
 
 use crate::vehicles::load;
-use seatrial::allocation::authority;
+use seatrial::control::allocation::authority;
 
 #[test]
 fn lit_taubert_cwolf_cannot_command_roll_and_has_rank_four_in_practice() {

@@ -3,11 +3,11 @@
 #![allow(dead_code, reason = "every test binary uses a part")]
 
 use crate::vehicles::load;
-use seatrial::algebra::Vec6;
-use seatrial::allocation::{AllocationTable, Allocator};
-use seatrial::coefficients::FORCES;
+use seatrial::control::allocation::{AllocationTable, Allocator};
 use seatrial::description::Description;
-use seatrial::vehicle::Vehicle;
+use seatrial::description::coefficients::FORCES;
+use seatrial::model::vehicle::Vehicle;
+use seatrial::number::algebra::Vec6;
 
 /// Supply of the tests, V: between two rows of the T200's table.
 pub const VOLTAGE: f64 = 14.8;

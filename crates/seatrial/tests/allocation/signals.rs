@@ -5,7 +5,7 @@ use crate::vehicles::{cases, load, with};
 use proptest::prelude::*;
 use seatrial::actuator::characteristic::{Bias, Characteristic, FlowTerms, Shape, Table};
 use seatrial::description::built_in_names;
-use seatrial::vehicle::Vehicle;
+use seatrial::model::vehicle::Vehicle;
 
 fn force(characteristic: &Characteristic<f64>, signal: f64, inflow: f64, voltage: f64) -> f64 {
     let thrust = characteristic.thrust(signal, voltage);

@@ -1,8 +1,8 @@
 //! The table [allocation] is checked against the vehicle, with messages that help.
 
 use crate::vehicles::{hull, load};
-use seatrial::allocation::{AllocationTable, Allocator, Method};
-use seatrial::vehicle::Vehicle;
+use seatrial::control::allocation::{AllocationTable, Allocator, Method};
+use seatrial::model::vehicle::Vehicle;
 
 fn complaint(table: &str) -> String {
     let description = load("cwolf");

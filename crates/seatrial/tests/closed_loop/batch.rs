@@ -1,9 +1,9 @@
 //! Many cases: a case is a function of itself alone, and lanes fly as plain numbers do.
 
 use crate::flights::{DIVE, Trip, case, column, fault};
-use seatrial::autopilot::settings::tunable_index;
-use seatrial::closed_loop::batch::{Case, Outcome};
-use seatrial::navigation::{ChannelErrors, GroupTiming, Outage};
+use seatrial::control::autopilot::settings::tunable_index;
+use seatrial::control::navigation::{ChannelErrors, GroupTiming, Outage};
+use seatrial::flight::batch::{Case, Outcome};
 
 /// CWolf with sensors that err, are late and drop out.
 pub fn trip() -> Trip {
@@ -80,7 +80,7 @@ fn scalar_closed_loop_lanes_fly_as_plain_numbers() {
 /// A lane without dead time obeys at once, also beside one that waits.
 #[test]
 fn scalar_closed_loop_dead_times_do_not_know_their_neighbours() {
-    let autopilot = seatrial::autopilot::settings::built_in("bluerov2-heavy").expect("built in");
+    let autopilot = seatrial::control::autopilot::settings::built_in("bluerov2-heavy").expect("built in");
     let mut trip =
         Trip::of("bluerov2-heavy", autopilot, &DIVE.replace("1.5", "0.5").replace("120.0", "10.0"));
     trip.seconds = 30.0;

@@ -1,17 +1,17 @@
 //! Flights to test with, and what every flight obeys.
 
 use crate::vehicles::load;
-use seatrial::autopilot::settings::{Settings, built_in};
-use seatrial::closed_loop::Flight;
-use seatrial::closed_loop::batch::{Case, Cases, Outcome};
-use seatrial::closed_loop::faults::ActuatorFault;
-use seatrial::closed_loop::log::columns;
-use seatrial::closed_loop::obstacle::Obstacle;
-use seatrial::closed_loop::trial::Trial;
+use seatrial::control::autopilot::settings::{Settings, built_in};
+use seatrial::control::navigation::{Seabed, Sensors};
 use seatrial::description::Description;
-use seatrial::integrate::State;
+use seatrial::flight::Flight;
+use seatrial::flight::batch::{Case, Cases, Outcome};
+use seatrial::flight::faults::ActuatorFault;
+use seatrial::flight::log::columns;
+use seatrial::flight::obstacle::Obstacle;
+use seatrial::flight::trial::Trial;
 use seatrial::mission::Mission;
-use seatrial::navigation::{Seabed, Sensors};
+use seatrial::model::integrate::State;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 

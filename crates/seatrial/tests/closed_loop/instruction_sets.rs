@@ -2,7 +2,7 @@
 //! the test starts itself once per level.
 
 use crate::batch::{cases, course, trip};
-use seatrial::real::lanes::{SIMD_VARIABLE, available_levels};
+use seatrial::number::lanes::{SIMD_VARIABLE, available_levels};
 use std::process::Command;
 
 #[test]

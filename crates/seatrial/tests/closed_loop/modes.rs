@@ -1,7 +1,7 @@
 //! The mode table at work.
 
 use crate::flights::{AUTOPILOT, DIVE, Trip, case, column};
-use seatrial::autopilot::settings::Settings;
+use seatrial::control::autopilot::settings::Settings;
 
 /// From rest the vehicle hovers, then cruises, and switches once.
 #[test]

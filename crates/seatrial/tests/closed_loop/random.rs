@@ -1,6 +1,6 @@
 //! Random numbers without a state.
 
-use seatrial::random::{gaussian, uniform};
+use seatrial::number::random::{gaussian, uniform};
 
 #[test]
 fn law_random_numbers_have_their_moments() {

@@ -1,10 +1,10 @@
 //! Each watch calls for its reaction, and each reaction does what it says.
 
 use crate::flights::{DIVE, Trip, case, column, fault};
-use seatrial::closed_loop::batch::Outcome;
+use seatrial::control::navigation::{GROUPS, Measurement, Outage};
+use seatrial::control::safety::{Alert, Circumstances, Reaction, SafetyTable, WATCH_NAMES, watch};
+use seatrial::flight::batch::Outcome;
 use seatrial::mission::Limits;
-use seatrial::navigation::{GROUPS, Measurement, Outage};
-use seatrial::safety::{Alert, Circumstances, Reaction, SafetyTable, WATCH_NAMES, watch};
 
 /// The dive with limits that are set when the mission has been checked against its own.
 fn limited(set: impl Fn(&mut Limits)) -> Trip {

@@ -1,8 +1,10 @@
 //! The sensors of a simulated vehicle.
 
-use seatrial::current::Current;
-use seatrial::integrate::State;
-use seatrial::navigation::{CHANNELS, ChannelErrors, GroupTiming, Navigation, Outage, Sensors, truth};
+use seatrial::control::navigation::{
+    CHANNELS, ChannelErrors, GroupTiming, Navigation, Outage, Sensors, truth,
+};
+use seatrial::model::current::Current;
+use seatrial::model::integrate::State;
 
 const DT: f64 = 0.1;
 
@@ -103,7 +105,7 @@ fn law_sensors_noise_bias_and_digits_have_their_size() {
 #[test]
 fn law_sensors_see_ground_and_water_apart() {
     // Heading east: a current to the north comes from starboard to port.
-    let turned = seatrial::kinematics::from_euler(&[0.0, 0.0, std::f64::consts::FRAC_PI_2]);
+    let turned = seatrial::model::kinematics::from_euler(&[0.0, 0.0, std::f64::consts::FRAC_PI_2]);
     let state = State { position: [1.0, 2.0, 3.0], attitude: turned, nu: [1.5, 0.0, 0.0, 0.0, 0.0, 0.0] };
     let current = Current { velocity: [0.4, 0.0, 0.0], rate: [0.0; 3] };
     let shown = truth(&state, Some(&current), Some(&[20.0, 0.5, 0.0]));

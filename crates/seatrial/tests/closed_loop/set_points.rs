@@ -2,10 +2,10 @@
 
 use crate::flights::{Trip, case, column};
 use proptest::prelude::*;
-use seatrial::autopilot::set_point::SET_POINTS;
-use seatrial::closed_loop::batch::Case;
-use seatrial::closed_loop::trial::{Corridor, Trial, channel_index};
-use seatrial::kinematics::from_euler;
+use seatrial::control::autopilot::set_point::SET_POINTS;
+use seatrial::flight::batch::Case;
+use seatrial::flight::trial::{Corridor, Trial, channel_index};
+use seatrial::model::kinematics::from_euler;
 
 /// A leg that nobody reaches.
 const FAR: &str = "format = 1\nname = \"far\"\nspeed_m_s = 1.5\nacceptance_radius_m = 5.0\n\

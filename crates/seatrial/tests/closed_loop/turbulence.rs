@@ -1,8 +1,8 @@
 //! The turbulent current is the process that it says, and moves the vehicle as water does.
 
 use crate::flights::{Trip, case, column};
-use seatrial::closed_loop::turbulence::Turbulence;
-use seatrial::kinematics::{from_euler, rotation};
+use seatrial::flight::turbulence::Turbulence;
+use seatrial::model::kinematics::{from_euler, rotation};
 
 const TAU_S: f64 = 20.0;
 const TAU_2_S: f64 = 2.0;

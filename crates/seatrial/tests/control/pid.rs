@@ -2,9 +2,9 @@
 
 use crate::vehicles::cases;
 use proptest::prelude::*;
-use seatrial::control_law::{AntiWindup, HEADING, Situation};
-use seatrial::pid::{Pid, PidState};
-use seatrial::schedule::{POINTS, Schedule};
+use seatrial::control::control_law::{AntiWindup, HEADING, Situation};
+use seatrial::control::pid::{Pid, PidState};
+use seatrial::control::schedule::{POINTS, Schedule};
 
 const DT: f64 = 0.1;
 

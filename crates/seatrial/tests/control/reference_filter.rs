@@ -2,7 +2,7 @@
 
 use crate::vehicles::cases;
 use proptest::prelude::*;
-use seatrial::reference_filter::Reference;
+use seatrial::control::reference_filter::Reference;
 
 proptest! {
     #![proptest_config(cases(128))]

@@ -2,7 +2,7 @@
 
 use crate::vehicles::cases;
 use proptest::prelude::*;
-use seatrial::schedule::{POINTS, Schedule, interpolated};
+use seatrial::control::schedule::{POINTS, Schedule, interpolated};
 
 const SPEEDS: [f64; POINTS] = [-5.0, -3.0, -1.0, 1.0, 3.0, 5.0];
 

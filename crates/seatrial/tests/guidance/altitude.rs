@@ -1,7 +1,7 @@
 //! Legs that follow the bottom.
 
 use crate::vessel::{DT, Kind, Vessel, fly, guidance, pass, start, table};
-use seatrial::guidance::{Fix, Method};
+use seatrial::control::guidance::{Fix, Method};
 use seatrial::mission::{Vertical, Waypoint};
 
 fn terrain(position: [f64; 3]) -> Waypoint {

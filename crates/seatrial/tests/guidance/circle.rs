@@ -4,9 +4,9 @@ use crate::vessel::{
     Kind, Point, Vessel, cases, fly, guidance, largest, pass, range, start, table, waypoint,
 };
 use proptest::prelude::*;
-use seatrial::guidance::{Fix, GuidanceTable, Method, Progress};
+use seatrial::control::guidance::{Fix, GuidanceTable, Method, Progress};
 use seatrial::mission::Task;
-use seatrial::real::Real;
+use seatrial::number::real::Real;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 const CENTRE: [f64; 3] = [80.0, 30.0, 12.0];

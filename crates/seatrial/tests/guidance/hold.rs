@@ -2,9 +2,9 @@
 
 use crate::vessel::{DT, Kind, Point, Vessel, cases, fly, guidance, largest, pass, range, table, waypoint};
 use proptest::prelude::*;
-use seatrial::guidance::Method;
+use seatrial::control::guidance::Method;
 use seatrial::mission::Task;
-use seatrial::real::Real;
+use seatrial::number::real::Real;
 use std::f64::consts::PI;
 
 const POINT: [f64; 3] = [60.0, 0.0, 12.0];

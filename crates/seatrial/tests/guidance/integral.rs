@@ -1,7 +1,7 @@
 //! What the integral keeps over a turn, and what it does not learn.
 
 use crate::vessel::{DT, Kind, Point, Vessel, fly, go_on, guidance, largest, pass, start, table};
-use seatrial::guidance::{Fix, GuidanceTable, Method};
+use seatrial::control::guidance::{Fix, GuidanceTable, Method};
 
 /// Two lanes to the north and south, 25 m apart.
 const LANES: [[f64; 3]; 4] = [[200.0, 0.0, 10.0], [200.0, 25.0, 10.0], [0.0, 25.0, 10.0], [0.0, 50.0, 10.0]];

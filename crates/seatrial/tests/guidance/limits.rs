@@ -2,9 +2,9 @@
 
 use crate::vessel::{DT, Kind, Vessel, cases, fly, guidance, pass, table, waypoint};
 use proptest::prelude::*;
-use seatrial::guidance::{Fix, GuidanceTable, Method};
+use seatrial::control::guidance::{Fix, GuidanceTable, Method};
 use seatrial::mission::{Start, Task};
-use seatrial::real::Real;
+use seatrial::number::real::Real;
 use std::f64::consts::PI;
 
 fn method() -> impl Strategy<Value = Method> {
@@ -30,7 +30,7 @@ proptest! {
             pass([10.0, 20.0, 35.0]),
         ];
         let mut progress = guidance.begin(&Start { position: [0.0; 3], heading: None }, &waypoints);
-        let mut last: Option<seatrial::guidance::Desired<f64>> = None;
+        let mut last: Option<seatrial::control::guidance::Desired<f64>> = None;
         for (north, east, down, yaw, slip) in fixes {
             let fix = Fix {
                 position: [north, east, down],
@@ -41,7 +41,7 @@ proptest! {
             let desired = guidance.step(&waypoints, &mut progress, &fix, DT);
             // Rounding.
             let slack = 1e-12;
-            let before = last.unwrap_or(seatrial::guidance::Desired {
+            let before = last.unwrap_or(seatrial::control::guidance::Desired {
                 // The first call starts from what is measured.
                 speed: slip, heading: yaw, pitch: slip * 0.2, depth: down, ..desired
             });

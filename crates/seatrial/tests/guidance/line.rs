@@ -2,8 +2,8 @@
 
 use crate::vessel::{Kind, Vessel, cases, fly, guidance, largest, pass, start, table};
 use proptest::prelude::*;
-use seatrial::guidance::{Desired, Fix, Guidance, GuidanceTable, Method};
-use seatrial::real::Real;
+use seatrial::control::guidance::{Desired, Fix, Guidance, GuidanceTable, Method};
+use seatrial::number::real::Real;
 use std::f64::consts::PI;
 
 /// A table whose limits do not bind within one step.

@@ -2,10 +2,10 @@
 
 use crate::vessel::{DT, Kind, Vessel, go_on, guidance, pass, start, table, waypoint};
 use fearless_simd::{Level, Simd, SimdFrom, f64x8};
-use seatrial::guidance::{Desired, Fix, Guidance, GuidanceTable, Method};
+use seatrial::control::guidance::{Desired, Fix, Guidance, GuidanceTable, Method};
 use seatrial::mission::{Task, Vertical, Waypoint};
-use seatrial::real::Real;
-use seatrial::real::lanes::LANES;
+use seatrial::number::lanes::LANES;
+use seatrial::number::real::Real;
 
 /// Every kind of task; each lane has left the first waypoints behind at another time.
 fn mission() -> Vec<Waypoint> {

@@ -2,7 +2,7 @@
 
 use crate::vessel::{DT, Kind, Vessel, cases, fly, guidance, largest, pass, range, start, table};
 use proptest::prelude::*;
-use seatrial::guidance::{Fix, Method, TUNABLE};
+use seatrial::control::guidance::{Fix, Method, TUNABLE};
 use std::f64::consts::PI;
 
 fn at(position: [f64; 3]) -> Fix<f64> {

@@ -1,6 +1,6 @@
 //! The table and its tunable numbers.
 
-use seatrial::guidance::{Guidance, GuidanceTable, Method, TUNABLE};
+use seatrial::control::guidance::{Guidance, GuidanceTable, Method, TUNABLE};
 
 #[test]
 fn law_table_reads_its_own_keys_and_refuses_others() {

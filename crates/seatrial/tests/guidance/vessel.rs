@@ -2,9 +2,9 @@
 //! carries it.
 
 use proptest::prelude::ProptestConfig;
-use seatrial::guidance::{Desired, Fix, Guidance, GuidanceTable, Method, Progress};
+use seatrial::control::guidance::{Desired, Fix, Guidance, GuidanceTable, Method, Progress};
 use seatrial::mission::{Start, Task, Vertical, Waypoint};
-use seatrial::real::Real;
+use seatrial::number::real::Real;
 
 /// Period of the guidance, s.
 pub const DT: f64 = 0.1;

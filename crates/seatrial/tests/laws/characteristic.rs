@@ -3,11 +3,11 @@
 use crate::vehicles::{cases, load, moving, velocity, with};
 use proptest::prelude::*;
 use seatrial::actuator::characteristic::{Characteristic, FlowTerms, Shape, Table, Thrust};
-use seatrial::algebra::{cross, dot};
-use seatrial::allocation::wrench_per_newton;
+use seatrial::control::allocation::wrench_per_newton;
 use seatrial::description::Description;
-use seatrial::vehicle::{Instant, Mode, Structure, Vehicle};
-use seatrial::vehicle_file::{CharacteristicTable, Environment, Polynomial};
+use seatrial::description::vehicle_file::{CharacteristicTable, Environment, Polynomial};
+use seatrial::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::number::algebra::{cross, dot};
 use std::sync::Arc;
 
 /// Strictly increasing numbers from a start and steps.
@@ -162,7 +162,7 @@ proptest! {
     fn law_thrust_acts_at_its_place_on_the_hull(n in -2000.0..2000.0, nu in velocity(2.0, 0.5)) {
         let description = load("cwolf");
         let vehicle = Vehicle::nominal(&description);
-        let r = seatrial::kinematics::rotation(&moving(nu).attitude);
+        let r = seatrial::model::kinematics::rotation(&moving(nu).attitude);
         let thrusts: Vec<_> = vehicle.actuators.iter().map(|a| a.characteristic.thrust(n, f64::NAN)).collect();
         let mut wrench = [0.0; 6];
         for (k, actuator) in description.actuators.iter().enumerate() {

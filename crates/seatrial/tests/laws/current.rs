@@ -3,10 +3,10 @@
 use crate::vehicles::{attitude, body, cases, distance, fly, load, moving, times, velocity, with};
 use proptest::array::{uniform3, uniform6};
 use proptest::prelude::*;
-use seatrial::algebra::transposed_product;
-use seatrial::integrate::State;
-use seatrial::kinematics::{from_euler, rotation};
-use seatrial::open_loop::inputs::Inputs;
+use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::model::integrate::State;
+use seatrial::model::kinematics::{from_euler, rotation};
+use seatrial::number::algebra::transposed_product;
 
 proptest! {
     #![proptest_config(cases(8))]

@@ -5,14 +5,14 @@ use crate::vehicles::{
 };
 use proptest::array::uniform6;
 use proptest::prelude::*;
-use seatrial::added_mass::AddedMass;
-use seatrial::damping::Damping;
 use seatrial::description::Description;
-use seatrial::integrate::State;
-use seatrial::kinematics::{normalised, quaternion_rate, rotation};
-use seatrial::open_loop::inputs::Inputs;
-use seatrial::rigid_body::RigidBody;
-use seatrial::vehicle::Vehicle;
+use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::model::added_mass::AddedMass;
+use seatrial::model::damping::Damping;
+use seatrial::model::integrate::State;
+use seatrial::model::kinematics::{normalised, quaternion_rate, rotation};
+use seatrial::model::rigid_body::RigidBody;
+use seatrial::model::vehicle::Vehicle;
 
 /// The largest change of the total energy in `duration` seconds, over the initial kinetic energy and that
 /// of lifting the centre of gravity by 50 mm.

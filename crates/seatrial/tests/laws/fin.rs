@@ -4,7 +4,7 @@ use crate::vehicles::{cases, velocity};
 use proptest::prelude::*;
 use seatrial::actuator::fin::{Fin, lift_slope};
 use seatrial::actuator::motor::Motor;
-use seatrial::algebra::{Vec6, dot};
+use seatrial::number::algebra::{Vec6, dot};
 
 /// A rudder aft, upright above the axis.
 fn rudder() -> Fin<f64> {

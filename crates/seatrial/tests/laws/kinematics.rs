@@ -2,9 +2,11 @@
 
 use crate::vehicles::{attitude, cases, distance, velocity};
 use proptest::prelude::*;
-use seatrial::algebra::product;
-use seatrial::kinematics::{euler_rate, from_euler, quaternion_product, quaternion_rate, rotation, to_euler};
-use seatrial::real::Real;
+use seatrial::model::kinematics::{
+    euler_rate, from_euler, quaternion_product, quaternion_rate, rotation, to_euler,
+};
+use seatrial::number::algebra::product;
+use seatrial::number::real::Real;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Roll, pitch within `steepest` rad, yaw.
@@ -26,7 +28,7 @@ proptest! {
             }
         }
         let [x, y, z] = r;
-        let [a, b, c] = seatrial::algebra::cross(&x, &y);
+        let [a, b, c] = seatrial::number::algebra::cross(&x, &y);
         prop_assert!(distance(&[a, b, c], &z) < 2e-15);
     }
 

@@ -2,12 +2,12 @@
 
 use crate::vehicles::{Body, attitude, body, cases, distance, fly, fly_from, moving, times, velocity, with};
 use proptest::prelude::*;
-use seatrial::algebra::{product, restricted_inverse};
 use seatrial::description::Description;
-use seatrial::kinematics::rotation;
-use seatrial::open_loop::MotorStart;
-use seatrial::open_loop::inputs::Inputs;
-use seatrial::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::fit::open_loop::MotorStart;
+use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::model::kinematics::rotation;
+use seatrial::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::number::algebra::{product, restricted_inverse};
 
 /// A vehicle whose degrees of freedom have these modes.
 fn locked(description: &Description, modes: [Mode; 6]) -> Vehicle<f64> {

@@ -4,14 +4,14 @@
 use crate::vehicles::{attitude, body, cases, diagonal, distance, fly, load, moving, times, velocity};
 use proptest::array::uniform6;
 use proptest::prelude::*;
-use seatrial::added_mass::AddedMass;
-use seatrial::coefficients::{HULL, LIFT_NAMES, Layout, linear, quadratic};
-use seatrial::damping::Damping;
 use seatrial::description::Description;
-use seatrial::kinematics::rotation;
-use seatrial::open_loop::inputs::Inputs;
-use seatrial::vehicle::{Instant, Mode, Structure, Vehicle};
-use seatrial::vehicle_file::Environment;
+use seatrial::description::coefficients::{HULL, LIFT_NAMES, Layout, linear, quadratic};
+use seatrial::description::vehicle_file::Environment;
+use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::model::added_mass::AddedMass;
+use seatrial::model::damping::Damping;
+use seatrial::model::kinematics::rotation;
+use seatrial::model::vehicle::{Instant, Mode, Structure, Vehicle};
 
 /// A diagonal matrix.
 fn matrix(diagonal: &[f64; 6]) -> [[f64; 6]; 6] {
@@ -106,7 +106,7 @@ proptest! {
         let instant = Instant { tau, ..Instant::default() };
         let acceleration = vehicle.acceleration(&r, &nu, &instant);
         let forces = vehicle.forces(&r, &nu, None);
-        let inertial = seatrial::algebra::product(&vehicle.mass_matrix, &acceleration);
+        let inertial = seatrial::number::algebra::product(&vehicle.mass_matrix, &acceleration);
         for i in 0..6 {
             let sum = tau[i] + forces.rigid_body[i] + forces.added_mass[i] + forces.damping[i]
                 + forces.lift[i] + forces.restoring[i];
@@ -139,7 +139,7 @@ proptest! {
 
 #[test]
 fn law_added_mass_and_buoyancy_are_hydrodynamic_and_mass_is_not() {
-    use seatrial::coefficients::Scaling::{Density, None, Weight};
+    use seatrial::description::coefficients::Scaling::{Density, None, Weight};
     for (index, scaling) in [(0, None), (3, None), (13, Weight), (diagonal(0), Density), (HULL - 1, None)] {
         assert_eq!(Layout::scaling(index), scaling, "index {index}");
     }

@@ -6,7 +6,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use seatrial::mission::plane::{cross, difference, distance_to_stretch, towards};
 use seatrial::mission::{inside, outside};
-use seatrial::real::lanes::{LANES, available_levels};
+use seatrial::number::lanes::{LANES, available_levels};
 use std::f64::consts::TAU;
 
 /// A star-shaped fence about the origin of the given radii.

@@ -4,9 +4,9 @@ use crate::vehicles::cases;
 use fearless_simd::{Simd, SimdFrom, dispatch, f64x8};
 use proptest::array::{uniform3, uniform8};
 use proptest::prelude::*;
-use seatrial::real::Real;
-use seatrial::real::dual::{Dual, Valued};
-use seatrial::real::lanes::{LANES, Lanes, available_levels};
+use seatrial::number::dual::{Dual, Valued};
+use seatrial::number::lanes::{LANES, Lanes, available_levels};
+use seatrial::number::real::Real;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 const OPERATIONS: usize = 31;

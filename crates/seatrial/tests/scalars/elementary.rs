@@ -4,8 +4,8 @@ use crate::vehicles::cases;
 use fearless_simd::{Simd, SimdFrom, dispatch, f64x8};
 use proptest::array::uniform8;
 use proptest::prelude::*;
-use seatrial::real::Real;
-use seatrial::real::lanes::{LANES, Lanes, available_levels};
+use seatrial::number::lanes::{LANES, Lanes, available_levels};
+use seatrial::number::real::Real;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Units in the last place between two numbers; zero also for two that are not numbers.

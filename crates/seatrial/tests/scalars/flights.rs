@@ -2,13 +2,13 @@
 
 use crate::vehicles::{load, times};
 use seatrial::description::Description;
-use seatrial::integrate::State;
-use seatrial::kinematics::from_euler;
-use seatrial::observation::{INITIALS, NUISANCES};
-use seatrial::open_loop::batch::Batch;
-use seatrial::open_loop::inputs::{Inputs, modes};
-use seatrial::open_loop::sensitivities::{Point, Prediction, Unknown};
-use seatrial::open_loop::{MotorStart, Record, Segment};
+use seatrial::fit::observation::{INITIALS, NUISANCES};
+use seatrial::fit::open_loop::batch::Batch;
+use seatrial::fit::open_loop::inputs::{Inputs, modes};
+use seatrial::fit::open_loop::sensitivities::{Point, Prediction, Unknown};
+use seatrial::fit::open_loop::{MotorStart, Record, Segment};
+use seatrial::model::integrate::State;
+use seatrial::model::kinematics::from_euler;
 use std::sync::atomic::AtomicBool;
 
 /// The vehicles: propellers with all of their motor, a table over the voltage, and every term invented.

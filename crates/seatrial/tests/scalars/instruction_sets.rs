@@ -5,8 +5,8 @@
 
 use crate::candidates::Trials;
 use crate::flights::{Flights, NAMES};
-use seatrial::criterion::{CHANNELS, Loss};
-use seatrial::real::lanes::{SIMD_VARIABLE, available_levels, level};
+use seatrial::fit::criterion::{CHANNELS, Loss};
+use seatrial::number::lanes::{SIMD_VARIABLE, available_levels, level};
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 

@@ -4,12 +4,12 @@ use crate::vehicles::{attitude, body, cases, distance, load, velocity, with};
 use fearless_simd::{Level, Simd, SimdBase, f64x8};
 use proptest::array::uniform3;
 use proptest::prelude::*;
-use seatrial::current::Current;
 use seatrial::description::Description;
-use seatrial::kinematics::{rotation, to_euler};
-use seatrial::real::Real;
-use seatrial::real::lanes::LANES;
-use seatrial::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::model::current::Current;
+use seatrial::model::kinematics::{rotation, to_euler};
+use seatrial::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::number::lanes::LANES;
+use seatrial::number::real::Real;
 
 /// One point of the state space.
 #[derive(Clone, Copy)]

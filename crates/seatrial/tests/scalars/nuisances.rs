@@ -1,12 +1,12 @@
 //! Nuisance parameters and initial conditions do what their definition says.
 
 use crate::flights::{Flights, NAMES, noise};
-use seatrial::algebra::{cross, product};
-use seatrial::criterion::{CHANNEL_NAMES, CHANNELS, channels};
-use seatrial::integrate::State;
-use seatrial::kinematics::{from_euler, normalised, quaternion_product, rotation, to_euler};
-use seatrial::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
-use seatrial::real::Real;
+use seatrial::fit::criterion::{CHANNEL_NAMES, CHANNELS, channels};
+use seatrial::fit::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
+use seatrial::model::integrate::State;
+use seatrial::model::kinematics::{from_euler, normalised, quaternion_product, rotation, to_euler};
+use seatrial::number::algebra::{cross, product};
+use seatrial::number::real::Real;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::atomic::AtomicBool;
 

@@ -2,7 +2,7 @@
 
 use crate::candidates::Trials;
 use seatrial::Error;
-use seatrial::criterion::{CHANNELS, Loss};
+use seatrial::fit::criterion::{CHANNELS, Loss};
 use std::sync::atomic::AtomicBool;
 
 /// Number of candidates: two full vectors and a part of a third.

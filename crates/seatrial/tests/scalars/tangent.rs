@@ -5,14 +5,14 @@ use crate::flights::{NAMES, vehicle};
 use crate::vehicles::{attitude, body, cases, velocity, with};
 use proptest::array::uniform3;
 use proptest::prelude::*;
-use seatrial::algebra::{Vec3, Vec6, product, skew};
-use seatrial::current::Current;
 use seatrial::description::Description;
-use seatrial::kinematics::{
+use seatrial::model::current::Current;
+use seatrial::model::kinematics::{
     Quaternion, euler_rate, from_euler, normalised, quaternion_product, rotation, to_euler,
 };
-use seatrial::linearize::{Form, Tangent, linearize};
-use seatrial::vehicle::{Instant, Vehicle};
+use seatrial::model::linearize::{Form, Tangent, linearize};
+use seatrial::model::vehicle::{Instant, Vehicle};
+use seatrial::number::algebra::{Vec3, Vec6, product, skew};
 
 /// Where the tangent is taken.
 #[derive(Clone, Copy, Debug)]

@@ -4,15 +4,15 @@
 
 use proptest::array::{uniform3, uniform4, uniform6, uniform21};
 use proptest::prelude::*;
-use seatrial::algebra::{Mat6, Vec3, Vec6};
-use seatrial::coefficients::{FORCES, VELOCITIES, added_mass};
+use seatrial::description::coefficients::{FORCES, VELOCITIES, added_mass};
 use seatrial::description::{Description, built_in};
-use seatrial::integrate::State;
-use seatrial::kinematics::{Quaternion, normalised, rotation};
-use seatrial::open_loop::batch::{Batch, Run};
-use seatrial::open_loop::inputs::{Inputs, modes};
-use seatrial::open_loop::{MotorStart, Segment};
-use seatrial::vehicle::Vehicle;
+use seatrial::fit::open_loop::batch::{Batch, Run};
+use seatrial::fit::open_loop::inputs::{Inputs, modes};
+use seatrial::fit::open_loop::{MotorStart, Segment};
+use seatrial::model::integrate::State;
+use seatrial::model::kinematics::{Quaternion, normalised, rotation};
+use seatrial::model::vehicle::Vehicle;
+use seatrial::number::algebra::{Mat6, Vec3, Vec6};
 use std::sync::atomic::AtomicBool;
 
 /// Gravity of every vehicle here, m/s².

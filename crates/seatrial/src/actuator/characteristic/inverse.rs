@@ -18,7 +18,7 @@
 //! that comes nearest. Tests: `tests/allocation.rs::law_signal_…`.
 
 use super::{Characteristic, Row, Shape, Table};
-use crate::real::Real;
+use crate::number::real::Real;
 
 /// Share of the dip that the windmilling branch serves.
 const WINDMILL: f64 = 0.75;

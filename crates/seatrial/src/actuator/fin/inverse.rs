@@ -10,8 +10,8 @@
 //! Source: as [`super`]. Tests: `tests/allocation.rs::law_fin_…`.
 
 use super::Fin;
-use crate::algebra::{Vec6, cross, dot};
-use crate::real::Real;
+use crate::number::algebra::{Vec6, cross, dot};
+use crate::number::real::Real;
 
 /// The water that meets a fin.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,137 @@
+//! What the autopilot expects of its actuators, and which of them it has given up.
+//!
+//! The model's motors follow the commands; a measured signal that stays away from the expected one by more than a
+//! share of the largest signal, for longer than a time, declares the actuator failed. From then on it gets no command,
+//! the others are allocated without it, and what it still does (a stuck fin, a motor that runs on) is
+//! taken off the demand at its measured signal.
+//!
+//! Tests: `tests/closed_loop/safety.rs`.
+
+use crate::actuator::motor::Limits;
+use crate::control::allocation::Allocator;
+use crate::control::safety::ActuatorWatch;
+use crate::model::drive::{Drive, UnlimitedDelay};
+use crate::model::vehicle::Vehicle;
+use crate::number::real::Real;
+
+/// Expected and measured signals of the actuators.
+#[derive(Clone)]
+pub struct Monitor<T> {
+    drive: Drive<T>,
+    targets: Vec<T>,
+    /// Largest signal; actuators without a limit are not watched.
+    largest: Vec<f64>,
+    /// How long each has been off, s.
+    off: Vec<T>,
+    /// 1 for those given up.
+    failed: Vec<T>,
+    /// The last measured signals.
+    shown: Vec<T>,
+    any: bool,
+}
+
+impl<T: Real> Monitor<T> {
+    /// All actuators at rest and trusted.
+    #[inline(always)]
+    pub fn new(model: &Vehicle<T>, limits: &[Limits], period: f64, unit: T) -> Self {
+        let at_rest = |i: usize| model.motor(i).steady(unit.zero());
+        let zeros = vec![unit.zero(); limits.len()];
+        Self {
+            drive: Drive::new(model, period, UnlimitedDelay::InTheDrive, at_rest),
+            targets: zeros.clone(),
+            largest: limits.iter().map(|l| l.maximum[0].max(l.maximum[1])).collect(),
+            off: zeros.clone(),
+            failed: zeros.clone(),
+            shown: zeros,
+            any: false,
+        }
+    }
+
+    /// Takes the commands of the next period.
+    #[inline(always)]
+    pub fn expect(&mut self, signals: &[T], limits: &[Limits]) {
+        for i in 0..signals.len() {
+            self.targets[i] = limits[i].apply(signals[i]);
+        }
+        for _half in 0..2 {
+            self.drive.advance(&self.targets);
+        }
+    }
+
+    /// Compares measured signals with the expected ones; what is not a number was not measured.
+    #[inline(always)]
+    pub fn compare(&mut self, signals: &[T], table: &ActuatorWatch, dt: f64) {
+        for (i, &signal) in signals.iter().enumerate() {
+            let told = signal.abs().lt(signal.splat(f64::INFINITY));
+            self.shown[i] = T::select(told, signal, self.shown[i]);
+            if !self.largest[i].is_finite() {
+                continue;
+            }
+            let zero = self.off[i].zero();
+            let away = zero
+                .splat(table.deviation * self.largest[i])
+                .lt((signal - self.drive.states[i].signal).abs());
+            self.off[i] = T::select(away, self.off[i] + dt, zero);
+            let lost = zero.splat(table.after_s).lt(self.off[i]);
+            self.any |= T::any(lost);
+            self.failed[i] = T::select(lost, zero.splat(1.0), self.failed[i]);
+        }
+    }
+
+    /// Gives an actuator up (1), or trusts it again (0).
+    pub fn declare(&mut self, actuator: usize, failed: T) {
+        self.failed[actuator] = failed;
+        self.off[actuator] = failed.zero();
+        self.any = true;
+    }
+
+    /// 1 where any actuator is given up.
+    #[inline(always)]
+    pub fn any_failed(&self) -> T {
+        let mut any = self.failed[0].zero();
+        if self.any {
+            for &failed in &self.failed {
+                any = any.max(failed);
+            }
+        }
+        any
+    }
+
+    /// Those given up, as the sum of 2^i.
+    #[inline(always)]
+    pub fn given_up(&self) -> T {
+        let mut sum = self.failed[0].zero();
+        if self.any {
+            let mut place = 1.0;
+            for &failed in &self.failed {
+                sum += failed * place;
+                place *= 2.0;
+            }
+        }
+        sum
+    }
+
+    /// Takes the command from those given up: what they still do is no command.
+    #[inline(always)]
+    pub fn silence(&self, signals: &mut [T]) {
+        if !self.any {
+            return;
+        }
+        for (signal, &failed) in signals.iter_mut().zip(&self.failed) {
+            *signal = T::select(failed.splat(0.5).lt(failed), failed.zero(), *signal);
+        }
+    }
+
+    /// Takes those given up out of the usable ones, and tells the allocation what they still do.
+    #[inline(always)]
+    pub fn exclude(&self, usable: &mut [T], allocator: &mut Allocator<T>) {
+        if !self.any {
+            return;
+        }
+        for i in 0..usable.len() {
+            let failed = self.failed[i].splat(0.5).lt(self.failed[i]);
+            usable[i] = T::select(failed, self.failed[i].zero(), usable[i]);
+            allocator.stuck(i, self.shown[i], failed);
+        }
+    }
+}

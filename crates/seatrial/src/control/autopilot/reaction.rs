@@ -1,0 +1,106 @@
+//! Guidance while all is well, and what stands in for it when safety calls: hold, surface.
+//!
+//! Tests: `tests/closed_loop/safety.rs`.
+
+use super::file::DepthBy;
+use super::rates::Rates;
+use super::set_point::SetPoint;
+use super::{Autopilot, AutopilotState};
+use crate::control::guidance::limits::towards;
+use crate::control::guidance::{Desired, Fix};
+use crate::control::navigation::Measurement;
+use crate::control::safety::Reaction;
+use crate::mission::Vertical;
+use crate::number::real::Real;
+
+impl<T: Real> Autopilot<T> {
+    /// 1 where the mission follows the bottom or keeps off it.
+    #[inline(always)]
+    pub(super) fn needs_altitude(&self, state: &AutopilotState<T>) -> T {
+        let waypoints = &self.mission.waypoints;
+        if self.mission.limits.altitude > 0.0 {
+            return self.unit.splat(1.0);
+        }
+        if waypoints.iter().all(|w| w.vertical == Vertical::Depth) {
+            return self.unit;
+        }
+        let follows = |leg: f64| {
+            let waypoint = &waypoints[(leg.max(0.0) as usize).min(waypoints.len() - 1)];
+            (f64::from(u8::from(waypoint.vertical == Vertical::Altitude)), 0.0)
+        };
+        state.progress.leg().tabulated(follows)
+    }
+
+    /// Guidance, stopped at the present place where a reaction begins, with the set points that stand in for it while
+    /// all is well.
+    #[inline(always)]
+    pub(super) fn guide(
+        &self,
+        state: &mut AutopilotState<T>,
+        measured: &Measurement<T>,
+        before: T,
+        set_point: Option<&SetPoint<T>>,
+    ) -> Desired<T> {
+        let half = before.splat(0.5);
+        let calm = state.alert.level.lt(half);
+        let begins = T::both(before.lt(half), half.lt(state.alert.level));
+        let mut fresh = measured.velocity();
+        for x in &mut fresh {
+            *x = T::select(Rates::blind(measured), x.zero(), *x);
+        }
+        let mut position = measured.position();
+        let set_point = set_point.map(|set_point| set_point.moved_only(calm));
+        if let Some(set_point) = &set_point {
+            for i in 0..3 {
+                position[i] -= set_point.shift[i];
+            }
+        }
+        let fix =
+            Fix { position, altitude: measured.altitude(), attitude: measured.attitude(), velocity: fresh };
+        if T::any(begins) {
+            self.guidance.stop_here(&mut state.progress, &fix, begins);
+            state.heading = T::select(begins, fix.attitude[2], state.heading);
+        }
+        let dt = self.settings.file.period_s;
+        let mut desired = self.guidance.step(&self.mission.waypoints, &mut state.progress, &fix, dt);
+        if let Some(set_point) = set_point {
+            set_point.over(&mut desired, calm);
+        }
+        desired
+    }
+
+    /// Puts what the reaction asks for over the desired values, within the limits of guidance; where the vehicle has
+    /// surfaced.
+    #[inline(always)]
+    pub(super) fn react(
+        &self,
+        state: &mut AutopilotState<T>,
+        measured: &Measurement<T>,
+        desired: &mut Desired<T>,
+    ) -> T::Mask {
+        let (zero, level) = (self.unit, state.alert.level);
+        let (file, guidance) = (&self.settings.file, &self.guidance);
+        let depth = measured.channels[2];
+        let surface = zero.splat(f64::from(Reaction::Surface as u8) - 0.5).lt(level);
+        if state.steps == 0 {
+            (state.speed, state.depth) = (measured.velocity()[0], depth);
+        }
+        if T::any(surface) {
+            let still = self.settings.modes[0].depth_by == DepthBy::Heave;
+            let speed = zero.splat(if still { 0.0 } else { file.safety.surface_speed_m_s });
+            let dt = file.period_s;
+            let pick = |to: &mut T, from: T| *to = T::select(surface, from, *to);
+            pick(&mut desired.speed, towards(state.speed, speed, guidance.acceleration_max * dt));
+            pick(&mut desired.lateral, zero);
+            pick(&mut desired.heading, state.heading);
+            pick(&mut desired.pitch, guidance.pitch_towards(depth));
+            pick(&mut desired.depth, towards(state.depth, zero, guidance.depth_rate_max * dt));
+            pick(&mut desired.holding, zero.splat(f64::from(u8::from(still))));
+        }
+        (state.speed, state.depth) = (desired.speed, desired.depth);
+        // Who was up stays stopped: without buoyancy it would start again and again.
+        let up = T::both(surface, depth.lt(zero.splat(file.safety.surfaced_above_m)));
+        state.surfaced = T::select(up, zero.splat(1.0), state.surfaced);
+        zero.lt(state.surfaced)
+    }
+}

@@ -1,0 +1,147 @@
+//! From the errors against a path to heading, pitch and speed.
+//!
+//! | method | heading | pitch |
+//! |---|---|---|
+//! | pursuit | `atan2(y_k − y, x_k − x)` | `atan2(−(z_k − z), hypot(x_k − x, y_k − y))` |
+//! | lookahead | `π_p − atan(y_e/Δ)` | `γ_p + atan(z_e/Δ_z)` |
+//! | integral | `π_p − atan((y_e + κ y_int)/Δ)` | `γ_p + atan((z_e + κ_z z_int)/Δ_z)` |
+//!
+//! `z_e` is positive below the path, so that it raises the bow: the sign is opposite to that of the heading. Pursuit
+//! knows no circle and no bottom; there it is lookahead. A vehicle that has never been before the plane through its
+//! waypoint goes straight to it. Towards a point that it will hold it slows down, `u_d = min(U, k r, √(a r))`, the
+//! root for a braking at half the largest rate of the speed.
+//!
+//! Source: Taubert et al. (2014), equations 51 and 52, (51) corrected; Fossen (2011), section 10.3; Børhaug, Pavlov
+//! and Pettersen (2008), equations 8 and 9.
+//! Tests: `law_pursuit_…`, `law_lookahead_…`, `law_integral_…` in `tests/guidance.rs`.
+
+use super::flag::{not, pick};
+use super::leg::Place;
+use super::{Fix, Guidance, Method, Progress};
+use crate::number::real::Real;
+
+/// A path at the point nearest to the vehicle.
+#[derive(Clone, Copy, Debug)]
+pub struct Path<T> {
+    /// Course `π_p`, rad.
+    pub course: T,
+    /// To starboard of it, north and east.
+    pub starboard: [T; 2],
+    /// Cross-track error `y_e`, m.
+    pub cross: T,
+    /// Slope `γ_p`, rad.
+    pub slope: T,
+    /// Vertical error `z_e`, m.
+    pub vertical: T,
+    /// Depth of the path, m.
+    pub depth: T,
+    /// 1 on a circle.
+    pub circling: T,
+    /// 1 beyond the end of a line.
+    pub direct: T,
+}
+
+impl<T: Real> Path<T> {
+    /// `other` where the mask holds, this path elsewhere.
+    #[inline(always)]
+    pub fn select(&self, mask: T::Mask, other: &Self) -> Self {
+        let f = |mine: T, others: T| T::select(mask, others, mine);
+        Self {
+            course: f(self.course, other.course),
+            starboard: [f(self.starboard[0], other.starboard[0]), f(self.starboard[1], other.starboard[1])],
+            cross: f(self.cross, other.cross),
+            slope: f(self.slope, other.slope),
+            vertical: f(self.vertical, other.vertical),
+            depth: f(self.depth, other.depth),
+            circling: f(self.circling, other.circling),
+            direct: f(self.direct, other.direct),
+        }
+    }
+}
+
+/// What is asked for before any limit.
+#[derive(Clone, Copy, Debug)]
+pub struct Aim<T> {
+    /// Surge speed, m/s.
+    pub speed: T,
+    /// Sway speed, m/s.
+    pub lateral: T,
+    /// Heading, rad, not wrapped.
+    pub heading: T,
+    /// Pitch, rad.
+    pub pitch: T,
+    /// Depth, m.
+    pub depth: T,
+}
+
+impl<T: Real> Aim<T> {
+    /// `other` where the mask holds, this aim elsewhere.
+    #[inline(always)]
+    pub fn select(&self, mask: T::Mask, other: &Self) -> Self {
+        let f = |mine: T, others: T| T::select(mask, others, mine);
+        Self {
+            speed: f(self.speed, other.speed),
+            lateral: f(self.lateral, other.lateral),
+            heading: f(self.heading, other.heading),
+            pitch: f(self.pitch, other.pitch),
+            depth: f(self.depth, other.depth),
+        }
+    }
+}
+
+/// Heading, pitch, depth and speed along a path.
+#[inline(always)]
+pub fn follow<T: Real>(
+    guidance: &Guidance<T>,
+    progress: &Progress<T>,
+    path: &Path<T>,
+    place: &Place<T>,
+    fix: &Fix<T>,
+) -> Aim<T> {
+    let zero = path.cross.zero();
+    let (learnt, learnt_vertical) = offsets(guidance, progress, path);
+    let lookahead = path.course - (path.cross + learnt).atan2(guidance.lookahead);
+    let pitch = path.slope + (path.vertical + learnt_vertical).atan2(guidance.lookahead_vertical);
+
+    let pursuit = zero.splat(if guidance.method == Method::Pursuit { 1.0 } else { 0.0 }) * not(path.circling);
+    let direct = pursuit.max(path.direct * not(progress.armed));
+    let bearing = place.to_end[1].atan2(place.to_end[0]);
+    let heading = pick(direct, bearing, lookahead);
+    let to_point = pursuit * not(progress.leg.terrain);
+    let speed = progress.leg.speed;
+    let slow = progress.leg.hold * not(progress.busy) * zero.splat(if guidance.hover { 1.0 } else { 0.0 });
+    let braking = (guidance.acceleration_max * place.range).sqrt();
+    let speed = pick(slow, speed.min(braking).min(guidance.hold_gain * place.range), speed);
+    Aim {
+        speed: speed * left_in_turn(guidance.turn_speed_share, heading - fix.attitude[2]),
+        lateral: zero,
+        heading,
+        pitch: pick(to_point, place.below.atan2(place.range), pitch),
+        depth: path.depth,
+    }
+}
+
+/// `κ y_int` and `κ_z z_int`, m; zero without integral.
+#[inline(always)]
+pub fn offsets<T: Real>(guidance: &Guidance<T>, progress: &Progress<T>, path: &Path<T>) -> (T, T) {
+    let zero = path.cross.zero();
+    if guidance.method != Method::Integral {
+        return (zero, zero);
+    }
+    let [north, east] = path.starboard;
+    let drift = progress.drift[0].mul_add(north, progress.drift[1] * east);
+    let lateral = path.circling.mul_add(progress.round, drift);
+    (guidance.integral_gain * lateral, guidance.integral_gain_vertical * progress.heave)
+}
+
+/// The share of the speed that is left at a heading error: 1 without, falling with the square of its cosine to
+/// `share` at a right angle.
+#[inline(always)]
+fn left_in_turn<T: Real>(share: T, error: T) -> T {
+    let one = share.splat(1.0);
+    if share.equals(one) {
+        return one;
+    }
+    let ahead = error.sin_cos().1.max(one.zero());
+    (ahead * ahead).mul_add(one - share, share)
+}

@@ -1,0 +1,187 @@
+//! What guidance remembers from step to step; of fixed size.
+
+use super::Fix;
+use super::flag::{holds, pick};
+use super::leg::Leg;
+use crate::mission::{Start, Waypoint};
+use crate::number::real::Real;
+
+/// Farther than any mission, m: no distance has been seen yet.
+const FAR: f64 = 1e9;
+
+/// How far a mission has come. Flags are 0 or 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<T> {
+    /// Index of the active waypoint.
+    pub(super) index: T,
+    /// The leg that ends there.
+    pub(super) leg: Leg<T>,
+    /// Whether the limited quantities have been taken from what is measured.
+    pub(super) started: bool,
+    /// The vehicle has been before the plane through the waypoint.
+    pub(super) armed: T,
+    /// The vehicle has come to the waypoint and is busy there: it holds or circles it.
+    pub(super) busy: T,
+    /// The clock of the hold runs, or the turns count.
+    pub(super) arrived: T,
+    /// Time since then, s.
+    pub(super) clock: T,
+    /// Angle swept round the centre since then in the circle's own direction, rad.
+    pub(super) swept: T,
+    /// Bearing of the vehicle from the centre at the last step, rad.
+    pub(super) bearing: T,
+    /// The mission is complete.
+    pub(super) done: T,
+    /// Smallest distance to the active waypoint so far, m.
+    pub(super) closest: T,
+    /// Largest of these distances over the waypoints that are done with, m.
+    pub(super) farthest: T,
+    /// Heading that is kept on station, rad.
+    pub(super) kept_heading: T,
+    /// Station was kept at the last step.
+    pub(super) was_holding: T,
+    /// Drift that the integral has learnt, north and east, s.
+    pub(super) drift: [T; 2],
+    /// The part of it that turns with a circle, s.
+    pub(super) round: T,
+    /// The integral of the vertical plane, s.
+    pub(super) heave: T,
+    /// Desired surge speed, m/s.
+    pub(super) speed: T,
+    /// Desired sway speed, m/s; the measured one while no station is kept.
+    pub(super) lateral: T,
+    /// Desired heading, rad.
+    pub(super) heading: T,
+    /// Desired pitch, rad.
+    pub(super) pitch: T,
+    /// Desired depth, m.
+    pub(super) depth: T,
+    /// Depth that the leg last asked for, m: without bottom lock it stays.
+    pub(super) terrain: T,
+}
+
+impl<T: Real> Progress<T> {
+    /// The state at the start, in the kind of `unit`. Without waypoints the mission is complete.
+    pub fn new(start: &Start, waypoints: &[Waypoint], unit: T) -> Self {
+        let zero = unit.zero();
+        let from = start.position.map(|x| zero.splat(x));
+        let course = zero.splat(start.heading.unwrap_or(0.0));
+        let empty = zero.splat(if waypoints.is_empty() { 1.0 } else { 0.0 });
+        let mut progress = Self {
+            index: zero,
+            leg: Leg::read(waypoints, zero, &from, course),
+            started: false,
+            armed: zero,
+            busy: zero,
+            arrived: zero,
+            clock: zero,
+            swept: zero,
+            bearing: zero,
+            done: zero,
+            closest: zero.splat(FAR),
+            farthest: zero,
+            kept_heading: zero,
+            was_holding: zero,
+            drift: [zero; 2],
+            round: zero,
+            heave: zero,
+            speed: zero,
+            lateral: zero,
+            heading: zero,
+            pitch: zero,
+            depth: zero,
+            terrain: zero,
+        };
+        progress.end_at(from, holds(empty));
+        progress
+    }
+
+    /// Index of the active waypoint.
+    #[inline(always)]
+    pub fn leg(&self) -> T {
+        self.index
+    }
+
+    /// Smallest distance to the active waypoint so far, m; to the circumference of a circle.
+    #[inline(always)]
+    pub fn closest(&self) -> T {
+        self.closest
+    }
+
+    /// Largest of the smallest distances to the waypoints that are done with, m: every waypoint was reached when it
+    /// is not above the radius of acceptance.
+    #[inline(always)]
+    pub fn farthest_miss(&self) -> T {
+        self.farthest
+    }
+
+    /// Drift that the integral has learnt, north and east, as multiples of κ/Δ in s: the crab angle that it asks
+    /// for is `atan(κ drift · n / Δ)`.
+    #[inline(always)]
+    pub fn drift(&self) -> [T; 2] {
+        self.drift
+    }
+
+    /// 1 while the vehicle keeps station at its waypoint, circles it, or dives there.
+    #[inline(always)]
+    pub fn busy(&self) -> T {
+        self.busy
+    }
+
+    /// Forgets what the integrals have learnt.
+    pub fn restart_integrals(&mut self) {
+        let zero = self.index.zero();
+        (self.drift, self.round, self.heave) = ([zero; 2], zero, zero);
+    }
+
+    /// Starts the limited quantities from what is measured.
+    #[inline(always)]
+    pub(super) fn measured(&mut self, fix: &Fix<T>) {
+        self.started = true;
+        self.speed = fix.velocity[0];
+        self.lateral = fix.velocity[1];
+        self.heading = fix.attitude[2].wrap();
+        self.pitch = fix.attitude[1];
+        self.depth = fix.position[2];
+        self.terrain = fix.position[2];
+    }
+
+    /// Ends the mission at the place of the fix.
+    #[inline(always)]
+    pub(super) fn stop(&mut self, fix: &Fix<T>, at: T::Mask) {
+        self.end_at(fix.position, at);
+    }
+
+    /// Ends the mission at a place where the mask holds.
+    #[inline(always)]
+    fn end_at(&mut self, place: [T; 3], at: T::Mask) {
+        let (zero, one) = (self.index.zero(), self.index.splat(1.0));
+        let set = |to: &mut T, x: T| *to = T::select(at, x, *to);
+        for i in 0..3 {
+            set(&mut self.leg.end[i], place[i]);
+        }
+        for flag in [&mut self.leg.terrain, &mut self.leg.hold, &mut self.leg.circle, &mut self.leg.wished] {
+            set(flag, zero);
+        }
+        for flag in [&mut self.busy, &mut self.done] {
+            set(flag, one);
+        }
+        set(&mut self.leg.sense, one);
+        set(&mut self.was_holding, zero);
+        set(&mut self.round, zero);
+    }
+
+    /// Goes on to the next waypoint where `go` is 1, on a line from `from`.
+    #[inline(always)]
+    pub(super) fn advance(&mut self, waypoints: &[Waypoint], go: T, from: &[T; 3]) {
+        let zero = self.index.zero();
+        self.index += go;
+        let next = Leg::read(waypoints, self.index, from, self.leg.course);
+        self.leg = self.leg.select(holds(go), &next);
+        for x in [&mut self.armed, &mut self.busy, &mut self.arrived, &mut self.clock, &mut self.swept] {
+            *x = pick(go, zero, *x);
+        }
+        self.round = pick(go, zero, self.round);
+        self.closest = pick(go, zero.splat(FAR), self.closest);
+    }
+}

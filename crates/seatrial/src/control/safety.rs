@@ -1,0 +1,315 @@
+//! What the autopilot watches, and what it does then: go on, hold, surface or abort.
+//!
+//! | watch | true when |
+//! |---|---|
+//! | `stale_position` … `stale_altitude` | no good sample of the group for so many seconds |
+//! | `depth`, `altitude`, `fence`, `time` | a limit of the mission is passed |
+//! | `battery` | less than the share is left |
+//! | `actuator` | an actuator does not follow its command |
+//! | `progress` | the active waypoint has come no nearer for so many seconds |
+//!
+//! The reactions are ordered, hold < surface < abort. The strongest that was called for stays: a vehicle that turns
+//! back at a limit must not take up its mission again. *Hold* keeps the station, or circles where the vehicle cannot;
+//! *surface* comes up under control; *abort* stops all actuators and lets buoyancy bring the vehicle up.
+//!
+//! A limit must be passed for a second, since one sample may be wrong.
+//!
+//! Tests: `tests/closed_loop/safety.rs` (each watch, each reaction).
+
+use crate::control::navigation::{GROUP_NAMES, Measurement};
+use crate::mission::{Limits, outside};
+use crate::number::real::Real;
+use serde::{Deserialize, Serialize};
+
+/// What is done when a watch is true, in rising order.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, PartialOrd, Ord)]
+#[serde(rename_all = "lowercase")]
+pub enum Reaction {
+    /// The mission goes on.
+    #[default]
+    Continue,
+    /// Station-keeping, or a circle.
+    Hold,
+    /// Up to the surface under control.
+    Surface,
+    /// All actuators stop.
+    Abort,
+}
+
+/// The names of the reactions by their level.
+pub const REACTIONS: [&str; 4] = ["continue", "hold", "surface", "abort"];
+
+/// The number of watches.
+pub const WATCHES: usize = 13;
+
+/// The names of the watches; cause `i + 1` is watch `i`, cause 0 is none.
+pub const WATCH_NAMES: [&str; WATCHES] = [
+    "stale_position",
+    "stale_depth",
+    "stale_attitude",
+    "stale_velocity",
+    "stale_rates",
+    "stale_altitude",
+    "depth",
+    "altitude",
+    "fence",
+    "time",
+    "battery",
+    "actuator",
+    "progress",
+];
+
+/// What should come, samples or the waypoint, and does not.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Stale {
+    /// Without it for so long, s.
+    pub after_s: f64,
+    /// What is done then.
+    pub reaction: Reaction,
+}
+
+/// The watches that compare a measurement with a limit: depth, altitude, fence and battery.
+const MEASURED_LIMITS: [usize; 4] = [6, 7, 8, 10];
+
+/// The battery.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Battery {
+    /// Share of the charge below which it is low.
+    pub below: f64,
+    /// What is done then.
+    pub reaction: Reaction,
+}
+
+/// Actuators whose measured signal does not follow.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ActuatorWatch {
+    /// Deviation from the expected signal, as a share of the largest one.
+    pub deviation: f64,
+    /// For so long, s.
+    pub after_s: f64,
+    /// What is done besides allocating anew without it.
+    pub reaction: Reaction,
+}
+
+/// The table `[safety]` of the autopilot file.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct SafetyTable {
+    /// Forward speed while surfacing, m/s.
+    pub surface_speed_m_s: f64,
+    /// Depth at which the vehicle counts as surfaced, m.
+    pub surfaced_above_m: f64,
+    /// Horizontal position.
+    pub stale_position: Stale,
+    /// Depth.
+    pub stale_depth: Stale,
+    /// Roll, pitch and heading.
+    pub stale_attitude: Stale,
+    /// Velocity over ground.
+    pub stale_velocity: Stale,
+    /// Turn rates.
+    pub stale_rates: Stale,
+    /// Altitude, on legs that follow the bottom and on missions with a least altitude.
+    pub stale_altitude: Stale,
+    /// The mission's largest depth is passed.
+    pub depth: Reaction,
+    /// The altitude is below the mission's smallest one.
+    pub altitude: Reaction,
+    /// The vehicle is outside the mission's fence.
+    pub fence: Reaction,
+    /// The mission takes longer than its limit.
+    pub time: Reaction,
+    /// The battery is low.
+    pub battery: Battery,
+    /// An actuator does not follow.
+    pub actuator: ActuatorWatch,
+    /// The waypoint comes no nearer.
+    pub progress: Stale,
+}
+
+impl Default for SafetyTable {
+    fn default() -> Self {
+        let stale = |after_s, reaction| Stale { after_s, reaction };
+        Self {
+            surface_speed_m_s: 0.5,
+            surfaced_above_m: 0.5,
+            stale_position: stale(60.0, Reaction::Surface),
+            stale_depth: stale(5.0, Reaction::Abort),
+            stale_attitude: stale(2.0, Reaction::Abort),
+            stale_velocity: stale(20.0, Reaction::Surface),
+            stale_rates: stale(2.0, Reaction::Abort),
+            stale_altitude: stale(20.0, Reaction::Surface),
+            depth: Reaction::Surface,
+            altitude: Reaction::Surface,
+            fence: Reaction::Hold,
+            time: Reaction::Surface,
+            battery: Battery { below: 0.1, reaction: Reaction::Surface },
+            actuator: ActuatorWatch { deviation: 0.2, after_s: 2.0, reaction: Reaction::Continue },
+            progress: stale(120.0, Reaction::Surface),
+        }
+    }
+}
+
+impl SafetyTable {
+    /// What is wrong with the table, if anything.
+    pub fn complaint(&self) -> Option<String> {
+        let stale = self.stale();
+        let times =
+            stale.iter().zip(GROUP_NAMES).map(|(s, name)| (format!("stale_{name}.after_s"), s.after_s));
+        let others = [
+            ("surface_speed_m_s".to_owned(), self.surface_speed_m_s),
+            ("surfaced_above_m".to_owned(), self.surfaced_above_m),
+            ("actuator.after_s".to_owned(), self.actuator.after_s),
+            ("actuator.deviation".to_owned(), self.actuator.deviation),
+            ("progress.after_s".to_owned(), self.progress.after_s),
+        ];
+        let wrong = times.chain(others).find(|(_, x)| x.is_nan() || *x <= 0.0);
+        if let Some((key, x)) = wrong {
+            return Some(format!("safety.{key}: expected a positive number, found {x}"));
+        }
+        let below = self.battery.below;
+        if !(0.0..1.0).contains(&below) {
+            return Some(format!("safety.battery.below: expected a share from 0 to 1, found {below}"));
+        }
+        None
+    }
+
+    fn stale(&self) -> [Stale; 6] {
+        [
+            self.stale_position,
+            self.stale_depth,
+            self.stale_attitude,
+            self.stale_velocity,
+            self.stale_rates,
+            self.stale_altitude,
+        ]
+    }
+
+    fn reactions(&self) -> [Reaction; WATCHES] {
+        let [a, b, c, d, e, f] = self.stale().map(|s| s.reaction);
+        let (battery, actuator, progress) =
+            (self.battery.reaction, self.actuator.reaction, self.progress.reaction);
+        [a, b, c, d, e, f, self.depth, self.altitude, self.fence, self.time, battery, actuator, progress]
+    }
+}
+
+/// What has been called for so far.
+#[derive(Clone, Copy, Debug)]
+pub struct Alert<T> {
+    /// Level of the strongest reaction, see [`REACTIONS`].
+    pub level: T,
+    /// The watch that called for it, counted from 1; 0 for none.
+    pub cause: T,
+    /// When, s.
+    pub since: T,
+    /// For how long each watch has been true, s.
+    lasting: [T; WATCHES],
+}
+
+/// A limit counts as passed after so long, s: one sample is an echo of a fish.
+const PERSISTENCE_S: f64 = 1.0;
+
+impl<T: Real> Alert<T> {
+    /// Nothing yet.
+    pub fn none(unit: T) -> Self {
+        let zero = unit.zero();
+        Self { level: zero, cause: zero, since: zero, lasting: [zero; WATCHES] }
+    }
+}
+
+/// What is watched besides the measurement.
+#[derive(Clone, Copy, Debug)]
+pub struct Circumstances<'a, T> {
+    /// Limits of the mission.
+    pub limits: &'a Limits,
+    /// Time since the start, s.
+    pub time: f64,
+    /// Control period, s.
+    pub dt: f64,
+    /// 1 on a leg that follows the bottom, and on missions that keep off it.
+    pub needs_altitude: T,
+    /// 1 when an actuator has been declared failed.
+    pub failed: T,
+    /// For how long the active waypoint has come no nearer, s.
+    pub stalled: T,
+}
+
+/// How the active waypoint comes nearer.
+#[derive(Clone, Copy, Debug)]
+pub struct Approach<T> {
+    leg: T,
+    nearest: T,
+    /// For how long it has come no nearer, s.
+    pub stalled: T,
+}
+
+/// A waypoint counts as nearer by this much, m: more than the noise of a position.
+const NEARER_M: f64 = 0.5;
+
+impl<T: Real> Approach<T> {
+    /// Nothing seen yet.
+    pub fn new(unit: T) -> Self {
+        Self { leg: unit.splat(-1.0), nearest: unit.zero(), stalled: unit.zero() }
+    }
+
+    /// After `dt` more seconds at a distance from the waypoint `leg`; no time runs while the vehicle is `busy` there.
+    #[inline(always)]
+    pub fn see(&mut self, (leg, distance): (T, T), busy: T, dt: f64) {
+        let zero = distance.zero();
+        let other = zero.splat(0.5).lt((leg - self.leg).abs().max(busy));
+        let nearer = distance.lt(self.nearest - NEARER_M);
+        let fresh = T::either(other, nearer);
+        self.nearest = T::select(fresh, distance, self.nearest);
+        self.stalled = T::select(fresh, zero, self.stalled + dt);
+        self.leg = leg;
+    }
+}
+
+/// The alert after one more look.
+#[inline(always)]
+pub fn watch<T: Real>(
+    table: &SafetyTable,
+    alert: &Alert<T>,
+    measured: &Measurement<T>,
+    around: &Circumstances<'_, T>,
+) -> Alert<T> {
+    let zero = alert.level.zero();
+    let (one, half) = (zero.splat(1.0), zero.splat(0.5));
+    let flag = |mask: T::Mask| T::select(mask, one, zero);
+    let [north, east, depth] = measured.position();
+    let mut called = [zero; WATCHES];
+    for (i, stale) in table.stale().iter().enumerate() {
+        // What was never measured counts from the start.
+        let age = measured.age[i].min(zero.splat(around.time));
+        called[i] = flag(zero.splat(stale.after_s).lt(age));
+    }
+    // A sensor of the altitude matters where the mission asks for one.
+    called[5] *= around.needs_altitude;
+    let limits = around.limits;
+    called[6] = flag(zero.splat(limits.depth).lt(depth));
+    called[7] = flag(measured.altitude().lt(zero.splat(limits.altitude)));
+    if !limits.fence.is_empty() {
+        called[8] = outside(&limits.fence, north, east);
+    }
+    called[9] = flag(zero.splat(limits.time).lt(zero.splat(around.time)));
+    called[10] = flag(measured.battery.lt(zero.splat(table.battery.below)));
+    called[11] = around.failed;
+    called[12] = flag(zero.splat(table.progress.after_s).lt(around.stalled));
+    let mut next = *alert;
+    for (i, reaction) in table.reactions().into_iter().enumerate() {
+        next.lasting[i] = T::select(half.lt(called[i]), next.lasting[i] + around.dt, zero);
+        // The others have a time of their own.
+        if MEASURED_LIMITS.contains(&i) {
+            called[i] = flag(zero.splat(PERSISTENCE_S).lt(next.lasting[i]));
+        }
+        let level = zero.splat(f64::from(reaction as u8));
+        let stronger = T::both(half.lt(called[i]), next.level.lt(level));
+        next.level = T::select(stronger, level, next.level);
+        next.cause = T::select(stronger, zero.splat(i as f64 + 1.0), next.cause);
+        next.since = T::select(stronger, zero.splat(around.time), next.since);
+    }
+    next
+}

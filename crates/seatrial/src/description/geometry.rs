@@ -1,0 +1,171 @@
+//! Start values from a tape measure: inertia, added mass and drag of a body of revolution.
+//!
+//! * Inertia of a solid cylinder: `I_x = ½ m r²`, `I_y = I_z = m (l² + 3 r²)/12`.
+//! * Added mass of a prolate spheroid a = l/2, b = r by Lamb's factors of the eccentricity e:
+//!   `X_udot = −k1 m_e`, `Y_vdot = Z_wdot = −k2 m_e`, `M_qdot = N_rdot = −k' I_e`, with
+//!   `m_e = ⅔ π ρ r² l` and `I_e = m_e (l²/4 + r²)/5`.
+//! * Axial drag `C_Dx = 0.44 d/l + 4 C_f l/d + 4 C_f √(d/l)`, `C_f = 0.075/(log₁₀ Re − 2)²` (a laminar form
+//!   with a turbulent friction line: a start value, bounds 0.5–4×).
+//! * Cross-flow `Y_vv = −½ ρ C_D 2 r l`, C_D of a finite cylinder by l/d; rotation
+//!   `M_qq = N_rr = −ρ C_D r l⁴/32`; roll `K_pp = −½ ρ C_Dp Σ A_i r_i³` over fins and tower.
+//!
+//! Source: Taubert et al. (2014), equations 11–31, corrected; Lamb, *Hydrodynamics* (1932), §§ 114–115;
+//! White, *Fluid Mechanics*, drag of finite cylinders.
+//! Tests: `tests/golden.rs` (Lamb factors, MSS `imlay61`, CWolf's integrals).
+
+use crate::description::coefficients::{INERTIA, added_mass, quadratic};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// Roll damping of a flat plate, C_Dp.
+const FLAT_PLATE: f64 = 1.2;
+/// Added roll inertia of fins and tower as a share of I_x: no closed formula; a start value.
+const ROLL_ADDED_INERTIA: f64 = 0.3;
+
+/// Measures of a hull.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Geometry {
+    /// Length over all, m.
+    pub length_m: f64,
+    /// Largest diameter, m; of a box-shaped vehicle its width.
+    pub diameter_m: f64,
+    /// Height, m, where it differs from the diameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_m: Option<f64>,
+    /// `spheroid` (start values are filled in) or `box` (they are not).
+    #[serde(default)]
+    pub shape: Shape,
+    /// Speed at which the friction line is read, m/s.
+    #[serde(default = "one")]
+    pub design_speed_m_s: f64,
+    /// Kinematic viscosity of the water, m²/s.
+    #[serde(default = "sea_water_viscosity")]
+    pub kinematic_viscosity_m2_s: f64,
+    /// Fins and tower.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub appendages: Vec<Appendage>,
+}
+
+/// The form for which start values are known.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum Shape {
+    /// A slender body of revolution.
+    #[default]
+    Spheroid,
+    /// An open frame: no start values.
+    Box,
+}
+
+/// A plate that damps roll.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Appendage {
+    /// Area, m².
+    pub area_m2: f64,
+    /// Distance of its centroid from the roll axis, m.
+    pub arm_m: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn sea_water_viscosity() -> f64 {
+    1.19e-6
+}
+
+/// Lamb's factors `[k1, k2, k']` of a prolate spheroid of this length and radius, length > 2 radius.
+pub fn lamb_factors(length: f64, radius: f64) -> [f64; 3] {
+    let (a, b) = (0.5 * length, radius);
+    let e2 = 1.0 - (b / a).powi(2);
+    let e = e2.sqrt();
+    let logarithm = ((1.0 + e) / (1.0 - e)).ln();
+    let alpha = 2.0 * (1.0 - e2) / e.powi(3) * (0.5 * logarithm - e);
+    let beta = 1.0 / e2 - (1.0 - e2) / (2.0 * e.powi(3)) * logarithm;
+    let k_rotation = e2 * e2 * (beta - alpha) / ((2.0 - e2) * (2.0 * e2 - (2.0 - e2) * (beta - alpha)));
+    [alpha / (2.0 - alpha), beta / (2.0 - beta), k_rotation]
+}
+
+/// Drag coefficient of a finite cylinder in cross-flow by its slenderness l/d.
+pub fn cross_flow_drag(slenderness: f64) -> f64 {
+    const CURVE: [(f64, f64); 7] =
+        [(1.0, 0.64), (2.0, 0.68), (3.0, 0.72), (5.0, 0.74), (10.0, 0.82), (20.0, 0.91), (40.0, 0.98)];
+    let upper = CURVE.partition_point(|(x, _)| *x < slenderness).clamp(1, CURVE.len() - 1);
+    let ((x0, y0), (x1, y1)) = (CURVE[upper - 1], CURVE[upper]);
+    y0 + (y1 - y0) * ((slenderness - x0) / (x1 - x0)).clamp(0.0, 1.0)
+}
+
+impl Geometry {
+    /// Radius of the hull, m.
+    pub fn radius(&self) -> f64 {
+        0.5 * self.diameter_m
+    }
+
+    /// Axial drag coefficient on the frontal area π r².
+    pub fn axial_drag(&self) -> f64 {
+        let slenderness = self.length_m / self.diameter_m;
+        let reynolds = self.design_speed_m_s * self.length_m / self.kinematic_viscosity_m2_s;
+        let friction = 0.075 / (reynolds.log10() - 2.0).powi(2);
+        0.44 / slenderness + 4.0 * friction * slenderness + 4.0 * friction / slenderness.sqrt()
+    }
+
+    /// What is wrong with the measures, if anything.
+    pub fn complaint(&self) -> Option<String> {
+        let positive = [
+            ("length_m", self.length_m),
+            ("diameter_m", self.diameter_m),
+            ("height_m", self.height_m.unwrap_or(1.0)),
+            ("design_speed_m_s", self.design_speed_m_s),
+            ("kinematic_viscosity_m2_s", self.kinematic_viscosity_m2_s),
+        ];
+        if let Some((key, value)) = positive.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
+            return Some(format!("geometry.{key}: expected a positive length or speed, found {value}"));
+        }
+        (self.shape == Shape::Spheroid && self.length_m <= self.diameter_m).then(|| {
+            format!(
+                "geometry: a spheroid hull is longer than wide, found length_m = {} and diameter_m = {}; use shape = \"box\" for an open frame",
+                self.length_m, self.diameter_m
+            )
+        })
+    }
+
+    /// Start values `(index, value)` of the coefficients at mass `m` (kg) in water of density `rho`
+    /// (kg/m³); none for a box.
+    pub fn start_values(&self, m: f64, rho: f64) -> Vec<(usize, f64)> {
+        if self.shape == Shape::Box {
+            return Vec::new();
+        }
+        let (l, r) = (self.length_m, self.radius());
+        let i_x = 0.5 * m * r * r;
+        let i_y = m * (l * l + 3.0 * r * r) / 12.0;
+        let m_e = 2.0 / 3.0 * PI * rho * r * r * l;
+        let i_e = m_e * (l * l / 4.0 + r * r) / 5.0;
+        let [k1, k2, k_rotation] = lamb_factors(l, r);
+        let cross_flow = cross_flow_drag(l / self.diameter_m);
+        let lateral = -0.5 * rho * cross_flow * 2.0 * r * l;
+        let rotation = -rho * cross_flow * r * l.powi(4) / 32.0;
+        let roll = -0.5
+            * rho
+            * FLAT_PLATE
+            * self.appendages.iter().map(|a| a.area_m2 * a.arm_m.powi(3)).sum::<f64>();
+        vec![
+            (INERTIA, i_x),
+            (INERTIA + 1, i_y),
+            (INERTIA + 2, i_y),
+            (added_mass(0, 0), -k1 * m_e),
+            (added_mass(1, 1), -k2 * m_e),
+            (added_mass(2, 2), -k2 * m_e),
+            (added_mass(3, 3), -ROLL_ADDED_INERTIA * i_x),
+            (added_mass(4, 4), -k_rotation * i_e),
+            (added_mass(5, 5), -k_rotation * i_e),
+            (quadratic(0, 0), -0.5 * rho * self.axial_drag() * PI * r * r),
+            (quadratic(1, 1), lateral),
+            (quadratic(2, 2), lateral),
+            (quadratic(3, 3), roll),
+            (quadratic(4, 4), rotation),
+            (quadratic(5, 5), rotation),
+        ]
+    }
+}

@@ -1,0 +1,336 @@
+//! What the channels of every segment show, and its exact derivatives by any coefficient, nuisance
+//! parameter and initial condition: eight unknowns to a flight.
+//!
+//! Every (segment, eight unknowns) pair is a task of its own, so that threads never change a result.
+//!
+//! The model has corners, where one of the derivatives beside them counts: a dead time or a latency of whole
+//! steps, knots of a measured table, the ends of a rate limit; |x| at zero has derivative zero. Behind a rate
+//! limit a dead time matters only near the end of a step: a jump of the command that arrives within one
+//! starts the same ramp.
+//!
+//! Tests: `tests/scalars/sensitivities.rs`, `tests/core/test_sensitivities.py` (finite differences),
+//! `tests/core/test_casadi_derivatives.py`.
+
+use super::batch::Batch;
+use super::{Observer, Segment, Start, fly};
+use crate::error::Error;
+use crate::fit::criterion::{CHANNELS, Criterion, Loss};
+use crate::fit::observation::{INITIALS, NUISANCES, Nuisance, Shown};
+use crate::model::vehicle::{Structure, Vehicle};
+use crate::number::dual::{Dual, Valued};
+use crate::number::lanes::{LANES, level};
+use crate::number::real::Real;
+use fearless_simd::{Level, Simd, SimdBase, f64x8};
+use rayon::prelude::*;
+use std::sync::atomic::AtomicBool;
+
+/// One number whose change is of interest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unknown {
+    /// A row of [`Point::directions`]: coefficients that move together.
+    Direction(usize),
+    /// A nuisance parameter, by its place among [`crate::fit::observation::nuisance_names`].
+    Nuisance(usize),
+    /// An initial condition of the segment, by its place among [`crate::fit::observation::INITIAL_NAMES`].
+    Initial(usize),
+}
+
+/// Where the derivatives are taken.
+#[derive(Clone, Copy)]
+pub struct Point<'a> {
+    /// Indices of the coefficients that are set.
+    pub sought: &'a [usize],
+    /// Their values.
+    pub values: &'a [f64],
+    /// Rows of changes of these coefficients, `directions[row * sought.len() + i]`.
+    pub directions: &'a [f64],
+    /// Per record.
+    pub nuisance: &'a [[f64; NUISANCES]],
+    /// Per segment.
+    pub initial: &'a [[f64; INITIALS]],
+}
+
+impl Point<'_> {
+    /// The change of the sought coefficient `i` along an unknown.
+    fn along(&self, unknown: Unknown, i: usize) -> f64 {
+        match unknown {
+            Unknown::Direction(row) => self.directions[row * self.sought.len() + i],
+            _ => 0.0,
+        }
+    }
+}
+
+/// What a segment shows.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    /// The channels at every sample.
+    pub rows: Vec<[f64; CHANNELS]>,
+    /// `[sample][channel among those asked for][unknown]`.
+    pub jacobian: Vec<f64>,
+}
+
+/// Value and gradient of the criterion on a segment.
+#[derive(Clone, Debug)]
+pub struct Gradient {
+    /// The sum per channel.
+    pub sums: [f64; CHANNELS],
+    /// `[channel][unknown]`.
+    pub slopes: Vec<f64>,
+}
+
+struct Work<'a> {
+    point: Point<'a>,
+    structure: Structure,
+    asked: &'a [usize],
+    /// No unknown of the whole request lies between motion and channels or in the start: all its groups
+    /// of eight take the same way, so that grouping never changes a bit.
+    coefficients_only: bool,
+    stop: &'a AtomicBool,
+}
+
+const ALL: [usize; CHANNELS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+
+impl Batch<'_> {
+    /// What every segment shows, and the derivatives of the channels `asked` for.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`], or a forced instruction set that is not there.
+    pub fn sensitivities(
+        &self,
+        point: Point<'_>,
+        unknowns: &[Unknown],
+        asked: &[usize],
+        stop: &AtomicBool,
+    ) -> Result<Vec<Prediction>, Error> {
+        let rows = self.predictions(point, stop)?;
+        let structure = Structure::new(self.description, point.sought);
+        let coefficients_only = unknowns.iter().all(|unknown| matches!(unknown, Unknown::Direction(_)));
+        let work = Work { point, structure, asked, coefficients_only, stop };
+        let partials = self.differentiate(&work, unknowns)?;
+        let groups = unknowns.len().div_ceil(LANES);
+        Ok((0..self.segments.len())
+            .into_par_iter()
+            .zip(rows)
+            .map(|(s, rows)| {
+                let mut jacobian = vec![0.0; rows.len() * asked.len() * unknowns.len()];
+                for (place, row) in jacobian.chunks_exact_mut(unknowns.len().max(1)).enumerate() {
+                    for (group, chunk) in partials[s * groups..].iter().zip(row.chunks_mut(LANES)) {
+                        chunk.copy_from_slice(&group[place][..chunk.len()]);
+                    }
+                }
+                Prediction { rows, jacobian }
+            })
+            .collect())
+    }
+
+    /// The criterion of every segment on what its channels show, infinite where the model diverged, and its
+    /// gradient.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`], or a forced instruction set that is not there.
+    pub fn gradient(
+        &self,
+        point: Point<'_>,
+        unknowns: &[Unknown],
+        loss: Loss,
+        stop: &AtomicBool,
+    ) -> Result<Vec<Gradient>, Error> {
+        self.check_observed()?;
+        let shown = self.sensitivities(point, unknowns, &ALL, stop)?;
+        let one = |(segment, prediction): (&Segment, &Prediction)| {
+            let record = &self.records[segment.record];
+            let width = unknowns.len();
+            let mut sums = [0.0; CHANNELS];
+            let mut slopes = vec![0.0; CHANNELS * width];
+            // The slope of the loss by what a channel shows, times what that is by the unknown.
+            for (k, row) in prediction.rows.iter().enumerate().skip(1) {
+                let (row, at) = (row.map(|value| Dual { value, partials: 1.0 }), segment.start + k);
+                let (observed, weight) = (&record.observed, &record.weight);
+                let mut criterion = Criterion::new(observed, weight, at..at + 1, loss, row[0].zero());
+                criterion.compare(at, &row);
+                for c in 0..CHANNELS {
+                    sums[c] += criterion.sums[c].value;
+                    let slope = criterion.sums[c].partials;
+                    let partials = &prediction.jacobian[(k * CHANNELS + c) * width..][..width];
+                    for (to, partial) in slopes[c * width..][..width].iter_mut().zip(partials) {
+                        *to += slope * partial;
+                    }
+                }
+            }
+            let sums = sums.map(|sum| if sum.is_finite() { sum } else { f64::INFINITY });
+            Gradient { sums, slopes }
+        };
+        Ok(self.segments.par_iter().zip(&shown).map(one).collect())
+    }
+
+    /// What every segment shows, in plain `f64`.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn predictions(
+        &self,
+        point: Point<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Vec<Vec<[f64; CHANNELS]>>, Error> {
+        let structure = Structure::new(self.description, point.sought);
+        let work = Work { point, structure, asked: &ALL, coefficients_only: true, stop };
+        let mut values = self.description.coefficients.clone();
+        for (&index, &value) in point.sought.iter().zip(point.values) {
+            values[index] = value;
+        }
+        (0..self.segments.len())
+            .into_par_iter()
+            .map(|s| {
+                let nuisance = point.nuisance[self.segments[s].record];
+                let shown = self.observe(&work, &values, &nuisance, &point.initial[s], s)?;
+                Ok(shown.as_chunks().0.to_vec())
+            })
+            .collect()
+    }
+
+    /// The partials of every segment by every eight unknowns, `[segment][group]` in one row, each
+    /// `[sample, channel asked for][unknown of the group]`.
+    fn differentiate(&self, work: &Work<'_>, unknowns: &[Unknown]) -> Result<Vec<Vec<[f64; LANES]>>, Error> {
+        let (name, level) = level()?;
+        let groups: Vec<&[Unknown]> = unknowns.chunks(LANES).collect();
+        (0..self.segments.len() * groups.len())
+            .into_par_iter()
+            .map(|task| {
+                let (s, group) = (task / groups.len(), groups[task % groups.len()]);
+                if name == "fallback" {
+                    self.one_by_one(work, group, s)
+                } else {
+                    on_level(level, self, work, group, s)
+                }
+            })
+            .collect()
+    }
+
+    /// The derivatives by one unknown after the other: where there are no lanes.
+    fn one_by_one(
+        &self,
+        work: &Work<'_>,
+        unknowns: &[Unknown],
+        s: usize,
+    ) -> Result<Vec<[f64; LANES]>, Error> {
+        let mut all = Vec::new();
+        for lane in 0..unknowns.len() {
+            let unit = |wanted: Unknown| if unknowns[lane] == wanted { 1.0 } else { 0.0 };
+            let along = |i: usize| work.point.along(unknowns[lane], i);
+            let shown = self.seeded(work, 0.0, (unit, along), unknowns, s)?;
+            all.resize(shown.len(), [0.0; LANES]);
+            for (to, from) in all.iter_mut().zip(&shown) {
+                to[lane] = from.partials;
+            }
+        }
+        Ok(all)
+    }
+
+    /// The derivatives by up to eight unknowns at once.
+    #[inline(always)]
+    fn eight_unknowns<S: Simd>(
+        &self,
+        simd: S,
+        work: &Work<'_>,
+        unknowns: &[Unknown],
+        s: usize,
+    ) -> Result<Vec<[f64; LANES]>, Error> {
+        let unit = |wanted: Unknown| {
+            f64x8::from_fn(simd, |lane| if unknowns.get(lane) == Some(&wanted) { 1.0 } else { 0.0 })
+        };
+        let along = |i: usize| {
+            f64x8::from_fn(simd, |lane| {
+                unknowns.get(lane).map_or(0.0, |&unknown| work.point.along(unknown, i))
+            })
+        };
+        let shown = self.seeded(work, simd.splat_f64x8(0.0), (unit, along), unknowns, s)?;
+        Ok(shown.iter().map(|x| x.partials.into()).collect())
+    }
+
+    /// What segment `s` shows, every unknown seeded with its `unit`; `along(i)` is the seed of the sought
+    /// coefficient `i`.
+    #[inline(always)]
+    fn seeded<P: Real>(
+        &self,
+        work: &Work<'_>,
+        none: P,
+        (unit, along): (impl Fn(Unknown) -> P, impl Fn(usize) -> P),
+        unknowns: &[Unknown],
+        s: usize,
+    ) -> Result<Vec<Dual<P>>, Error> {
+        let constant = |value: f64| Dual { value, partials: none };
+        let mut values: Vec<Dual<P>> = self.description.coefficients.iter().map(|&x| constant(x)).collect();
+        for (i, (&index, &value)) in work.point.sought.iter().zip(work.point.values).enumerate() {
+            values[index] = Dual { value, partials: along(i) };
+        }
+        let mut nuisance = work.point.nuisance[self.segments[s].record].map(constant);
+        let mut initial = work.point.initial[s].map(constant);
+        for &unknown in unknowns {
+            match unknown {
+                Unknown::Direction(_) => {}
+                Unknown::Nuisance(i) => nuisance[i].partials = unit(unknown),
+                Unknown::Initial(i) => initial[i].partials = unit(unknown),
+            }
+        }
+        self.observe(work, &values, &nuisance, &initial, s)
+    }
+
+    /// What segment `s` shows in the channels asked for, sample by sample.
+    #[inline(always)]
+    fn observe<T: Valued>(
+        &self,
+        work: &Work<'_>,
+        values: &[T],
+        nuisance: &[T; NUISANCES],
+        initial: &[T; INITIALS],
+        s: usize,
+    ) -> Result<Vec<T>, Error> {
+        let segment = &self.segments[s];
+        let record = &self.records[segment.record];
+        let vehicle = Vehicle::new(self.description, &work.structure, values, record.environment, self.modes);
+        // Where nothing stands between motion and channels, they are the plain model's to the last bit.
+        let none = initial[0].zero();
+        let plain = work.coefficients_only && nuisance.iter().chain(initial).all(|x| x.equals(none));
+        let shows = Nuisance::from_row(nuisance);
+        let start = if plain { Start::of(segment, none) } else { shows.start(&segment.state, initial) };
+        let shown = Shown::new((!plain).then_some(&shows), work.asked, segment.stop - segment.start);
+        let mut observer = Observer::Shown(shown);
+        fly(&vehicle, record, segment, (self.substeps, &start), &mut observer, work.stop)?;
+        Ok(if let Observer::Shown(shown) = observer { shown.finish(record.dt) } else { Vec::new() })
+    }
+}
+
+/// Compiles the differentiated flight once per instruction set.
+fn on_level(
+    level: Level,
+    batch: &Batch<'_>,
+    work: &Work<'_>,
+    unknowns: &[Unknown],
+    s: usize,
+) -> Result<Vec<[f64; LANES]>, Error> {
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    {
+        if let Some(simd) = level.as_avx512() {
+            return simd.vectorize(
+                #[inline(always)]
+                || batch.eight_unknowns(simd, work, unknowns, s),
+            );
+        }
+        if let Some(simd) = level.as_avx2() {
+            return simd.vectorize(
+                #[inline(always)]
+                || batch.eight_unknowns(simd, work, unknowns, s),
+            );
+        }
+    }
+    #[cfg(target_arch = "aarch64")]
+    if let Some(simd) = level.as_neon() {
+        return simd.vectorize(
+            #[inline(always)]
+            || batch.eight_unknowns(simd, work, unknowns, s),
+        );
+    }
+    // Older instruction sets have no fused product; plain numbers serve them as well.
+    let _ = level;
+    batch.one_by_one(work, unknowns, s)
+}

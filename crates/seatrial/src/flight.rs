@@ -1,0 +1,228 @@
+//! Closed loop: vehicle, sensors, autopilot, mission and current together; one flight, or cases side by side.
+//!
+//! Once per control period the sensors are read, the autopilot steps and its commands are held; the motors and
+//! the equation of motion advance by `substeps` equal steps. The vehicle that flies and the model inside
+//! the autopilot are two: what the autopilot does not know is tested here.
+//!
+//! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py`.
+
+pub mod batch;
+pub mod energy;
+pub mod exceedance;
+pub mod faults;
+mod legs;
+pub mod log;
+pub mod obstacle;
+pub mod summary;
+mod tally;
+pub mod trial;
+pub mod turbulence;
+
+use crate::actuator::motor::{Limits, MotorState};
+use crate::control::allocation::Allocator;
+use crate::control::autopilot::Autopilot;
+use crate::control::autopilot::settings::Settings;
+use crate::control::navigation::{GroupOutage, Navigation, Seabed, Sensors, truth};
+use crate::description::Description;
+use crate::description::vehicle_file::Environment;
+use crate::error::Error;
+use crate::mission::Mission;
+use crate::model::drive::{Drive, UnlimitedDelay, act};
+use crate::model::integrate::{State, step};
+use crate::model::vehicle::{Instant, Vehicle};
+use crate::number::algebra::Vec3;
+use crate::number::real::Real;
+use energy::Energy;
+use faults::Faults;
+use log::{Log, Row};
+use obstacle::Obstacle;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use summary::Summary;
+use tally::Tally;
+use trial::Trial;
+use turbulence::Turbulence;
+
+/// What all cases of a flight share.
+pub struct Flight<'a> {
+    /// The vehicle that flies.
+    pub description: &'a Description,
+    /// The autopilot's model of it.
+    pub model: &'a Description,
+    /// The autopilot.
+    pub settings: &'a Arc<Settings>,
+    /// The mission.
+    pub mission: &'a Arc<Mission>,
+    /// The sensors.
+    pub sensors: &'a Sensors,
+    /// Whether the actuators' signals are measured.
+    pub feedback: bool,
+    /// The bottom, where there is one.
+    pub seabed: Option<Seabed>,
+    /// What stands in the water.
+    pub obstacles: &'a [Obstacle],
+    /// Set points in place of guidance, and what their responses are held against.
+    pub trial: &'a Trial,
+    /// Time constants of the turbulence, s.
+    pub turbulence_times: [f64; 2],
+    /// Water and gravity.
+    pub environment: Environment,
+    /// Supply voltage, V; not a number where it does not matter.
+    pub voltage: f64,
+    /// Steps of the equation of motion per control period.
+    pub substeps: usize,
+    /// The flight ends after so many control periods at the latest.
+    pub periods: usize,
+}
+
+impl Flight<'_> {
+    /// Whether responses are held against corridors: these are of the whole time, whatever the mission says of an end.
+    pub fn is_trial(&self) -> bool {
+        !self.trial.corridors.is_empty()
+    }
+}
+
+/// One case of a flight, in the number type of the run.
+#[derive(Clone)]
+pub struct Setting<T> {
+    /// Where the flight begins.
+    pub state: State<T>,
+    /// Current, NED, m/s: its mean.
+    pub current: Vec3<T>,
+    /// Standard deviation of the current about it, NED, m/s.
+    pub turbulence: Vec3<T>,
+    /// Seed of the sensors' noise and of the turbulence.
+    pub seed: T,
+    /// What fails, and when.
+    pub faults: Faults<T>,
+    /// A time without samples per group of sensors; empty for none.
+    pub outages: Vec<GroupOutage<T>>,
+    /// Set points of the trial, `[named][time]`.
+    pub set_points: Vec<T>,
+    /// Base and scale of each corridor.
+    pub scales: Vec<[T; 2]>,
+}
+
+/// Flies one case; the autopilot begins at the first sample.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `stop` is set, or what the autopilot cannot do on this vehicle.
+#[inline(always)]
+pub fn fly<T: Real>(
+    flight: &Flight<'_>,
+    vehicle: &Vehicle<T>,
+    autopilot: &Autopilot<T>,
+    (setting, allocator, mut log): (&Setting<T>, Allocator<T>, Option<&mut Log<T>>),
+    stop: &AtomicBool,
+) -> Result<Summary<T>, Error> {
+    let unit = setting.seed.zero();
+    let dt = flight.settings.file.period_s;
+    let h = dt / flight.substeps as f64;
+    let limits: Vec<Limits> = flight.description.actuators.iter().map(|a| a.limits).collect();
+    let mut pilot = autopilot.begin(allocator);
+    let mut navigation = Navigation::new(flight.sensors, setting.seed, &setting.outages);
+    let mut motors = Motors::new(vehicle, &limits, h, unit);
+    let mut energy = Energy::new(flight.description, unit);
+    let mut state = setting.state;
+    let mut tally = Tally::new(flight, unit, &limits);
+    let mut instants: [Instant<T>; 3] = Default::default();
+    let water = (setting.current, setting.turbulence);
+    let mut current = Turbulence::new(water, flight.turbulence_times, setting.seed, dt);
+    for instant in &mut instants {
+        instant.current = current.at(0.0);
+    }
+    for k in 0..=flight.periods {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted);
+        }
+        let flow = current.begin(k);
+        let shown = truth(&state, flow.as_ref(), flight.seabed.as_ref());
+        let measured = navigation.sample(shown, (k, dt));
+        measured.voltage = flight.voltage;
+        measured.battery = energy.left();
+        let feedback = flight.feedback.then_some(&motors.signals[..]);
+        let set_point = flight.trial.set_point(unit, &setting.set_points, k as f64 * dt);
+        let thought = autopilot.step_to(&mut pilot, measured, feedback, set_point.as_ref());
+        let power = energy.power(&motors.signals);
+        if let Some(log) = &mut log {
+            let row = Row { truth: &shown, measured, thought: &thought, power };
+            log.add(&row, &pilot.signals, &motors.signals);
+        }
+        tally.add(flight, &shown, &thought, (k, &pilot.signals, energy.used, &setting.scales));
+        if (!flight.is_trial() && !tally.any_flying()) || k == flight.periods {
+            break;
+        }
+        motors.command(vehicle, &pilot.signals, &limits);
+        for s in 0..flight.substeps {
+            let time = (k * flight.substeps + s) as f64 * h;
+            if current.varies() {
+                for (half, instant) in instants.iter_mut().enumerate() {
+                    instant.current = current.at((s as f64 + 0.5 * half as f64) * h);
+                }
+            }
+            if s == 0 || motors.any_ideal {
+                motors.show(&setting.faults, time);
+                act(vehicle, &motors.signals, flight.voltage, |_| None, &mut instants[0]);
+            }
+            for half in 1..3 {
+                motors.drive.advance(&motors.targets);
+                motors.show(&setting.faults, time + 0.5 * half as f64 * h);
+                act(vehicle, &motors.signals, flight.voltage, |_| None, &mut instants[half]);
+            }
+            state = step(vehicle, &state, h, &instants);
+            let (first, rest) = instants.split_at_mut(1);
+            std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
+            std::mem::swap(&mut first[0].deflections, &mut rest[1].deflections);
+            first[0].inflow_free = rest[1].inflow_free;
+        }
+        energy.use_up(power, dt);
+    }
+    Ok(tally.finish())
+}
+
+/// The motors of the vehicle that flies, with their faults.
+struct Motors<T> {
+    drive: Drive<T>,
+    targets: Vec<T>,
+    /// What the actuators really do.
+    signals: Vec<T>,
+    any_ideal: bool,
+}
+
+impl<T: Real> Motors<T> {
+    #[inline(always)]
+    fn new(vehicle: &Vehicle<T>, limits: &[Limits], h: f64, unit: T) -> Self {
+        let at_rest = |i: usize| vehicle.motor(i).steady(unit);
+        Self {
+            drive: Drive::new(vehicle, h, UnlimitedDelay::InTheDrive, at_rest),
+            targets: vec![unit; limits.len()],
+            signals: vec![unit; limits.len()],
+            any_ideal: (0..limits.len()).any(|i| vehicle.motor(i).ideal),
+        }
+    }
+
+    /// Takes the commands of a period through the static limits; ideal motors obey at once.
+    #[inline(always)]
+    fn command(&mut self, vehicle: &Vehicle<T>, signals: &[T], limits: &[Limits]) {
+        for i in 0..signals.len() {
+            self.targets[i] = limits[i].apply(signals[i]);
+            let motor = vehicle.motor(i);
+            if motor.ideal {
+                let (state, obeyed) = (self.drive.states[i], motor.steady(self.targets[i]));
+                let late = motor.t_t.zero().lt(motor.t_t);
+                self.drive.states[i] = MotorState {
+                    ramp: T::select(late, state.ramp, obeyed.ramp),
+                    signal: T::select(late, state.signal, obeyed.signal),
+                };
+            }
+        }
+    }
+
+    /// The signals at a time, faults included.
+    #[inline(always)]
+    fn show(&mut self, faults: &Faults<T>, time: f64) {
+        for i in 0..self.signals.len() {
+            self.signals[i] = faults.signal(i, self.drive.states[i].signal, self.signals[i], time);
+        }
+    }
+}

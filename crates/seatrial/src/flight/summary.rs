@@ -1,0 +1,115 @@
+//! The figures of a flight; [`super::tally`] sums them up.
+//!
+//! Errors of guidance count on the second half of every straight leg, where the vehicle has had time to settle; the
+//! depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends.
+//!
+//! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py` (equal to the same figures from the log).
+
+use super::exceedance::Exceedance;
+use super::trial::Violations;
+use crate::number::real::Real;
+
+/// How a flight ended.
+pub const ENDINGS: [&str; 4] = ["out of time", "complete", "surfaced", "aborted"];
+
+/// The figures of a flight.
+#[derive(Clone, Debug)]
+pub struct Summary<T> {
+    /// Index into [`ENDINGS`]; not a number for what diverged.
+    pub ending: T,
+    /// Duration, s.
+    pub duration: T,
+    /// Way over ground, m.
+    pub distance: T,
+    /// Electrical energy, J.
+    pub energy: T,
+    /// Largest and root mean square cross-track error on settled legs, m, as guidance saw it.
+    pub cross_track: [T; 2],
+    /// The same of where the vehicle really was.
+    pub true_cross_track: [T; 2],
+    /// Largest and root mean square vertical error on settled legs, m.
+    pub vertical: [T; 2],
+    /// Largest excursion from the depth band of a leg, m.
+    pub excursion: T,
+    /// Largest depth, m, and smallest altitude, m.
+    pub depth: T,
+    /// Smallest altitude above the bottom, m; infinite without one.
+    pub altitude: T,
+    /// Waypoints behind the vehicle.
+    pub waypoints: T,
+    /// Largest of the smallest distances to the waypoints behind the vehicle, m.
+    pub missed_by: T,
+    /// Starts and stops of actuators, per minute and actuator.
+    pub switches: T,
+    /// Strongest reaction, its cause and its time, s.
+    pub alert: [T; 3],
+    /// Largest roll and pitch, rad.
+    pub tilt: [T; 2],
+    /// Smallest horizontal distance to the edge of an obstacle, m; infinite without any.
+    pub clearance: T,
+    /// Mean rate at which commands move, shares of an actuator's range per s.
+    pub travel: T,
+    /// Samples on settled legs, and those of them whose cross-track and vertical error exceeds each threshold.
+    pub settled: T,
+    /// Of the cross-track, the vertical and the true cross-track error.
+    pub exceedance: [Exceedance<T>; 3],
+    /// What the responses of a trial violate.
+    pub violations: Violations<T>,
+}
+
+impl<T: Real> Summary<T> {
+    /// The figures before the first period.
+    #[inline(always)]
+    pub(super) fn nothing(zero: T, violations: Violations<T>) -> Self {
+        Self {
+            ending: zero,
+            duration: zero,
+            distance: zero,
+            energy: zero,
+            cross_track: [zero; 2],
+            true_cross_track: [zero; 2],
+            vertical: [zero; 2],
+            excursion: zero,
+            depth: zero.splat(f64::NEG_INFINITY),
+            altitude: zero.splat(f64::INFINITY),
+            waypoints: zero,
+            missed_by: zero,
+            switches: zero,
+            alert: [zero; 3],
+            tilt: [zero; 2],
+            clearance: zero.splat(f64::INFINITY),
+            travel: zero,
+            settled: zero,
+            exceedance: [Exceedance::new(zero); 3],
+            violations,
+        }
+    }
+
+    /// The same figures in another number type: one lane of eight.
+    pub fn read(&self, lane: impl Fn(&T) -> f64) -> Summary<f64> {
+        let two = |x: &[T; 2]| [lane(&x[0]), lane(&x[1])];
+        let three = |x: &[T; 3]| [lane(&x[0]), lane(&x[1]), lane(&x[2])];
+        Summary {
+            ending: lane(&self.ending),
+            duration: lane(&self.duration),
+            distance: lane(&self.distance),
+            energy: lane(&self.energy),
+            cross_track: two(&self.cross_track),
+            true_cross_track: two(&self.true_cross_track),
+            vertical: two(&self.vertical),
+            excursion: lane(&self.excursion),
+            depth: lane(&self.depth),
+            altitude: lane(&self.altitude),
+            waypoints: lane(&self.waypoints),
+            missed_by: lane(&self.missed_by),
+            switches: lane(&self.switches),
+            alert: three(&self.alert),
+            tilt: two(&self.tilt),
+            clearance: lane(&self.clearance),
+            travel: lane(&self.travel),
+            settled: lane(&self.settled),
+            exceedance: std::array::from_fn(|i| self.exceedance[i].read(&lane)),
+            violations: Violations { sums: self.violations.sums.iter().map(&three).collect() },
+        }
+    }
+}

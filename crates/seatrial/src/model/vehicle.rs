@@ -1,0 +1,256 @@
+//! The equation of motion, for one number type:
+//!
+//! `(M_RB + M_A) ν' = τ − C_RB(ν) ν − C_A(ν_r) ν_r − D(ν_r) ν_r + τ_L(ν_r) − g(η) + M_A ν_c'`
+//!
+//! Each term has its own file. A degree of freedom is free, frozen (keeps its velocity) or measured
+//! (replayed from a log); `M` is factored once for the free ones, so that
+//! `ν'_F = M_FF⁻¹ (f_F − M_FC ν'_C)`: nothing leaks from a locked axis, and no added mass is ever lagged.
+//!
+//! Source: Fossen (2011), equation 7.9 with 8.3; Taubert et al. (2014), equation 6, corrected.
+//! Tests: `tests/laws.rs`, `tests/golden.rs`, `tests/core/test_scalar_textbook.py`.
+
+mod assembly;
+
+use crate::actuator::Actuator;
+use crate::actuator::characteristic::Thrust;
+use crate::actuator::fin::{Deflection, Fin};
+use crate::actuator::motor::Motor;
+use crate::model::added_mass::AddedMass;
+use crate::model::current::Current;
+use crate::model::damping::Damping;
+use crate::model::lift::Lift;
+use crate::model::restoring::Restoring;
+use crate::model::rigid_body::RigidBody;
+use crate::number::algebra::{Mat3, Mat6, Vec6, dot, product};
+use crate::number::real::Real;
+pub use assembly::Structure;
+
+/// What a degree of freedom does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Moves by the equation of motion.
+    Free,
+    /// Keeps its initial velocity (the paper's V_const = 0).
+    Frozen,
+    /// Follows the log.
+    Measured,
+}
+
+/// The constants of the equation of motion.
+#[derive(Clone)]
+pub struct Vehicle<T> {
+    /// Mass and inertia.
+    pub rigid_body: RigidBody<T>,
+    /// Added mass.
+    pub added_mass: AddedMass<T>,
+    /// Damping.
+    pub damping: Damping<T>,
+    /// Lift of hull and fixed fins.
+    pub lift: Option<Lift<T>>,
+    /// Weight and buoyancy.
+    pub restoring: Restoring<T>,
+    /// Constant wrench in the body frame.
+    pub bias: Option<Vec6<T>>,
+    /// Thrusters.
+    pub actuators: Vec<Actuator<T>>,
+    /// Movable fins, which follow the thrusters in the order of commands and signals.
+    pub fins: Vec<Fin<T>>,
+    /// `M = M_RB + M_A`.
+    pub mass_matrix: Mat6<T>,
+    /// Modes of the degrees of freedom.
+    pub modes: [Mode; 6],
+    inverse: Inverse<T>,
+    replayed: bool,
+}
+
+/// `M⁻¹` on the free axes.
+#[derive(Clone, Copy)]
+enum Inverse<T> {
+    Diagonal(Vec6<T>),
+    Full(Mat6<T>),
+}
+
+/// What acts on the vehicle at one instant.
+#[derive(Clone)]
+pub struct Instant<T> {
+    /// Thrust of each thruster.
+    pub thrusts: Vec<Thrust<T>>,
+    /// Deflection of each fin.
+    pub deflections: Vec<Deflection<T>>,
+    /// Wrench from outside and of the thrusts that no inflow changes, once summed ([`Vehicle::sum_inflow_free`]).
+    pub inflow_free: Option<Vec6<T>>,
+    /// Wrench from outside the actuators, N and N m.
+    pub tau: Vec6<f64>,
+    /// Ocean current; `None` in still water.
+    pub current: Option<Current<T>>,
+    /// `ν` and `ν'` from the log, read on measured axes.
+    pub measured: [Vec6<f64>; 2],
+}
+
+impl<T> Default for Instant<T> {
+    fn default() -> Self {
+        Self {
+            thrusts: Vec::new(),
+            deflections: Vec::new(),
+            inflow_free: None,
+            tau: [0.0; 6],
+            current: None,
+            measured: [[0.0; 6]; 2],
+        }
+    }
+}
+
+/// The terms of the equation of motion, each as force on the vehicle, N and N m.
+#[derive(Clone, Copy, Debug)]
+pub struct Forces<T> {
+    /// `−C_RB(ν) ν`.
+    pub rigid_body: Vec6<T>,
+    /// `−C_A(ν_r) ν_r + M_A ν_c'`.
+    pub added_mass: Vec6<T>,
+    /// `−D(ν_r) ν_r`.
+    pub damping: Vec6<T>,
+    /// `τ_L(ν_r)`.
+    pub lift: Vec6<T>,
+    /// `−g(η)`.
+    pub restoring: Vec6<T>,
+}
+
+impl<T: Real> Vehicle<T> {
+    /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant.
+    #[inline(always)]
+    pub fn acceleration(&self, r: &Mat3<T>, nu: &Vec6<T>, instant: &Instant<T>) -> Vec6<T> {
+        let mut f = match &instant.inflow_free {
+            Some(wrench) => *wrench,
+            None => self.inflow_free(instant, nu[0].zero()),
+        };
+        let mut nu_r = *nu;
+        if let Some(current) = &instant.current {
+            let (relative, nu_c_rate) = current.relative(r, nu);
+            nu_r = relative;
+            f = add(&f, &self.added_mass.momentum(&nu_c_rate));
+        }
+        f = self.inflow(instant, &nu_r, &f);
+        f = self.rigid_body.add_coriolis(nu, &f);
+        f = self.added_mass.add_coriolis(&nu_r, &f);
+        f = self.damping.add(&nu_r, &f);
+        if let Some(lift) = &self.lift {
+            f = lift.add(&nu_r, &f);
+        }
+        f = self.restoring.add(r, &f);
+        if let Some(bias) = &self.bias {
+            f = add(&f, bias);
+        }
+        self.solve(&f, &instant.measured[1])
+    }
+
+    /// `ν' = M⁻¹ f` on the free axes, zero on frozen and `nu_rate` on measured ones.
+    #[inline(always)]
+    fn solve(&self, f: &Vec6<T>, nu_rate: &Vec6<f64>) -> Vec6<T> {
+        if !self.replayed {
+            return self.inverse.times(f);
+        }
+        let zero = f[0].zero();
+        let mut given = [zero; 6];
+        for i in 0..6 {
+            if self.modes[i] == Mode::Measured {
+                given[i] = zero.splat(nu_rate[i]);
+            }
+        }
+        let share = product(&self.mass_matrix, &given);
+        let mut rest = *f;
+        for i in 0..6 {
+            rest[i] -= share[i];
+        }
+        add(&self.inverse.times(&rest), &given)
+    }
+
+    /// The motor or servo of actuator `i`, thrusters first.
+    #[inline(always)]
+    pub fn motor(&self, i: usize) -> &Motor<T> {
+        match self.actuators.get(i) {
+            Some(thruster) => &thruster.motor,
+            None => &self.fins[i - self.actuators.len()].servo,
+        }
+    }
+
+    /// The wrench of all actuators and from outside at the relative velocity `nu_r`, N and N m.
+    #[inline(always)]
+    pub fn wrench(&self, instant: &Instant<T>, nu_r: &Vec6<T>) -> Vec6<T> {
+        self.inflow(instant, nu_r, &self.inflow_free(instant, nu_r[0].zero()))
+    }
+
+    /// Sums what no inflow changes: four stages read it, it is worth summing once.
+    #[inline(always)]
+    pub fn sum_inflow_free(&self, instant: &mut Instant<T>, zero: T) {
+        instant.inflow_free = Some(self.inflow_free(instant, zero));
+    }
+
+    #[inline(always)]
+    fn inflow_free(&self, instant: &Instant<T>, zero: T) -> Vec6<T> {
+        let mut sum = [zero; 6];
+        for i in 0..6 {
+            sum[i] = zero.splat(instant.tau[i]);
+        }
+        for (actuator, thrust) in self.actuators.iter().zip(&instant.thrusts) {
+            if !actuator.characteristic.has_inflow() {
+                sum = actuator.add(thrust.force, thrust.torque, &sum);
+            }
+        }
+        sum
+    }
+
+    /// `tau` + wrench of the fins and of the thrusts that the inflow changes.
+    #[inline(always)]
+    fn inflow(&self, instant: &Instant<T>, nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {
+        let mut sum = *tau;
+        for (fin, deflection) in self.fins.iter().zip(&instant.deflections) {
+            sum = fin.add(*deflection, nu_r, &sum);
+        }
+        for (actuator, thrust) in self.actuators.iter().zip(&instant.thrusts) {
+            if actuator.characteristic.has_inflow() {
+                let u_a = dot(&actuator.inflow, nu_r);
+                let force = thrust.force_per_inflow.mul_add(u_a, thrust.force);
+                sum = actuator.add(force, thrust.torque_per_inflow.mul_add(u_a, thrust.torque), &sum);
+            }
+        }
+        sum
+    }
+
+    /// Every term by itself, at the rotation `r`, without thrust and bias.
+    pub fn forces(&self, r: &Mat3<T>, nu: &Vec6<T>, current: Option<&Current<T>>) -> Forces<T> {
+        let none = [nu[0].zero(); 6];
+        let (nu_r, nu_c_rate) = current.map_or((*nu, none), |current| current.relative(r, nu));
+        Forces {
+            rigid_body: self.rigid_body.add_coriolis(nu, &none),
+            added_mass: self.added_mass.add_coriolis(&nu_r, &self.added_mass.momentum(&nu_c_rate)),
+            damping: self.damping.add(&nu_r, &none),
+            lift: self.lift.map_or(none, |lift| lift.add(&nu_r, &none)),
+            restoring: self.restoring.add(r, &none),
+        }
+    }
+}
+
+impl<T: Real> Inverse<T> {
+    #[inline(always)]
+    fn times(&self, f: &Vec6<T>) -> Vec6<T> {
+        match self {
+            Self::Full(matrix) => product(matrix, f),
+            Self::Diagonal(d) => {
+                let mut x = *f;
+                for i in 0..6 {
+                    x[i] = d[i] * f[i];
+                }
+                x
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add<T: Real>(a: &Vec6<T>, b: &Vec6<T>) -> Vec6<T> {
+    let mut sum = *a;
+    for i in 0..6 {
+        sum[i] += b[i];
+    }
+    sum
+}

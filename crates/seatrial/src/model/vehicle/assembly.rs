@@ -1,0 +1,299 @@
+//! From a description to the constants of the equation of motion, for one number type, set of
+//! coefficients, environment and modes of the axes.
+//!
+//! Terms that are zero and not sought are left out, once, here: the hot loop only looks whether a term
+//! is there.
+
+use super::{Inverse, Mode, Vehicle};
+use crate::actuator::Actuator;
+use crate::actuator::characteristic::{Characteristic, FlowTerms, Shape, Table};
+use crate::actuator::fin::Fin;
+use crate::actuator::motor::Motor;
+use crate::description::coefficients::{self as names, added_mass, linear, quadratic};
+use crate::description::vehicle_file::{CharacteristicTable as Kind, Environment, FinTable};
+use crate::description::{ActuatorDescription, Description, Effect};
+use crate::model::added_mass::AddedMass;
+use crate::model::damping::Damping;
+use crate::model::lift::Lift;
+use crate::model::restoring::Restoring;
+use crate::model::rigid_body::RigidBody;
+use crate::number::algebra::{Mat6, restricted_inverse};
+use crate::number::real::Real;
+use std::sync::Arc;
+
+/// Which terms are there: zero ones are left out, unless a coefficient of theirs is sought.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Structure {
+    general_body: bool,
+    full_added_mass: bool,
+    full_damping: bool,
+    lift: bool,
+    bias: bool,
+    inflow: Vec<bool>,
+    torque: Vec<bool>,
+    lag: Vec<bool>,
+    astern_ratio: Vec<bool>,
+    loss: Vec<bool>,
+}
+
+impl Structure {
+    /// The terms of a vehicle when the coefficients at the indices `sought` may differ from its own.
+    pub fn new(description: &Description, sought: &[usize]) -> Self {
+        let present = |i: usize| description.coefficients[i] != 0.0 || sought.contains(&i);
+        let off_diagonal = |index: &dyn Fn(usize, usize) -> usize| {
+            (0..6).any(|i| (0..6).any(|j| i != j && present(index(i, j))))
+        };
+        let actuators = 0..description.actuators.len();
+        let any =
+            |k: usize, offsets: &[usize]| offsets.iter().any(|o| present(description.layout.actuator(k) + o));
+        let products = (names::INERTIA + 3)..names::CENTRE_OF_GRAVITY;
+        let arms = names::CENTRE_OF_GRAVITY..names::CENTRE_OF_BUOYANCY;
+        Self {
+            general_body: products.chain(arms).any(present),
+            full_added_mass: off_diagonal(&added_mass),
+            full_damping: off_diagonal(&linear) || off_diagonal(&quadratic),
+            lift: (names::LIFT..names::BIAS).any(present),
+            bias: (names::BIAS..names::HULL).any(present),
+            inflow: actuators.clone().map(|k| any(k, &[3, 7])).collect(),
+            torque: actuators.clone().map(|k| any(k, &[6, 7])).collect(),
+            lag: actuators.clone().map(|k| any(k, &[15])).collect(),
+            astern_ratio: actuators
+                .clone()
+                .map(|k| description.layout.actuator(k) + names::ASTERN_RATIO)
+                .map(|i| description.coefficients[i] != 1.0 || sought.contains(&i))
+                .collect(),
+            loss: actuators.map(|k| any(k, &[names::LOSS])).collect(),
+        }
+    }
+}
+
+impl Vehicle<f64> {
+    /// A described vehicle with its own coefficients, in its own environment, free in all axes.
+    pub fn nominal(description: &Description) -> Self {
+        let structure = Structure::new(description, &[]);
+        Self::new(
+            description,
+            &structure,
+            &description.coefficients,
+            description.file.environment,
+            [Mode::Free; 6],
+        )
+    }
+}
+
+impl<T: Real> Vehicle<T> {
+    /// The constants for the coefficients `values` (of the description's layout, for its reference
+    /// density and gravity) in an environment.
+    #[inline(always)]
+    pub fn new(
+        description: &Description,
+        structure: &Structure,
+        values: &[T],
+        environment: Environment,
+        modes: [Mode; 6],
+    ) -> Self {
+        let Environment { rho_kg_m3: rho, g_m_s2: g } = environment;
+        let zero = values[0].zero();
+        let c = |i: usize| values[i] * description.environment_factor(i, rho, g);
+        let matrix = |index: &dyn Fn(usize, usize) -> usize, sign: f64| {
+            let mut matrix = [[zero; 6]; 6];
+            for i in 0..6 {
+                for j in 0..6 {
+                    matrix[i][j] = c(index(i, j)) * sign;
+                }
+            }
+            matrix
+        };
+        let diagonal = |index: &dyn Fn(usize, usize) -> usize, sign: f64| {
+            let mut diagonal = [zero; 6];
+            for i in 0..6 {
+                diagonal[i] = c(index(i, i)) * sign;
+            }
+            diagonal
+        };
+        let mass = c(names::MASS);
+        let at = |first: usize| [c(first), c(first + 1), c(first + 2)];
+        let mut inertia = [zero; 6];
+        for i in 0..6 {
+            inertia[i] = c(names::INERTIA + i);
+        }
+        let r_g = at(names::CENTRE_OF_GRAVITY);
+        let rigid_body = if structure.general_body {
+            RigidBody::new(mass, r_g, inertia)
+        } else {
+            RigidBody::Principal { m: mass, i_o: [inertia[0], inertia[1], inertia[2]] }
+        };
+        let added = if structure.full_added_mass {
+            AddedMass::Full(matrix(&added_mass, -1.0))
+        } else {
+            AddedMass::Diagonal(diagonal(&added_mass, -1.0))
+        };
+        let damping = if structure.full_damping {
+            Damping::Full { linear: matrix(&linear, 1.0), quadratic: matrix(&quadratic, 1.0) }
+        } else {
+            Damping::Diagonal { linear: diagonal(&linear, 1.0), quadratic: diagonal(&quadratic, 1.0) }
+        };
+        let restoring = Restoring::new(mass * g, r_g, c(names::BUOYANCY), at(names::CENTRE_OF_BUOYANCY));
+        let mut mass_matrix = added.matrix();
+        let rigid = rigid_body.mass_matrix();
+        for i in 0..6 {
+            for j in 0..6 {
+                mass_matrix[i][j] += rigid[i][j];
+            }
+        }
+        let mut lift = [zero; 8];
+        for i in 0..8 {
+            lift[i] = c(names::LIFT + i);
+        }
+        let mut bias = [zero; 6];
+        for i in 0..6 {
+            bias[i] = c(names::BIAS + i);
+        }
+        let mut actuators = Vec::with_capacity(description.file.thrusters.len());
+        let mut fins = Vec::with_capacity(description.file.fins.len());
+        for (k, described) in description.actuators.iter().enumerate() {
+            let base = description.layout.actuator(k);
+            let density = rho / description.file.environment.rho_kg_m3;
+            match &described.effect {
+                Effect::Thrust(characteristic, table) => {
+                    let shape = (characteristic, table.as_ref());
+                    actuators.push(actuator(description, structure, k, shape, |i| c(base + i), density));
+                }
+                Effect::Fin(table) => fins.push(fin(structure, k, described, table, |i| c(base + i), rho)),
+            }
+        }
+        Self {
+            rigid_body,
+            added_mass: added,
+            damping,
+            lift: structure.lift.then_some(Lift(lift)),
+            restoring,
+            bias: structure.bias.then_some(bias),
+            actuators,
+            fins,
+            mass_matrix,
+            modes,
+            inverse: inverse(structure, &mass_matrix, &modes.map(|mode| mode == Mode::Free)),
+            replayed: modes.contains(&Mode::Measured),
+        }
+    }
+}
+
+/// `M⁻¹` on the free axes; diagonal where body and added mass are.
+#[inline(always)]
+fn inverse<T: Real>(structure: &Structure, m: &Mat6<T>, free: &[bool; 6]) -> Inverse<T> {
+    if structure.general_body || structure.full_added_mass {
+        return Inverse::Full(restricted_inverse(m, free));
+    }
+    let (zero, one) = (m[0][0].zero(), m[0][0].splat(1.0));
+    let mut d = [zero; 6];
+    for i in 0..6 {
+        if free[i] {
+            // As the Cholesky factors do: no number where the mass is not positive.
+            d[i] = one / (m[i][i].sqrt() * m[i][i].sqrt());
+        }
+    }
+    Inverse::Diagonal(d)
+}
+
+/// The constants of actuator `k`; `c` reads its coefficients by their offset.
+#[inline(always)]
+fn actuator<T: Real>(
+    description: &Description,
+    structure: &Structure,
+    k: usize,
+    (characteristic, table): (&Kind, Option<&Arc<Table>>),
+    c: impl Fn(usize) -> T,
+    density: f64,
+) -> Actuator<T> {
+    let one = c(0).splat(1.0);
+    let described = &description.actuators[k];
+    let splat = |x: f64| one.splat(x);
+    let [dx, dy, dz] = described.direction;
+    // By virtual power the inflow along the thrust is the unit-force wrench times ν_r.
+    let length = crate::number::algebra::dot(
+        &described.direction,
+        &[described.wrench[0], described.wrench[1], described.wrench[2]],
+    );
+    let mut wrench = described.wrench.map(splat);
+    for i in 0..3 {
+        wrench[3 + i] = c(names::LEVERS + i);
+    }
+    let inflow = wrench.map(|x| x * if length > 0.0 { 1.0 / length } else { 0.0 });
+    let inside = one - c(4);
+    // Thrust deduction is a pressure on the hull: the propeller's torque does not feel it.
+    let (gain, deduction) = (c(0), one - c(5));
+    let factor = gain * deduction;
+    let flow = FlowTerms {
+        p2: c(3) * inside * deduction,
+        torque: structure.torque[k].then(|| [c(6), c(7) * inside]),
+        inflow: structure.inflow[k],
+    };
+    let (shape, factor) = match (characteristic, table) {
+        (Kind::Quadratic(_), _) => {
+            (Shape::Quadratic { p1: [c(1) * deduction, c(2) * deduction], flow }, gain)
+        }
+        (Kind::Polynomial(_), _) => (
+            Shape::Polynomial {
+                ahead: [c(8) * deduction, c(9) * deduction, c(10) * deduction],
+                astern: [c(11) * deduction, c(12) * deduction, c(13) * deduction],
+                flow,
+            },
+            gain,
+        ),
+        (_, Some(table)) => (Shape::Table(table.clone()), factor * density),
+        _ => (Shape::Direct, factor),
+    };
+    Actuator {
+        motor: motor(structure, k, described, &c),
+        characteristic: Characteristic { shape, factor },
+        wrench,
+        torque: structure.torque[k].then(|| [0.0, 0.0, 0.0, dx, dy, dz].map(splat)),
+        inflow,
+        astern_ratio: structure.astern_ratio[k].then(|| c(names::ASTERN_RATIO)),
+        loss: structure.loss[k].then(|| c(names::LOSS)),
+        group: description.group(k),
+    }
+}
+
+/// The motor of actuator `k`.
+#[inline(always)]
+fn motor<T: Real>(
+    structure: &Structure,
+    k: usize,
+    described: &ActuatorDescription,
+    c: impl Fn(usize) -> T,
+) -> Motor<T> {
+    Motor {
+        k_v: c(14),
+        t_1: c(15),
+        t_t: c(16),
+        rate: described.rate_limited.then(|| [c(17), c(18)]),
+        ideal: !(described.rate_limited || structure.lag[k]),
+    }
+}
+
+/// The constants of fin `k`; `c` reads its coefficients by their offset.
+#[inline(always)]
+fn fin<T: Real>(
+    structure: &Structure,
+    k: usize,
+    described: &ActuatorDescription,
+    table: &FinTable,
+    c: impl Fn(usize) -> T,
+    rho: f64,
+) -> Fin<T> {
+    let length = crate::number::algebra::dot(&table.chord, &table.chord).sqrt();
+    Fin {
+        servo: motor(structure, k, described, &c),
+        chord: table.chord.map(|x| x / length),
+        normal: described.direction,
+        place: table.position_m,
+        half_rho_area: c(0) * (0.5 * rho * table.area_m2),
+        c_la: c(names::FIN),
+        c_lmax: c(names::FIN + 1),
+        c_d0: c(names::FIN + 2),
+        c_d90: c(names::FIN + 3),
+        k_i: c(names::FIN + 4),
+    }
+}

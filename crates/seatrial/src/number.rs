@@ -1,0 +1,13 @@
+//! The numbers with which everything after this is written.
+//!
+//! [`real`] says what a number can do; `f64` is one. [`dual`] is a value with its partial derivatives;
+//! [`elementary`] has sine, arctangent and exponential for eight numbers side by side, and [`lanes`] makes those
+//! eight a number. [`algebra`] has vectors of three and six and their matrices; [`random`] draws numbers that depend
+//! on seed and index alone.
+
+pub mod algebra;
+pub mod dual;
+pub mod elementary;
+pub mod lanes;
+pub mod random;
+pub mod real;
