@@ -11,7 +11,7 @@ use seatrial::control::autopilot::settings::{tunable_index, tunable_names};
 use seatrial::control::navigation::{CHANNELS, ChannelErrors, GROUPS, GroupTiming, Outage, Sensors};
 use seatrial::description::vehicle_file::Environment;
 use seatrial::description::{ActuatorDescription, Description};
-use seatrial::fit::open_loop::inputs::actuator_index;
+use seatrial::fit::inputs::actuator_index;
 use seatrial::flight::Flight;
 use seatrial::flight::batch::{Case, Cases, Outcome};
 use seatrial::flight::exceedance::{EDGES, edges};

@@ -2,17 +2,17 @@
 
 use crate::convert::{Array, Named, Numbers, optional_rows};
 use crate::error::{interruptible, raised, refused};
-use crate::simulate::inputs;
+use crate::run::inputs;
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::description::Description;
 use seatrial::error::nearest;
+use seatrial::fit::batch::{Batch, Candidates};
 use seatrial::fit::criterion::{CHANNEL_NAMES, CHANNELS, Loss};
+use seatrial::fit::inputs::{Inputs, modes};
 use seatrial::fit::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
-use seatrial::fit::open_loop::batch::{Batch, Candidates};
-use seatrial::fit::open_loop::inputs::{Inputs, modes};
-use seatrial::fit::open_loop::sensitivities::{Point, Unknown};
-use seatrial::fit::open_loop::{self, MotorStart, Segment};
+use seatrial::fit::record::{self, MotorStart, Segment};
+use seatrial::fit::sensitivities::{Point, Unknown};
 use seatrial::model::integrate::State;
 use seatrial::model::vehicle::Mode;
 use std::sync::Arc;
@@ -74,7 +74,7 @@ type SegmentTuple = (usize, usize, usize, Numbers, Numbers, Numbers);
 #[pyclass(frozen, module = "seatrial")]
 pub struct OpenLoop {
     description: Arc<Description>,
-    records: Vec<open_loop::Record>,
+    records: Vec<record::Record>,
     segments: Vec<Segment>,
     modes: [Mode; 6],
     loss: Loss,

@@ -9,6 +9,7 @@ mod error;
 mod identify;
 mod mission;
 mod motor;
+mod run;
 mod simulate;
 mod trial;
 mod vehicle;
@@ -27,7 +28,9 @@ mod _core {
     #[pymodule_export]
     use crate::motor::motor_response;
     #[pymodule_export]
-    use crate::simulate::{Run, State, simd_level, simulate_batch};
+    use crate::run::{Run, State};
+    #[pymodule_export]
+    use crate::simulate::{simd_level, simulate_batch};
     #[pymodule_export]
     use crate::vehicle::Vehicle;
 }

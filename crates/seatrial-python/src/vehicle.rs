@@ -2,7 +2,7 @@
 
 use crate::convert::{Array, Fact, Named, Numbers, fact_map};
 use crate::error::{VehicleError, raised, refused};
-use crate::simulate::{Run, Simulation, State, inputs};
+use crate::run::{Run, Simulation, State, inputs};
 use pyo3::prelude::*;
 use seatrial::control::allocation::authority;
 use seatrial::control::allocation::report::RowAuthority;
@@ -14,6 +14,7 @@ use seatrial::model::kinematics::rotation;
 use seatrial::model::linearize::{Form, linearize};
 use seatrial::model::vehicle::Instant;
 use seatrial::number::algebra::Vec6;
+use seatrial::number::dual::Dual;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -290,7 +291,11 @@ impl Vehicle {
         let [(nu, attitude, current)] = columns[..] else {
             return Err(refused("nu, attitude and current: expected one row each, a tangent has one point"));
         };
-        let tangent = linearize(&self.description, form, &attitude, &nu, (&tau, current.as_ref()));
+        let vehicle = seatrial::model::vehicle::Vehicle::nominal_in(
+            &self.description,
+            Dual { value: 0.0, partials: 0.0 },
+        );
+        let tangent = linearize(&vehicle, form, &attitude, &nu, (&tau, current.as_ref()));
         Ok((Array::rows(&tangent.a, false), Array::rows(&tangent.b, false)))
     }
 

@@ -11,11 +11,15 @@
 //! Source: Taubert et al. (2014), equations 34, 35, 39–47; Fossen (2011), section 9.
 //! Tests: `tests/laws.rs` (chain against its analytic answer), `tests/core/test_scalar_textbook.py`.
 //! A [`fin`] turns its signal, a deflection, into lift and drag.
+//!
+//! In reading order: [`wrench`], `[d; r × d]`; [`motor`], one step of it; [`response`], the same motor in closed form at
+//! any time; [`characteristic`] and [`fin`], each with its inverse.
 
 pub mod characteristic;
 pub mod fin;
 pub mod motor;
 pub mod response;
+pub mod wrench;
 
 use crate::number::algebra::Vec6;
 use crate::number::real::Real;

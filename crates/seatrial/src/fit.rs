@@ -1,8 +1,15 @@
 //! What an identification asks of the model: recorded commands in, distance from the measurements out.
 //!
-//! [`observation`] says what instruments show of a motion; [`criterion`] compares it with what was measured;
-//! [`open_loop`] runs the model through a record, alone, for many candidates or with exact sensitivities.
+//! In reading order: [`record`], a trial as the model sees it, and [`inputs`], how it is made of what users give;
+//! [`motors`], the actuators on a record; [`observation`], what instruments show of a motion; [`criterion`], the
+//! distance from what was measured; [`open_loop`], one vehicle through one segment; [`batch`], candidates × segments ×
+//! threads; [`sensitivities`], the same with exact derivatives.
 
+pub mod batch;
 pub mod criterion;
+pub mod inputs;
+pub mod motors;
 pub mod observation;
 pub mod open_loop;
+pub mod record;
+pub mod sensitivities;

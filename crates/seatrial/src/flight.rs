@@ -4,9 +4,15 @@
 //! the equation of motion advance by `substeps` equal steps. The vehicle that flies and the model inside
 //! the autopilot are two: what the autopilot does not know is tested here.
 //!
+//! In reading order: [`obstacle`], [`faults`] and [`turbulence`], what the world adds; [`energy`], what is used up;
+//! [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
+//! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`fly`], one case;
+//! [`batch`], many.
+//!
 //! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py`.
 
 pub mod batch;
+pub mod case;
 pub mod energy;
 pub mod exceedance;
 pub mod faults;
@@ -21,87 +27,20 @@ pub mod turbulence;
 use crate::actuator::motor::{Limits, MotorState};
 use crate::control::allocation::Allocator;
 use crate::control::autopilot::Autopilot;
-use crate::control::autopilot::settings::Settings;
-use crate::control::navigation::{GroupOutage, Navigation, Seabed, Sensors, truth};
-use crate::description::Description;
-use crate::description::vehicle_file::Environment;
+use crate::control::navigation::{Navigation, truth};
 use crate::error::Error;
-use crate::mission::Mission;
 use crate::model::drive::{Drive, UnlimitedDelay, act};
-use crate::model::integrate::{State, step};
+use crate::model::integrate::step;
 use crate::model::vehicle::{Instant, Vehicle};
-use crate::number::algebra::Vec3;
 use crate::number::real::Real;
+pub use case::{Flight, Setting};
 use energy::Energy;
 use faults::Faults;
 use log::{Log, Row};
-use obstacle::Obstacle;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use summary::Summary;
 use tally::Tally;
-use trial::Trial;
 use turbulence::Turbulence;
-
-/// What all cases of a flight share.
-pub struct Flight<'a> {
-    /// The vehicle that flies.
-    pub description: &'a Description,
-    /// The autopilot's model of it.
-    pub model: &'a Description,
-    /// The autopilot.
-    pub settings: &'a Arc<Settings>,
-    /// The mission.
-    pub mission: &'a Arc<Mission>,
-    /// The sensors.
-    pub sensors: &'a Sensors,
-    /// Whether the actuators' signals are measured.
-    pub feedback: bool,
-    /// The bottom, where there is one.
-    pub seabed: Option<Seabed>,
-    /// What stands in the water.
-    pub obstacles: &'a [Obstacle],
-    /// Set points in place of guidance, and what their responses are held against.
-    pub trial: &'a Trial,
-    /// Time constants of the turbulence, s.
-    pub turbulence_times: [f64; 2],
-    /// Water and gravity.
-    pub environment: Environment,
-    /// Supply voltage, V; not a number where it does not matter.
-    pub voltage: f64,
-    /// Steps of the equation of motion per control period.
-    pub substeps: usize,
-    /// The flight ends after so many control periods at the latest.
-    pub periods: usize,
-}
-
-impl Flight<'_> {
-    /// Whether responses are held against corridors: these are of the whole time, whatever the mission says of an end.
-    pub fn is_trial(&self) -> bool {
-        !self.trial.corridors.is_empty()
-    }
-}
-
-/// One case of a flight, in the number type of the run.
-#[derive(Clone)]
-pub struct Setting<T> {
-    /// Where the flight begins.
-    pub state: State<T>,
-    /// Current, NED, m/s: its mean.
-    pub current: Vec3<T>,
-    /// Standard deviation of the current about it, NED, m/s.
-    pub turbulence: Vec3<T>,
-    /// Seed of the sensors' noise and of the turbulence.
-    pub seed: T,
-    /// What fails, and when.
-    pub faults: Faults<T>,
-    /// A time without samples per group of sensors; empty for none.
-    pub outages: Vec<GroupOutage<T>>,
-    /// Set points of the trial, `[named][time]`.
-    pub set_points: Vec<T>,
-    /// Base and scale of each corridor.
-    pub scales: Vec<[T; 2]>,
-}
 
 /// Flies one case; the autopilot begins at the first sample.
 ///

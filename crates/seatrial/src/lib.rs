@@ -9,6 +9,7 @@
 //! | group | what it holds |
 //! |---|---|
 //! | [`error`] | what may go wrong, as one type |
+//! | `toml_file` | how a file of the core is read |
 //! | [`number`] | the number types (`f64`, eight lanes, dual numbers), algebra, random numbers |
 //! | [`actuator`] | from a command to a force: motor, characteristic of a thruster, fin |
 //! | [`model`] | the equation of motion, each term a file; one step of time; the tangent |
@@ -27,5 +28,6 @@ pub mod flight;
 pub mod mission;
 pub mod model;
 pub mod number;
+mod toml_file;
 
 pub use error::Error;

@@ -6,7 +6,7 @@
 #[path = "support/vehicles.rs"]
 mod vehicles;
 
-use seatrial::control::allocation::wrench_per_newton;
+use seatrial::actuator::wrench::wrench_per_newton;
 use seatrial::description::coefficients::{added_mass, quadratic};
 use seatrial::description::geometry::{Geometry, Shape, lamb_factors};
 use seatrial::model::added_mass::AddedMass;

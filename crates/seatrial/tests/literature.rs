@@ -11,7 +11,7 @@ mod vehicles;
 use seatrial::description::Description;
 use seatrial::description::coefficients::{LIFT_NAMES, added_mass, quadratic};
 use seatrial::description::geometry::{cross_flow_drag, lamb_factors};
-use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::fit::inputs::Inputs;
 use seatrial::model::added_mass::AddedMass;
 use seatrial::model::current::Current;
 use seatrial::model::integrate::State;

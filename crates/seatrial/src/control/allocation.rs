@@ -7,10 +7,14 @@
 //!   → the wrench that this reaches in the steady state
 //! ```
 //!
-//! Each step has its file; [`report`] says which rows a vehicle can command at all. An actuator that has failed is
-//! left out and the others take over; one that is [stuck](Allocator::stuck) is reckoned with. Fins are allocated by
-//! the force along their normal; below a least speed they are held at zero. All memory is taken once; a step does
-//! not allocate and cannot fail.
+//! In reading order: [`table`], the settings; [`minimum`], the band that a motor cannot hold; [`reach`](mod@reach), the
+//! forces within reach; [`pseudo_inverse`], [`redistribution`] and [`quadratic_programme`], from wrench to forces;
+//! [`state`], the [`Allocator`]; `commands`, from forces to signals; [`report`], which rows a vehicle can command at all,
+//! by its `singular_values`.
+//!
+//! An actuator that has failed is left out and the others take over; one that is [stuck](Allocator::stuck) is reckoned
+//! with. Fins are allocated by the force along their normal; below a least speed they are held at zero. All memory is
+//! taken once; a step does not allocate and cannot fail.
 //!
 //! Source: Fossen (2011), section 12.3; Härkegård (2002); Johansen and Fossen (2013); Taubert et al. (2014),
 //! equations 39–50. Tests: `tests/allocation.rs`.
@@ -23,129 +27,18 @@ pub mod reach;
 pub mod redistribution;
 pub mod report;
 mod singular_values;
-mod table;
-mod wrench;
+pub mod state;
+pub mod table;
 
-use crate::description::Description;
-use crate::error::Error;
 use crate::model::vehicle::Vehicle;
 use crate::number::algebra::{Vec6, dot};
 use crate::number::real::Real;
-use pseudo_inverse::PseudoInverse;
-use quadratic_programme::{CAPACITY, QuadraticProgramme};
-use reach::{Reach, Water, capabilities, column, reach};
-use redistribution::Shares;
+use reach::{Water, column, reach};
 pub use report::{Authority, authority};
-use table::Settings;
+pub use state::Allocator;
 pub use table::{AllocationTable, Method};
-pub use wrench::wrench_per_newton;
-
-/// The bounded programme, for the one number type that has it.
-type Programme<T> = fn(&mut QuadraticProgramme, &PseudoInverse<T>, &Vec6<T>, &mut Shares<T>);
-
-/// Distributes wrenches; constants, state and workspace of one vehicle (or of one per lane).
-#[derive(Clone)]
-pub struct Allocator<T> {
-    settings: Settings,
-    thrusters: usize,
-    /// Fins and thrusters act in common rows: the share of each depends on the speed.
-    shared: bool,
-    /// F_max, N; of a fin at 1 m/s.
-    capability: Vec<T>,
-    programme: Option<(QuadraticProgramme, Programme<T>)>,
-    rows: Vec6<T>,
-    usable: Vec<T>,
-    speed: T,
-    pseudo_inverse: PseudoInverse<T>,
-    prepared: bool,
-    turning: Vec<T>,
-    stuck: Vec<T>,
-    stuck_signal: Vec<T>,
-    shares: Shares<T>,
-    reach: Vec<Reach<T>>,
-    force: Vec<T>,
-    left: Vec<T>,
-    strength: Vec<T>,
-}
-
-impl Allocator<f64> {
-    /// The allocation of a single vehicle, by either method.
-    ///
-    /// # Errors
-    /// As [`Allocator::new`]; more actuators than the quadratic programme takes.
-    pub fn single(
-        description: &Description,
-        vehicle: &Vehicle<f64>,
-        table: &AllocationTable,
-    ) -> Result<Self, Error> {
-        let mut allocator = Self::new(description, vehicle, &table.for_populations())?;
-        if table.method == Method::Quadratic {
-            let found = description.actuators.len();
-            if found > CAPACITY {
-                return Err(Error::vehicle(
-                    &description.file.name,
-                    format!(
-                        "allocation.method: \"quadratic\" takes up to {CAPACITY} actuators, found {found}; use \"pseudo-inverse\""
-                    ),
-                ));
-            }
-            allocator.programme = Some((QuadraticProgramme::default(), QuadraticProgramme::solve));
-        }
-        Ok(allocator)
-    }
-}
 
 impl<T: Real> Allocator<T> {
-    /// The allocation of a vehicle by the pseudo-inverse.
-    ///
-    /// # Errors
-    /// A vehicle without actuators; a table that does not fit it, or that asks for the quadratic programme, which only
-    /// [`Allocator::single`] has.
-    pub fn new(
-        description: &Description,
-        vehicle: &Vehicle<T>,
-        table: &AllocationTable,
-    ) -> Result<Self, Error> {
-        let fail = |message: &str| Err(Error::vehicle(&description.file.name, message));
-        if table.method == Method::Quadratic {
-            return fail(
-                "allocation.method: populations are allocated by \"pseudo-inverse\", found \"quadratic\"",
-            );
-        }
-        let settings = table.settings(description)?;
-        let count = description.actuators.len();
-        if count == 0 {
-            return fail("allocation: the vehicle has no actuators; add [[thrusters]] or [[fins]]");
-        }
-        let zero = vehicle.mass_matrix[0][0].zero();
-        let thrusters = vehicle.actuators.len();
-        let capability = capabilities(description, vehicle, &settings.holds);
-        let acts = |range: std::ops::Range<usize>, i: usize| {
-            range.into_iter().any(|k| description.wrench(k)[i].abs() > 1e-9)
-        };
-        let none = vec![zero; count];
-        Ok(Self {
-            thrusters,
-            shared: (0..6).any(|i| acts(0..thrusters, i) && acts(thrusters..count, i)),
-            capability,
-            programme: None,
-            rows: [zero; 6],
-            usable: none.clone(),
-            speed: zero,
-            pseudo_inverse: PseudoInverse::new(count, zero),
-            prepared: false,
-            turning: none.clone(),
-            stuck: none.clone(),
-            stuck_signal: none.clone(),
-            shares: Shares::new(count, zero),
-            reach: vec![Reach::none(zero); count],
-            force: none.clone(),
-            left: none.clone(),
-            strength: none,
-            settings,
-        })
-    }
-
     /// Says where (by the mask) an actuator stands at a signal whatever is commanded; elsewhere it obeys. The others
     /// make up for it from the next [`Self::prepare`] on.
     #[inline(always)]

@@ -8,6 +8,11 @@
 //!
 //! The same code flies one vehicle in real time (`f64`) and eight candidates side by side ([`crate::number::lanes`]).
 //!
+//! In reading order: [`file`](mod@file), what users write; [`settings`], the same checked and resolved; [`set_point`], steering by
+//! hand or by a trial; `rates`, speeds from what is measured; `monitor`, the actuators watched; [`state`], the
+//! [`Autopilot`] and what it remembers; then the steps of a period: `reaction` (guidance, or what stands in for it),
+//! `modes`, `situation` (what the laws are told), `feed_forward`, `wrench` (allocation and back); [`Autopilot::step`] last.
+//!
 //! It must not begin while it waits for a first sample ([`Measurement::waiting_for`]), and no channel may be
 //! other than a number, the altitude apart.
 //!
@@ -23,87 +28,18 @@ mod reaction;
 pub mod set_point;
 pub mod settings;
 mod situation;
+pub mod state;
 mod wrench;
 
-use crate::control::allocation::Allocator;
-use crate::control::control_law::{SWAY, Situation};
-use crate::control::guidance::{Desired, Guidance, Progress};
-use crate::control::lqr::{Lqr, LqrState};
+use crate::control::control_law::Situation;
+use crate::control::guidance::Desired;
 use crate::control::navigation::Measurement;
-use crate::control::pid::{Pid, PidState};
-use crate::control::reference_filter::Reference;
-use crate::control::safety::{Alert, Approach, Circumstances, watch};
-use crate::control::schedule::POINTS;
-use crate::description::Description;
-use crate::description::coefficients::FORCES;
-use crate::error::Error;
-use crate::mission::Mission;
-use crate::model::vehicle::{Structure, Vehicle};
+use crate::control::safety::{Alert, Circumstances, watch};
 use crate::number::algebra::Vec6;
 use crate::number::real::Real;
-use file::{Control, DepthBy};
-use monitor::Monitor;
-use rates::Rates;
+use file::Control;
 use set_point::SetPoint;
-use settings::{PER_LOOP, Settings};
-use std::sync::Arc;
-
-/// Weight of a row that the vehicle can command and no loop does.
-const IDLE_ROW: f64 = 0.05;
-
-/// A loop: its gains and the frequency of its reference filter.
-#[derive(Clone)]
-struct Loop<T> {
-    pid: Pid<T>,
-    reference: Option<T>,
-}
-
-/// An autopilot on a vehicle and a mission: what does not change under way.
-pub struct Autopilot<T> {
-    settings: Arc<Settings>,
-    mission: Arc<Mission>,
-    /// The autopilot's own model of the vehicle.
-    model: Vehicle<T>,
-    guidance: Guidance<T>,
-    loops: [Option<Loop<T>>; 6],
-    lqr: Option<Lqr<T>>,
-    /// Per mode, 1 for the actuators at work.
-    at_work: Vec<Vec<f64>>,
-    limits: Vec<crate::actuator::motor::Limits>,
-    /// Weights of the rows that no loop commands.
-    idle_rows: Vec6<f64>,
-    unit: T,
-}
-
-/// What an autopilot remembers from step to step.
-pub struct AutopilotState<T> {
-    steps: usize,
-    progress: Progress<T>,
-    /// Per mode above the first, 1 while its speed is reached.
-    reached: Vec<T>,
-    active: Vec6<T>,
-    references: [Reference<T>; 6],
-    pid: [PidState<T>; 6],
-    lqr: LqrState<T>,
-    rates: Rates<T>,
-    /// Desired speed (m/s) and depth (m) of the last step.
-    speed: T,
-    depth: T,
-    /// 1 once the vehicle has surfaced under a reaction.
-    surfaced: T,
-    achieved: Vec6<T>,
-    alert: Alert<T>,
-    /// Desired pitch, within its rate, rad.
-    pitch: T,
-    /// Heading that a reaction keeps, rad.
-    heading: T,
-    allocator: Allocator<T>,
-    usable: Vec<T>,
-    monitor: Monitor<T>,
-    approach: Approach<T>,
-    /// Commands as signals: in the unit of the command, from neutral, positive ahead.
-    pub signals: Vec<T>,
-}
+pub use state::{Autopilot, AutopilotState};
 
 /// What an autopilot thinks at one step.
 #[derive(Clone, Copy, Debug)]
@@ -127,102 +63,6 @@ pub struct Thought<T> {
 }
 
 impl<T: Real> Autopilot<T> {
-    /// An autopilot that takes the vehicle `description`, which it [fits](Settings::fits), for its model, with the
-    /// tunable numbers `tunables`.
-    ///
-    /// # Errors
-    /// A mode names actuators that the vehicle does not have, or the regulator's tables do not fit the modes.
-    #[inline(always)]
-    pub fn new(
-        settings: &Arc<Settings>,
-        description: &Description,
-        mission: &Arc<Mission>,
-        tunables: &[T],
-    ) -> Result<Self, Error> {
-        let unit = tunables[0].zero();
-        let file = &settings.file;
-        let structure = Structure::new(description, &[]);
-        let values: Vec<T> = description.coefficients.iter().map(|&x| unit.splat(x)).collect();
-        let free = [crate::model::vehicle::Mode::Free; 6];
-        let model = Vehicle::new(description, &structure, &values, description.file.environment, free);
-        let tables = file.loops.in_order();
-        let loops = std::array::from_fn(|i| {
-            let (table, row) = (tables[i]?, &tunables[i * PER_LOOP..(i + 1) * PER_LOOP]);
-            let gain = |k: usize| std::array::from_fn(|p| row[k * POINTS + p]);
-            let pid = Pid {
-                k_p: gain(0),
-                k_i: gain(1),
-                k_d: gain(2),
-                tau_max: unit.splat(table.tau_max),
-                anti_windup: table.anti_windup,
-            };
-            Some(Loop { pid, reference: table.reference_rad_s.map(|_| row[3 * POINTS]) })
-        });
-        let slowest = &settings.modes[0];
-        let hover = slowest.depth_by == DepthBy::Heave;
-        let mut guidance = Guidance::new(&file.guidance, unit, slowest.active[SWAY], hover);
-        guidance.tune(&tunables[6 * PER_LOOP..]);
-        Ok(Self {
-            settings: settings.clone(),
-            mission: mission.clone(),
-            guidance,
-            loops,
-            lqr: settings.regulator(unit)?,
-            at_work: settings.actuators_at_work(description)?,
-            limits: description.actuators.iter().map(|a| a.limits).collect(),
-            idle_rows: FORCES.map(|row| {
-                let commanded = description.file.controllable.iter().any(|known| known == row);
-                if commanded { IDLE_ROW } else { 0.0 }
-            }),
-            model,
-            unit,
-        })
-    }
-
-    /// The memory of an autopilot that has not begun; `allocator` distributes to the actuators of [`Self::model`].
-    #[inline(always)]
-    pub fn begin(&self, allocator: Allocator<T>) -> AutopilotState<T> {
-        let (unit, zeros) = (self.unit, [self.unit; 6]);
-        let count = self.limits.len();
-        AutopilotState {
-            steps: 0,
-            progress: self.guidance.begin(&self.mission.start, &self.mission.waypoints),
-            reached: vec![unit; self.settings.modes.len() - 1],
-            active: zeros,
-            references: [Reference::at(unit); 6],
-            pid: [PidState::at_rest(unit); 6],
-            lqr: LqrState::at_rest(unit),
-            rates: Rates::new(unit),
-            speed: unit,
-            depth: unit,
-            surfaced: unit,
-            achieved: zeros,
-            alert: Alert::none(unit),
-            pitch: unit,
-            heading: unit,
-            allocator,
-            usable: vec![unit; count],
-            monitor: Monitor::new(&self.model, &self.limits, self.settings.file.period_s, unit),
-            approach: Approach::new(unit),
-            signals: vec![unit; count],
-        }
-    }
-
-    /// The autopilot's model of the vehicle.
-    pub fn model(&self) -> &Vehicle<T> {
-        &self.model
-    }
-
-    /// The name of a mode.
-    pub fn mode_name(&self, mode: usize) -> &str {
-        self.settings.modes.get(mode).map_or("", |mode| &mode.name)
-    }
-
-    /// The control period, s.
-    pub fn period(&self) -> f64 {
-        self.settings.file.period_s
-    }
-
     /// Commands for the next period, into `state.signals`; `feedback` are the measured signals of the actuators.
     #[inline(always)]
     pub fn step(

@@ -1,5 +1,9 @@
 //! Guidance: from the plan and the present position to desired speed, heading, pitch and depth.
 //!
+//! In reading order: [`table`], what users write; [`constants`], the same in SI units; [`fix`], what is told of the vehicle;
+//! [`flag`], truth values as numbers; [`path`], a path at the vehicle; [`leg`]; [`progress`], what is remembered; then the
+//! steps below.
+//!
 //! One [`step`](Guidance::step) per period of the autopilot: [`arrival`] decides which waypoint is active and
 //! whether the vehicle is under way to it or busy there; [`leg`] and [`circle`] give the path and the error against
 //! it; [`law`] makes heading, pitch and speed of it; [`hold`] keeps station; [`integral`] learns the drift;
@@ -14,82 +18,25 @@
 
 pub mod arrival;
 pub mod circle;
+pub mod constants;
+pub mod fix;
 pub mod flag;
 pub mod hold;
 pub mod integral;
 pub mod law;
 pub mod leg;
 pub mod limits;
+pub mod path;
 pub mod progress;
 pub mod table;
 
 use crate::mission::{Start, Waypoint};
-use crate::number::algebra::Vec3;
 use crate::number::real::Real;
+pub use constants::Guidance;
+pub use fix::Fix;
 use flag::{holds, not};
 pub use progress::Progress;
 pub use table::{GuidanceTable, Method, TUNABLE};
-
-/// Constants of the guidance; every number may differ from lane to lane.
-#[derive(Clone, Copy, Debug)]
-pub struct Guidance<T> {
-    /// How heading and pitch follow from the errors.
-    pub method: Method,
-    /// Whether the vehicle can push itself sideways.
-    pub sway: bool,
-    /// Whether the vehicle can stop: keep its depth without speed.
-    pub hover: bool,
-    /// Lookahead distance Δ in the horizontal plane, m.
-    pub lookahead: T,
-    /// Lookahead distance Δ_z in the vertical plane, m.
-    pub lookahead_vertical: T,
-    /// Speed for which both and the integral gains hold, m/s; 0: any.
-    pub lookahead_speed: f64,
-    /// Integral gain κ in the horizontal plane, m/s.
-    pub integral_gain: T,
-    /// Integral gain κ_z in the vertical plane, m/s.
-    pub integral_gain_vertical: T,
-    /// Largest desired pitch, rad.
-    pub pitch_max: T,
-    /// Largest rate of the desired heading, rad/s.
-    pub turn_rate_max: T,
-    /// Largest rate of the desired pitch, rad/s.
-    pub pitch_rate_max: T,
-    /// Largest rate of the desired depth, m/s.
-    pub depth_rate_max: T,
-    /// Largest desired speed, m/s.
-    pub speed_max: T,
-    /// Largest rate of the desired speed, m/s².
-    pub acceleration_max: T,
-    /// Share of the speed that is left while the heading is 90° or more off.
-    pub turn_speed_share: T,
-    /// Desired speed per distance when a point is held, 1/s.
-    pub hold_gain: T,
-    /// Horizontal distance at which station-keeping begins, m.
-    pub hold_radius: T,
-    /// Horizontal distance beyond which a vehicle turns to the point that it holds, m.
-    pub watch_radius: T,
-    /// Rate of the heading per error of the sideways speed when a point is held without sway, rad/m.
-    pub weathervane_gain: T,
-    /// Radius of the circle of a vehicle that cannot stop, m.
-    pub loiter_radius: T,
-}
-
-/// Least share of the lookahead distances on slow legs.
-const LEAST_SHARE: f64 = 0.5;
-
-/// Where the vehicle is and how it moves, as the navigation says.
-#[derive(Clone, Copy, Debug)]
-pub struct Fix<T> {
-    /// North, east, depth, m.
-    pub position: Vec3<T>,
-    /// Altitude above the bottom, m; not a number or infinite without bottom lock.
-    pub altitude: T,
-    /// Roll, pitch, yaw, rad.
-    pub attitude: Vec3<T>,
-    /// Velocity over ground in the body frame, m/s.
-    pub velocity: Vec3<T>,
-}
 
 /// What the control loops are asked for.
 #[derive(Clone, Copy, Debug)]
@@ -119,69 +66,6 @@ pub struct Desired<T> {
 }
 
 impl<T: Real> Guidance<T> {
-    /// The constants of a table in the kind of `unit`, for a vehicle that can push itself sideways (`sway`) and can
-    /// keep its depth without speed (`hover`).
-    pub fn new(table: &GuidanceTable, unit: T, sway: bool, hover: bool) -> Self {
-        let zero = unit.zero();
-        let mut guidance = Self {
-            lookahead_speed: table.lookahead_speed_m_s,
-            method: table.method,
-            sway,
-            hover,
-            lookahead: zero,
-            lookahead_vertical: zero,
-            integral_gain: zero,
-            integral_gain_vertical: zero,
-            pitch_max: zero,
-            turn_rate_max: zero,
-            pitch_rate_max: zero,
-            depth_rate_max: zero,
-            speed_max: zero,
-            acceleration_max: zero,
-            turn_speed_share: zero,
-            hold_gain: zero,
-            hold_radius: zero,
-            watch_radius: zero,
-            weathervane_gain: zero,
-            loiter_radius: zero,
-        };
-        for (index, value) in table.tunable().into_iter().enumerate() {
-            guidance.set(index, zero.splat(value));
-        }
-        guidance
-    }
-
-    /// Gives the constants the values of the names in [`TUNABLE`], in their units.
-    pub fn tune(&mut self, values: &[T]) {
-        for (index, value) in values.iter().enumerate() {
-            self.set(index, *value);
-        }
-    }
-
-    /// Gives the constant `TUNABLE[index]` a value in the unit of its name; another index does nothing.
-    pub fn set(&mut self, index: usize, value: T) {
-        let radians = value * (std::f64::consts::PI / 180.0);
-        match index {
-            0 => self.lookahead = value,
-            1 => self.lookahead_vertical = value,
-            2 => self.integral_gain = value,
-            3 => self.integral_gain_vertical = value,
-            4 => self.pitch_max = radians,
-            5 => self.turn_rate_max = radians,
-            6 => self.pitch_rate_max = radians,
-            7 => self.depth_rate_max = value,
-            8 => self.speed_max = value,
-            9 => self.acceleration_max = value,
-            10 => self.turn_speed_share = value,
-            11 => self.hold_gain = value,
-            12 => self.hold_radius = value,
-            13 => self.watch_radius = value,
-            14 => self.weathervane_gain = value,
-            15 => self.loiter_radius = value,
-            _ => {}
-        }
-    }
-
     /// The state of a mission that has not begun.
     pub fn begin(&self, start: &Start, waypoints: &[Waypoint]) -> Progress<T> {
         Progress::new(start, waypoints, self.lookahead.zero())
@@ -191,12 +75,6 @@ impl<T: Real> Guidance<T> {
     #[inline(always)]
     pub fn stop_here(&self, progress: &mut Progress<T>, fix: &Fix<T>, at: T::Mask) {
         progress.stop(fix, at);
-    }
-
-    /// The pitch towards a depth that lies `above` metres above the vehicle, rad.
-    #[inline(always)]
-    pub fn pitch_towards(&self, above: T) -> T {
-        above.atan2(self.lookahead_vertical).clamped(-self.pitch_max, self.pitch_max)
     }
 
     /// What is desired at this instant; `dt` seconds pass until the next call.
@@ -214,23 +92,6 @@ impl<T: Real> Guidance<T> {
             progress.measured(fix);
         }
         self.at_speed(progress.leg.speed).go_on(waypoints, progress, fix, dt)
-    }
-
-    /// The constants for the speed of a leg.
-    #[inline(always)]
-    fn at_speed(&self, speed: T) -> Self {
-        if self.lookahead_speed <= 0.0 {
-            return *self;
-        }
-        let share =
-            (speed * (1.0 / self.lookahead_speed)).clamped(speed.splat(LEAST_SHARE), speed.splat(1.0));
-        Self {
-            lookahead: self.lookahead * share,
-            lookahead_vertical: self.lookahead_vertical * share,
-            integral_gain: self.integral_gain * share,
-            integral_gain_vertical: self.integral_gain_vertical * share,
-            ..*self
-        }
     }
 
     #[inline(always)]

@@ -20,6 +20,8 @@
 //! `T_s/T_b (τ_reached − τ)`, at most itself (back-calculation): what the error itself asks for too much is not
 //! charged to the integral.
 //!
+//! The gains of the file stand in `table`.
+//!
 //! Source: Fossen (2011), section 13.1; Åström and Hägglund, *Advanced PID Control* (2006), section 3.5.
 //! Tests: `tests/lqr.rs`. The gains are designed by the Python package `seatrial.control_design`.
 

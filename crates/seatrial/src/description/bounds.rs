@@ -3,7 +3,7 @@
 //! Factors around the geometric start value: axial drag is known to 0.5–4×, cross-flow to 0.25–4×, added mass to 0.2–5×, inertia to
 //! 0.3–3×; what has no start value gets bounds by the vehicle's weight and size, or none.
 
-use super::Description;
+use super::values::Description;
 use crate::description::coefficients::{self as names, MASS, added_mass, linear, quadratic};
 
 impl Description {

@@ -1,7 +1,8 @@
 //! What can be said about a vehicle besides its motion, as plain values by name, for reports.
 
+use super::placement::Effect;
+use super::values::Description;
 use crate::description::coefficients::HULL;
-use crate::description::{Description, Effect};
 use std::collections::BTreeMap;
 
 /// A plain value.

@@ -4,7 +4,7 @@
 use crate::actuator::characteristic::Table;
 use crate::actuator::fin::lift_slope;
 use crate::actuator::motor::Limits;
-use crate::control::allocation::wrench_per_newton;
+use crate::actuator::wrench::wrench_per_newton;
 use crate::description::coefficients as names;
 use crate::description::vehicle_file::{
     BelowMinimum, CharacteristicTable, CommandUnit, FinTable, MotorTable, Polynomial, Quadratic, Thruster,
@@ -32,7 +32,7 @@ pub struct ActuatorDescription {
     /// Static limits of the signal.
     pub limits: Limits,
     /// Wrench about O per newton along the direction, as written;
-    /// [`Description::wrench`](super::Description::wrench) is in use.
+    /// [`Description::wrench`](super::values::Description::wrench) is in use.
     pub wrench: Vec6<f64>,
     /// Direction of thrust and inflow, of a fin its normal; zero when the wrench has no linear part.
     pub direction: Vec3<f64>,

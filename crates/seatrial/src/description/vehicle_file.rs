@@ -8,14 +8,12 @@
 //!
 //! Tests: `tests/files.rs`.
 
-mod exact;
 mod fin_table;
 
 use crate::description::geometry::Geometry;
-use crate::error::{Error, nearest};
-pub(crate) use exact::{exactly, exactly_if_given};
+use crate::error::Error;
+use crate::toml_file::{exactly, exactly_if_given, parsed};
 pub use fin_table::FinTable;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -293,12 +291,6 @@ impl CommandUnit {
     }
 }
 
-/// The version of a file whose other keys are not read.
-#[derive(Deserialize)]
-struct Format {
-    format: Option<i64>,
-}
-
 fn all_rows() -> Vec<String> {
     crate::description::coefficients::FORCES.map(str::to_owned).to_vec()
 }
@@ -323,34 +315,5 @@ impl VehicleFile {
     /// The file as TOML.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("a vehicle file holds plain numbers, text and tables")
-    }
-}
-
-/// A file of this format, read: also the autopilot's and the mission's.
-///
-/// # Errors
-/// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
-pub(crate) fn parsed<F: DeserializeOwned>(text: &str, source_name: &str) -> Result<F, Error> {
-    let refused = |error: toml::de::Error| Error::vehicle(source_name, explain(&error, text));
-    // The format first: another one may have keys that this one does not know.
-    match toml::from_str(text).map_err(refused)? {
-        Format { format: Some(found) } if found != 1 => {
-            Err(Error::vehicle(source_name, format!("format: this version reads format = 1, found {found}")))
-        }
-        _ => toml::from_str(text).map_err(refused),
-    }
-}
-
-/// The reader's message with its line, and the nearest known name of an unknown key.
-pub(crate) fn explain(error: &toml::de::Error, text: &str) -> String {
-    let line = error.span().map(|span| 1 + text[..span.start].matches('\n').count());
-    let message = error.message().trim();
-    let place = line.map(|n| format!("line {n}: ")).unwrap_or_default();
-    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-    match quoted.split_first() {
-        Some((unknown, known)) if message.starts_with("unknown") => {
-            format!("{place}{message}{}", nearest(unknown, known.iter().copied()))
-        }
-        _ => format!("{place}{message}"),
     }
 }

@@ -13,7 +13,7 @@
 //! Tests: `tests/scalars/nuisances.rs` (each against its definition), `tests/core/test_sensitivities.py`.
 
 use crate::fit::criterion::{CHANNEL_NAMES, CHANNELS, ROLL};
-use crate::fit::open_loop::Start;
+use crate::fit::record::Start;
 use crate::model::integrate::State;
 use crate::model::kinematics::{Quaternion, from_euler, normalised, quaternion_product, rotation, to_euler};
 use crate::number::algebra::{Vec3, cross, product, transposed_product};

@@ -5,17 +5,19 @@
 //!
 //! Tests: `tests/closed_loop.rs` (lanes equal single flights).
 
+use super::case::{Flight, Setting};
 use super::faults::{ActuatorFault, Faults, table};
+use super::fly;
 use super::log::Log;
 use super::summary::Summary;
-use super::{Flight, Setting, fly};
 use crate::control::allocation::{AllocationTable, Allocator, Method};
 use crate::control::autopilot::Autopilot;
 use crate::control::navigation::{GROUPS, GroupOutage, Outage};
 use crate::description::Description;
+use crate::description::assembly::Structure;
 use crate::error::Error;
 use crate::model::integrate::State;
-use crate::model::vehicle::{Mode, Structure, Vehicle};
+use crate::model::vehicle::{Mode, Vehicle};
 use crate::number::lanes::{LANES, level};
 use crate::number::real::Real;
 use fearless_simd::{Level, Simd, SimdBase, f64x8};

@@ -1,4 +1,4 @@
-//! The figures of a flight; [`super::tally`] sums them up.
+//! The figures of a flight; `tally` sums them up.
 //!
 //! Errors of guidance count on the second half of every straight leg, where the vehicle has had time to settle; the
 //! depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends.

@@ -2,7 +2,7 @@
 //!
 //! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py` (equal to the same figures from the log).
 
-use super::Flight;
+use super::case::Flight;
 use super::exceedance::{EDGES, edges};
 use super::legs::Legs;
 use super::obstacle::clearance;

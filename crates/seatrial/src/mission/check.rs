@@ -9,7 +9,7 @@ use super::fence::inside;
 use super::file::MissionFile;
 use super::numbers::{finite, not_negative, positive};
 use super::plane::{Place, cross_each_other, distance_to_stretch};
-use super::{Mission, Task, Vertical};
+use super::waypoint::{Mission, Task, Vertical};
 
 /// A leg shorter than this has no direction, m.
 const SHORTEST: f64 = 1e-6;

@@ -10,7 +10,7 @@ use super::legs::{Lawnmower, Perimeter, Side, Spiral, WaypointLeg};
 use super::numbers::{angle, finite, not_negative, place, positive};
 use super::patterns::{Coil, Rectangle};
 use super::plane::Place;
-use super::{MOST_WAYPOINTS, Task, Vertical, Waypoint};
+use super::waypoint::{MOST_WAYPOINTS, Task, Vertical, Waypoint};
 
 /// The waypoints of a mission, and what belongs to them.
 pub(super) struct Expansion {

@@ -5,9 +5,9 @@
 //!
 //! Tests: `tests/mission.rs`.
 
-use super::legs::{Lawnmower, Perimeter, Spiral, WaypointLeg};
-use crate::description::vehicle_file::{explain, parsed};
+use super::legs::{Lawnmower, Perimeter, Spiral, WaypointLeg, corners};
 use crate::error::{Error, nearest};
+use crate::toml_file::{explain, parsed};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -144,16 +144,6 @@ fn leg(mut table: toml::Table) -> Result<Leg, String> {
         let key = shown.lines().find_map(|line| line.strip_prefix("in `")?.strip_suffix('`'));
         format!("{}{}", key.map(|key| format!("{key}: ")).unwrap_or_default(), explain(&error, ""))
     })
-}
-
-/// Corners of two numbers each: a third, perhaps a depth, is no corner and must not be passed over.
-pub(super) fn corners<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<[f64; 2]>, D::Error> {
-    let pair = |row: Vec<f64>| {
-        <[f64; 2]>::try_from(row).map_err(|row| {
-            D::Error::custom(format!("expected corners [north, east], found {} numbers", row.len()))
-        })
-    };
-    Vec::<Vec<f64>>::deserialize(deserializer)?.into_iter().map(pair).collect()
 }
 
 impl MissionFile {

@@ -4,8 +4,8 @@
 //!
 //! Tests: `tests/mission.rs`.
 
-use super::file::corners;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A place to go to, and what to do there.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq)]
@@ -204,4 +204,14 @@ impl Side {
 /// A quarter of a metre: below what a vehicle under way can follow.
 fn tolerance() -> f64 {
     0.25
+}
+
+/// Corners of two numbers each: a third, perhaps a depth, is no corner and must not be passed over.
+pub(super) fn corners<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<[f64; 2]>, D::Error> {
+    let pair = |row: Vec<f64>| {
+        <[f64; 2]>::try_from(row).map_err(|row| {
+            D::Error::custom(format!("expected corners [north, east], found {} numbers", row.len()))
+        })
+    };
+    Vec::<Vec<f64>>::deserialize(deserializer)?.into_iter().map(pair).collect()
 }

@@ -7,7 +7,7 @@
 //! Tests: `tests/mission/plan.rs`.
 
 use super::plane::{Place, difference, distance, towards};
-use super::{Mission, Task, Vertical};
+use super::waypoint::{Mission, Task, Vertical};
 use crate::number::algebra::Vec3;
 use std::f64::consts::{PI, TAU};
 

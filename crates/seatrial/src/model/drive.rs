@@ -1,6 +1,6 @@
 //! All motors and servos of a vehicle at work, half a step at a time, and what their signals do.
 //!
-//! Open loop ([`crate::fit::open_loop::motors`]) and closed loop ([`crate::flight`]) move the same motors; they
+//! Open loop ([`crate::fit::motors`]) and closed loop ([`crate::flight`]) move the same motors; they
 //! differ in where the targets come from, a record or an autopilot.
 //!
 //! Tests: `tests/laws/motor.rs`, `tests/closed_loop.rs`.

@@ -11,10 +11,9 @@
 //! Tests: `tests/scalars/tangent.rs` (both forms say the same), `tests/core/test_linearize.py` (finite differences
 //! of the textbook model).
 
-use crate::description::Description;
 use crate::model::current::Current;
 use crate::model::kinematics::{Quaternion, euler_rate, from_euler, quaternion_product, rotation, to_euler};
-use crate::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use crate::model::vehicle::{Instant, Vehicle};
 use crate::number::algebra::{Vec3, Vec6, cross, product};
 use crate::number::dual::Dual;
 use crate::number::real::Real;
@@ -37,19 +36,15 @@ pub struct Tangent {
     pub b: [[f64; 6]; 12],
 }
 
-/// The tangent of a described vehicle at an attitude, a velocity `nu` (m/s, rad/s) and a wrench `tau` (N, N m).
+/// The tangent of a vehicle, whose constants have no partials, at an attitude, a velocity `nu` (m/s, rad/s) and a wrench `tau` (N, N m).
 pub fn linearize(
-    description: &Description,
+    vehicle: &Vehicle<Dual<f64>>,
     form: Form,
     attitude: &Quaternion<f64>,
     nu: &Vec6<f64>,
     (tau, current): (&Vec6<f64>, Option<&Current<f64>>),
 ) -> Tangent {
     let constant = |value: f64| Dual { value, partials: 0.0 };
-    let values: Vec<Dual<f64>> = description.coefficients.iter().map(|&x| constant(x)).collect();
-    let structure = Structure::new(description, &[]);
-    let environment = description.file.environment;
-    let vehicle = Vehicle::new(description, &structure, &values, environment, [Mode::Free; 6]);
     let current = current.map(|c| Current { velocity: c.velocity.map(constant), rate: c.rate.map(constant) });
     let euler = to_euler(attitude).map(constant);
     let mut tangent = Tangent { a: [[0.0; 12]; 12], b: [[0.0; 6]; 12] };

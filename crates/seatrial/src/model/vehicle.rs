@@ -9,8 +9,6 @@
 //! Source: Fossen (2011), equation 7.9 with 8.3; Taubert et al. (2014), equation 6, corrected.
 //! Tests: `tests/laws.rs`, `tests/golden.rs`, `tests/core/test_scalar_textbook.py`.
 
-mod assembly;
-
 use crate::actuator::Actuator;
 use crate::actuator::characteristic::Thrust;
 use crate::actuator::fin::{Deflection, Fin};
@@ -21,9 +19,8 @@ use crate::model::damping::Damping;
 use crate::model::lift::Lift;
 use crate::model::restoring::Restoring;
 use crate::model::rigid_body::RigidBody;
-use crate::number::algebra::{Mat3, Mat6, Vec6, dot, product};
+use crate::number::algebra::{Mat3, Mat6, Vec6, dot, product, restricted_inverse};
 use crate::number::real::Real;
-pub use assembly::Structure;
 
 /// What a degree of freedom does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +65,27 @@ pub struct Vehicle<T> {
 enum Inverse<T> {
     Diagonal(Vec6<T>),
     Full(Mat6<T>),
+}
+
+/// What a vehicle is made of, each term by itself.
+#[derive(Clone)]
+pub struct Terms<T> {
+    /// Mass and inertia.
+    pub rigid_body: RigidBody<T>,
+    /// Added mass.
+    pub added_mass: AddedMass<T>,
+    /// Damping.
+    pub damping: Damping<T>,
+    /// Lift of hull and fixed fins; `None` where there is none and none is sought.
+    pub lift: Option<Lift<T>>,
+    /// Weight and buoyancy.
+    pub restoring: Restoring<T>,
+    /// Constant wrench in the body frame; `None` where there is none and none is sought.
+    pub bias: Option<Vec6<T>>,
+    /// Thrusters.
+    pub actuators: Vec<Actuator<T>>,
+    /// Movable fins.
+    pub fins: Vec<Fin<T>>,
 }
 
 /// What acts on the vehicle at one instant.
@@ -116,6 +134,35 @@ pub struct Forces<T> {
 }
 
 impl<T: Real> Vehicle<T> {
+    /// The vehicle made of these terms: `M = M_RB + M_A`, factored once for the axes that are free.
+    #[inline(always)]
+    pub fn of(terms: Terms<T>, modes: [Mode; 6]) -> Self {
+        let Terms { rigid_body, added_mass, damping, lift, restoring, bias, actuators, fins } = terms;
+        let mut mass_matrix = added_mass.matrix();
+        let rigid = rigid_body.mass_matrix();
+        for i in 0..6 {
+            for j in 0..6 {
+                mass_matrix[i][j] += rigid[i][j];
+            }
+        }
+        let diagonal =
+            matches!((&rigid_body, &added_mass), (RigidBody::Principal { .. }, AddedMass::Diagonal(_)));
+        Self {
+            rigid_body,
+            added_mass,
+            damping,
+            lift,
+            restoring,
+            bias,
+            actuators,
+            fins,
+            mass_matrix,
+            modes,
+            inverse: inverse(diagonal, &mass_matrix, &modes.map(|mode| mode == Mode::Free)),
+            replayed: modes.contains(&Mode::Measured),
+        }
+    }
+
     /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant.
     #[inline(always)]
     pub fn acceleration(&self, r: &Mat3<T>, nu: &Vec6<T>, instant: &Instant<T>) -> Vec6<T> {
@@ -228,6 +275,23 @@ impl<T: Real> Vehicle<T> {
             restoring: self.restoring.add(r, &none),
         }
     }
+}
+
+/// `M⁻¹` on the free axes.
+#[inline(always)]
+fn inverse<T: Real>(diagonal: bool, m: &Mat6<T>, free: &[bool; 6]) -> Inverse<T> {
+    if !diagonal {
+        return Inverse::Full(restricted_inverse(m, free));
+    }
+    let (zero, one) = (m[0][0].zero(), m[0][0].splat(1.0));
+    let mut d = [zero; 6];
+    for i in 0..6 {
+        if free[i] {
+            // As the Cholesky factors do: no number where the mass is not positive.
+            d[i] = one / (m[i][i].sqrt() * m[i][i].sqrt());
+        }
+    }
+    Inverse::Diagonal(d)
 }
 
 impl<T: Real> Inverse<T> {

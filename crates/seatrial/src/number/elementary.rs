@@ -8,7 +8,6 @@
 //!
 //! Tests: `tests/scalars.rs::scalar_elementary_functions_within_two_ulp`.
 
-use super::lanes::{LANES, Lanes};
 use super::real::Real;
 use fearless_simd::{Simd, f64x8, prelude::*, u64x8};
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, LOG2_E, PI};
@@ -47,7 +46,7 @@ const COSINE: [f64; 8] = [
 ];
 
 #[inline(always)]
-fn polynomial<S: Simd, const N: usize>(x: Lanes<S>, coefficients: &[f64; N]) -> Lanes<S> {
+fn polynomial<S: Simd, const N: usize>(x: f64x8<S>, coefficients: &[f64; N]) -> f64x8<S> {
     let mut sum = x.splat(coefficients[0]);
     for &c in &coefficients[1..] {
         sum = sum.simd.mul_add_f64x8(sum, x, x.splat(c));
@@ -57,7 +56,7 @@ fn polynomial<S: Simd, const N: usize>(x: Lanes<S>, coefficients: &[f64; N]) -> 
 
 /// Sine and cosine, |x| < 1e5.
 #[inline(always)]
-pub fn sin_cos<S: Simd>(x: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
+pub fn sin_cos<S: Simd>(x: f64x8<S>) -> (f64x8<S>, f64x8<S>) {
     let simd = x.simd;
     let shifted = Real::mul_add(x, x.splat(FRAC_2_PI), x.splat(ROUND));
     let quadrant = shifted.to_bits();
@@ -73,8 +72,8 @@ pub fn sin_cos<S: Simd>(x: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
     let one = u64x8::splat(simd, 1);
     let two = u64x8::splat(simd, 2);
     let odd = (quadrant & one).simd_eq(one);
-    let s: Lanes<S> = odd.select(cosine, sine);
-    let c: Lanes<S> = odd.select(sine, cosine);
+    let s: f64x8<S> = odd.select(cosine, sine);
+    let c: f64x8<S> = odd.select(sine, cosine);
     let sign_s = (quadrant & two) << 62;
     let sign_c = ((quadrant + one) & two) << 62;
     (f64x8::from_bits(s.to_bits() ^ sign_s), f64x8::from_bits(c.to_bits() ^ sign_c))
@@ -82,7 +81,7 @@ pub fn sin_cos<S: Simd>(x: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
 
 /// `e^x`: 0 below −708, infinite above 709.
 #[inline(always)]
-pub fn exp<S: Simd>(x: Lanes<S>) -> Lanes<S> {
+pub fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let bounded = Real::min(Real::max(x, x.splat(-708.0)), x.splat(709.0));
     let n = (Real::mul_add(bounded, x.splat(LOG2_E), x.splat(ROUND))) - ROUND;
     let r = Real::mul_add(n, x.splat(-LN_2[1]), Real::mul_add(n, x.splat(-LN_2[0]), bounded));
@@ -108,7 +107,7 @@ const TAN_PI_8: f64 = 0.414_213_562_373_095_05;
 
 /// Angle of the point (`x`, `y`) in (−π, π]; 0 at the origin.
 #[inline(always)]
-pub fn atan2<S: Simd>(y: Lanes<S>, x: Lanes<S>) -> Lanes<S> {
+pub fn atan2<S: Simd>(y: f64x8<S>, x: f64x8<S>) -> f64x8<S> {
     let (ax, ay) = (Real::abs(x), Real::abs(y));
     let steep = ax.lt(ay);
     let small = Real::min(ax, ay);
@@ -133,7 +132,6 @@ pub fn atan2<S: Simd>(y: Lanes<S>, x: Lanes<S>) -> Lanes<S> {
     let angle = Real::select(steep, x.splat(FRAC_PI_2) - angle, angle);
     let angle = Real::select(x.lt(x.zero()), x.splat(PI) - angle, angle);
     let mut result = y.simd.copysign_f64x8(angle, y);
-    let nan = [f64::NAN; LANES];
-    result = Real::select((x + y).simd_eq(x + y), result, f64x8::simd_from(x.simd, nan));
+    result = Real::select((x + y).simd_eq(x + y), result, x.splat(f64::NAN));
     result
 }

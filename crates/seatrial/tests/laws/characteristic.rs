@@ -3,10 +3,11 @@
 use crate::vehicles::{cases, load, moving, velocity, with};
 use proptest::prelude::*;
 use seatrial::actuator::characteristic::{Characteristic, FlowTerms, Shape, Table, Thrust};
-use seatrial::control::allocation::wrench_per_newton;
+use seatrial::actuator::wrench::wrench_per_newton;
 use seatrial::description::Description;
+use seatrial::description::assembly::Structure;
 use seatrial::description::vehicle_file::{CharacteristicTable, Environment, Polynomial};
-use seatrial::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::model::vehicle::{Instant, Mode, Vehicle};
 use seatrial::number::algebra::{cross, dot};
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 use crate::vehicles::{attitude, body, cases, distance, fly, load, moving, times, velocity, with};
 use proptest::array::{uniform3, uniform6};
 use proptest::prelude::*;
-use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::fit::inputs::Inputs;
 use seatrial::model::integrate::State;
 use seatrial::model::kinematics::{from_euler, rotation};
 use seatrial::number::algebra::transposed_product;

@@ -6,7 +6,7 @@ use crate::vehicles::{
 use proptest::array::uniform6;
 use proptest::prelude::*;
 use seatrial::description::Description;
-use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::fit::inputs::Inputs;
 use seatrial::model::added_mass::AddedMass;
 use seatrial::model::damping::Damping;
 use seatrial::model::integrate::State;

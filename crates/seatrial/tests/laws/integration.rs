@@ -3,7 +3,7 @@
 use crate::vehicles::{body, cases, distance, fly, hull, load, moving, times, velocity, with};
 use proptest::prelude::*;
 use seatrial::description::Description;
-use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::fit::inputs::Inputs;
 
 #[test]
 fn law_a_driven_vehicle_is_integrated_with_order_four() {

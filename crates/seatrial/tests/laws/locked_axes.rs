@@ -3,10 +3,11 @@
 use crate::vehicles::{Body, attitude, body, cases, distance, fly, fly_from, moving, times, velocity, with};
 use proptest::prelude::*;
 use seatrial::description::Description;
-use seatrial::fit::open_loop::MotorStart;
-use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::description::assembly::Structure;
+use seatrial::fit::inputs::Inputs;
+use seatrial::fit::record::MotorStart;
 use seatrial::model::kinematics::rotation;
-use seatrial::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::model::vehicle::{Instant, Mode, Vehicle};
 use seatrial::number::algebra::{product, restricted_inverse};
 
 /// A vehicle whose degrees of freedom have these modes.

@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use seatrial::actuator::motor::{Limits, Motor, MotorState};
 use seatrial::actuator::response::{Dynamics, Response};
 use seatrial::description::Description;
-use seatrial::fit::open_loop::MotorStart;
-use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::fit::inputs::Inputs;
+use seatrial::fit::record::MotorStart;
 
 const STOPPED: MotorState<f64> = MotorState { ramp: 0.0, signal: 0.0 };
 
@@ -214,18 +214,18 @@ fn law_a_segment_meets_the_motors_as_the_record_left_them() {
         Inputs { t: times(80, 0.1), commands: [("SbU".to_owned(), commands)].into(), ..Inputs::default() };
     let record = inputs.record(&description, false, 1).unwrap();
     let run = |start: usize| {
-        let segment = seatrial::fit::open_loop::Segment {
+        let segment = seatrial::fit::record::Segment {
             record: 0,
             start,
             stop: 80,
             state: moving([0.0; 6]),
             motors: MotorStart::Recorded,
         };
-        let batch = seatrial::fit::open_loop::batch::Batch {
+        let batch = seatrial::fit::batch::Batch {
             description: &description,
             records: std::slice::from_ref(&record),
             segments: &[segment],
-            modes: seatrial::fit::open_loop::inputs::modes("X", "").unwrap(),
+            modes: seatrial::fit::inputs::modes("X", "").unwrap(),
             substeps: 2,
         };
         batch.track(0, &std::sync::atomic::AtomicBool::new(false)).unwrap()

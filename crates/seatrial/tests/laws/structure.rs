@@ -5,13 +5,14 @@ use crate::vehicles::{attitude, body, cases, diagonal, distance, fly, load, movi
 use proptest::array::uniform6;
 use proptest::prelude::*;
 use seatrial::description::Description;
+use seatrial::description::assembly::Structure;
 use seatrial::description::coefficients::{HULL, LIFT_NAMES, Layout, linear, quadratic};
 use seatrial::description::vehicle_file::Environment;
-use seatrial::fit::open_loop::inputs::Inputs;
+use seatrial::fit::inputs::Inputs;
 use seatrial::model::added_mass::AddedMass;
 use seatrial::model::damping::Damping;
 use seatrial::model::kinematics::rotation;
-use seatrial::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::model::vehicle::{Instant, Mode, Vehicle};
 
 /// A diagonal matrix.
 fn matrix(diagonal: &[f64; 6]) -> [[f64; 6]; 6] {

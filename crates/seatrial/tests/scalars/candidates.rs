@@ -2,9 +2,9 @@
 
 use crate::vehicles::{load, moving, times};
 use seatrial::description::Description;
-use seatrial::fit::open_loop::batch::{Batch, Candidates};
-use seatrial::fit::open_loop::inputs::{Inputs, modes};
-use seatrial::fit::open_loop::{MotorStart, Record, Segment};
+use seatrial::fit::batch::{Batch, Candidates};
+use seatrial::fit::inputs::{Inputs, modes};
+use seatrial::fit::record::{MotorStart, Record, Segment};
 
 /// Sought coefficients and the relative spread of the candidates.
 const SOUGHT: [(&str, f64); 12] = [

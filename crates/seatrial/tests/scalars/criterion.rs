@@ -2,7 +2,7 @@
 
 use crate::candidates::{Trials, inputs};
 use seatrial::fit::criterion::{CHANNELS, Loss, channels};
-use seatrial::fit::open_loop::Record;
+use seatrial::fit::record::Record;
 use seatrial::number::real::Real;
 use std::sync::atomic::AtomicBool;
 
@@ -49,7 +49,7 @@ fn scalar_criterion_is_the_sum_over_the_run() {
 /// The sums of one candidate on the first trial with other measurements.
 fn sums(observed: Vec<[f64; CHANNELS]>, weight: Vec<[f64; CHANNELS]>) -> Vec<f64> {
     let mut trials = Trials::new(1);
-    let measured = seatrial::fit::open_loop::inputs::Inputs { observed, weight, ..inputs(0) };
+    let measured = seatrial::fit::inputs::Inputs { observed, weight, ..inputs(0) };
     let record: Record = measured.record(&trials.description, false, 1).unwrap();
     trials.records[0] = record;
     let stop = AtomicBool::new(false);

@@ -2,11 +2,11 @@
 
 use crate::vehicles::{load, times};
 use seatrial::description::Description;
+use seatrial::fit::batch::Batch;
+use seatrial::fit::inputs::{Inputs, modes};
 use seatrial::fit::observation::{INITIALS, NUISANCES};
-use seatrial::fit::open_loop::batch::Batch;
-use seatrial::fit::open_loop::inputs::{Inputs, modes};
-use seatrial::fit::open_loop::sensitivities::{Point, Prediction, Unknown};
-use seatrial::fit::open_loop::{MotorStart, Record, Segment};
+use seatrial::fit::record::{MotorStart, Record, Segment};
+use seatrial::fit::sensitivities::{Point, Prediction, Unknown};
 use seatrial::model::integrate::State;
 use seatrial::model::kinematics::from_euler;
 use std::sync::atomic::AtomicBool;

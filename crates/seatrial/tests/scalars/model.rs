@@ -5,9 +5,10 @@ use fearless_simd::{Level, Simd, SimdBase, f64x8};
 use proptest::array::uniform3;
 use proptest::prelude::*;
 use seatrial::description::Description;
+use seatrial::description::assembly::Structure;
 use seatrial::model::current::Current;
 use seatrial::model::kinematics::{rotation, to_euler};
-use seatrial::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use seatrial::model::vehicle::{Instant, Mode, Vehicle};
 use seatrial::number::lanes::LANES;
 use seatrial::number::real::Real;
 

@@ -1,7 +1,7 @@
 //! Motors that are played once per record do what they do in every flight.
 
 use crate::flights::{Flights, NAMES};
-use seatrial::fit::open_loop::MotorStart;
+use seatrial::fit::record::MotorStart;
 
 #[test]
 fn scalar_motors_played_once_are_the_motors_of_every_flight() {

@@ -3,12 +3,14 @@
 
 use crate::flights::{Flights, NAMES, noise};
 use crate::vehicles::{hull, moving, times};
+use seatrial::description::assembly::Structure;
 use seatrial::fit::criterion::{CHANNELS, Loss};
+use seatrial::fit::inputs::Inputs;
 use seatrial::fit::observation::{INITIALS, NUISANCES};
-use seatrial::fit::open_loop::inputs::Inputs;
-use seatrial::fit::open_loop::sensitivities::{Gradient, Unknown};
-use seatrial::fit::open_loop::{MotorStart, Observer, Segment, Start, Track, fly};
-use seatrial::model::vehicle::{Mode, Structure, Vehicle};
+use seatrial::fit::open_loop::{Observer, Track, fly};
+use seatrial::fit::record::{MotorStart, Segment, Start};
+use seatrial::fit::sensitivities::{Gradient, Unknown};
+use seatrial::model::vehicle::{Mode, Vehicle};
 use seatrial::number::dual::{Dual, Valued};
 use std::sync::atomic::AtomicBool;
 
@@ -116,11 +118,8 @@ fn scalar_gradients_of_the_criterion_are_finite_differences() {
 #[test]
 fn scalar_the_criterion_of_the_gradient_is_that_of_the_population() {
     let flights = Flights::new("cwolf");
-    let candidates = seatrial::fit::open_loop::batch::Candidates {
-        sought: &flights.sought,
-        values: &flights.values,
-        count: 1,
-    };
+    let candidates =
+        seatrial::fit::batch::Candidates { sought: &flights.sought, values: &flights.values, count: 1 };
     for loss in [Loss::Absolute, Loss::Squared, Loss::Huber(0.4)] {
         let expected = flights.batch().errors(candidates, loss, &AtomicBool::new(false)).unwrap();
         let found = gradient(&flights, &[], loss);

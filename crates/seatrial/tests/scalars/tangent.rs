@@ -13,6 +13,7 @@ use seatrial::model::kinematics::{
 use seatrial::model::linearize::{Form, Tangent, linearize};
 use seatrial::model::vehicle::{Instant, Vehicle};
 use seatrial::number::algebra::{Vec3, Vec6, product, skew};
+use seatrial::number::dual::Dual;
 
 /// Where the tangent is taken.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +26,8 @@ struct Point {
 
 impl Point {
     fn tangent(&self, description: &Description, form: Form) -> Tangent {
-        linearize(description, form, &self.attitude, &self.nu, (&self.tau, self.current.as_ref()))
+        let vehicle = Vehicle::nominal_in(description, Dual { value: 0.0, partials: 0.0 });
+        linearize(&vehicle, form, &self.attitude, &self.nu, (&self.tau, self.current.as_ref()))
     }
 
     /// `x'` in plain numbers where state and wrench are `change` away; without `δ'`, which is zero here.

@@ -7,8 +7,8 @@
 //!
 //! Tests: `tests/allocation.rs`.
 
-use super::Allocator;
 use super::reach::thrust;
+use super::state::Allocator;
 use crate::model::vehicle::Vehicle;
 use crate::number::real::Real;
 

@@ -7,7 +7,7 @@
 //! Source: Fossen (2011), section 12.2; Taubert et al. (2014), equation 49 and figure 14.
 //! Tests: `tests/closed_loop/flights.rs`.
 
-use super::Autopilot;
+use super::state::Autopilot;
 use crate::control::control_law::{HEAVE, SURGE, SWAY, Situation};
 use crate::control::guidance::Desired;
 use crate::model::kinematics::{from_euler, rotation};

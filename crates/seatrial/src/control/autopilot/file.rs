@@ -12,8 +12,8 @@ use crate::control::guidance::GuidanceTable;
 use crate::control::lqr::LqrTable;
 use crate::control::safety::SafetyTable;
 use crate::control::schedule::POINTS;
-use crate::description::vehicle_file::{exactly, parsed};
 use crate::error::Error;
+use crate::toml_file::{exactly, parsed};
 use serde::{Deserialize, Serialize};
 
 /// An autopilot as written in its file.

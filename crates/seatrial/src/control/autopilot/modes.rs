@@ -4,7 +4,7 @@
 //! Tests: `tests/closed_loop/modes.rs`.
 
 use super::file::DepthBy;
-use super::{Autopilot, AutopilotState};
+use super::state::{Autopilot, AutopilotState};
 use crate::control::navigation::Measurement;
 use crate::number::algebra::Vec6;
 use crate::number::real::Real;

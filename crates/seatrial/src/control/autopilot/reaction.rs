@@ -5,7 +5,7 @@
 use super::file::DepthBy;
 use super::rates::Rates;
 use super::set_point::SetPoint;
-use super::{Autopilot, AutopilotState};
+use super::state::{Autopilot, AutopilotState};
 use crate::control::guidance::limits::towards;
 use crate::control::guidance::{Desired, Fix};
 use crate::control::navigation::Measurement;

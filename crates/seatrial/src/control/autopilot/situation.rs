@@ -6,7 +6,7 @@
 //! Tests: `tests/closed_loop/modes.rs`, `tests/control/reference_filter.rs`.
 
 use super::rates::Rates;
-use super::{Autopilot, AutopilotState};
+use super::state::{Autopilot, AutopilotState};
 use crate::control::control_law::{HEAVE, ROLL, SURGE, SWAY, Situation};
 use crate::control::guidance::Desired;
 use crate::control::navigation::Measurement;

@@ -6,7 +6,7 @@
 //!
 //! Source: Fossen (2011), sections 7.5 and 12.2. Tests: `tests/closed_loop/modes.rs`, `tests/closed_loop/safety.rs`.
 
-use super::{Autopilot, AutopilotState};
+use super::state::{Autopilot, AutopilotState};
 use crate::control::control_law::{HEAVE, PITCH, ROLL, Situation};
 use crate::control::navigation::Measurement;
 use crate::number::algebra::{Vec6, dot};

@@ -17,10 +17,11 @@
 //!
 //! Tests: `law_switching_…`, `law_hold_…`, `law_circle_…`, `law_steep_…` in `tests/guidance.rs`.
 
-use super::circle;
+use super::constants::Guidance;
+use super::fix::Fix;
 use super::flag::{below, holds, not, pick};
 use super::leg::Place;
-use super::{Fix, Guidance, Progress};
+use super::progress::Progress;
 use crate::mission::Waypoint;
 use crate::number::real::Real;
 
@@ -126,7 +127,7 @@ fn begin_work<T: Real>(
         progress.clock = pick(begins, zero, progress.clock);
         progress.swept = pick(begins, zero, progress.swept);
         progress.round = pick(begins, zero, progress.round);
-        progress.bearing = pick(begins, circle::bearing(place), progress.bearing);
+        progress.bearing = pick(begins, place.bearing(), progress.bearing);
     }
 }
 
@@ -151,7 +152,7 @@ fn count<T: Real>(
     progress.arrived = progress.arrived.max(here);
     progress.clock += progress.arrived * dt;
 
-    let bearing = pick(work.circling, circle::bearing(place), progress.bearing);
+    let bearing = pick(work.circling, place.bearing(), progress.bearing);
     let swept = (bearing - progress.bearing).wrap() * work.sense;
     progress.swept = progress.arrived.mul_add(swept, progress.swept);
     progress.bearing = bearing;

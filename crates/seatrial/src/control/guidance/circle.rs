@@ -8,8 +8,8 @@
 //! Tests: `law_circle_…` in `tests/guidance.rs`.
 
 use super::arrival::Work;
-use super::law::Path;
 use super::leg::Place;
+use super::path::Path;
 use crate::number::real::Real;
 
 /// Distance from the centre below which its bearing is left undefined, m.
@@ -23,7 +23,7 @@ pub fn path<T: Real>(work: &Work<T>, place: &Place<T>) -> Path<T> {
     let quarter = work.sense * std::f64::consts::FRAC_PI_2;
     let inward = [place.to_end[0] / range, place.to_end[1] / range];
     Path {
-        course: bearing(place) + quarter,
+        course: place.bearing() + quarter,
         starboard: [work.sense * inward[0], work.sense * inward[1]],
         cross: work.sense * (work.radius - place.range),
         slope: zero,
@@ -32,10 +32,4 @@ pub fn path<T: Real>(work: &Work<T>, place: &Place<T>) -> Path<T> {
         circling: zero.splat(1.0),
         direct: zero,
     }
-}
-
-/// Bearing φ of the vehicle from the centre, rad.
-#[inline(always)]
-pub fn bearing<T: Real>(place: &Place<T>) -> T {
-    (-place.to_end[1]).atan2(-place.to_end[0])
 }

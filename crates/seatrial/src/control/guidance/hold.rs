@@ -18,10 +18,12 @@
 //!
 //! Tests: `law_hold_…` in `tests/guidance.rs`.
 
+use super::constants::Guidance;
+use super::fix::Fix;
 use super::flag::{below, holds, pick};
 use super::law::Aim;
 use super::leg::Place;
-use super::{Fix, Guidance, Progress};
+use super::progress::Progress;
 use crate::number::real::Real;
 
 /// How fast a given heading is sought without sway, 1/s.

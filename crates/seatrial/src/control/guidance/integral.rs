@@ -20,10 +20,13 @@
 //! Tests: `law_integral_…` in `tests/guidance.rs`.
 
 use super::arrival::Work;
+use super::constants::Guidance;
+use super::fix::Fix;
 use super::flag::{below, not};
-use super::law::{Aim, Path, offsets};
+use super::law::{Aim, offsets};
 use super::limits::{heading_follows, pitch_follows};
-use super::{Fix, Guidance, Progress};
+use super::path::Path;
+use super::progress::Progress;
 use crate::number::real::Real;
 
 /// Heading error beyond which nothing is learnt, rad.

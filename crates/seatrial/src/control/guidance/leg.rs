@@ -11,9 +11,9 @@
 //! Source: Fossen (2011), section 10.3; Taubert et al. (2014), equation 51, corrected (`docs/errata.md`).
 //! Tests: `law_errors_are_those_of_a_point_put_beside_the_path`, `law_altitude_…` in `tests/guidance.rs`.
 
-use super::Fix;
+use super::fix::Fix;
 use super::flag::{below, not, pick};
-use super::law::Path;
+use super::path::Path;
 use crate::mission::{Task, Vertical, Waypoint};
 use crate::number::algebra::Vec3;
 use crate::number::real::Real;
@@ -82,6 +82,14 @@ pub struct Place<T> {
     pub target: T,
     /// How far the vehicle is below that, m.
     pub below: T,
+}
+
+impl<T: Real> Place<T> {
+    /// Bearing of the vehicle from the end of the leg, of a circle φ from its centre, rad.
+    #[inline(always)]
+    pub fn bearing(&self) -> T {
+        (-self.to_end[1]).atan2(-self.to_end[0])
+    }
 }
 
 impl<T: Real> Leg<T> {

@@ -4,9 +4,11 @@
 //! keeps to a largest angle and rate, and the desired depth to a largest rate. All start from what is measured.
 //! Tests: `law_limits_hold_at_every_step` in `tests/guidance.rs`.
 
+use super::constants::Guidance;
+use super::fix::Fix;
 use super::flag::{below, not, pick};
 use super::law::Aim;
-use super::{Fix, Guidance, Progress};
+use super::progress::Progress;
 use crate::number::real::Real;
 
 /// From a value towards another by no more than `most`.

@@ -1,6 +1,6 @@
 //! What guidance remembers from step to step; of fixed size.
 
-use super::Fix;
+use super::fix::Fix;
 use super::flag::{holds, pick};
 use super::leg::Leg;
 use crate::mission::{Start, Waypoint};

@@ -2,7 +2,7 @@
 //!
 //! Tests: `tests/files.rs`, `tests/core/test_scalar_textbook.py`.
 
-use super::exactly;
+use crate::toml_file::exactly;
 use serde::{Deserialize, Serialize};
 
 /// A movable fin: where it is, its shape and its servo. Its command is the deflection in rad.

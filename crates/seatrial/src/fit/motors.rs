@@ -7,17 +7,18 @@
 //! times.
 //!
 //! In open loop a motor does not feel the vehicle. Where no motor coefficient is sought, all candidates
-//! share its signals and what a measured table makes of them, and they are [played](Record::play) once per
+//! share its signals and what a measured table makes of them, and they are [played](crate::fit::record::Record::play) once per
 //! record.
 //!
 //! Tests: `tests/laws/motor.rs`, `tests/scalars.rs`.
 
-use super::{MotorStart, Record, Segment};
 use crate::actuator::motor::MotorState;
 use crate::description::Description;
+use crate::description::assembly::Structure;
 use crate::description::coefficients::{HULL, PER_ACTUATOR};
+use crate::fit::record::{MotorStart, Played, Record, Segment};
 use crate::model::drive::{Drive, UnlimitedDelay, act};
-use crate::model::vehicle::{Instant, Mode, Structure, Vehicle};
+use crate::model::vehicle::{Instant, Mode, Vehicle};
 use crate::number::real::Real;
 
 /// How long before a segment the motors start to run, so that the segment meets them as they were: the same for
@@ -26,23 +27,6 @@ const WARM_UP_S: f64 = 4.0;
 
 /// The offsets of the motor's coefficients among an actuator's: K_v, T_1, T_t and the rate limits.
 const MOTOR: std::ops::Range<usize> = 14..19;
-
-/// Signals of all motors on a record, `[step][start, middle, end][actuator]`, each with the force that a
-/// measured table makes of it.
-#[derive(Clone, Debug)]
-pub struct Played {
-    substeps: usize,
-    actuators: usize,
-    signals: Vec<(f64, Option<f64>)>,
-}
-
-impl Played {
-    #[inline(always)]
-    fn at(&self, k: usize, s: usize, half: usize) -> &[(f64, Option<f64>)] {
-        let first = ((k * self.substeps + s) * 3 + half) * self.actuators;
-        &self.signals[first..first + self.actuators]
-    }
-}
 
 impl Record {
     /// Runs the motors once for all candidates, where none of the coefficients `sought` belongs to a motor.

@@ -4,20 +4,20 @@
 //! Terms that are zero and not sought are left out, once, here: the hot loop only looks whether a term
 //! is there.
 
-use super::{Inverse, Mode, Vehicle};
+use super::placement::{ActuatorDescription, Effect};
+use super::values::Description;
 use crate::actuator::Actuator;
 use crate::actuator::characteristic::{Characteristic, FlowTerms, Shape, Table};
 use crate::actuator::fin::Fin;
 use crate::actuator::motor::Motor;
 use crate::description::coefficients::{self as names, added_mass, linear, quadratic};
 use crate::description::vehicle_file::{CharacteristicTable as Kind, Environment, FinTable};
-use crate::description::{ActuatorDescription, Description, Effect};
 use crate::model::added_mass::AddedMass;
 use crate::model::damping::Damping;
 use crate::model::lift::Lift;
 use crate::model::restoring::Restoring;
 use crate::model::rigid_body::RigidBody;
-use crate::number::algebra::{Mat6, restricted_inverse};
+use crate::model::vehicle::{Mode, Terms, Vehicle};
 use crate::number::real::Real;
 use std::sync::Arc;
 
@@ -70,18 +70,18 @@ impl Structure {
 impl Vehicle<f64> {
     /// A described vehicle with its own coefficients, in its own environment, free in all axes.
     pub fn nominal(description: &Description) -> Self {
-        let structure = Structure::new(description, &[]);
-        Self::new(
-            description,
-            &structure,
-            &description.coefficients,
-            description.file.environment,
-            [Mode::Free; 6],
-        )
+        Self::nominal_in(description, 0.0)
     }
 }
 
 impl<T: Real> Vehicle<T> {
+    /// The [`nominal`](Vehicle::nominal) vehicle in the kind of `unit`.
+    pub fn nominal_in(description: &Description, unit: T) -> Self {
+        let structure = Structure::new(description, &[]);
+        let values: Vec<T> = description.coefficients.iter().map(|&x| unit.splat(x)).collect();
+        Self::new(description, &structure, &values, description.file.environment, [Mode::Free; 6])
+    }
+
     /// The constants for the coefficients `values` (of the description's layout, for its reference
     /// density and gravity) in an environment.
     #[inline(always)]
@@ -134,13 +134,6 @@ impl<T: Real> Vehicle<T> {
             Damping::Diagonal { linear: diagonal(&linear, 1.0), quadratic: diagonal(&quadratic, 1.0) }
         };
         let restoring = Restoring::new(mass * g, r_g, c(names::BUOYANCY), at(names::CENTRE_OF_BUOYANCY));
-        let mut mass_matrix = added.matrix();
-        let rigid = rigid_body.mass_matrix();
-        for i in 0..6 {
-            for j in 0..6 {
-                mass_matrix[i][j] += rigid[i][j];
-            }
-        }
         let mut lift = [zero; 8];
         for i in 0..8 {
             lift[i] = c(names::LIFT + i);
@@ -162,7 +155,7 @@ impl<T: Real> Vehicle<T> {
                 Effect::Fin(table) => fins.push(fin(structure, k, described, table, |i| c(base + i), rho)),
             }
         }
-        Self {
+        let terms = Terms {
             rigid_body,
             added_mass: added,
             damping,
@@ -171,29 +164,9 @@ impl<T: Real> Vehicle<T> {
             bias: structure.bias.then_some(bias),
             actuators,
             fins,
-            mass_matrix,
-            modes,
-            inverse: inverse(structure, &mass_matrix, &modes.map(|mode| mode == Mode::Free)),
-            replayed: modes.contains(&Mode::Measured),
-        }
+        };
+        Self::of(terms, modes)
     }
-}
-
-/// `M⁻¹` on the free axes; diagonal where body and added mass are.
-#[inline(always)]
-fn inverse<T: Real>(structure: &Structure, m: &Mat6<T>, free: &[bool; 6]) -> Inverse<T> {
-    if structure.general_body || structure.full_added_mass {
-        return Inverse::Full(restricted_inverse(m, free));
-    }
-    let (zero, one) = (m[0][0].zero(), m[0][0].splat(1.0));
-    let mut d = [zero; 6];
-    for i in 0..6 {
-        if free[i] {
-            // As the Cholesky factors do: no number where the mass is not positive.
-            d[i] = one / (m[i][i].sqrt() * m[i][i].sqrt());
-        }
-    }
-    Inverse::Diagonal(d)
 }
 
 /// The constants of actuator `k`; `c` reads its coefficients by their offset.

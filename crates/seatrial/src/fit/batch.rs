@@ -4,12 +4,14 @@
 //! neither batch size, lane neighbours nor threads change a candidate's result. A diverged candidate is
 //! a number, infinity.
 
-use super::{MotorStart, Observer, Record, Segment, Start, Track, fly};
 use crate::description::Description;
+use crate::description::assembly::Structure;
 use crate::error::Error;
 use crate::fit::criterion::{CHANNELS, Criterion, Loss};
+use crate::fit::open_loop::{Observer, Track, fly};
+use crate::fit::record::{MotorStart, Record, Segment, Start};
 use crate::model::integrate::State;
-use crate::model::vehicle::{Mode, Structure, Vehicle};
+use crate::model::vehicle::{Mode, Vehicle};
 use crate::number::lanes::{LANES, level};
 use crate::number::real::Real;
 use fearless_simd::{Level, Simd, SimdBase, f64x8};

@@ -1,10 +1,10 @@
 //! The inputs of a trial or a simulation as given, checked, and turned into a [`Record`] for a vehicle.
 
-use super::Record;
 use crate::description::Description;
 use crate::description::vehicle_file::Environment;
 use crate::error::{Error, nearest};
 use crate::fit::criterion::CHANNELS;
+use crate::fit::record::Record;
 use crate::model::vehicle::Mode;
 use std::collections::BTreeMap;
 

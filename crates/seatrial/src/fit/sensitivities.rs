@@ -11,12 +11,14 @@
 //! Tests: `tests/scalars/sensitivities.rs`, `tests/core/test_sensitivities.py` (finite differences),
 //! `tests/core/test_casadi_derivatives.py`.
 
-use super::batch::Batch;
-use super::{Observer, Segment, Start, fly};
+use crate::description::assembly::Structure;
 use crate::error::Error;
+use crate::fit::batch::Batch;
 use crate::fit::criterion::{CHANNELS, Criterion, Loss};
 use crate::fit::observation::{INITIALS, NUISANCES, Nuisance, Shown};
-use crate::model::vehicle::{Structure, Vehicle};
+use crate::fit::open_loop::{Observer, fly};
+use crate::fit::record::{Segment, Start};
+use crate::model::vehicle::Vehicle;
 use crate::number::dual::{Dual, Valued};
 use crate::number::lanes::{LANES, level};
 use crate::number::real::Real;

@@ -1,0 +1,223 @@
+//! `State`, `Run`, and the simulation from one to the other.
+
+use crate::convert::{Array, Named, Numbers, optional_rows};
+use crate::error::{interruptible, raised, refused};
+use pyo3::prelude::*;
+use seatrial::description::Description;
+use seatrial::fit::batch::{Batch, Candidates, Run as Track};
+use seatrial::fit::inputs::{Inputs, actuator_index, modes};
+use seatrial::fit::record::{Record, Segment};
+use seatrial::model::integrate;
+use seatrial::model::vehicle::Mode;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Position, attitude, velocity and actuators of a vehicle at one instant.
+///
+/// position (3,) NED, m; attitude (4,) quaternion body to NED or (3,) roll, pitch, yaw, rad; nu (6,),
+/// m/s and rad/s; actuators {name: value in the unit of its command}, neutral when missing.
+#[pyclass(frozen, module = "seatrial")]
+pub struct State {
+    pub state: integrate::State<f64>,
+    pub signals: BTreeMap<String, f64>,
+}
+
+#[pymethods]
+impl State {
+    #[new]
+    #[pyo3(signature = (position = None, attitude = None, nu = None, actuators = None))]
+    fn new(
+        position: Option<Numbers>,
+        attitude: Option<Numbers>,
+        nu: Option<Numbers>,
+        actuators: Option<Named>,
+    ) -> PyResult<Self> {
+        let attitude = attitude.map_or(Ok(vec![[1.0, 0.0, 0.0, 0.0]]), |a| a.attitudes("attitude"))?;
+        let state = integrate::State {
+            position: position.map_or(Ok([0.0; 3]), |x| x.row("position"))?,
+            attitude: attitude[0],
+            nu: nu.map_or(Ok([0.0; 6]), |x| x.row("nu"))?,
+        };
+        if attitude.len() != 1 || !state.nu.iter().chain(&state.position).all(|x| x.is_finite()) {
+            return Err(refused("State: expected one finite position, attitude and nu"));
+        }
+        Ok(Self { state, signals: Named::scalars(actuators)? })
+    }
+
+    /// Position of O, north, east, down, shape (3,), m.
+    #[getter]
+    fn position(&self) -> Array {
+        Array::rows(&[self.state.position], true)
+    }
+
+    /// Unit quaternion [w x y z], body to NED, shape (4,).
+    #[getter]
+    fn attitude(&self) -> Array {
+        Array::rows(&[self.state.attitude], true)
+    }
+
+    /// [u v w p q r], shape (6,), m/s and rad/s.
+    #[getter]
+    fn nu(&self) -> Array {
+        Array::rows(&[self.state.nu], true)
+    }
+
+    /// Actuators in the units of their commands.
+    #[getter]
+    fn actuators(&self) -> BTreeMap<String, f64> {
+        self.signals.clone()
+    }
+}
+
+/// A simulated run; of a batch, every array has a leading dimension of candidates.
+#[pyclass(frozen, module = "seatrial")]
+pub struct Run {
+    description: Arc<Description>,
+    dt: f64,
+    start: f64,
+    tracks: Vec<Track>,
+    batch: bool,
+}
+
+impl Run {
+    fn array<const C: usize>(&self, read: impl Fn(&Track, usize) -> [f64; C]) -> Array {
+        let n = self.tracks[0].states.len();
+        let values =
+            self.tracks.iter().flat_map(|t| (0..n).flat_map(|k| read(t, k)).collect::<Vec<_>>()).collect();
+        let shape = [self.tracks.len(), n, C];
+        Array::new(&shape[usize::from(!self.batch)..if C == 1 { 2 } else { 3 }], values)
+    }
+}
+
+#[pymethods]
+impl Run {
+    /// Time, shape (n,), s.
+    #[getter]
+    fn t(&self) -> Array {
+        let n = self.tracks[0].states.len();
+        Array::new(&[n], (0..n).map(|k| self.start + self.dt * k as f64).collect())
+    }
+
+    /// Position of O, north, east, down, shape (n, 3), m.
+    #[getter]
+    fn position(&self) -> Array {
+        self.array(|track, k| track.states[k].position)
+    }
+
+    /// Unit quaternions [w x y z], body to NED, shape (n, 4).
+    #[getter]
+    fn attitude(&self) -> Array {
+        self.array(|track, k| track.states[k].attitude)
+    }
+
+    /// Roll, pitch and yaw, shape (n, 3), rad.
+    #[getter]
+    fn euler(&self) -> Array {
+        self.array(|track, k| seatrial::model::kinematics::to_euler(&track.states[k].attitude))
+    }
+
+    /// [u v w p q r], shape (n, 6), m/s and rad/s.
+    #[getter]
+    fn nu(&self) -> Array {
+        self.array(|track, k| track.states[k].nu)
+    }
+
+    /// Wrench of actuators and tau together about O, shape (n, 6), N and N m.
+    #[getter]
+    fn tau(&self) -> Array {
+        self.array(|track, k| track.tau[k])
+    }
+
+    /// Per actuator its revolutions, pulse width or newtons behind the motor, shape (n,).
+    #[getter]
+    fn actuators(&self) -> BTreeMap<String, Array> {
+        let described = self.description.actuators.iter().enumerate();
+        described
+            .map(|(i, a)| (a.name.clone(), self.array(|track, k| [a.command(track.signals[k][i])])))
+            .collect()
+    }
+}
+
+/// A simulation, checked: one record, one segment.
+pub struct Simulation {
+    description: Arc<Description>,
+    record: Record,
+    segment: Segment,
+    modes: [Mode; 6],
+    substeps: usize,
+    start: f64,
+}
+
+impl Simulation {
+    pub fn new(
+        description: &Arc<Description>,
+        inputs: &Inputs,
+        initial: Option<&State>,
+        free: &str,
+        max_step: f64,
+    ) -> PyResult<Self> {
+        let record = inputs.record(description, false, 1).map_err(raised)?;
+        if max_step.is_nan() || max_step <= 0.0 {
+            return Err(refused(format!("max_step: expected a positive time in s, found {max_step}")));
+        }
+        let rest = integrate::State { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] };
+        let state = initial.map_or(rest, |s| s.state);
+        let mut signals = vec![0.0; description.actuators.len()];
+        for (name, value) in initial.iter().flat_map(|s| &s.signals) {
+            let k = actuator_index(description, name).map_err(raised)?;
+            signals[k] = description.actuators[k].signal(*value);
+        }
+        Ok(Self {
+            description: description.clone(),
+            segment: Segment::whole(0, record.len, state, signals),
+            substeps: (record.dt / max_step - 1e-9).ceil().max(1.0) as usize,
+            record,
+            modes: modes(free, "").map_err(raised)?,
+            start: inputs.t[0],
+        })
+    }
+
+    /// The vehicle itself, or candidates with a leading dimension.
+    pub fn run(
+        &self,
+        py: Python<'_>,
+        candidates: Option<Candidates<'_>>,
+        threads: Option<usize>,
+    ) -> PyResult<Run> {
+        let batch = Batch {
+            description: &self.description,
+            records: std::slice::from_ref(&self.record),
+            segments: std::slice::from_ref(&self.segment),
+            modes: self.modes,
+            substeps: self.substeps,
+        };
+        let tracks = interruptible(py, threads, |stop| match candidates {
+            None => Ok(vec![batch.track(0, stop)?]),
+            Some(candidates) => batch.tracks(candidates, stop),
+        })?;
+        let (description, dt, start) = (self.description.clone(), self.record.dt, self.start);
+        Ok(Run { description, dt, start, tracks, batch: candidates.is_some() })
+    }
+}
+
+/// The inputs of a simulation as Python gives them.
+pub fn inputs(
+    t: Numbers,
+    commands: Option<Named>,
+    current: Option<Numbers>,
+    tau: Option<Numbers>,
+    voltage: Option<Numbers>,
+    rho: Option<f64>,
+    g: Option<f64>,
+) -> PyResult<Inputs> {
+    Ok(Inputs {
+        t: t.vector("t")?,
+        commands: Named::vectors(commands)?,
+        current: optional_rows("current", current)?,
+        tau: optional_rows("tau", tau)?,
+        voltage: voltage.map_or(Ok(Vec::new()), |v| v.vector("voltage"))?,
+        rho,
+        g,
+        ..Inputs::default()
+    })
+}

@@ -1,0 +1,182 @@
+//! From a vehicle file to a checked [`Description`]: coefficients filled from the geometry, actuators placed, everything
+//! refused that cannot move.
+//!
+//! Tests: `tests/files.rs`.
+
+use super::coefficients::{self as names, FORCES, Layout, MASS};
+use super::placement::{place, place_fin};
+use super::values::Description;
+use super::vehicle_file::VehicleFile;
+use crate::error::Error;
+use crate::model::vehicle::Vehicle;
+use crate::number::algebra::pivots;
+use std::collections::BTreeMap;
+
+impl Description {
+    /// Reads, fills and checks a vehicle file.
+    ///
+    /// # Errors
+    /// What is wrong with the file, where, and what to do.
+    pub fn from_toml(text: &str, source_name: &str) -> Result<Self, Error> {
+        Self::new(VehicleFile::parse(text, source_name)?, source_name)
+    }
+
+    /// Fills and checks a parsed file.
+    ///
+    /// # Errors
+    /// What is wrong with the file, where, and what to do.
+    pub fn new(file: VehicleFile, source_name: &str) -> Result<Self, Error> {
+        let fail = |message: String| Error::vehicle(source_name, message);
+        let environment = file.environment;
+        for (key, value) in [("rho_kg_m3", environment.rho_kg_m3), ("g_m_s2", environment.g_m_s2)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(fail(format!("environment.{key}: expected a positive number, found {value}")));
+            }
+        }
+        if let Some(row) = file.controllable.iter().find(|row| !FORCES.contains(&row.as_str())) {
+            return Err(fail(format!("controllable: expected rows among X Y Z K M N, found \"{row}\"")));
+        }
+        if let Some(complaint) = file.geometry.as_ref().and_then(super::geometry::Geometry::complaint) {
+            return Err(fail(complaint));
+        }
+        let thrusters = file.thrusters.iter().map(|t| &t.name);
+        let actuator_names: Vec<String> =
+            thrusters.chain(file.fins.iter().map(|f| &f.name)).cloned().collect();
+        for (k, name) in actuator_names.iter().enumerate() {
+            if name.is_empty() || name.contains('.') || actuator_names[..k].contains(name) {
+                let (list, k) = match k.checked_sub(file.thrusters.len()) {
+                    None => ("thrusters", k),
+                    Some(k) => ("fins", k),
+                };
+                return Err(fail(format!(
+                    "{list}[{k}].name: expected a unique name without a dot, found \"{name}\""
+                )));
+            }
+        }
+        let layout = Layout::new(actuator_names);
+        let mut coefficients = vec![0.0; layout.len()];
+        let mut actuators = Vec::with_capacity(layout.actuators());
+        let mut slots = coefficients[names::HULL..].chunks_exact_mut(names::PER_ACTUATOR);
+        let mut slot = || slots.next().expect("as many slots as actuators");
+        for thruster in &file.thrusters {
+            let placed = place(&file, thruster, slot());
+            actuators.push(placed.map_err(|m| fail(format!("thruster \"{}\": {m}", thruster.name)))?);
+        }
+        for fin in &file.fins {
+            let placed = place_fin(&file, fin, slot());
+            actuators.push(placed.map_err(|m| fail(format!("fin \"{}\": {m}", fin.name)))?);
+        }
+
+        let tabulated = coefficients.clone();
+        let mut given: Vec<Option<&str>> = vec![None; layout.len()];
+        for (name, &value) in &file.coefficients {
+            let index = layout.find(name).map_err(|m| fail(format!("coefficients: {m}")))?;
+            if !value.is_finite() {
+                return Err(fail(format!("coefficients.{name}: expected a finite number, found {value}")));
+            }
+            agree(name, value, given[index].map(|twin| (twin, coefficients[index])))
+                .map_err(|m| fail(format!("coefficients.{m}")))?;
+            coefficients[index] = value;
+            given[index] = Some(name);
+        }
+        if given[MASS].is_none() {
+            return Err(fail("coefficients.m: the mass in kg is missing; weigh the vehicle in air".into()));
+        }
+        let m = coefficients[MASS];
+        if m <= 0.0 {
+            return Err(fail(format!("coefficients.m: expected a positive mass in kg, found {m}")));
+        }
+        let mut start_values = vec![None; layout.len()];
+        for (index, value) in file.geometry.iter().flat_map(|g| g.start_values(m, environment.rho_kg_m3)) {
+            start_values[index] = Some(value);
+            if given[index].is_none() {
+                coefficients[index] = value;
+            }
+        }
+        if given[names::BUOYANCY].is_none() {
+            coefficients[names::BUOYANCY] = m * environment.g_m_s2;
+        }
+        let description = Self { file, layout, coefficients, start_values, tabulated, actuators };
+        description.check().map_err(fail)?;
+        Ok(description)
+    }
+
+    /// The same vehicle with other values of some coefficients.
+    ///
+    /// # Errors
+    /// An unknown name, a value that is not finite, two values for a symmetric pair, or a mass matrix
+    /// that is not positive definite.
+    pub fn with_coefficients(&self, values: &[(String, f64)]) -> Result<Self, Error> {
+        let fail = |message: String| Error::vehicle(&self.file.name, message);
+        let mut changed = self.clone();
+        let mut given = BTreeMap::new();
+        for (name, value) in values {
+            let index = self.layout.find(name).map_err(fail)?;
+            agree(name, *value, given.insert(index, (name.as_str(), *value))).map_err(fail)?;
+            if !value.is_finite() {
+                return Err(fail(format!("coefficient {name}: expected a finite number, found {value}")));
+            }
+            changed.coefficients[index] = *value;
+        }
+        changed.check().map_err(fail)?;
+        Ok(changed)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let c = &self.coefficients;
+        if let Some(i) = c.iter().position(|x| !x.is_finite()) {
+            return Err(format!(
+                "coefficient {}: expected a finite number, found {}",
+                self.layout.name(i),
+                c[i]
+            ));
+        }
+        let positive = (0..4).find(|&i| c[i] <= 0.0);
+        if let Some(i) = positive {
+            return Err(format!(
+                "coefficient {}: expected a positive number, found {}{}",
+                self.layout.name(i),
+                c[i],
+                if i > 0 && c[i] == 0.0 { "; give it, or a [geometry] from which it is filled" } else { "" }
+            ));
+        }
+        let vehicle = Vehicle::nominal(self);
+        let pivots = pivots(&vehicle.mass_matrix);
+        if let Some(axis) = pivots.iter().position(|p| !(p.is_finite() && *p > 0.0)) {
+            return Err(format!(
+                "the mass matrix M_RB + M_A is not positive definite at axis {} (pivot {:.4}); added-mass derivatives such as X_udot are negative, products of inertia and off-diagonal terms must be small against the diagonal",
+                FORCES[axis], pivots[axis]
+            ));
+        }
+        for (k, actuator) in self.actuators.iter().enumerate() {
+            let base = self.layout.actuator(k);
+            for (offset, (name, _, _)) in names::ACTUATOR.iter().enumerate() {
+                let value = c[base + offset];
+                let wrong = match *name {
+                    "T_1" | "T_t" => value < 0.0,
+                    "K_V" => value <= 0.0,
+                    "n_acc" | "n_dec" => actuator.rate_limited && value <= 0.0,
+                    _ => false,
+                };
+                if wrong {
+                    return Err(format!(
+                        "coefficient {}.{name}: expected a {} number, found {value}",
+                        actuator.name,
+                        if name.starts_with('T') { "non-negative" } else { "positive" }
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a value that differs from the one given for the same coefficient, perhaps under its other name.
+fn agree(name: &str, value: f64, earlier: Option<(&str, f64)>) -> Result<(), String> {
+    match earlier {
+        Some((twin, other)) if other != value => {
+            Err(format!("{name}: found {value}, but {twin} = {other}; M_A is symmetric, give one of the two"))
+        }
+        _ => Ok(()),
+    }
+}

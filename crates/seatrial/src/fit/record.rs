@@ -1,0 +1,130 @@
+//! A trial as the model sees it: inputs and measurements on a uniform time base, and the parts of it that are simulated.
+//!
+//! Commands and wrenches are held from sample to sample (zero-order hold), the current is linear in between.
+
+use crate::description::vehicle_file::Environment;
+use crate::fit::criterion::CHANNELS;
+use crate::model::current::Current;
+use crate::model::integrate::State;
+use crate::number::algebra::Vec3;
+use crate::number::real::Real;
+
+/// The inputs and measurements of one trial, sampled every `dt` seconds.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// Time between samples, s.
+    pub dt: f64,
+    /// Number of samples.
+    pub len: usize,
+    /// Per actuator the signal asked of the motor: limited commands.
+    pub commands: Vec<Vec<f64>>,
+    /// Per actuator the measured signal, where it replaces the motor.
+    pub signals: Vec<Option<Vec<f64>>>,
+    /// Supply voltage, V; empty when unknown.
+    pub voltage: Vec<f64>,
+    /// Wrench from outside the actuators; empty when none.
+    pub tau: Vec<[f64; 6]>,
+    /// Current, NED, m/s: empty, one, or one per sample.
+    pub current: Vec<[f64; 3]>,
+    /// `ν` and `ν'` at every half step, for measured axes; empty when none.
+    pub measured: Vec<[[f64; 6]; 2]>,
+    /// Measured channels; empty when none.
+    pub observed: Vec<[f64; CHANNELS]>,
+    /// Weights of the measured channels.
+    pub weight: Vec<[f64; CHANNELS]>,
+    /// Water and gravity of the trial.
+    pub environment: Environment,
+    /// What the motors do, where that is the same for all candidates ([`Record::play`]).
+    pub played: Option<Played>,
+}
+
+impl Record {
+    /// The recorded current, and `added` to it, at a fraction of the interval after sample `k`.
+    #[inline(always)]
+    pub(super) fn current<T: Real>(
+        &self,
+        k: usize,
+        fraction: f64,
+        unit: T,
+        added: Option<&Vec3<T>>,
+    ) -> Option<Current<T>> {
+        let n = self.current.len();
+        if n == 0 && added.is_none() {
+            return None;
+        }
+        let at = |k: usize| self.current.get(k.min(n.wrapping_sub(1))).copied().unwrap_or_default();
+        let (from, to) = (at(k), at(k + 1));
+        let mut current = Current { velocity: [unit.zero(); 3], rate: [unit.zero(); 3] };
+        for i in 0..3 {
+            let change = to[i] - from[i];
+            current.velocity[i] = unit.splat(from[i] + fraction * change);
+            current.rate[i] = unit.splat(change / self.dt);
+            if let Some(added) = added {
+                current.velocity[i] += added[i];
+            }
+        }
+        Some(current)
+    }
+}
+
+/// Where the motors are when a run begins.
+#[derive(Clone, Debug)]
+pub enum MotorStart {
+    /// As the record's earlier commands leave them (steady under the first one at its beginning).
+    Recorded,
+    /// At these signals, held by the command before the record.
+    Held(Vec<f64>),
+}
+
+/// A part of a record, simulated from a given state.
+#[derive(Clone, Debug)]
+pub struct Segment {
+    /// Index of the record.
+    pub record: usize,
+    /// First sample: the given state.
+    pub start: usize,
+    /// One past the last sample.
+    pub stop: usize,
+    /// The state at `start`.
+    pub state: State<f64>,
+    /// The motors at `start`.
+    pub motors: MotorStart,
+}
+
+/// How a segment begins, in the number type of the run.
+#[derive(Clone, Copy, Debug)]
+pub struct Start<T> {
+    /// The state at the first sample.
+    pub state: State<T>,
+    /// A current besides the record's, NED, m/s.
+    pub current: Option<Vec3<T>>,
+}
+
+impl<T: Real> Start<T> {
+    /// The segment's own state, in the kind of `unit`.
+    #[inline(always)]
+    pub fn of(segment: &Segment, unit: T) -> Self {
+        let State { position, attitude, nu } = segment.state;
+        let position = position.map(|x| unit.splat(x));
+        let attitude = attitude.map(|x| unit.splat(x));
+        Self { state: State { position, attitude, nu: nu.map(|x| unit.splat(x)) }, current: None }
+    }
+}
+
+/// Signals of all motors on a record, `[step][start, middle, end][actuator]`, each with the force that a
+/// measured table makes of it.
+#[derive(Clone, Debug)]
+pub struct Played {
+    pub(super) substeps: usize,
+    pub(super) actuators: usize,
+    pub(super) signals: Vec<(f64, Option<f64>)>,
+}
+
+impl Played {
+    /// Signals and forces at the start (`half` = 0), in the middle (1) or at the end (2) of step `s` of sample `k`.
+    #[inline(always)]
+    pub(super) fn at(&self, k: usize, s: usize, half: usize) -> &[(f64, Option<f64>)] {
+        let first = ((k * self.substeps + s) * 3 + half) * self.actuators;
+        &self.signals[first..first + self.actuators]
+    }
+}

@@ -1,0 +1,73 @@
+//! A flight: what all its cases share, and what is one case's own.
+
+use super::faults::Faults;
+use super::obstacle::Obstacle;
+use super::trial::Trial;
+use crate::control::autopilot::settings::Settings;
+use crate::control::navigation::{GroupOutage, Seabed, Sensors};
+use crate::description::Description;
+use crate::description::vehicle_file::Environment;
+use crate::mission::Mission;
+use crate::model::integrate::State;
+use crate::number::algebra::Vec3;
+use std::sync::Arc;
+
+/// What all cases of a flight share.
+pub struct Flight<'a> {
+    /// The vehicle that flies.
+    pub description: &'a Description,
+    /// The autopilot's model of it.
+    pub model: &'a Description,
+    /// The autopilot.
+    pub settings: &'a Arc<Settings>,
+    /// The mission.
+    pub mission: &'a Arc<Mission>,
+    /// The sensors.
+    pub sensors: &'a Sensors,
+    /// Whether the actuators' signals are measured.
+    pub feedback: bool,
+    /// The bottom, where there is one.
+    pub seabed: Option<Seabed>,
+    /// What stands in the water.
+    pub obstacles: &'a [Obstacle],
+    /// Set points in place of guidance, and what their responses are held against.
+    pub trial: &'a Trial,
+    /// Time constants of the turbulence, s.
+    pub turbulence_times: [f64; 2],
+    /// Water and gravity.
+    pub environment: Environment,
+    /// Supply voltage, V; not a number where it does not matter.
+    pub voltage: f64,
+    /// Steps of the equation of motion per control period.
+    pub substeps: usize,
+    /// The flight ends after so many control periods at the latest.
+    pub periods: usize,
+}
+
+impl Flight<'_> {
+    /// Whether responses are held against corridors: these are of the whole time, whatever the mission says of an end.
+    pub fn is_trial(&self) -> bool {
+        !self.trial.corridors.is_empty()
+    }
+}
+
+/// One case of a flight, in the number type of the run.
+#[derive(Clone)]
+pub struct Setting<T> {
+    /// Where the flight begins.
+    pub state: State<T>,
+    /// Current, NED, m/s: its mean.
+    pub current: Vec3<T>,
+    /// Standard deviation of the current about it, NED, m/s.
+    pub turbulence: Vec3<T>,
+    /// Seed of the sensors' noise and of the turbulence.
+    pub seed: T,
+    /// What fails, and when.
+    pub faults: Faults<T>,
+    /// A time without samples per group of sensors; empty for none.
+    pub outages: Vec<GroupOutage<T>>,
+    /// Set points of the trial, `[named][time]`.
+    pub set_points: Vec<T>,
+    /// Base and scale of each corridor.
+    pub scales: Vec<[T; 2]>,
+}

@@ -1,0 +1,60 @@
+//! What the files of vehicle, autopilot and mission have in common: TOML of `format = 1`, unknown keys refused with the
+//! nearest known name, rows of a fixed number of numbers. One too many is as wrong as one too few, and neither is passed
+//! over.
+//!
+//! Tests: `tests/files.rs`.
+
+use crate::error::{Error, nearest};
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer};
+
+/// The version of a file whose other keys are not read.
+#[derive(Deserialize)]
+struct Format {
+    format: Option<i64>,
+}
+
+/// A file of format 1, read; `source_name` stands in messages.
+///
+/// # Errors
+/// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
+pub(crate) fn parsed<F: DeserializeOwned>(text: &str, source_name: &str) -> Result<F, Error> {
+    let refused = |error: toml::de::Error| Error::vehicle(source_name, explain(&error, text));
+    // The format first: another one may have keys that this one does not know.
+    match toml::from_str(text).map_err(refused)? {
+        Format { format: Some(found) } if found != 1 => {
+            Err(Error::vehicle(source_name, format!("format: this version reads format = 1, found {found}")))
+        }
+        _ => toml::from_str(text).map_err(refused),
+    }
+}
+
+/// The reader's message with its line, and the nearest known name of an unknown key.
+pub(crate) fn explain(error: &toml::de::Error, text: &str) -> String {
+    let line = error.span().map(|span| 1 + text[..span.start].matches('\n').count());
+    let message = error.message().trim();
+    let place = line.map(|n| format!("line {n}: ")).unwrap_or_default();
+    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    match quoted.split_first() {
+        Some((unknown, known)) if message.starts_with("unknown") => {
+            format!("{place}{message}{}", nearest(unknown, known.iter().copied()))
+        }
+        _ => format!("{place}{message}"),
+    }
+}
+
+/// Exactly N numbers.
+pub(crate) fn exactly<'de, D: Deserializer<'de>, const N: usize>(
+    deserializer: D,
+) -> Result<[f64; N], D::Error> {
+    let row = Vec::<f64>::deserialize(deserializer)?;
+    row.try_into()
+        .map_err(|row: Vec<f64>| D::Error::custom(format!("expected {N} numbers, found {}", row.len())))
+}
+
+/// Exactly N numbers, of a key that may be missing.
+pub(crate) fn exactly_if_given<'de, D: Deserializer<'de>, const N: usize>(
+    deserializer: D,
+) -> Result<Option<[f64; N]>, D::Error> {
+    exactly(deserializer).map(Some)
+}
