@@ -54,6 +54,7 @@ impl Mission {
         let mission = Self {
             start: Start { position: [file.start.north_m, file.start.east_m, file.start.depth_m], heading },
             waypoints: std::mem::take(&mut expansion.waypoints),
+            legs: expansion.leg.clone(),
             limits: Limits {
                 depth: file.limits.max_depth_m.unwrap_or(f64::INFINITY),
                 altitude: file.limits.min_altitude_m.unwrap_or(0.0),

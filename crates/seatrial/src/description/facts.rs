@@ -1,8 +1,11 @@
-//! What can be said about a vehicle besides its motion, as plain values by name, for reports.
+//! What the core knows, as plain values by name, for those who do not know its types: the tables of a file, and what can
+//! be said about a vehicle besides its motion.
 
 use super::placement::Effect;
 use super::values::Description;
+use super::vehicle_file::{CharacteristicTable, MotorTable};
 use crate::description::coefficients::HULL;
+use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// A plain value.
@@ -14,10 +17,16 @@ pub enum Value {
     Flag(bool),
     /// A number, SI unless the name says otherwise.
     Number(f64),
+    /// A count.
+    Whole(i64),
     /// Text.
     Text(String),
     /// Components.
     Vector(Vec<f64>),
+    /// Values in order.
+    List(Vec<Value>),
+    /// Values by name, in the order of the file.
+    Table(Vec<(String, Value)>),
 }
 
 /// Values by name.
@@ -27,6 +36,52 @@ impl From<Option<f64>> for Value {
     fn from(x: Option<f64>) -> Self {
         x.map_or(Self::None, Self::Number)
     }
+}
+
+impl From<toml::Value> for Value {
+    fn from(value: toml::Value) -> Self {
+        match value {
+            toml::Value::Boolean(x) => Self::Flag(x),
+            toml::Value::Integer(x) => Self::Whole(x),
+            toml::Value::Float(x) => Self::Number(x),
+            toml::Value::String(x) => Self::Text(x),
+            toml::Value::Datetime(x) => Self::Text(x.to_string()),
+            toml::Value::Array(values) => Self::List(values.into_iter().map(Self::from).collect()),
+            toml::Value::Table(values) => {
+                Self::Table(values.into_iter().map(|(key, value)| (key, value.into())).collect())
+            }
+        }
+    }
+}
+
+/// A file of the core, or a part of one, as it would be written: keys with their units, defaults filled in, what was left
+/// out without a default missing.
+pub fn written<F: Serialize>(file: &F) -> Value {
+    toml::Value::try_from(file).expect("a file holds plain numbers, text and tables").into()
+}
+
+/// Per actuator, thrusters first, the table of its motor as written; none for an ideal one.
+pub fn motors(d: &Description) -> Vec<(String, Option<MotorTable>)> {
+    let thrusters = d.file.thrusters.iter().map(|t| (&t.name, &t.motor));
+    let all = thrusters.chain(d.file.fins.iter().map(|f| (&f.name, &f.motor)));
+    all.map(|(name, motor)| {
+        (name.clone(), motor.as_ref().and_then(|motor| d.file.motors.get(motor)).cloned())
+    })
+    .collect()
+}
+
+/// Smallest and largest supply voltage, V, of every table of thrust that was measured at several.
+pub fn table_voltages(d: &Description) -> BTreeMap<String, (f64, f64)> {
+    let range = |(name, table): (&String, &CharacteristicTable)| match table {
+        CharacteristicTable::Table { voltage_v, .. } if !voltage_v.is_empty() => {
+            let ends = voltage_v
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+            Some((name.clone(), ends))
+        }
+        _ => None,
+    };
+    d.file.characteristics.iter().filter_map(range).collect()
 }
 
 /// Group, unit and limits of the command, place, wrench per newton and power of an actuator; area (m²) and chord

@@ -101,6 +101,23 @@ impl Description {
         Ok(description)
     }
 
+    /// The vehicle of a file with exactly these coefficients, in the order of its layout: a vehicle put together again
+    /// from its parts.
+    ///
+    /// # Errors
+    /// What is wrong with the file or the coefficients, and where.
+    pub fn from_parts(text: &str, coefficients: Vec<f64>, source_name: &str) -> Result<Self, Error> {
+        let mut description = Self::from_toml(text, source_name)?;
+        let (expected, found) = (description.layout.len(), coefficients.len());
+        if found != expected {
+            let message = format!("expected {expected} coefficients, found {found}");
+            return Err(Error::vehicle(source_name, message));
+        }
+        description.coefficients = coefficients;
+        description.check().map_err(|message| Error::vehicle(source_name, message))?;
+        Ok(description)
+    }
+
     /// The same vehicle with other values of some coefficients.
     ///
     /// # Errors

@@ -8,6 +8,7 @@
 use super::exceedance::Exceedance;
 use super::trial::Violations;
 use crate::number::real::Real;
+use std::cell::RefCell;
 
 /// How a flight ended.
 pub const ENDINGS: [&str; 4] = ["out of time", "complete", "surfaced", "aborted"];
@@ -111,5 +112,28 @@ impl<T: Real> Summary<T> {
             exceedance: std::array::from_fn(|i| self.exceedance[i].read(&lane)),
             violations: Violations { sums: self.violations.sums.iter().map(&three).collect() },
         }
+    }
+}
+
+impl Summary<f64> {
+    /// All figures in one row, as [`Summary::of_row`] takes them.
+    pub fn to_row(&self) -> Vec<f64> {
+        let row = RefCell::new(Vec::new());
+        self.read(|x| {
+            row.borrow_mut().push(*x);
+            *x
+        });
+        row.into_inner()
+    }
+
+    /// The figures of a row; none where its length is that of no summary.
+    pub fn of_row(row: &[f64]) -> Option<Self> {
+        let nothing = |corridors: usize| Self::nothing(0.0, Violations { sums: vec![[0.0; 3]; corridors] });
+        let sums = row.len().checked_sub(nothing(0).to_row().len())?;
+        if sums % 3 != 0 {
+            return None;
+        }
+        let rest = RefCell::new(row.iter());
+        Some(nothing(sums / 3).read(|_| rest.borrow_mut().next().copied().unwrap_or(f64::NAN)))
     }
 }

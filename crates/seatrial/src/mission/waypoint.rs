@@ -86,6 +86,8 @@ pub struct Mission {
     pub start: Start,
     /// The waypoints in the order of travel, at least one.
     pub waypoints: Vec<Waypoint>,
+    /// Number of the leg of the file, from 1, that each waypoint belongs to.
+    pub legs: Vec<usize>,
     /// What the mission may not leave.
     pub limits: Limits,
 }
