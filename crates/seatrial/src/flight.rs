@@ -1,13 +1,13 @@
 //! Closed loop: vehicle, sensors, autopilot, mission and current together; one flight, or cases side by side.
 //!
-//! Once per control period the sensors are read, the autopilot steps and its commands are held; the motors and
-//! the equation of motion advance by `substeps` equal steps. The vehicle that flies and the model inside
-//! the autopilot are two: what the autopilot does not know is tested here.
-//!
 //! In reading order: [`obstacle`], [`faults`] and [`turbulence`], what the world adds; [`energy`], what is used up;
 //! [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
 //! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`fly`], one case;
 //! [`batch`], many.
+//!
+//! Once per control period the sensors are read, the autopilot steps and its commands are held; the motors and
+//! the equation of motion advance by `substeps` equal steps. The vehicle that flies and the model inside
+//! the autopilot are two: what the autopilot does not know is tested here.
 //!
 //! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py`.
 
