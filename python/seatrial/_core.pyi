@@ -11,14 +11,28 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "autopilot_names", "error_edges", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
+__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "error_edges", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
 
 @final
 class Autopilot:
     """
     An autopilot: guidance, gains, modes, allocation and safety. Immutable.
     """
+    def __copy__(self, /) -> Autopilot:
+        """
+        Itself: nothing of it can change.
+        """
+    def __deepcopy__(self, /, memo: Any) -> Autopilot:
+        """
+        Itself: nothing of it can change.
+        """
+    def __reduce__(self, /) -> tuple[Any, tuple[str]]: ...
     def __repr__(self, /) -> str: ...
+    @property
+    def control(self, /) -> str:
+        """
+        The control law: "pid" or "lqr".
+        """
     @property
     def description(self, /) -> str:
         """
@@ -27,6 +41,10 @@ class Autopilot:
     def engage(self, /, vehicle: Vehicle, mission: Mission2 | Mission3) -> Helm:
         """
         The autopilot at work on a vehicle, which is its model, and a mission: one step at a time.
+        """
+    def feed_forward(self, /) -> dict[str, bool]:
+        """
+        Which parts of the model are used ahead of any error: restoring, drag, acceleration.
         """
     @staticmethod
     def from_toml(text: str, source: str = "<text>") -> Autopilot:
@@ -38,6 +56,10 @@ class Autopilot:
         The numbers that a batch may vary by name: heading.K_P.1 … (supporting points from 1; K_I per s, K_D times
         s), heading.reference_rad_s, guidance.lookahead_m …
         """
+    def guidance(self, /) -> dict[str, Any]:
+        """
+        The table of guidance: method, and numbers whose names carry their units.
+        """
     @staticmethod
     def load(name_or_path: str | PathLike[str]) -> Autopilot:
         """
@@ -45,10 +67,16 @@ class Autopilot:
 
         Raises VehicleError (a ValueError) that names file, key, what was expected and what was found.
         """
+    def loops(self, /) -> dict[str, Any]:
+        """
+        Per loop, in the order surge sway heave roll pitch heading: K_P, K_I_per_s and K_D_s (one number, or six: one per
+        supporting point), tau_max in N or N m, anti_windup, and reference_rad_s where it has a reference filter.
+        """
     @property
     def modes(self, /) -> list[dict[str, Any]]:
         """
-        The mode table: per mode name, loops (six flags in the order X Y Z K M N), depth_by and from_speed_m_s.
+        The mode table: per mode name, loops (six flags in the order X Y Z K M N), loop_names, depth_by, from_speed_m_s,
+        hysteresis_m_s, and actuators: names of actuators or groups at work, None for all.
         """
     @property
     def name(self, /) -> str:
@@ -65,10 +93,22 @@ class Autopilot:
         """
         Control period, s.
         """
+    def renamed(self, /, name: str, description: str) -> Autopilot:
+        """
+        The same autopilot under another name and description.
+        """
+    def safety(self, /) -> dict[str, Any]:
+        """
+        What is watched and what follows: per watch a reaction, or a table with its reaction and its limits.
+        """
     @property
     def speeds_m_s(self, /) -> list[float]:
         """
         Desired speeds of the six supporting points, m/s.
+        """
+    def to_dict(self, /) -> dict[str, Any]:
+        """
+        The same as plain data: the tables of the file by name, keys with their units, defaults filled in.
         """
     def to_toml(self, /) -> str:
         """
@@ -86,10 +126,19 @@ class Flights:
     """
     The flights of k cases: a log of each, where one was kept, and their figures.
     """
+    def __copy__(self, /) -> Flights:
+        """
+        Itself: nothing of it can change.
+        """
+    def __deepcopy__(self, /, memo: Any) -> Flights:
+        """
+        Itself: nothing of it can change.
+        """
     def __len__(self, /) -> int:
         """
         Number of cases.
         """
+    def __reduce__(self, /) -> tuple[Any, tuple[tuple[str, NDArray[float64]], float, NDArray[float64], list[NDArray[float64]]]]: ...
     @property
     def columns(self, /) -> list[str]:
         """
@@ -183,10 +232,24 @@ class Mission:
     >>> mission.length, mission.planned_time, mission.waypoints["label"]
     (50.0, 25.0, ['waypoint 1'])
     """
+    def __copy__(self, /) -> Mission:
+        """
+        Itself: nothing of it can change.
+        """
+    def __deepcopy__(self, /, memo: Any) -> Mission:
+        """
+        Itself: nothing of it can change.
+        """
+    def __reduce__(self, /) -> tuple[Any, tuple[str]]: ...
     @property
     def description(self, /) -> str:
         """
         What the mission is for, in a sentence.
+        """
+    @property
+    def farms(self, /) -> list[dict[str, Any]]:
+        """
+        The fish farms that the mission goes about: per farm north_m, east_m and radius_m, or corners_m [[north, east], …].
         """
     @property
     def fence(self, /) -> NDArray[float64]:
@@ -197,6 +260,17 @@ class Mission:
     def from_toml(text: str, source: str = "<text>") -> Mission:
         """
         The mission of the TOML text of a mission file in metres; `source` stands in messages.
+        """
+    @property
+    def leg_numbers(self, /) -> list[int]:
+        """
+        Number of the leg in the file, from 1, that each waypoint belongs to.
+        """
+    @property
+    def legs(self, /) -> list[dict[str, Any]]:
+        """
+        The legs as the file has them, in order: kind ("waypoint", "lawnmower", "spiral", "perimeter") and its keys, with
+        their units and defaults; what has no default and is not given is missing.
         """
     @property
     def length(self, /) -> float:
@@ -233,6 +307,10 @@ class Mission:
     def steepest(self, /) -> tuple[int, float]:
         """
         Index of the waypoint with the steepest way to it, and that slope in rad, positive upwards.
+        """
+    def to_dict(self, /) -> dict[str, Any]:
+        """
+        The same as plain data: the tables of the file by name, patterns as written, defaults filled in.
         """
     def to_toml(self, /, *, expanded: bool = False) -> str:
         """
@@ -308,6 +386,15 @@ class Run:
     """
     A simulated run; of a batch, every array has a leading dimension of candidates.
     """
+    def __copy__(self, /) -> Run:
+        """
+        Itself: nothing of it can change.
+        """
+    def __deepcopy__(self, /, memo: Any) -> Run:
+        """
+        Itself: nothing of it can change.
+        """
+    def __reduce__(self, /) -> tuple[Any, tuple[tuple[str, NDArray[float64]], tuple[float, float, bool], tuple[NDArray[float64], NDArray[float64], NDArray[float64]]]]: ...
     @property
     def actuators(self, /) -> dict[str, NDArray[float64]]:
         """
@@ -352,7 +439,16 @@ class State:
     position (3,) NED, m; attitude (4,) quaternion body to NED or (3,) roll, pitch, yaw, rad; nu (6,),
     m/s and rad/s; actuators {name: value in the unit of its command}, neutral when missing.
     """
+    def __copy__(self, /) -> State:
+        """
+        Itself: nothing of it can change.
+        """
+    def __deepcopy__(self, /, memo: Any) -> State:
+        """
+        Itself: nothing of it can change.
+        """
     def __new__(cls, /, position: ArrayLike | None = None, attitude: ArrayLike | None = None, nu: ArrayLike | None = None, actuators: Mapping[str, ArrayLike] | None = None) -> State: ...
+    def __reduce__(self, /) -> tuple[Any, tuple[NDArray[float64], NDArray[float64], NDArray[float64], dict[str, float]]]: ...
     @property
     def actuators(self, /) -> dict[str, float]:
         """
@@ -379,6 +475,15 @@ class Vehicle:
     """
     A vehicle: hull, mass, coefficients and actuators. Immutable.
     """
+    def __copy__(self, /) -> Vehicle:
+        """
+        Itself: nothing of it can change.
+        """
+    def __deepcopy__(self, /, memo: Any) -> Vehicle:
+        """
+        Itself: nothing of it can change.
+        """
+    def __reduce__(self, /) -> tuple[Any, tuple[str, NDArray[float64]]]: ...
     def __repr__(self, /) -> str: ...
     def acceleration(self, /, nu: ArrayLike, attitude: ArrayLike, tau: ArrayLike, current: ArrayLike | None = None) -> NDArray[float64]:
         """
@@ -450,6 +555,11 @@ class Vehicle:
         """
         Measures of the hull in m (length, diameter, height); empty when the file has none.
         """
+    @property
+    def hull_shape(self, /) -> str | None:
+        """
+        "spheroid" or "box"; None when the file has no geometry.
+        """
     def linearize(self, /, nu: ArrayLike, attitude: ArrayLike, tau: ArrayLike, current: ArrayLike | None = None, *, form: str = "rotation") -> tuple[NDArray[float64], NDArray[float64]]:
         """
         A, shape (12, 12), and B, shape (12, 6), of the equation of motion at a velocity, an attitude and a wrench.
@@ -468,6 +578,13 @@ class Vehicle:
     def mass_matrix(self, /) -> NDArray[float64]:
         """
         M = M_RB + M_A, shape (6, 6), in kg, kg m, kg m2.
+        """
+    def motors(self, /) -> dict[str, dict[str, Any]]:
+        """
+        Per actuator the table of its motor as the vehicle file has it, defaults filled in; empty for an ideal motor.
+
+        Keys maximum_ahead, maximum_astern, minimum_ahead, minimum_astern, n_acc_per_s and n_dec_per_s in the unit of the
+        command, below_minimum ("lift" or "zero"), K_V, T_1_s and T_t_s; what has no default and is not given is missing.
         """
     @property
     def name(self, /) -> str:
@@ -491,6 +608,14 @@ class Vehicle:
         the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
         actuators'; voltage (n,), V; max_step, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
         """
+    def table_voltages(self, /) -> dict[str, tuple[float, float]]:
+        """
+        Smallest and largest supply voltage, V, of every table of thrust that was measured at several, by its name.
+        """
+    def to_dict(self, /) -> dict[str, Any]:
+        """
+        The same as plain data: the tables of the file by name, coefficients written out.
+        """
     def to_toml(self, /) -> str:
         """
         The vehicle file with every coefficient written out, TOML.
@@ -501,6 +626,36 @@ class Vehicle:
 
         Raises VehicleError for an unknown name or an impossible mass matrix.
         """
+
+def _restored_autopilot(text: str) -> Autopilot:
+    """
+    The autopilot of the text of its file: how a pickled one comes back.
+    """
+
+def _restored_flights(vehicle: tuple[str, ArrayLike], period_s: SupportsFloat | SupportsIndex, figures: ArrayLike, logs: SupportsGetItem[int, ArrayLike]) -> Flights:
+    """
+    The flights of exactly these numbers: how pickled ones come back.
+    """
+
+def _restored_mission(text: str) -> Mission:
+    """
+    The mission of the text of its file: how a pickled one comes back.
+    """
+
+def _restored_run(vehicle: tuple[str, ArrayLike], timing: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, bool], tracks: tuple[ArrayLike, ArrayLike, ArrayLike]) -> Run:
+    """
+    The run of exactly these numbers: how a pickled one comes back.
+    """
+
+def _restored_state(position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, actuators: dict[str, SupportsFloat | SupportsIndex]) -> State:
+    """
+    The state of exactly these numbers: how a pickled one comes back. Its attitude is not scaled to length one again.
+    """
+
+def _restored_vehicle(text: str, coefficients: ArrayLike) -> Vehicle:
+    """
+    The vehicle of the text of its file with exactly these coefficients: how a pickled one comes back.
+    """
 
 def autopilot_names() -> dict[str, list[str]]:
     """

@@ -1,14 +1,16 @@
 //! `Autopilot`: an autopilot file; `Helm`: one at work, step by step.
 
-use crate::convert::{Fact, Named, fact_map};
+use crate::convert::{Fact, Named, Table, fact_map};
 use crate::error::{VehicleError, raised, refused};
 use crate::mission::Mission;
+use crate::pickle::restorer;
 use crate::trial::set_point;
 use crate::vehicle::Vehicle;
 use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
 use pyo3::{type_hint_identifier, type_hint_union};
 use seatrial::control::allocation::Allocator;
+use seatrial::control::autopilot::file::Control;
 use seatrial::control::autopilot::set_point::SET_POINTS;
 use seatrial::control::autopilot::settings::{Settings, built_in, built_in_names};
 use seatrial::control::autopilot::{Autopilot as Engaged, AutopilotState, Thought};
@@ -72,6 +74,53 @@ impl Autopilot {
         self.settings.file.to_toml()
     }
 
+    /// The same as plain data: the tables of the file by name, keys with their units, defaults filled in.
+    fn to_dict(&self) -> Table {
+        Table::of(&self.settings.file)
+    }
+
+    /// The control law: "pid" or "lqr".
+    #[getter]
+    fn control(&self) -> &'static str {
+        match self.settings.file.control {
+            Control::Pid => "pid",
+            Control::Lqr => "lqr",
+        }
+    }
+
+    /// Per loop, in the order surge sway heave roll pitch heading: K_P, K_I_per_s and K_D_s (one number, or six: one per
+    /// supporting point), tau_max in N or N m, anti_windup, and reference_rad_s where it has a reference filter.
+    fn loops(&self) -> Table {
+        Table::of(&self.settings.file.loops)
+    }
+
+    /// The table of guidance: method, and numbers whose names carry their units.
+    fn guidance(&self) -> Table {
+        Table::of(&self.settings.file.guidance)
+    }
+
+    /// What is watched and what follows: per watch a reaction, or a table with its reaction and its limits.
+    fn safety(&self) -> Table {
+        Table::of(&self.settings.file.safety)
+    }
+
+    /// Which parts of the model are used ahead of any error: restoring, drag, acceleration.
+    fn feed_forward(&self) -> BTreeMap<&'static str, bool> {
+        let table = &self.settings.file.feed_forward;
+        BTreeMap::from([
+            ("restoring", table.restoring),
+            ("drag", table.drag),
+            ("acceleration", table.acceleration),
+        ])
+    }
+
+    /// The same autopilot under another name and description.
+    fn renamed(&self, name: &str, description: &str) -> Self {
+        let mut settings = (*self.settings).clone();
+        (settings.file.name, settings.file.description) = (name.to_owned(), description.to_owned());
+        Self::of(settings)
+    }
+
     /// Name of the autopilot.
     #[getter]
     fn name(&self) -> &str {
@@ -96,16 +145,23 @@ impl Autopilot {
         self.settings.schedule.speeds().to_vec()
     }
 
-    /// The mode table: per mode name, loops (six flags in the order X Y Z K M N), depth_by and from_speed_m_s.
+    /// The mode table: per mode name, loops (six flags in the order X Y Z K M N), loop_names, depth_by, from_speed_m_s,
+    /// hysteresis_m_s, and actuators: names of actuators or groups at work, None for all.
     #[getter]
     fn modes(&self) -> Vec<BTreeMap<&'static str, Fact>> {
         let modes = self.settings.modes.iter().zip(&self.settings.file.modes);
         modes
             .map(|(mode, table)| {
                 let loops = mode.active.iter().map(|on| f64::from(u8::from(*on))).collect();
+                let words = |names: &[String]| {
+                    Value::List(names.iter().map(|name| Value::Text(name.clone())).collect())
+                };
                 fact_map(BTreeMap::from([
                     ("name", Value::Text(mode.name.clone())),
                     ("loops", Value::Vector(loops)),
+                    ("loop_names", words(&table.loops)),
+                    ("hysteresis_m_s", Value::Number(mode.hysteresis)),
+                    ("actuators", mode.actuators.as_deref().map_or(Value::None, words)),
                     ("depth_by", Value::Text(format!("{:?}", table.depth_by).to_lowercase())),
                     ("from_speed_m_s", Value::Number(mode.from_speed)),
                 ]))
@@ -141,9 +197,31 @@ impl Autopilot {
         Ok(Helm { autopilot, description: vehicle.description.clone(), memory: Mutex::new(memory) })
     }
 
+    /// Itself: nothing of it can change.
+    fn __copy__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    /// Itself: nothing of it can change.
+    #[expect(unused_variables, reason = "the name is Python's")]
+    fn __deepcopy__<'py>(slf: PyRef<'py, Self>, memo: &Bound<'py, PyAny>) -> PyRef<'py, Self> {
+        slf
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        Ok((restorer(py, "_restored_autopilot")?, (self.to_toml(),)))
+    }
+
     fn __repr__(&self) -> String {
         format!("Autopilot('{}', {} modes)", self.name(), self.settings.modes.len())
     }
+}
+
+/// The autopilot of the text of its file: how a pickled one comes back.
+#[pyfunction]
+#[pyo3(name = "_restored_autopilot")]
+pub fn restored_autopilot(text: &str) -> PyResult<Autopilot> {
+    Autopilot::from_toml(text, "<pickle>")
 }
 
 /// A mission of the core, or one of Python that carries it as `core`.

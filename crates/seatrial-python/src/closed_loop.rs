@@ -4,6 +4,7 @@ use crate::autopilot::Autopilot;
 use crate::convert::{Array, Named, Numbers};
 use crate::error::{interruptible, raised, refused};
 use crate::mission::Mission;
+use crate::pickle::{self, Parts, parts, restorer};
 use crate::trial::{CorridorRow, Trials};
 use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
@@ -145,6 +146,53 @@ impl Flights {
         let corridors = self.outcomes.first().map_or(0, |o| o.summary.violations.sums.len());
         Array::new(&[self.outcomes.len(), corridors, 3], self.outcomes.iter().flat_map(sums).collect())
     }
+
+    /// Itself: nothing of it can change.
+    fn __copy__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    /// Itself: nothing of it can change.
+    #[expect(unused_variables, reason = "the name is Python's")]
+    fn __deepcopy__<'py>(slf: PyRef<'py, Self>, memo: &Bound<'py, PyAny>) -> PyRef<'py, Self> {
+        slf
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, FlightsParts)> {
+        let summaries: Vec<Vec<f64>> = self.outcomes.iter().map(|o| o.summary.to_row()).collect();
+        let width = summaries.first().map_or(0, Vec::len);
+        let summaries = Array::new(&[self.outcomes.len(), width], summaries.concat());
+        let log = |o: &Outcome| {
+            let columns = o.log.values.len() / o.log.rows.max(1);
+            Array::new(&[o.log.rows, columns], o.log.values.clone())
+        };
+        let logs = self.outcomes.iter().map(log).collect();
+        Ok((restorer(py, "_restored_flights")?, (parts(&self.description), self.dt, summaries, logs)))
+    }
+}
+
+/// Vehicle, control period, figures (cases, …), and a log (n, …) per case.
+type FlightsParts = (Parts, f64, Array, Vec<Array>);
+
+/// The flights of exactly these numbers: how pickled ones come back.
+#[pyfunction]
+#[pyo3(name = "_restored_flights")]
+pub fn restored_flights(
+    vehicle: (String, Numbers),
+    period_s: f64,
+    figures: Numbers,
+    logs: Vec<Numbers>,
+) -> PyResult<Flights> {
+    let description = Arc::new(pickle::description(&vehicle.0, vehicle.1)?);
+    let (_, figures) = figures.table("figures")?;
+    let width = figures.len() / logs.len().max(1);
+    let outcomes = logs.into_iter().enumerate().map(|(case, log)| {
+        let (rows, values) = log.table("log")?;
+        let summary = Summary::of_row(&figures[case * width..(case + 1) * width])
+            .ok_or_else(|| refused(format!("figures: expected those of a flight, found {width} numbers")))?;
+        Ok(Outcome { summary, log: log::Log { values, rows } })
+    });
+    Ok(Flights { description, outcomes: outcomes.collect::<PyResult<_>>()?, dt: period_s })
 }
 
 /// The thresholds of the counts of errors, m, shape (edges,).

@@ -6,10 +6,11 @@ use numpy::{AllowTypeChange, IntoPyArray, PyArrayDyn, PyArrayLikeDyn, PyUntypedA
 use pyo3::IntoPyObjectExt;
 use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
-use pyo3::types::PyMapping;
+use pyo3::types::{PyDict, PyMapping};
 use pyo3::{type_hint_identifier, type_hint_subscript};
-use seatrial::description::facts::{Facts, Value};
+use seatrial::description::facts::{Facts, Value, written};
 use seatrial::model::kinematics::{from_euler, normalised};
+use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// An array-like of any shape as float64, C order.
@@ -59,6 +60,22 @@ impl Numbers {
         match self.shape[..] {
             [k, c] if c == columns => Ok((k, self.values)),
             _ => Err(refused(format!("{name}: expected shape (k, {columns}), found {:?}", self.shape))),
+        }
+    }
+
+    /// The table of shape `(k, any)` in one row, and k.
+    pub fn table(self, name: &str) -> PyResult<(usize, Vec<f64>)> {
+        match self.shape[..] {
+            [k, _] => Ok((k, self.values)),
+            _ => Err(refused(format!("{name}: expected two dimensions, found shape {:?}", self.shape))),
+        }
+    }
+
+    /// The block of shape `(k, n, columns)` in one row, with k and n.
+    pub fn cube(self, name: &str, columns: usize) -> PyResult<(usize, usize, Vec<f64>)> {
+        match self.shape[..] {
+            [k, n, c] if c == columns => Ok((k, n, self.values)),
+            _ => Err(refused(format!("{name}: expected shape (k, n, {columns}), found {:?}", self.shape))),
         }
     }
 
@@ -135,8 +152,44 @@ impl<'py> IntoPyObject<'py> for Array {
     }
 }
 
-/// A plain value of a report.
+/// A plain value of a report or a file.
 pub struct Fact(Value);
+
+impl Fact {
+    /// A value of the core.
+    pub fn of(value: Value) -> Self {
+        Self(value)
+    }
+}
+
+/// The tables of a file, or one of them, by name.
+pub struct Table(Value);
+
+impl Table {
+    /// A file of the core, or a part of one, as plain data.
+    pub fn of<F: Serialize>(file: &F) -> Self {
+        Self(written(file))
+    }
+
+    /// Nothing.
+    pub fn empty() -> Self {
+        Self(Value::Table(Vec::new()))
+    }
+}
+
+impl<'py> IntoPyObject<'py> for Table {
+    type Target = PyAny;
+    type Output = Bound<'py, PyAny>;
+    type Error = PyErr;
+    const OUTPUT_TYPE: PyStaticExpr = type_hint_subscript!(
+        type_hint_identifier!("builtins", "dict"),
+        type_hint_identifier!("builtins", "str"),
+        type_hint_identifier!("typing", "Any")
+    );
+    fn into_pyobject(self, py: Python<'py>) -> Result<Self::Output, Self::Error> {
+        Fact(self.0).into_pyobject(py)
+    }
+}
 
 /// The facts by name.
 pub fn fact_map(facts: Facts) -> BTreeMap<&'static str, Fact> {
@@ -154,7 +207,19 @@ impl<'py> IntoPyObject<'py> for Fact {
             Value::Flag(x) => x.into_bound_py_any(py),
             Value::Number(x) => x.into_bound_py_any(py),
             Value::Text(x) => x.into_bound_py_any(py),
+            Value::Whole(x) => x.into_bound_py_any(py),
             Value::Vector(x) => x.into_bound_py_any(py),
+            Value::List(values) => {
+                let values: Vec<Self> = values.into_iter().map(Self).collect();
+                values.into_bound_py_any(py)
+            }
+            Value::Table(values) => {
+                let table = PyDict::new(py);
+                for (key, value) in values {
+                    table.set_item(key, Self(value))?;
+                }
+                Ok(table.into_any())
+            }
         }
     }
 }

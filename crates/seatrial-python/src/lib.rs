@@ -9,6 +9,7 @@ mod error;
 mod identify;
 mod mission;
 mod motor;
+mod pickle;
 mod run;
 mod simulate;
 mod trial;
@@ -18,19 +19,19 @@ mod vehicle;
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
-    use crate::autopilot::{Autopilot, Helm, autopilot_names};
+    use crate::autopilot::{Autopilot, Helm, autopilot_names, restored_autopilot};
     #[pymodule_export]
-    use crate::closed_loop::{Flights, error_edges, fly};
+    use crate::closed_loop::{Flights, error_edges, fly, restored_flights};
     #[pymodule_export]
     use crate::identify::{OpenLoop, Record, all_nuisance_names, initial_names};
     #[pymodule_export]
-    use crate::mission::Mission;
+    use crate::mission::{Mission, restored_mission};
     #[pymodule_export]
     use crate::motor::motor_response;
     #[pymodule_export]
-    use crate::run::{Run, State};
+    use crate::run::{Run, State, restored_run, restored_state};
     #[pymodule_export]
     use crate::simulate::{simd_level, simulate_batch};
     #[pymodule_export]
-    use crate::vehicle::Vehicle;
+    use crate::vehicle::{Vehicle, restored_vehicle};
 }

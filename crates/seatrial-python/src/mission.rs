@@ -1,8 +1,11 @@
 //! `Mission`: a mission file, and its waypoints as columns.
 
-use crate::convert::Array;
+use crate::convert::{Array, Fact, Table};
 use crate::error::raised;
+use crate::pickle::restorer;
 use pyo3::prelude::*;
+use seatrial::description::facts::Value;
+use seatrial::mission::file::Leg;
 use seatrial::mission::{Mission as Core, Task, Vertical, Waypoint};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -48,6 +51,44 @@ impl Mission {
     #[pyo3(signature = (*, expanded = false))]
     fn to_toml(&self, expanded: bool) -> String {
         if expanded { self.core.to_expanded_toml() } else { self.core.to_toml() }
+    }
+
+    /// The same as plain data: the tables of the file by name, patterns as written, defaults filled in.
+    fn to_dict(&self) -> Table {
+        Table::of(&self.core.file)
+    }
+
+    /// The legs as the file has them, in order: kind ("waypoint", "lawnmower", "spiral", "perimeter") and its keys, with
+    /// their units and defaults; what has no default and is not given is missing.
+    #[getter]
+    fn legs(&self) -> Vec<Table> {
+        self.core.file.legs.iter().map(Table::of).collect()
+    }
+
+    /// The fish farms that the mission goes about: per farm north_m, east_m and radius_m, or corners_m [[north, east], …].
+    #[getter]
+    fn farms(&self) -> Vec<BTreeMap<&'static str, Fact>> {
+        let farm = |leg: &Leg| {
+            let Leg::Perimeter(farm) = leg else { return None };
+            let number = |x: Option<f64>| Fact::of(Value::Number(x.unwrap_or(f64::NAN)));
+            Some(if farm.corners_m.is_empty() {
+                BTreeMap::from([
+                    ("north_m", number(farm.north_m)),
+                    ("east_m", number(farm.east_m)),
+                    ("radius_m", number(farm.radius_m)),
+                ])
+            } else {
+                let corners = farm.corners_m.iter().map(|corner| Value::Vector(corner.to_vec()));
+                BTreeMap::from([("corners_m", Fact::of(Value::List(corners.collect())))])
+            })
+        };
+        self.core.file.legs.iter().filter_map(farm).collect()
+    }
+
+    /// Number of the leg in the file, from 1, that each waypoint belongs to.
+    #[getter]
+    fn leg_numbers(&self) -> Vec<usize> {
+        self.core.legs.clone()
     }
 
     /// Name of the mission.
@@ -155,4 +196,26 @@ impl Mission {
     fn steepest(&self) -> (usize, f64) {
         self.core.steepest()
     }
+
+    /// Itself: nothing of it can change.
+    fn __copy__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    /// Itself: nothing of it can change.
+    #[expect(unused_variables, reason = "the name is Python's")]
+    fn __deepcopy__<'py>(slf: PyRef<'py, Self>, memo: &Bound<'py, PyAny>) -> PyRef<'py, Self> {
+        slf
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        Ok((restorer(py, "_restored_mission")?, (self.core.to_toml(),)))
+    }
+}
+
+/// The mission of the text of its file: how a pickled one comes back.
+#[pyfunction]
+#[pyo3(name = "_restored_mission")]
+pub fn restored_mission(text: &str) -> PyResult<Mission> {
+    Mission::from_toml(text, "<pickle>")
 }

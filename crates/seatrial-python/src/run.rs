@@ -2,6 +2,7 @@
 
 use crate::convert::{Array, Named, Numbers, optional_rows};
 use crate::error::{interruptible, raised, refused};
+use crate::pickle::{self, Parts, parts, restorer};
 use pyo3::prelude::*;
 use seatrial::description::Description;
 use seatrial::fit::batch::{Batch, Candidates, Run as Track};
@@ -67,6 +68,42 @@ impl State {
     fn actuators(&self) -> BTreeMap<String, f64> {
         self.signals.clone()
     }
+
+    /// Itself: nothing of it can change.
+    fn __copy__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    /// Itself: nothing of it can change.
+    #[expect(unused_variables, reason = "the name is Python's")]
+    fn __deepcopy__<'py>(slf: PyRef<'py, Self>, memo: &Bound<'py, PyAny>) -> PyRef<'py, Self> {
+        slf
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, StateParts)> {
+        let parts = (self.position(), self.attitude(), self.nu(), self.actuators());
+        Ok((restorer(py, "_restored_state")?, parts))
+    }
+}
+
+/// Position, attitude, velocity and actuators.
+type StateParts = (Array, Array, Array, BTreeMap<String, f64>);
+
+/// The state of exactly these numbers: how a pickled one comes back. Its attitude is not scaled to length one again.
+#[pyfunction]
+#[pyo3(name = "_restored_state")]
+pub fn restored_state(
+    position: Numbers,
+    attitude: Numbers,
+    nu: Numbers,
+    actuators: BTreeMap<String, f64>,
+) -> PyResult<State> {
+    let state = integrate::State {
+        position: position.row("position")?,
+        attitude: attitude.row("attitude")?,
+        nu: nu.row("nu")?,
+    };
+    Ok(State { state, signals: actuators })
 }
 
 /// A simulated run; of a batch, every array has a leading dimension of candidates.
@@ -136,6 +173,77 @@ impl Run {
             .map(|(i, a)| (a.name.clone(), self.array(|track, k| [a.command(track.signals[k][i])])))
             .collect()
     }
+
+    /// Itself: nothing of it can change.
+    fn __copy__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    /// Itself: nothing of it can change.
+    #[expect(unused_variables, reason = "the name is Python's")]
+    fn __deepcopy__<'py>(slf: PyRef<'py, Self>, memo: &Bound<'py, PyAny>) -> PyRef<'py, Self> {
+        slf
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, RunParts)> {
+        let rows = |read: &dyn Fn(&Track, usize) -> Vec<f64>| {
+            let (k, n) = (self.tracks.len(), self.tracks[0].states.len());
+            let values: Vec<f64> =
+                self.tracks.iter().flat_map(|track| (0..n).flat_map(|i| read(track, i))).collect();
+            Array::new(&[k, n, values.len() / (k * n).max(1)], values)
+        };
+        let state = |track: &Track, i: usize| {
+            let integrate::State { position, attitude, nu } = track.states[i];
+            [&position[..], &attitude, &nu].concat()
+        };
+        let parts = (
+            parts(&self.description),
+            (self.dt, self.start, self.batch),
+            (
+                rows(&state),
+                rows(&|track, i| track.signals[i].clone()),
+                rows(&|track, i| track.tau[i].to_vec()),
+            ),
+        );
+        Ok((restorer(py, "_restored_run")?, parts))
+    }
+}
+
+/// Vehicle; time step, start and whether there are candidates; states, signals and wrenches, each (candidates, n, …).
+type RunParts = (Parts, (f64, f64, bool), (Array, Array, Array));
+
+/// The run of exactly these numbers: how a pickled one comes back.
+#[pyfunction]
+#[pyo3(name = "_restored_run")]
+pub fn restored_run(
+    vehicle: (String, Numbers),
+    timing: (f64, f64, bool),
+    tracks: (Numbers, Numbers, Numbers),
+) -> PyResult<Run> {
+    let description = pickle::description(&vehicle.0, vehicle.1)?;
+    let count = description.actuators.len();
+    let (states, signals, tau) = tracks;
+    let (candidates, n, states) = states.cube("states", 13)?;
+    let (_, _, signals) = signals.cube("signals", count)?;
+    let (_, _, tau) = tau.cube("tau", 6)?;
+    let part = |row: &[f64], from: usize| -> [f64; 3] { std::array::from_fn(|i| row[from + i]) };
+    let state = |row: &[f64]| integrate::State {
+        position: part(row, 0),
+        attitude: std::array::from_fn(|i| row[3 + i]),
+        nu: std::array::from_fn(|i| row[7 + i]),
+    };
+    let tracks: Vec<Track> = (0..candidates)
+        .map(|k| {
+            let samples = || k * n..(k + 1) * n;
+            Track {
+                states: samples().map(|i| state(&states[13 * i..13 * (i + 1)])).collect(),
+                signals: samples().map(|i| signals[count * i..count * (i + 1)].to_vec()).collect(),
+                tau: samples().map(|i| std::array::from_fn(|c| tau[6 * i + c])).collect(),
+            }
+        })
+        .collect();
+    let (dt, start, batch) = timing;
+    Ok(Run { description: Arc::new(description), dt, start, tracks, batch })
 }
 
 /// A simulation, checked: one record, one segment.

@@ -1,12 +1,14 @@
 //! `Vehicle`: a vehicle file, its coefficients and the terms of its equation of motion.
 
-use crate::convert::{Array, Fact, Named, Numbers, fact_map};
+use crate::convert::{Array, Fact, Named, Numbers, Table, fact_map};
 use crate::error::{VehicleError, raised, refused};
+use crate::pickle::{self, Parts, parts, restorer};
 use crate::run::{Run, Simulation, State, inputs};
 use pyo3::prelude::*;
 use seatrial::control::allocation::authority;
 use seatrial::control::allocation::report::RowAuthority;
 use seatrial::description::facts::{self, Value};
+use seatrial::description::geometry::Shape;
 use seatrial::description::{Description, built_in, built_in_names};
 use seatrial::error::nearest;
 use seatrial::model::current::Current;
@@ -97,6 +99,11 @@ impl Vehicle {
         self.description.filled_file().to_toml()
     }
 
+    /// The same as plain data: the tables of the file by name, coefficients written out.
+    fn to_dict(&self) -> Table {
+        Table::of(&self.description.filled_file())
+    }
+
     /// Name of the vehicle.
     #[getter]
     fn name(&self) -> &str {
@@ -126,6 +133,29 @@ impl Vehicle {
         let d = &self.description;
         let named = |(k, name): (usize, String)| (name, fact_map(facts::actuator(d, k)));
         self.actuators().into_iter().enumerate().map(named).collect()
+    }
+
+    /// Per actuator the table of its motor as the vehicle file has it, defaults filled in; empty for an ideal motor.
+    ///
+    /// Keys maximum_ahead, maximum_astern, minimum_ahead, minimum_astern, n_acc_per_s and n_dec_per_s in the unit of the
+    /// command, below_minimum ("lift" or "zero"), K_V, T_1_s and T_t_s; what has no default and is not given is missing.
+    fn motors(&self) -> BTreeMap<String, Table> {
+        let named = facts::motors(&self.description).into_iter();
+        named.map(|(name, motor)| (name, motor.as_ref().map_or_else(Table::empty, Table::of))).collect()
+    }
+
+    /// Smallest and largest supply voltage, V, of every table of thrust that was measured at several, by its name.
+    fn table_voltages(&self) -> BTreeMap<String, (f64, f64)> {
+        facts::table_voltages(&self.description)
+    }
+
+    /// "spheroid" or "box"; None when the file has no geometry.
+    #[getter]
+    fn hull_shape(&self) -> Option<&'static str> {
+        self.description.file.geometry.as_ref().map(|geometry| match geometry.shape {
+            Shape::Spheroid => "spheroid",
+            Shape::Box => "box",
+        })
     }
 
     /// Measures of the hull in m (length, diameter, height); empty when the file has none.
@@ -324,6 +354,21 @@ impl Vehicle {
         Simulation::new(&self.description, &inputs, initial.as_deref(), free, max_step)?.run(py, None, None)
     }
 
+    /// Itself: nothing of it can change.
+    fn __copy__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    /// Itself: nothing of it can change.
+    #[expect(unused_variables, reason = "the name is Python's")]
+    fn __deepcopy__<'py>(slf: PyRef<'py, Self>, memo: &Bound<'py, PyAny>) -> PyRef<'py, Self> {
+        slf
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
+        Ok((restorer(py, "_restored_vehicle")?, parts(&self.description)))
+    }
+
     fn __repr__(&self) -> String {
         format!("Vehicle('{}', {} actuators)", self.name(), self.description.actuators.len())
     }
@@ -333,4 +378,11 @@ impl Vehicle {
     fn nominal(&self) -> seatrial::model::vehicle::Vehicle<f64> {
         seatrial::model::vehicle::Vehicle::nominal(&self.description)
     }
+}
+
+/// The vehicle of the text of its file with exactly these coefficients: how a pickled one comes back.
+#[pyfunction]
+#[pyo3(name = "_restored_vehicle")]
+pub fn restored_vehicle(text: &str, coefficients: Numbers) -> PyResult<Vehicle> {
+    pickle::description(text, coefficients).map(Vehicle::of)
 }
