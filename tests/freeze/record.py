@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 LEFT_OUT = re.compile(
-    r"(history|wall_s|elapsed_s|seconds|sha256|hash|version|platform|simd|path|folder|run_dir|figures_written|written|date|"
+    r"(history|run\.json|wall_s|elapsed_s|seconds|sha256|hash|version|platform|simd|path|folder|run_dir|figures_written|written|date|"
     r"times_real|per_second|left_s|\bout\b|machine|threads|rate_per_s|duration_wall|started|finished)"
 )
 

@@ -15,7 +15,7 @@ import pytest
 import seatrial as st
 from seatrial._core import Flights, Run, State
 from seatrial._core import Mission as CoreMission
-from seatrial.control_design.lqr_file import lqr_autopilot
+from seatrial.control_design.lqr import lqr_autopilot
 
 T = TypeVar("T")
 
