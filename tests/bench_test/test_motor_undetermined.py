@@ -89,7 +89,7 @@ def test_bad_records_are_refused_with_a_sentence(record: StepRecord) -> None:
     good = StepRecord(t, command, shown, "SbU", t_measured=at)
     with pytest.raises(TrialError, match="turn against the command"):
         identify_motor(with_signal(record, -np.asarray(record.measured)))
-    with pytest.raises(TrialError, match="carry no sign"):
+    with pytest.raises(TrialError, match="have no sign"):
         identify_motor(with_signal(record, np.abs(np.asarray(record.measured))))
     with pytest.raises(TrialError, match="500 throughout"):
         identify_motor(replace(good, command=np.full(4, 500.0)))

@@ -167,13 +167,13 @@ def unlike(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
     """
     points = fit.points
     fitted = fit.thrust(points.signal, points.voltage_v if fit.regression.with_voltage else None)
-    found = {}
+    ratios = {}
     for names in dict.fromkeys(points.running):
         own = np.array([other == names for other in points.running]) & np.isfinite(fitted)
         if own.sum() > _LEAST_ALONE and fitted[own].any():
             one = least_squares(fitted[own, None], points.thrust[own], terms_of(1, 1, through_origin=True))
-            found[names] = float(one.coefficients[0]), float(one.standard_deviations[0])
-    return found if len(found) > 1 else {}
+            ratios[names] = float(one.coefficients[0]), float(one.standard_deviations[0])
+    return ratios if len(ratios) > 1 else {}
 
 
 def fit_unit(unit: Unit, pulls: Sequence[PullPoints], regression: Regression, *, where: str) -> UnitFit:
@@ -336,7 +336,7 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
     """Sentences about what looks wrong in a group's characteristic."""
     facts = vehicle.actuator_info()[fit.unit.actuators[0]]
     unit = fit.unit.command
-    found = []
+    warnings = []
     for side in fit.sides:
         sign = SIDES[side]
         tested = np.abs(fit.points.signal[sign * fit.points.signal > 0.0])
@@ -345,7 +345,7 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
         high = limit if np.isfinite(limit) else float(tested.max())
         where = f"{fit.unit.name} {side}"
         if high > _BEYOND * tested.max():
-            found.append(
+            warnings.append(
                 f"{where}: tested up to {tested.max():.4g} of {high:.4g} {unit}; beyond, the curve is a guess"
             )
         grid = np.linspace(low, high, _POINTS)
@@ -357,20 +357,20 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
             if len(below):
                 top = int(thrust[: below[0] + 1].argmax())
                 bottom = top + int(thrust[top : below[-1] + 1].argmin())
-                found.append(
+                warnings.append(
                     f"{where}: the curve falls between {grid[top]:.4g} and {grid[bottom]:.4g}"
                     f" {unit}{words}, which no propeller does; more points there, or a lower order"
                 )
             against = np.flatnonzero(thrust < -_NOISE * np.abs(thrust).max())
             if len(against):
-                found.append(
+                warnings.append(
                     f"{where}: the curve pushes the wrong way up to {grid[against[-1]]:.4g} {unit}{words};"
                     " try through_origin = true, or tare the cell"
                 )
     silent = dead_band(fit.points.signal, fit.points.thrust)
     inside = (fit.points.signal >= silent[0]) & (fit.points.signal <= silent[1])
     if fit.directions and inside.sum() >= _QUIET:
-        found.append(
+        warnings.append(
             f"{fit.unit.name}: no thrust from {silent[0]:+.4g} to {silent[1]:+.4g} {unit}, a dead band that a"
             ' polynomial smears; take order = "points"'
         )
@@ -378,17 +378,17 @@ def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
     if fit.unit.command != "rpm" and not fit.regression.with_voltage and np.isfinite(volts).all():
         low, high = float(volts.min()), float(volts.max())
         if high > _SAGGED * low:
-            found.append(
+            warnings.append(
                 f"{fit.unit.name}: the supply ran from {low:.3g} to {high:.3g} V and thrust follows it; take"
                 ' inputs = ["signal", "voltage"]'
             )
     for side, one in fit.directions.items():
         if one.fit.r2 < _POOR:
-            found.append(
+            warnings.append(
                 f"{fit.unit.name} {side}: R2 is only {one.fit.r2:.3f}; the order does not fit, or the load is"
                 " noisy"
             )
-    return found
+    return warnings
 
 
 def _voltages(fit: UnitFit) -> list[float | None]:

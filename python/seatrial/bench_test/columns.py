@@ -145,16 +145,16 @@ def _sources(
 def _per_actuator(
     table: pl.DataFrame, sources: Mapping[str, Source], prefix: str, file: str
 ) -> dict[str, Array]:
-    found = {}
+    columns = {}
     for canonical, source in sources.items():
         if canonical.startswith(prefix):
             _no_frame(canonical, source, file)
             where = f"{file}: {canonical}"
             scale = units.factor(source.unit, units.ACTUATOR_UNITS, where) if source.unit else 1.0
-            found[canonical.removeprefix(prefix)] = (
+            columns[canonical.removeprefix(prefix)] = (
                 numbers(table[source.column], canonical, file) * scale * source.sign
             )
-    return found
+    return columns
 
 
 def _scalar(
@@ -174,14 +174,14 @@ def _scaled(table: pl.DataFrame, source: Source, canonical: str, unit: str, file
 
 def _loads(table: pl.DataFrame, sources: Mapping[str, Source], file: str) -> dict[str, Array]:
     """Loads by axis; a frame may turn signs of single axes (FLU), mixing axes is refused."""
-    found: dict[str, Array] = {}
+    loads: dict[str, Array] = {}
     for row, canonical in enumerate(LOADS):
         if canonical in sources:
             source = sources[canonical]
             turn = frames.body_matrix(source.frame or "FRD", f"{file}: {canonical}")
-            found["XYZ"[row]] = _scaled(table, source, canonical, "N", file) * turn[row, row]
+            loads["XYZ"[row]] = _scaled(table, source, canonical, "N", file) * turn[row, row]
     single = _scalar(table, sources, SINGLE, "N", file)
-    return found | ({} if single is None else {"": single})
+    return loads | ({} if single is None else {"": single})
 
 
 def _no_frame(canonical: str, source: Source, file: str) -> None:

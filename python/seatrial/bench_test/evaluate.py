@@ -269,7 +269,7 @@ def _pulls(
     file: BenchFile, vehicle: Vehicle, path: Path, hashes: dict[str, str]
 ) -> dict[str, tuple[Unit, list[PullPoints]]]:
     """Units and the points of their pulls, by name."""
-    found: dict[str, tuple[Unit, list[PullPoints]]] = {}
+    pulls: dict[str, tuple[Unit, list[PullPoints]]] = {}
     for pull in file.pulls:
         where = f"{path}: pulls {pull.name!r}"
         unit = unit_of(vehicle, pull.group, pull.actuators, where)
@@ -277,8 +277,8 @@ def _pulls(
         points = read_pull(
             pull, unit, vehicle, source, where=where, reader=file.reader, columns=dict(file.columns)
         )
-        found.setdefault(unit.name, (unit, []))[1].append(points)
-    return found
+        pulls.setdefault(unit.name, (unit, []))[1].append(points)
+    return pulls
 
 
 def _motors(
@@ -305,10 +305,10 @@ def _motors(
     for name, own in records.items():
         unit = units[name]
         try:
-            found = identify_motor(own, start=_motor_table(vehicle_text, unit), unit=unit.command)
+            motor = identify_motor(own, start=_motor_table(vehicle_text, unit), unit=unit.command)
         except TrialError as error:
             raise TrialError(f"{path}: steps of {name}: {error}") from None
-        motors[name] = (unit, found)
+        motors[name] = (unit, motor)
     return motors, {name: tuple(own) for name, own in records.items()}
 
 
@@ -320,8 +320,8 @@ def _motor_table(vehicle_text: str, unit: Unit) -> dict[str, Any]:
 
 
 def _file(text: str, bench: Path, where: str, hashes: dict[str, Any]) -> Path:
-    found = file_path(text, bench.parent, f"{where}, key file")
-    if not found.is_file():
-        raise CampaignError(f"{where}, key file: there is no file {found}; correct the path")
-    hashes[text] = sha256(found.read_bytes())
-    return found
+    path = file_path(text, bench.parent, f"{where}, key file")
+    if not path.is_file():
+        raise CampaignError(f"{where}, key file: there is no file {path}; correct the path")
+    hashes[text] = sha256(path.read_bytes())
+    return path

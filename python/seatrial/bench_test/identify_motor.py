@@ -26,7 +26,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, VehicleError
-from seatrial.bench_test.motor_elimination import Found, bracket, eliminated, readings
+from seatrial.bench_test.motor_elimination import Reduced, bracket, eliminated, readings
 from seatrial.bench_test.motor_estimate import (
     MotorEstimate,
     MotorFitness,
@@ -109,8 +109,8 @@ def identify_motor(
     prior = None if start is None else MotorModel.from_table(start)
     shown = statics(settled, noise)
     read = readings(several, settled, shown, noise, robust)
-    found = eliminated(read.better, noise, prior)
-    return _estimate(found, several, noise, settled, shown, prior, read.ratio, trimmed, unit)
+    reduced = eliminated(read.better, noise, prior)
+    return _estimate(reduced, several, noise, settled, shown, prior, read.ratio, trimmed, unit)
 
 
 def _refuse(records: Sequence[StepRecord], robust: str) -> None:
@@ -134,7 +134,7 @@ def _refuse(records: Sequence[StepRecord], robust: str) -> None:
 
 
 def _estimate(
-    found: Found,
+    reduced: Reduced,
     records: Sequence[StepRecord],
     noise: Noise,
     settled: Sequence[Plateau],
@@ -145,10 +145,10 @@ def _estimate(
     unit: str,
 ) -> MotorEstimate:
     """The result's parts put together."""
-    problem, best, known = found.problem, found.best, found.known
+    problem, best, known = reduced.problem, reduced.best, reduced.known
     model = problem.model(best.x)
     parameters = {
-        name: _parameter(k, found, None if prior is None else prior.parameters()[name], unit)
+        name: _parameter(k, reduced, None if prior is None else prior.parameters()[name], unit)
         for k, name in enumerate(NAMES)
     }
     determined = {name: one.determined for name, one in parameters.items()}
@@ -188,22 +188,22 @@ def _estimate(
     )
 
 
-def _parameter(k: int, found: Found, kept: float | None, unit: str) -> MotorParameter:
+def _parameter(k: int, reduced: Reduced, kept: float | None, unit: str) -> MotorParameter:
     """What is known of the parameter with index k."""
-    name, x, half = NAMES[k], float(found.best.x[k]), float(found.known.half[k])
+    name, x, half = NAMES[k], float(reduced.best.x[k]), float(reduced.known.half[k])
     units = {"K_V": "1", "T_1": "s", "T_t": "s"}
     blank = MotorParameter(name, units.get(name, f"{unit}/s" if RECIPROCAL[k] else unit), kept=kept)
-    if name in found.reasons:
-        reason = found.reasons[name]
+    if name in reduced.reasons:
+        reason = reduced.reasons[name]
         return replace(blank, reason=reason.text, at_least=reason.at_least, at_most=reason.at_most)
-    if name.startswith("n_min") and found.problem.dead_band:
-        edge = bracket(found.problem.records, x, SIDES.index(name.rpartition("_")[2]))
+    if name.startswith("n_min") and reduced.problem.dead_band:
+        edge = bracket(reduced.problem.records, x, SIDES.index(name.rpartition("_")[2]))
         if edge is None:
             return replace(blank, reason="no command is dropped in this direction")
         sigma = (edge[1] - edge[0]) / math.sqrt(12.0)
         return replace(blank, value=sum(edge) / 2.0, sigma=sigma, lower=edge[0], upper=edge[1], dof=math.inf)
-    blank = replace(blank, remark=found.remarks.get(name, ""))
-    sigma, dof = float(found.known.sigma[k]), float(found.known.dof[k])
+    blank = replace(blank, remark=reduced.remarks.get(name, ""))
+    sigma, dof = float(reduced.known.sigma[k]), float(reduced.known.dof[k])
     if not math.isfinite(sigma):
         return replace(blank, reason="the records tell it only together with other parameters")
     lower, upper = max(x - half, 0.0), x + half

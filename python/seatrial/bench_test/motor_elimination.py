@@ -44,7 +44,7 @@ from seatrial.bench_test.motor_fit import (
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise, Plateau, Statics, starts
 
-__all__ = ["Found", "bracket", "eliminated", "readings"]
+__all__ = ["Reduced", "bracket", "eliminated", "readings"]
 
 _MOST = 24
 
@@ -140,15 +140,15 @@ def _cleaned(reading: Reading, noise: Noise) -> Reading:
     limit = _GROSS * _size_of_errors(problem, best.x, noise)
     if problem.loss == "none":
         return reading
-    kept, found = [], 0
+    kept, dropped = [], 0
     for record in problem.records:
         times, measured = record.sampled
         bad = _single(np.abs(measured - problem.model(best.x).response(record, times)) > limit)
-        found += int(bad.sum())
+        dropped += int(bad.sum())
         stamps = np.asarray(record.t_measured)
         values = np.where(np.isin(stamps, times[bad]), np.nan, np.asarray(record.measured))
         kept.append(replace(record, measured=values) if bad.mean() <= _MOST_GROSS else record)
-    if not found:
+    if not dropped:
         return reading
     problem = replace(problem, records=tuple(kept))
     again = fit(problem, [best.x])
@@ -186,7 +186,7 @@ _LAG, _DELAY = NAMES.index("T_1"), NAMES.index("T_t")
 
 
 @dataclass(frozen=True)
-class Found:
+class Reduced:
     """A fit without what is not determined: the reasons by name, and remarks on the others."""
 
     problem: Problem
@@ -196,7 +196,7 @@ class Found:
     remarks: dict[str, str]
 
 
-def eliminated(reading: Reading, noise: Noise, prior: MotorModel | None) -> Found:
+def eliminated(reading: Reading, noise: Noise, prior: MotorModel | None) -> Reduced:
     """The fit of a reading without rate limits and a time constant that the data do not tell."""
     problem, best, reasons = reading.problem, reading.best, dict(reading.reasons)
     sample = float(np.median([record.sample_s for record in problem.records]))
@@ -213,7 +213,7 @@ def eliminated(reading: Reading, noise: Noise, prior: MotorModel | None) -> Foun
     reasons |= {name: reason for name, reason in wide(best.x, known, sample).items() if name not in reasons}
     beside = f"it holds for {', '.join(held)} as in the fit" if held else ""
     remarks = {name: beside for name in blurred if beside and name not in reasons}
-    return Found(problem, best, known, reasons, remarks)
+    return Reduced(problem, best, known, reasons, remarks)
 
 
 def _near_zero(

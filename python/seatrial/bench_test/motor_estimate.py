@@ -182,7 +182,7 @@ def compare_directions(
     """Tests of the parameters that are determined both ahead and astern, at coordinates (11,)."""
     from scipy.special import stdtr
 
-    found = []
+    comparisons = []
     for limit in ("n_min", "n_max", "n_acc", "n_dec"):
         k = NAMES.index(f"{limit}_ahead")
         if not (determined[NAMES[k]] and determined[NAMES[k + 1]]):
@@ -199,8 +199,8 @@ def compare_directions(
             ahead, astern, pooled, sigma = 1.0 / ahead, 1.0 / astern, 1.0 / pooled, sigma / pooled**2
         if p < _LEVEL:
             sigma = max(sigma, 0.5 * abs(ahead - astern))
-        found.append(Directions(limit, ahead, astern, p, pooled, sigma))
-    return tuple(found)
+        comparisons.append(Directions(limit, ahead, astern, p, pooled, sigma))
+    return tuple(comparisons)
 
 
 def compare_actuators(
@@ -209,7 +209,7 @@ def compare_actuators(
     """Differences of single actuators, each fitted alone: coordinates (11,) and uncertainty by name."""
     from scipy.special import stdtr
 
-    found = []
+    differences = []
     names = list(alone)
     kept = [k for k, name in enumerate(NAMES) if determined[name]]
     level = _LEVEL / max(len(names) * len(kept), 1)
@@ -230,8 +230,8 @@ def compare_actuators(
                 value, middle = float(values[i]), median
                 if RECIPROCAL[k]:
                     value, middle = (math.inf if one <= 0 else 1.0 / one for one in (value, middle))
-                found.append(ActuatorDifference(names[i], NAMES[k], value, middle, p))
-    return tuple(found)
+                differences.append(ActuatorDifference(names[i], NAMES[k], value, middle, p))
+    return tuple(differences)
 
 
 _KEYS = {"n_max_ahead": "maximum_ahead", "n_max_astern": "maximum_astern", "n_min_ahead": "minimum_ahead"}
@@ -266,17 +266,17 @@ def rates(
     parameters: Mapping[str, MotorParameter], directions: Sequence[Directions]
 ) -> dict[str, tuple[float, str]]:
     """Rate limits of the file by name, each with where it comes from: "found", "kept" or "least"."""
-    found = {limit: _common(limit, parameters, directions) for limit in _PARTNER}
+    limits = {limit: _common(limit, parameters, directions) for limit in _PARTNER}
     written = {}
     for limit, partner in _PARTNER.items():
         both = [parameters[f"{limit}_{side}"] for side in SIDES]
-        common, kept = found[limit], both[0].kept
+        common, kept = limits[limit], both[0].kept
         least = [one.at_least for one in both if one.at_least is not None]
         if common is not None:
             written[limit] = (common, "found")
-        elif found[partner] is not None and kept is not None and math.isfinite(kept):
+        elif limits[partner] is not None and kept is not None and math.isfinite(kept):
             written[limit] = (kept, "kept")
-        elif found[partner] is not None and least:
+        elif limits[partner] is not None and least:
             written[limit] = (float(f"{max(least):.3g}"), "least")
     return written
 

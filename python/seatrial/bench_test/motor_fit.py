@@ -135,11 +135,11 @@ class Fit:
 
 def fit(problem: Problem, points: Sequence[Array], *, evaluations: int = 60) -> Fit:
     """The best of the minima that are reached from several starts (11,); only the best is run to the end."""
-    found = [_descent(problem, point, evaluations, _COARSE) for point in points] if len(points) > 1 else []
-    best = min(range(len(found)), key=lambda k: (found[k].cost, k), default=0)
-    end = _descent(problem, found[best].x if found else points[0], evaluations, _END)
-    agreeing = sum(other.cost <= end.cost * (1.0 + _SAME) + 1e-12 for other in found)
-    return replace(end, agreeing=agreeing, starts=len(found)) if found else end
+    ends = [_descent(problem, point, evaluations, _COARSE) for point in points] if len(points) > 1 else []
+    best = min(range(len(ends)), key=lambda k: (ends[k].cost, k), default=0)
+    end = _descent(problem, ends[best].x if ends else points[0], evaluations, _END)
+    agreeing = sum(other.cost <= end.cost * (1.0 + _SAME) + 1e-12 for other in ends)
+    return replace(end, agreeing=agreeing, starts=len(ends)) if ends else end
 
 
 def _descent(problem: Problem, point: Array, evaluations: int, tolerance: float) -> Fit:
@@ -239,22 +239,22 @@ def uncertainty(problem: Problem, x: Array, noise: Noise) -> MotorUncertainty:
     sample = float(np.median([record.sample_s for record in problem.records]))
     lin = Linearisation(unknowns, x[free], ("revolutions",), np.array([scale]), sample, tuple(pieces))
     view = whitened(lin)
-    found = covariance(lin, length=view.length)
+    sandwich = covariance(lin, length=view.length)
     even = np.sqrt(np.diag(view.transform @ view.coloured @ view.transform.T))
     with np.errstate(invalid="ignore"):
-        student = np.where(found.sigma > 0, (found.upper - found.estimate) / found.sigma, NORMAL)
+        student = np.where(sandwich.sigma > 0, (sandwich.upper - sandwich.estimate) / sandwich.sigma, NORMAL)
     hidden = _hidden(problem, x, noise, slopes, weight)
     unseen = np.sqrt(np.diag(hidden))
     sigma, half = np.full(len(NAMES), np.inf), np.full(len(NAMES), np.inf)
-    sigma[free] = np.hypot(np.maximum(found.sigma, even), unseen)
-    half[free] = np.hypot(np.maximum(student * found.sigma, NORMAL * even), NORMAL * unseen)
+    sigma[free] = np.hypot(np.maximum(sandwich.sigma, even), unseen)
+    half[free] = np.hypot(np.maximum(student * sandwich.sigma, NORMAL * even), NORMAL * unseen)
     sigma[np.isnan(sigma)] = half[np.isnan(half)] = np.inf
     dof, matrix = np.zeros(len(NAMES)), np.zeros((len(NAMES), len(NAMES)))
-    dof[free] = found.dof
+    dof[free] = sandwich.dof
     # Wider standard deviations leave the correlations as they are.
-    wider = np.where(found.sigma > 0, np.maximum(even / np.maximum(found.sigma, 1e-300), 1.0), 1.0)
-    matrix[np.ix_(free, free)] = found.covariance * np.outer(wider, wider) + hidden
-    return MotorUncertainty(sigma, half, dof, matrix, found.block_s, found.blocks)
+    wider = np.where(sandwich.sigma > 0, np.maximum(even / np.maximum(sandwich.sigma, 1e-300), 1.0), 1.0)
+    matrix[np.ix_(free, free)] = sandwich.covariance * np.outer(wider, wider) + hidden
+    return MotorUncertainty(sigma, half, dof, matrix, sandwich.block_s, sandwich.blocks)
 
 
 def _hidden(problem: Problem, x: Array, noise: Noise, slopes: Array, weight: Array) -> Array:
@@ -297,7 +297,7 @@ class Reason:
 
 
 def reachable(
-    records: Sequence[StepRecord], settled: Sequence[Plateau], found: Statics, *, dead_band: bool
+    records: Sequence[StepRecord], settled: Sequence[Plateau], static: Statics, *, dead_band: bool
 ) -> dict[str, Reason]:
     """Reasons by name of the parameters that the commands cannot tell.
 
@@ -305,7 +305,7 @@ def reachable(
     """
     reasons: dict[str, Reason] = {}
     commands = np.concatenate([record.held[1] for record in records])
-    growing, shrinking = _moves(records, found)
+    growing, shrinking = _moves(records, static)
     for side, (sign, where) in enumerate(zip((1.0, -1.0), SIDES, strict=True)):
         mine = sign * commands[sign * commands > 0]
         if not len(mine):
@@ -313,9 +313,9 @@ def reachable(
                 reasons[f"{limit}_{where}"] = Reason(f"the records hold no command {where}")
             continue
         followed = [abs(one.command) for one in settled if sign * one.command > 0]
-        if math.isinf(found.n_max[side]):
+        if math.isinf(static.n_max[side]):
             reasons[f"n_max_{where}"] = _largest(float(mine.max()), followed, where)
-        if not found.n_min[side] > 0 and not (dead_band and found.dropped[side] > 0):
+        if not static.n_min[side] > 0 and not (dead_band and static.dropped[side] > 0):
             reasons[f"n_min_{where}"] = _smallest(float(mine.min()), followed, where)
         if not growing[side]:
             reasons[f"n_acc_{where}"] = Reason(f"no step grows {where}")
@@ -378,11 +378,11 @@ def _smallest(asked: float, followed: Sequence[float], where: str) -> Reason:
     )
 
 
-def _moves(records: Sequence[StepRecord], found: Statics) -> tuple[list[bool], list[bool]]:
+def _moves(records: Sequence[StepRecord], static: Statics) -> tuple[list[bool], list[bool]]:
     """Whether the limited command grows and shrinks, ahead and astern."""
     growing, shrinking = [False, False], [False, False]
     for record in records:
-        levels = np.array([limited(float(c), found.n_min, found.n_max) for c in record.held[1]])
+        levels = np.array([limited(float(c), static.n_min, static.n_max) for c in record.held[1]])
         for side, sign in enumerate((1.0, -1.0)):
             change = np.diff(np.maximum(sign * levels, 0.0))
             growing[side] |= bool((change > 0).any())

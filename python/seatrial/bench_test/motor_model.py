@@ -107,10 +107,10 @@ class StepRecord:
                 )
         if not np.isfinite(arrays["command"]).any():
             raise TrialError(f"{self._where}: no command is a number; check the column of the commands")
-        found = int(np.isfinite(arrays["measured"]).sum())
-        if found < _LEAST_SAMPLES:
+        count = int(np.isfinite(arrays["measured"]).sum())
+        if count < _LEAST_SAMPLES:
             raise TrialError(
-                f"{self._where}: the record is too short: {found} measured revolutions, expected at least"
+                f"{self._where}: the record is too short: {count} measured revolutions, expected at least"
                 f" {_LEAST_SAMPLES}; log a longer stretch"
             )
 

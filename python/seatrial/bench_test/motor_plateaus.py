@@ -129,7 +129,7 @@ def _quantum(values: Array) -> float:
 
 def plateaus(records: Sequence[StepRecord], noise: Noise) -> list[Plateau]:
     """Settled stretches of all records, in their order."""
-    found = []
+    settled = []
     for record in records:
         for command, tail in _tails(record):
             early, late = np.array_split(tail, 2)
@@ -138,8 +138,8 @@ def plateaus(records: Sequence[StepRecord], noise: Noise) -> list[Plateau]:
             level = float(np.median(tail))
             sd = noise.total / math.sqrt(len(tail))
             if drift <= 6.0 * sd + noise.quantum + _AGREE * abs(level):
-                found.append(Plateau(command, level, sd, record.name))
-    return found
+                settled.append(Plateau(command, level, sd, record.name))
+    return settled
 
 
 def starts_in_motion(record: StepRecord, noise: Noise) -> StepRecord | None:
@@ -167,15 +167,15 @@ def _tails(record: StepRecord) -> list[tuple[float, Array]]:
     starts, commands = record.held
     times, measured = record.sampled
     ends = np.append(starts[1:], max(times[-1], starts[-1]))
-    found = []
+    tails = []
     for start, end, command in zip(starts, ends, commands, strict=True):
         tail = measured[(times >= 0.5 * (start + end)) & (times <= end)]
         if len(tail) >= _LEAST:
-            found.append((float(command), tail))
-    return found
+            tails.append((float(command), tail))
+    return tails
 
 
-def statics(found: Sequence[Plateau], noise: Noise) -> Statics:
+def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
     """Gain and static limits from plateaus.
 
     Raises
@@ -184,12 +184,12 @@ def statics(found: Sequence[Plateau], noise: Noise) -> Statics:
         The revolutions turn against the commands, carry no sign, or never leave rest.
     """
     rest = _MOVING * noise.total
-    driven = [one for one in found if one.command != 0.0]
+    driven = [one for one in settled if one.command != 0.0]
     moving = [one for one in driven if abs(one.level) > rest]
     if not moving:
         raise TrialError(
-            f"step record {found[0].name}: the measured revolutions do not follow the command: they settle at"
-            " zero or not at all; expected at least one command that is held until the motor turns steadily;"
+            f"step record {settled[0].name}: the measured revolutions do not follow the command: they"
+            " settle at zero or not at all; expected at least one command that is held until the motor turns steadily;"
             " check the column of the measurement, or hold commands for six samples and twice the transient"
         )
     against = [one for one in moving if one.level * one.command < 0]
@@ -221,25 +221,27 @@ def statics(found: Sequence[Plateau], noise: Noise) -> Statics:
 
 def _shared(ordered: Sequence[Plateau], gain: float, noise: Noise, way: int) -> list[float]:
     """Levels of the first plateaus that lie off the line in one way and share the level of the very first."""
-    found: list[float] = []
+    shared: list[float] = []
     for one in ordered:
-        apart = abs(abs(one.level) - found[0]) if found else 0.0
+        apart = abs(abs(one.level) - shared[0]) if shared else 0.0
         if _above(one, gain, noise) != way or apart > _slack(one, noise):
             break
-        found.append(abs(one.level))
-    return found
+        shared.append(abs(one.level))
+    return shared
 
 
-def _above(one: Plateau, gain: float, noise: Noise) -> int:
+def _above(plateau: Plateau, gain: float, noise: Noise) -> int:
     """1 where a level lies above the line of the gain, -1 below, 0 on it."""
-    excess, slack = abs(one.level) - gain * abs(one.command), _slack(one, noise)
+    excess, slack = abs(plateau.level) - gain * abs(plateau.command), _slack(plateau, noise)
     return int(excess > slack) - int(excess < -slack)
 
 
-def _slack(one: Plateau, noise: Noise) -> float:
+def _slack(plateau: Plateau, noise: Noise) -> float:
     """How far levels may lie apart that are the same."""
     return (
-        4.0 * one.sd + noise.quantum * (0.5 if noise.sd >= noise.quantum else 1.0) + _AGREE * abs(one.level)
+        4.0 * plateau.sd
+        + noise.quantum * (0.5 if noise.sd >= noise.quantum else 1.0)
+        + _AGREE * abs(plateau.level)
     )
 
 
@@ -258,17 +260,18 @@ def _agreed(moving: Sequence[Plateau], noise: Noise) -> float:
     return float(np.average(ratios, weights=weights**2))
 
 
-def _refuse(moving: Sequence[Plateau], one: Plateau) -> None:
+def _refuse(moving: Sequence[Plateau], plateau: Plateau) -> None:
     """Raise for revolutions whose sign does not fit the commands', with one plateau that shows it."""
     if all(other.level > 0 for other in moving) and any(other.command > 0 for other in moving):
         raise TrialError(
-            f"step record {one.name}: the measured revolutions carry no sign: command {one.command:g} turns"
-            f" the motor at {one.level:g}, expected negative revolutions astern; give the measurement the"
-            " sign of the rotation (a counter alone cannot tell a reversal)"
+            f"step record {plateau.name}: the measured revolutions have no sign: command"
+            f" {plateau.command:g} turns the motor at {plateau.level:g}, expected negative revolutions astern; give the measurement"
+            " the sign of the rotation (a counter alone cannot tell a reversal)"
         )
     raise TrialError(
-        f"step record {one.name}: the measured revolutions turn against the command: command {one.command:g}"
-        f" settles at {one.level:g}; expected the same sign; set sign = -1 in the column map of one of them"
+        f"step record {plateau.name}: the measured revolutions turn against the command: command"
+        f" {plateau.command:g} settles at {plateau.level:g}; expected the same sign; set sign = -1 in the"
+        " column map of one of them"
     )
 
 
@@ -314,21 +317,21 @@ def limited(command: float, low: tuple[float, float], high: tuple[float, float])
     return math.copysign(min(max(abs(command), low[side]), high[side]), command)
 
 
-def transitions(records: Sequence[StepRecord], found: Statics, noise: Noise) -> list[Transition]:
+def transitions(records: Sequence[StepRecord], static: Statics, noise: Noise) -> list[Transition]:
     """Steps that start from a settled motor and reach 80 % before the next one."""
     kept = []
     for record in records:
         stamps, commands = record.held
         times, measured = record.sampled
-        levels = [limited(float(c), found.n_min, found.n_max) for c in commands]
+        levels = [limited(float(c), static.n_min, static.n_max) for c in commands]
         for k in range(1, len(stamps)):
             before, after = levels[k - 1], levels[k]
             end = stamps[k + 1] if k + 1 < len(stamps) else math.inf
             rows = (times >= stamps[k]) & (times < end)
-            clear = found.gain * abs(after - before) > _CLEAR * noise.total
+            clear = static.gain * abs(after - before) > _CLEAR * noise.total
             if not clear or rows.sum() < 3:
                 continue
-            part = (measured[rows] / found.gain - before) / (after - before)
+            part = (measured[rows] / static.gain - before) / (after - before)
             if abs(part[0]) > _SETTLED:
                 continue
             passed = [_crossing(times[rows] - stamps[k], part, share) for share in (0.2, 0.8)]
@@ -339,14 +342,14 @@ def transitions(records: Sequence[StepRecord], found: Statics, noise: Noise) -> 
 
 def starts(
     records: Sequence[StepRecord],
-    found: Statics,
+    static: Statics,
     noise: Noise,
     *,
     cost: Callable[[Array], float],
     wanted: int,
 ) -> list[Array]:
     """The best start points (11,) of the grid by their cost, each in another place, best first."""
-    seen = transitions(records, found, noise)
+    seen = transitions(records, static, noise)
     sample = float(np.median([record.sample_s for record in records]))
     lag, ramps = _widths(seen, sample)
     latest = float(np.median([one.to_20 for one in seen])) if seen else 4.0 * sample
@@ -354,7 +357,7 @@ def starts(
     delays = delays[:: max(1, math.ceil(len(delays) / _MOST_DELAYS))]
     grid: list[tuple[float, int, Array]] = []
     for delay, longer, steeper in itertools.product(delays, _LAG_FACTORS, _RAMP_FACTORS):
-        x = MotorModel(found.gain, longer * lag, float(delay), found.n_min, found.n_max).coordinates()
+        x = MotorModel(static.gain, longer * lag, float(delay), static.n_min, static.n_max).coordinates()
         x[7:] = steeper * ramps
         grid.append((cost(x), len(grid), x))
     grid.sort()

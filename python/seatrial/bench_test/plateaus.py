@@ -119,7 +119,7 @@ def plateaus(
     else:
         starts = _departures([held(x) for x in signal.values()])
     bounds = [0, *starts, len(t)]
-    found: list[Plateau] = []
+    steady_parts: list[Plateau] = []
     short = 0
     for begin, end in pairwise(bounds):
         # The first command is taken as held long enough before the recording only after settling, too.
@@ -128,13 +128,13 @@ def plateaus(
         if made is None:
             short += 1
         else:
-            found.append(made)
-    if not found:
+            steady_parts.append(made)
+    if not steady_parts:
         raise TrialError(
             f"{where}: no steady part: {len(bounds) - 1} plateaus of the command, none with {LEAST_SAMPLES}"
             f" samples of the load after {settle_s:g} s; hold each command longer or lower settle_s"
         )
-    return found, short
+    return steady_parts, short
 
 
 def rows_as_plateaus(
@@ -146,7 +146,7 @@ def rows_as_plateaus(
     if voltage_v is not None:
         whole &= np.isfinite(voltage_v)
     nothing = np.full(load.shape[1], np.nan)
-    found = [
+    points = [
         Plateau(
             f"row {row + 1}",
             {name: float(x[row]) for name, x in signal.items()},
@@ -157,7 +157,7 @@ def rows_as_plateaus(
         )
         for row in np.flatnonzero(whole)
     ]
-    return found, int((~whole).sum())
+    return points, int((~whole).sum())
 
 
 def _plateau(

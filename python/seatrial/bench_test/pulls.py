@@ -87,37 +87,37 @@ def signals_of(
     """
     chosen = table.commands if pull.use == "command" else table.measured
     _refuse_missing(pull, unit, table, chosen, where)
-    found: dict[str, Array] = {}
+    signals: dict[str, Array] = {}
     commanded = []
     # A fin does not pull a vehicle that stands still.
     for name in force_per_newton(vehicle, "X"):
         if pull.use == "measured" and name in chosen:
-            found[name] = distance(vehicle, name, chosen[name])
+            signals[name] = distance(vehicle, name, chosen[name])
         elif name in table.commands:
             values = table.commands[name]
-            found[name] = values if table.t is None else held(values)
+            signals[name] = values if table.t is None else held(values)
             commanded.append(name)
     if pull.sign_of is not None:
         side = np.sign(table.column(pull.sign_of.column, f"{where}, key sign_of") - pull.sign_of.neutral)
         for name in unit.actuators:
-            if (found[name] < 0.0).any():
+            if (signals[name] < 0.0).any():
                 raise TrialError(
                     f"{where}, key sign_of: meas.{name} has negative values, so it has a sign of its own;"
                     " remove sign_of"
                 )
-            found[name] = found[name] * side
-    return found, commanded
+            signals[name] = signals[name] * side
+    return signals, commanded
 
 
-def behind_motors(found: Sequence[Plateau], vehicle: Vehicle, commanded: Sequence[str]) -> list[Plateau]:
+def behind_motors(steady: Sequence[Plateau], vehicle: Vehicle, commanded: Sequence[str]) -> list[Plateau]:
     """Plateaus whose commands are replaced by what the settled motors make of them, from neutral."""
-    signals = [dict(plateau.signal) for plateau in found]
+    signals = [dict(plateau.signal) for plateau in steady]
     for name in commanded:
         for signal, value in zip(
             signals, settled(vehicle, name, [one[name] for one in signals]), strict=True
         ):
             signal[name] = float(value)
-    return [replace(plateau, signal=signal) for plateau, signal in zip(found, signals, strict=True)]
+    return [replace(plateau, signal=signal) for plateau, signal in zip(steady, signals, strict=True)]
 
 
 def _refuse_missing(
@@ -242,33 +242,33 @@ def read_pull(
     if voltage_v is None and pull.voltage_v is not None:
         voltage_v = np.full(len(load), pull.voltage_v)
     if table.t is None:
-        found, left = rows_as_plateaus(signal, load, voltage_v)
+        steady, left = rows_as_plateaus(signal, load, voltage_v)
         notes = [f"{left} rows with empty cells left out"] if left else []
-        if not found:
+        if not steady:
             raise TrialError(f"{where}: no row of {table.file} has both signal and load; check the columns")
     else:
         commands = {name: table.commands[name] for name in signal if name in table.commands}
         if not commands.keys() & set(unit.actuators):
             commands = {}  # those of idle groups do not tell where a plateau of this one ends
-        found, left = plateaus(
+        steady, left = plateaus(
             table.t, commands, signal, load, voltage_v, settle_s=pull.settle_s, where=where
         )
-        counts = [plateau.samples for plateau in found]
+        counts = [plateau.samples for plateau in steady]
         notes = [
-            f"{len(found)} plateaus, each averaged over {min(counts)} to {max(counts)} steady samples, which"
+            f"{len(steady)} plateaus, each averaged over {min(counts)} to {max(counts)} steady samples, which"
             " err alike, to one point"
         ]
         notes += [f"{left} plateaus too short to be steady left out"] if left else []
-    found = behind_motors(found, vehicle, commanded)
-    notes += repeated(found) if table.t is None else []
+    steady = behind_motors(steady, vehicle, commanded)
+    notes += repeated(steady) if table.t is None else []
     limit = max(largest(vehicle.actuator_info()[name], 1.0) for name in unit.actuators)
     zero = (_ZERO_MEASURED if pull.use == "measured" and table.t is not None else _ZERO_SHARE) * limit
-    resting = [p for p in found if all(abs(x) <= zero for x in p.signal.values())]
+    resting = [p for p in steady if all(abs(x) <= zero for x in p.signal.values())]
     tare, tare_error, said = _tare(pull, resting, load.shape[1], where)
     notes += said
     geometry = force_per_newton(vehicle, axes)
     points: list[tuple[Plateau, Separated]] = []
-    for plateau in found:
+    for plateau in steady:
         tared = replace(plateau, load=plateau.load - (0.0 if tare is None else tare))
         point = separate(tared, unit, geometry, zero=zero, where=where)
         if point is not None:

@@ -372,7 +372,7 @@ class Candidate:
 
 def candidates(signal: Array, thrust: Array) -> tuple[Candidate, ...]:
     """Candidates that the points (n,) can tell, by AICc, the best one first."""
-    found = []
+    models = []
     n = len(thrust)
     for name, (terms, keys) in MODELS.items():
         k = len(terms) + 1
@@ -385,22 +385,22 @@ def candidates(signal: Array, thrust: Array) -> tuple[Candidate, ...]:
         # Exact data have no scatter: rounding of the load is then the floor.
         sse = max(float(fit.residual @ fit.residual), n * (1e-9 * float(np.abs(thrust).max())) ** 2)
         aicc = n * math.log(sse / n) + 2 * k + 2 * k * (k + 1) / (n - k - 1)
-        found.append(Candidate(name, keys, terms, sse, fit.sigma, aicc))
-    return tuple(sorted(found, key=lambda one: one.aicc))
+        models.append(Candidate(name, keys, terms, sse, fit.sigma, aicc))
+    return tuple(sorted(models, key=lambda one: one.aicc))
 
 
-def recommended(found: tuple[Candidate, ...]) -> Candidate:
+def recommended(models: tuple[Candidate, ...]) -> Candidate:
     """Candidate with the fewest coefficients among those as good as the best."""
-    good = [one for one in found if one.aicc - found[0].aicc < _AS_GOOD]
+    good = [one for one in models if one.aicc - models[0].aicc < _AS_GOOD]
     return min(good, key=lambda one: len(one.terms))
 
 
-def lack_of_fit(found: tuple[Candidate, ...], chosen: tuple[Term, ...], n: int) -> str:
+def lack_of_fit(models: tuple[Candidate, ...], chosen: tuple[Term, ...], n: int) -> str:
     """Sentence on whether the chosen terms fit the n points, and what would fit better."""
-    if not found:
+    if not models:
         return "too few points to compare orders"
-    best = recommended(found)
-    own = next((one for one in found if one.terms == chosen), None)
+    best = recommended(models)
+    own = next((one for one in models if one.terms == chosen), None)
     if own is None:
         return f"of the usual models {best.name} describes the points best ({best.keys})"
     if own.aicc - best.aicc < _AS_GOOD:

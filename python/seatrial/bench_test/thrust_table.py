@@ -84,17 +84,17 @@ class ThrustTable:
 
     def errors(self) -> list[dict[str, float]]:
         """Per voltage its points, root mean square and largest residual in N."""
-        found = []
+        errors = []
         for row in range(len(self.force)):
             own = self.residual[self.level == row]
             if len(own):
-                found.append({
+                errors.append({
                     "voltage_v": float(self.voltage_v[row]) if len(self.voltage_v) else np.nan,
                     "points": float(len(own)),
                     "rms_n": float(np.sqrt(np.mean(own**2))),
                     "largest_n": float(np.abs(own).max()),
                 })
-        return found
+        return errors
 
 
 def levels(voltage_v: Array, where: str) -> tuple[Array, NDArray[np.int_]]:

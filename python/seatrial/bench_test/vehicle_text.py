@@ -88,11 +88,11 @@ def _quadratic(
     entry: dict[str, Any] = {"kind": "quadratic"}
     remarks = {}
     for side in SIDES:
-        found, key = fit.directions.get(side), f"{name}_{side}"
-        if found is None and _unreachable(users, side, vehicle):
+        regression, key = fit.directions.get(side), f"{name}_{side}"
+        if regression is None and _unreachable(users, side, vehicle):
             entry[key], remarks[key] = 0.0, _UNREACHABLE
             continue
-        if found is None:
+        if regression is None:
             if f"{name}_ahead" not in old:
                 raise VehicleError(
                     f"{side} was not tested and the old characteristic has no p1 to keep; pull {side} too"
@@ -103,8 +103,8 @@ def _quadratic(
             remarks[key] = "not tested, kept"
             continue
         scale = PER_MINUTE * factor / divisor
-        entry[key] = rounded(float(found.fit.coefficients[0]) * scale)
-        remarks[key] = f"+- {float(found.fit.standard_deviations[0]) * scale:.2g}"
+        entry[key] = rounded(float(regression.fit.coefficients[0]) * scale)
+        remarks[key] = f"+- {float(regression.fit.standard_deviations[0]) * scale:.2g}"
     return entry | kept, remarks
 
 
@@ -120,10 +120,10 @@ def _polynomial(
     entry: dict[str, Any] = {"kind": "polynomial"}
     remarks = {}
     for side in SIDES:
-        found = fit.directions.get(side)
-        if found is not None:
-            entry[side] = [rounded(factor * x) for x in _padded(found, found.fit.coefficients)]
-            deviations = _padded(found, found.fit.standard_deviations)
+        regression = fit.directions.get(side)
+        if regression is not None:
+            entry[side] = [rounded(factor * x) for x in _padded(regression, regression.fit.coefficients)]
+            deviations = _padded(regression, regression.fit.standard_deviations)
             remarks[side] = "+- " + ", ".join(f"{factor * x:.2g}" for x in deviations)
         elif _unreachable(users, side, vehicle):
             entry[side], remarks[side] = [0.0, 0.0, 0.0], _UNREACHABLE
@@ -198,10 +198,10 @@ def _table(
     return entry, {"kind": f"the points lie {rms:.2g} N (rms) from it"}
 
 
-def _padded(found: DirectionFit, values: np.typing.NDArray[np.float64]) -> list[float]:
+def _padded(regression: DirectionFit, values: np.typing.NDArray[np.float64]) -> list[float]:
     """Three numbers a0, a1, a11; zero for a term that the fit has not."""
     row = [0.0, 0.0, 0.0]
-    for name, value in zip(found.fit.names, values, strict=True):
+    for name, value in zip(regression.fit.names, values, strict=True):
         row[_TERMS[name]] = float(value)
     return row
 
@@ -287,11 +287,11 @@ def write_results(
 
 def _entries(document: Any, key: str, members: Sequence[str]) -> dict[str, list[str]]:
     """Members by the entry that they name under a key; by "" those that name none."""
-    found: dict[str, list[str]] = {}
+    users: dict[str, list[str]] = {}
     for thruster in document["thrusters"]:
         if thruster["name"] in members:
-            found.setdefault(str(thruster.get(key, "")), []).append(str(thruster["name"]))
-    return found
+            users.setdefault(str(thruster.get(key, "")), []).append(str(thruster["name"]))
+    return users
 
 
 def _own_entry(document: Any, section: str, key: str, old_name: str, users: Sequence[str], unit: str) -> str:

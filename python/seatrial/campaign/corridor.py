@@ -265,21 +265,21 @@ class Corridor:
 
 def _checked(side: str, points: Iterable[Sequence[float]]) -> tuple[tuple[float, float], ...]:
     """Points of a bound as floats, by rising time."""
-    found = []
+    checked = []
     for point in points:
         if len(point) != 2 or not np.isfinite(point).all():
             raise CampaignError(
                 f"the {side} bound: expected points [time in s, share of the step], found {list(point)}"
             )
-        found.append((float(point[0]), float(point[1])))
-    if found and found[0][0] < 0.0:
-        raise CampaignError(f"the {side} bound begins {-found[0][0]:g} s before the step; begin at 0 s")
-    for (before, _), (time, _) in pairwise(found):
+        checked.append((float(point[0]), float(point[1])))
+    if checked and checked[0][0] < 0.0:
+        raise CampaignError(f"the {side} bound begins {-checked[0][0]:g} s before the step; begin at 0 s")
+    for (before, _), (time, _) in pairwise(checked):
         if time < before:
             raise CampaignError(
                 f"times of the {side} bound: expected to rise, found {time:g} s after {before:g} s; sort them"
             )
-    return tuple(found)
+    return tuple(checked)
 
 
 def _refuse_figures(above_zero: dict[str, float], from_zero: dict[str, float]) -> None:

@@ -61,12 +61,12 @@ def parameters(stage: Stage, vehicle: Vehicle, where: str) -> tuple[Parameter, .
     CampaignError
         An unknown coefficient, a coefficient freed twice, no default bounds, bounds that exclude the start.
     """
-    found = tuple(
+    freed = tuple(
         _parameter(name, entry, vehicle, f"{where}, coefficient {name!r}")
         for name, entry in stage.coefficients.items()
     )
     owner: dict[str, str] = {}
-    for parameter in found:
+    for parameter in freed:
         for member, _ in parameter.members:
             if member in owner:
                 raise CampaignError(
@@ -74,30 +74,30 @@ def parameters(stage: Stage, vehicle: Vehicle, where: str) -> tuple[Parameter, .
                     " free or tie it once"
                 )
             owner[member] = parameter.name
-    return found
+    return freed
 
 
-def names(found: Sequence[Parameter]) -> list[str]:
+def names(chosen: Sequence[Parameter]) -> list[str]:
     """Coefficients that the parameters set, in the order of `spread`."""
-    return [member for parameter in found for member, _ in parameter.members]
+    return [member for parameter in chosen for member, _ in parameter.members]
 
 
-def spread(found: Sequence[Parameter]) -> Array:
+def spread(chosen: Sequence[Parameter]) -> Array:
     """Matrix ``(m, n)``: parameters ``(k, m)`` times it are coefficient values ``(k, n)``."""
-    matrix = np.zeros((len(found), sum(len(parameter.members) for parameter in found)))
+    matrix = np.zeros((len(chosen), sum(len(parameter.members) for parameter in chosen)))
     column = 0
-    for row, parameter in enumerate(found):
+    for row, parameter in enumerate(chosen):
         for _, factor in parameter.members:
             matrix[row, column] = factor
             column += 1
     return matrix
 
 
-def coefficients(found: Sequence[Parameter], values: Sequence[float] | Array) -> dict[str, float]:
+def coefficients(chosen: Sequence[Parameter], values: Sequence[float] | Array) -> dict[str, float]:
     """Coefficients that the parameters' values set."""
     return {
         name: value
-        for parameter, x in zip(found, values, strict=True)
+        for parameter, x in zip(chosen, values, strict=True)
         for name, value in parameter.coefficients(float(x)).items()
     }
 

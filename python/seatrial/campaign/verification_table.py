@@ -124,8 +124,8 @@ class DistributionTable(Section):
         if self.normal is not None:
             mean, sd = self.normal
             below = float(ndtr(-mean / sd)) if above_zero else 0.0
-            found = mean + sd * ndtri(below + (1.0 - below) * u)
-            return np.asarray(np.maximum(found, 0.0) if above_zero else found)
+            values = mean + sd * ndtri(below + (1.0 - below) * u)
+            return np.asarray(np.maximum(values, 0.0) if above_zero else values)
         if self.rayleigh is not None:
             return np.asarray(self.rayleigh * np.sqrt(-2.0 * np.log1p(-u)))
         if self.weibull is not None:

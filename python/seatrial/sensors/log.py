@@ -219,14 +219,14 @@ def biases(sensors: Mapping[str, Sensor], *, seed: int) -> dict[str, float]:
     >>> list(biases({"depth": Sensor(bias=0.1)}, seed=1))
     ['z']
     """
-    found = {}
+    offsets_si = {}
     for kind, sensor in sensors.items():
         columns, unit = KINDS[kind].columns, KINDS[kind].unit
         offsets = _generator(kind, seed).normal(0.0, sensor.bias, len(columns))
         for column, offset in zip(columns, offsets, strict=True):
             si = np.deg2rad(offset) if unit.startswith("deg") else offset
-            found[column.removesuffix(f"_{unit}")] = float(si)
-    return found
+            offsets_si[column.removesuffix(f"_{unit}")] = float(si)
+    return offsets_si
 
 
 def _samples(kind: str, sensor: Sensor, log: Ideal, fine: Ideal, seed: int) -> tuple[Array, Array]:

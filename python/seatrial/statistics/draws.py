@@ -81,11 +81,11 @@ def checked_numbers(numbers: int | ArrayLike) -> list[int]:
     if isinstance(numbers, int | np.integer) and not isinstance(numbers, bool) and numbers >= 0:
         return list(range(int(numbers)))
     try:
-        found = np.asarray(numbers)
+        given = np.asarray(numbers)
     except ValueError:
-        found = np.empty(())
-    if found.ndim != 1 or (found.size and (found.dtype.kind not in "iu" or found.min() < 0)):
+        given = np.empty(())
+    if given.ndim != 1 or (given.size and (given.dtype.kind not in "iu" or given.min() < 0)):
         raise SimulationError(
             f"draws: expected how many, or their numbers, whole and from 0 on, found {numbers!r}"
         )
-    return [int(number) for number in found]
+    return [int(number) for number in given]

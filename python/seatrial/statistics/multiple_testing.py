@@ -36,18 +36,18 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return corrected
 
 
-def mann_whitney(one: Array, other: Array) -> tuple[float, float]:
+def mann_whitney(values: Array, other: Array) -> tuple[float, float]:
     """AUC, P(one > other), and p-value on both sides."""
     from scipy.stats import mannwhitneyu
 
-    pairs = len(one) * len(other)
+    pairs = len(values) * len(other)
     if pairs == 0:
         return 0.5, 1.0
-    tested = mannwhitneyu(one, other, method="auto" if pairs <= _EXACT else "asymptotic")
+    tested = mannwhitneyu(values, other, method="auto" if pairs <= _EXACT else "asymptotic")
     auc = float(tested.statistic) / pairs
-    usual = _usual(np.concatenate([one, other]))
+    usual = _usual(np.concatenate([values, other]))
     if usual is not None:
-        return auc, _of_mostly_usual(one, other, usual)
+        return auc, _of_mostly_usual(values, other, usual)
     p = float(tested.pvalue)
     return auc, p if p == p else 1.0
 
@@ -103,14 +103,14 @@ def _usual(values: Array) -> float | None:
     return middle if 2 * np.count_nonzero(values == middle) > len(values) else None
 
 
-def _of_mostly_usual(one: Array, other: Array, usual: float) -> float:
+def _of_mostly_usual(values: Array, other: Array, usual: float) -> float:
     """P-value of two samples of which most are one value: as often another one, and that of the same size."""
     from scipy.stats import fisher_exact
 
-    rare = [part[part != usual] for part in (one, other)]
+    rare = [part[part != usual] for part in (values, other)]
     if not any(len(part) for part in rare):
         return 1.0
-    counts = [[len(left), len(part) - len(left)] for left, part in zip(rare, (one, other), strict=True)]
+    counts = [[len(left), len(part) - len(left)] for left, part in zip(rare, (values, other), strict=True)]
     ps = [float(fisher_exact(counts).pvalue)]
     # Asked of what both samples have together: that either has none of them is the first question's answer.
     if len(np.unique(np.concatenate(rare))) > 1:

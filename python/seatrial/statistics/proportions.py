@@ -206,7 +206,7 @@ def runs_needed(allowed: float, *, failures: int = 0, confidence: float = 0.95) 
     return enough
 
 
-def further_runs(found: FailureProbability, allowed: float, *, chance: float = 0.8) -> int | None:
+def further_runs(estimate: FailureProbability, allowed: float, *, chance: float = 0.8) -> int | None:
     """Number of further missions that decide with this chance whether it is held, zero if it is decided.
 
     They are a further look at what was flown, so that they are judged at half the risk.
@@ -222,17 +222,17 @@ def further_runs(found: FailureProbability, allowed: float, *, chance: float = 0
 
     _open("allowed", allowed)
     _open("chance", chance)
-    if found.verdict(allowed) != "undecided":
+    if estimate.verdict(allowed) != "undecided":
         return 0
-    found = found.looked_at_again
+    estimate = estimate.looked_at_again
     likely = beta.ppf(
-        (np.arange(_NODES) + 0.5) / _NODES, found.failures + 0.5, found.runs - found.failures + 0.5
+        (np.arange(_NODES) + 0.5) / _NODES, estimate.failures + 0.5, estimate.runs - estimate.failures + 0.5
     )
 
     def decides(more: int) -> bool:
-        return _chance(found, likely, more, allowed) >= chance
+        return _chance(estimate, likely, more, allowed) >= chance
 
-    enough = max(16, found.runs // 8)
+    enough = max(16, estimate.runs // 8)
     while not decides(enough):
         enough *= 2
         if enough > _MOST:
@@ -279,13 +279,13 @@ def _bounds(failures: ArrayLike, runs: ArrayLike, risk: float) -> tuple[Array, A
     return lower, upper
 
 
-def _chance(found: FailureProbability, likely: Array, more: int, allowed: float) -> float:
+def _chance(estimate: FailureProbability, likely: Array, more: int, allowed: float) -> float:
     """Chance that so many more missions decide, the mean over the likely shares."""
     from scipy.stats import binom
 
-    total = found.runs + more
-    good = _most_held(total, allowed, found.confidence) - found.failures
-    bad = int(binom.isf(1.0 - found.confidence, total, allowed)) + 1 - found.failures
+    total = estimate.runs + more
+    good = _most_held(total, allowed, estimate.confidence) - estimate.failures
+    bad = int(binom.isf(1.0 - estimate.confidence, total, allowed)) + 1 - estimate.failures
     return float(np.mean(binom.cdf(good, more, likely) + binom.sf(bad - 1, more, likely)))
 
 

@@ -100,26 +100,26 @@ def align(
         aligned[name] = sensor
         if not remove:
             continue
-        found = latency(sensor, t, reference, known)
-        if found is None:
+        delay = latency(sensor, t, reference, known)
+        if delay is None:
             report.add("info", name, "latency not estimated: too little motion or too few valid samples")
-        elif found.trusted:
-            report.latencies[name] = found.seconds
-            late = "late" if found.seconds > 0.0 else "early"
+        elif delay.trusted:
+            report.latencies[name] = delay.seconds
+            late = "late" if delay.seconds > 0.0 else "early"
             report.add(
                 "info",
                 name,
-                f"{abs(found.seconds):.3f} s (+/- {found.deviation:.3f} s) {late} against the pose; removed",
+                f"{abs(delay.seconds):.3f} s (+/- {delay.deviation:.3f} s) {late} against the pose; removed",
             )
-            aligned[name] = sensor.earlier(found.seconds)
+            aligned[name] = sensor.earlier(delay.seconds)
             if name == "velocity" and "water velocity" in signals:  # one instrument, one delay
-                aligned["water velocity"] = aligned["water velocity"].earlier(found.seconds)
+                aligned["water velocity"] = aligned["water velocity"].earlier(delay.seconds)
         else:
             report.add(
                 "info",
                 name,
-                f"latency {found.seconds:.3f} s (+/- {found.deviation:.3f} s, "
-                f"correlation {found.correlation:.2f}) is not certain or negligible; left as recorded",
+                f"latency {delay.seconds:.3f} s (+/- {delay.deviation:.3f} s, "
+                f"correlation {delay.correlation:.2f}) is not certain or negligible; left as recorded",
             )
     return aligned
 

@@ -66,23 +66,23 @@ def add_current(
     report : RecordingReport
     """
     nu, through, attitude = (np.asarray(parts[name]) for name in ("nu", "water", "attitude"))
-    found = water_current(t, nu[:, :3] - through, attitude, ground & water)
-    if found is None:
+    derived = water_current(t, nu[:, :3] - through, attitude, ground & water)
+    if derived is None:
         report.add(
             "info", "current", "not derived: too few samples know velocity over ground and through water"
         )
         return
-    parts["current"] = found.current
-    mean = found.current.mean(axis=0)
+    parts["current"] = derived.current
+    mean = derived.current.mean(axis=0)
     numbers = ", ".join(
         f"{name} {value:+.3f} (+/- {sd:.3f})"
-        for name, value, sd in zip(_NAMES, mean, found.deviation, strict=True)
+        for name, value, sd in zip(_NAMES, mean, derived.deviation, strict=True)
     )
-    manner = "steady" if found.steady else "changing, its mean"
+    manner = "steady" if derived.steady else "changing, its mean"
     said = f"{manner} {numbers} m/s, from velocity over ground less that through water"
-    if found.deviation.max() > _DOUBTFUL:
+    if derived.deviation.max() > _DOUBTFUL:
         said += "; the two do not fit one water: check sign, unit and frame of both"
-    report.add("warning" if found.deviation.max() > _DOUBTFUL else "info", "current", said)
+    report.add("warning" if derived.deviation.max() > _DOUBTFUL else "info", "current", said)
 
 
 def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> WaterCurrent | None:

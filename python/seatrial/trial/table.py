@@ -71,19 +71,19 @@ def signals(
     TrialError
         If a cell is text, a unit or frame does not fit, or a quaternion is zero; names column and row.
     """
-    found: dict[str, Signal] = {}
+    by_name: dict[str, Signal] = {}
     for group in GROUPS:
         given = {name: sources[name] for name in group.columns if name in sources}
-        if given and not (group.name == "euler" and "attitude" in found):
+        if given and not (group.name == "euler" and "attitude" in by_name):
             for signal in _group(table, t, group, given, file, report):
-                found[signal.name] = signal
+                by_name[signal.name] = signal
     for name in sources:
         if name.startswith(("cmd.", "meas.")):
-            found[name] = _actuator(table, t, name, sources[name], file, report)
-    if not found:
+            by_name[name] = _actuator(table, t, name, sources[name], file, report)
+    if not by_name:
         names = ", ".join(name for name in sources if name != "t_s")
         raise TrialError(f"{file}: {names}: every cell is empty; leave the column out of the map")
-    return found
+    return by_name
 
 
 def _group(
@@ -120,17 +120,17 @@ def _group(
         report.add("warning", group.name, f"no sample of {', '.join(empty)}: every cell is empty")
     if group.name == "quaternion" and empty:
         return []
-    found = []
+    parts = []
     for name, columns in instruments(group.name, present).items():
         own = {group.columns[k]: given[group.columns[k]] for k in columns}
         times, cells = _own_rows(t, y, present, columns, group, report)
         if group.frame == "attitude":
-            found.append(_attitude(times, cells, group, own, file, report))
+            parts.append(_attitude(times, cells, group, own, file, report))
             continue
         cells = _rotated(cells, group, own, file)[:, columns]
         channels = tuple(group.channels[k] for k in columns)
-        found.append(Signal(name, channels, times, cells, ~np.isfinite(cells)))
-    return found
+        parts.append(Signal(name, channels, times, cells, ~np.isfinite(cells)))
+    return parts
 
 
 def _own_rows(

@@ -81,20 +81,20 @@ def level(
     if "attitude" not in signals or "position" not in signals or len(signals["position"].channels) < 3:
         return levelled
     attitude, position = signals["attitude"], signals["position"]
-    found = tilt(attitude.y[attitude.good])
-    if found is None or found.angle - _CERTAIN * found.deviation < _SMALLEST:
+    tilted = tilt(attitude.y[attitude.good])
+    if tilted is None or tilted.angle - _CERTAIN * tilted.deviation < _SMALLEST:
         return levelled
     text = (
-        f"the earth frame is tilted by {found.angle / DEGREE:.1f} deg"
-        f" (+/- {found.deviation / DEGREE:.1f} deg) against gravity, as the attitude by heading says"
+        f"the earth frame is tilted by {tilted.angle / DEGREE:.1f} deg"
+        f" (+/- {tilted.deviation / DEGREE:.1f} deg) against gravity, as the attitude by heading says"
     )
-    if not found.trusted or not remove:
+    if not tilted.trusted or not remove:
         report.add("warning", "attitude", f"{text}; left as recorded")
         return levelled
-    report.tilt = (float(found.direction[0]), float(found.direction[1]))
+    report.tilt = (float(tilted.direction[0]), float(tilted.direction[1]))
     report.add("info", "attitude", f"{text}; position and attitude turned upright")
-    levelled["attitude"] = replace(attitude, y=product(found.turn, attitude.y))
-    levelled["position"] = replace(position, y=position.y @ matrix(found.turn).T)
+    levelled["attitude"] = replace(attitude, y=product(tilted.turn, attitude.y))
+    levelled["position"] = replace(position, y=position.y @ matrix(tilted.turn).T)
     return levelled
 
 

@@ -107,7 +107,7 @@ def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...
     zero) is left out.
     """
     facts = vehicle.actuator_info()
-    found = []
+    effects = []
     for name in vehicle.actuators:
         for sign in (1.0, -1.0):
             way = -sign if facts[name]["reversed"] else sign
@@ -119,8 +119,8 @@ def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...
             wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed)
             if speed:
                 wrench = wrench - bollard(vehicle, {}, voltage_v=voltage_v, speed_m_s=speed)
-            found.append(Push(name, step, facts[name]["unit"], tuple(map(float, wrench)), speed))
-    return tuple(found)
+            effects.append(Push(name, step, facts[name]["unit"], tuple(map(float, wrench)), speed))
+    return tuple(effects)
 
 
 def bollard(

@@ -62,13 +62,13 @@ def thrusts(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V)
     for k, name in enumerate(vehicle.actuators):
         direction = matrix[:3, k] / max(float(matrix[:3, k] @ matrix[:3, k]), 1e-12)
         rest = idle[:3] if facts[name]["kind"] == "fin" else _others(vehicle, name, speed_m_s, voltage_v)
-        found = [0.0]
+        reached = [0.0]
         for share in (-1.0, 1.0):
             if turns_that_way(facts[name], share):
                 commands = {name: command(facts[name], share)}
                 wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed_m_s)
-                found.append(float(direction @ (wrench[:3] - rest)))
-        limits[k] = min(found), max(found)
+                reached.append(float(direction @ (wrench[:3] - rest)))
+        limits[k] = min(reached), max(reached)
     return limits
 
 
@@ -102,7 +102,7 @@ def reach(vehicle: Vehicle, speed_m_s: float, rows: str, *, voltage_v: float = N
 
     matrix = np.asarray(vehicle.allocation_matrix())
     limits = thrusts(vehicle, speed_m_s, voltage_v=voltage_v)
-    found = {}
+    extremes = {}
     for row in rows:
         held = [ROWS.index(other) for other in rows if other not in (row, "X")]
         bounds = []
@@ -114,8 +114,8 @@ def reach(vehicle: Vehicle, speed_m_s: float, rows: str, *, voltage_v: float = N
                 bounds=list(map(tuple, limits)),
             )
             bounds.append(sign * float(answer.fun) if answer.success else 0.0)
-        found[row] = np.array(bounds)
-    return found
+        extremes[row] = np.array(bounds)
+    return extremes
 
 
 def commandable(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> dict[str, str]:
@@ -169,7 +169,7 @@ def commanded_rows(vehicle: Vehicle) -> list[str]:
 def delays(vehicle: Vehicle, rows: str) -> dict[str, Delay]:
     """How late each row follows its demand: that of the slowest actuator with a part in it."""
     matrix, values = np.asarray(vehicle.allocation_matrix()), vehicle.coefficients()
-    facts, found = vehicle.actuator_info(), {}
+    facts, by_row = vehicle.actuator_info(), {}
     for row in rows:
         strength = np.abs(matrix[ROWS.index(row)])
         taking = [
@@ -177,14 +177,14 @@ def delays(vehicle: Vehicle, rows: str) -> dict[str, Delay]:
             for name, part in zip(vehicle.actuators, strength, strict=True)
             if part > _PART * strength.max()
         ]
-        found[row] = Delay(
+        by_row[row] = Delay(
             lag_s=max((values.get(f"{name}.T_1", 0.0) for name in taking), default=0.0),
             dead_s=max((values.get(f"{name}.T_t", 0.0) for name in taking), default=0.0),
             ramp_s=max(
                 (_ramp(facts[name], values.get(f"{name}.n_acc", 0.0)) for name in taking), default=0.0
             ),
         )
-    return found
+    return by_row
 
 
 def mixing(vehicle: Vehicle, rows: Sequence[str], actuators: Sequence[str] | None = None) -> Array:

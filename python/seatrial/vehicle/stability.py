@@ -120,7 +120,7 @@ def damping_gain(vehicle: Vehicle, speeds_m_s: Sequence[float]) -> Gain | None:
     At each speed along x the symmetric part of the force's slope tells small disturbances in the other five
     axes; random velocities of all sizes tell the quadratic terms.
     """
-    found: list[Gain] = []
+    gains: list[Gain] = []
     length = max(vehicle.geometry().get("length", 1.0), 1e-6)
     scale = np.array([1.0, 1.0, 1.0, *[1.0 / length] * 3])  # a rate counts by the speed at the hull's end
     for speed in (0.0, *speeds_m_s):
@@ -138,7 +138,7 @@ def damping_gain(vehicle: Vehicle, speeds_m_s: Sequence[float]) -> Gain | None:
         if values[-1] > 1e-6 * max(abs(values[0]), 1e-12):
             direction = np.zeros(6)
             direction[part] = vectors[:, -1] * weight
-            found.append(_gain(speed, direction, symmetric_power=float(values[-1])))
+            gains.append(_gain(speed, direction, symmetric_power=float(values[-1])))
     random = np.random.default_rng(0)
     directions = random.standard_normal((4000, 6)) * scale * random.choice([0.1, 1.0, 10.0], (4000, 1))
     power = np.einsum("ij,ij->i", directions, _hull(vehicle, directions))
@@ -148,10 +148,10 @@ def damping_gain(vehicle: Vehicle, speeds_m_s: Sequence[float]) -> Gain | None:
     power[pushed] += np.einsum("ij,ij->i", directions[pushed], fins)
     worst = int(np.argmax(power))
     if power[worst] > 1e-9 * float(np.abs(power).max()):
-        found.append(
+        gains.append(
             _gain(float(directions[worst, 0]), directions[worst], symmetric_power=float(power[worst]))
         )
-    return max(found, key=lambda gain: gain.power_w, default=None)
+    return max(gains, key=lambda gain: gain.power_w, default=None)
 
 
 def neutral_fins(vehicle: Vehicle, nu: Array) -> Array:

@@ -190,8 +190,8 @@ def speeds(
     """Steady speeds at shares of the largest command, all that drive ahead together; empty if none does."""
     rows = []
     for share in shares if drivers(vehicle) else ():
-        found = steady(vehicle, _ahead(vehicle, share), free="X", voltage_v=voltage_v)
-        rows.append(_row(vehicle, share, float(found.nu[0]), float(found.tau[0]), found.actuators))
+        run = steady(vehicle, _ahead(vehicle, share), free="X", voltage_v=voltage_v)
+        rows.append(_row(vehicle, share, float(run.nu[0]), float(run.tau[0]), run.actuators))
     return tuple(rows)
 
 
@@ -285,7 +285,7 @@ def turns(
     astern or fully opposed; turns that never become steady are left out.
     """
     driving, facts = drivers(vehicle), vehicle.actuator_info()
-    found = []
+    circles = []
     for kind, ratio in turn_kinds(vehicle).items():
         for share in shares:
             commands = turn_commands(vehicle, share, ratio * share)
@@ -295,7 +295,7 @@ def turns(
                 continue
             first = next(iter(driving))
             inner = ratio * share
-            found.append(
+            circles.append(
                 Turn(
                     kind=kind,
                     share=share,
@@ -307,7 +307,7 @@ def turns(
                     speed_m_s=speed,
                 )
             )
-    return tuple(found)
+    return tuple(circles)
 
 
 def _ahead(vehicle: Vehicle, share: float) -> dict[str, float]:

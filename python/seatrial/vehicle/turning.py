@@ -134,15 +134,17 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     limits = list(map(tuple, thrusts(vehicle, speed_m_s, voltage_v=voltage_v)))
     kept = [row for row in "XZKM" if row not in missing]
     demands = np.array([drag if row == "X" else 0.0 for row in kept])
-    found = linprog(-matrix[5], A_eq=matrix[[ROWS.index(row) for row in kept]], b_eq=demands, bounds=limits)
-    if not found.success or -found.fun <= 0.0:
+    solution = linprog(
+        -matrix[5], A_eq=matrix[[ROWS.index(row) for row in kept]], b_eq=demands, bounds=limits
+    )
+    if not solution.success or -solution.fun <= 0.0:
         return None
     facts, t = vehicle.actuator_info(), np.linspace(0.0, _SETTLES_S, _SAMPLES)
     hard_over = {
         name: np.full(len(t), command(facts[name], sense)) for name, sense in rudders(vehicle).items()
     }
     thrusting = np.array([facts[name]["kind"] != "fin" for name in vehicle.actuators])
-    wrench = matrix @ np.where(thrusting, found.x, 0.0)
+    wrench = matrix @ np.where(thrusting, solution.x, 0.0)
     nu[5] = _STARTS
     run = vehicle.simulate(
         t,
