@@ -14,9 +14,9 @@ from typer.testing import CliRunner, Result
 
 import seatrial as st
 from seatrial.cli import app
-from seatrial.cli.verify import print_verification
 from seatrial.report.plot.style import save
 from seatrial.report.plot.verification import verification_figures
+from seatrial.report.terminal import show
 from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.verification import Verification
@@ -53,13 +53,18 @@ def test_a_held_verdict_is_exit_code_0_and_leaves_a_run_directory(monkeypatch: p
     assert data["outcome"] == "held"
     assert data["missions"] == {"asked": 24, "flown": 24, "of": ["out"]}
     figures = {path.name for path in (run / "figures").iterdir()}
-    assert figures == {"requirements.png", "requirements.pdf"}
-    assert "Figures (PNG and PDF) in runs/short-verified/figures: requirements" in result.stdout
+    assert figures == {"requirements.png"}
+    assert "Figures (PNG) in runs/short-verified/figures: requirements" in result.stdout
     assert ElementTree.fromstring(Path("reports/junit.xml").read_text()).get("failures") == "0"
-    assert "Vehicle: cwolf. Autopilot: cwolf." in result.stdout
-    assert "HELD: autopilot cwolf on cwolf, 24 missions of out, seed 7" in result.stdout
-    for name in ("keeps its path", "is complete", "Worst missions", "times real time"):
+    assert "Vehicle: cwolf. Autopilot: cwolf." in result.stderr
+    good, worst, after = result.stdout.splitlines()[:3]
+    assert good.startswith("short: held. 2 of 2 requirements held by cwolf on cwolf; ")
+    assert "of 24 missions (out, seed 7) hold all of them." in good
+    assert worst.startswith("Worst: ")
+    assert "seatrial verify campaign.toml --log LOG" in after
+    for name in ("keeps its path", "is complete", "Worst missions"):
         assert name in result.stdout
+    assert "times real time" in (run / "summary.txt").read_text()
 
 
 @pytest.mark.usefixtures("here")
@@ -114,7 +119,7 @@ def test_the_tuned_autopilot_is_taken_where_there_is_one_and_compared() -> None:
     (tuned / "autopilot.toml").write_text(lazy.to_toml())
     result = call("--no-figures", "--compare", "--runs", 10)
     assert result.exit_code in (0, 1), result.output
-    assert "Autopilot: runs/short-tuned/autopilot.toml." in result.stdout
+    assert "Autopilot: runs/short-tuned/autopilot.toml." in result.stderr
     assert "Against start, on the same 10 draws (McNemar's exact test, Holm)" in result.stdout
     assert (Path("runs/short-verified") / "autopilot.toml").read_text() == lazy.to_toml()
 
@@ -123,8 +128,8 @@ def test_tables_read_at_80_columns(here: Path) -> None:
     lazy = st.Autopilot.load("cwolf").with_gains({"guidance.integral_gain_m_s": 0.0})
     found = verify(campaign(here), gains="cwolf", runs=4, compare={"start": lazy, "tuned by hand": lazy})
     console = Console(width=80, file=io.StringIO())
-    print_verification(console, found)
-    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    show(found.report(), console)
+    lines = console.file.getvalue().splitlines()[3:]  # type: ignore[attr-defined]
     tables = lines[: lines.index(next(line for line in lines if line.startswith("- ")))]
     assert max(len(line.rstrip()) for line in tables) <= 80
     words = " ".join(tables).split()

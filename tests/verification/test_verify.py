@@ -394,7 +394,7 @@ def test_autopilots_are_compared_on_the_same_draws(folder: Path) -> None:
     verified, other, _ = found.comparison.autopilots
     difference = other.failures["keeps its path"].failures - verified.failures["keeps its path"].failures
     assert pair.only_other - pair.only_verified == difference
-    assert "On the same 24 draws" in found.summary()
+    assert "on the same 24 draws" in found.summary()
 
 
 def test_a_part_of_many_missions_is_compared(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -456,7 +456,7 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     facts = json.loads((run / "run.json").read_text())
     assert facts["seed"] == 7
     summary = (run / "summary.txt").read_text()
-    assert summary.startswith(found.outcome.upper())
+    assert summary.startswith(f"{found.campaign.name}: {found.outcome}. ")
     assert "seatrial verify campaign.toml --replay" in summary
 
 

@@ -242,7 +242,8 @@ def _report(check: AutopilotCheck, start: StartGains | None) -> Report:
 def _how_good(check: AutopilotCheck, start: StartGains | None) -> str:
     """Law, modes, breakpoints; the range of sound speeds and the least phase margin of start gains."""
     speeds = check.speeds_m_s
-    said = f"{check.control.upper()} every {check.period_s:g} s, {len(check.modes)} mode{'s' if len(check.modes) > 1 else ''}"
+    count = len(check.modes)
+    said = f"{check.control.upper()} every {check.period_s:g} s, {count} mode{'s' if count > 1 else ''}"
     if speeds:
         said += f", gains at {len(speeds)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s"
     if start is None or start.sound is None:

@@ -228,7 +228,8 @@ def _verify(
     quiet: bool,
 ) -> None:
     """Missions of drawn vehicles, beside the start gains, and missions of the truth."""
-    from seatrial.cli.verify import draw, print_verification, verified
+    from seatrial.cli.console import answer
+    from seatrial.cli.verify import draw, verified
     from seatrial.verification.campaign import verified_campaign
 
     out, chain = into
@@ -242,16 +243,18 @@ def _verify(
     chain.held, chain.interrupted = verdict.held, verdict.interrupted
     if chain.interrupted:
         return
-    written = draw(verdict, folder, formats=("png",))
-    if not quiet:
-        from seatrial.cli.console import list_figures
 
-        print_verification(console, verdict)
-        list_figures(console, written)
+    def drawn() -> list[Path]:
+        return draw(verdict, folder)
+
+    if quiet:
+        drawn()
+    else:
+        answer(verdict.report(), draw=drawn)
         console.rule("CWolf: the same missions with the vehicle that sailed the trials", align="left")
     prepared = verified_campaign(campaign, truth, found, model=fit.vehicle, runs=_ON_TRUTH)
     on_truth = verified(prepared, None, threads=threads, quiet=quiet)
     chain.results["cwolf_verification_on_truth"] = on_truth.to_dict()
     chain.held, chain.interrupted = chain.held and on_truth.held, on_truth.interrupted
     if not quiet:
-        print_verification(console, on_truth)
+        answer(on_truth.report())

@@ -31,7 +31,7 @@ def show(report: Report, console: Console, *, verbose: bool = False) -> None:
         if section.title:
             _say(console, section.title, style="bold")
         for table in section.tables:
-            console.print(rich_table(table))
+            console.print(rich_table(table, width=console.width))
             if table.note:
                 _say(console, table.note)
                 console.print()
@@ -42,8 +42,8 @@ def show(report: Report, console: Console, *, verbose: bool = False) -> None:
         _say(console, f"{report.hidden} more tables and remarks: --verbose")
 
 
-def rich_table(table: Table) -> RichTable:
-    """A table of rich, without columns that are empty in every row."""
+def rich_table(table: Table, *, width: int) -> RichTable:
+    """A table of rich for a terminal of so many columns, without columns that are empty in every row."""
     from rich import box
     from rich.table import Table as Made
 
@@ -51,9 +51,16 @@ def rich_table(table: Table) -> RichTable:
     made = Made(
         title=shown.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
     )
+    longest = [
+        max(len(text) for text in (column.head, *(row[k] for row in shown.rows)))
+        for k, column in enumerate(shown.columns)
+    ]
+    narrow = sum(longest) + 3 * len(longest) > width
     for column in shown.columns:
-        # Where a terminal is too narrow, text wraps; numbers are never broken.
-        made.add_column(column.head, justify=column.align, no_wrap=column.align == "right", overflow="fold")
+        # Where a terminal is too narrow, heads break at spaces and text wraps; numbers are never broken.
+        number = column.align == "right"
+        head = column.head.replace(" ", "\n") if number and narrow else column.head
+        made.add_column(head, justify=column.align, no_wrap=number, overflow="fold")
     for row in shown.rows:
         made.add_row(*row)
     return made

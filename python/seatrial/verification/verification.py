@@ -13,7 +13,10 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from seatrial.base.atomic_write import parquet
+from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, to_json
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
@@ -32,13 +35,11 @@ if TYPE_CHECKING:
 __all__ = [
     "Verification",
     "again",
-    "comparison_lines",
-    "headline",
     "input_files",
     "junit",
+    "report",
     "requirement_lines",
     "reserve",
-    "summary",
     "time_sentence",
 ]
 
@@ -127,9 +128,13 @@ class Verification:
         """Table with a row per mission: figures and what was drawn."""
         return self.flown.table(self.flights.titles)
 
+    def report(self) -> Report:
+        """Requirements held, the worst problem, what to do next; then tables, causes and notes."""
+        return report(self)
+
     def summary(self) -> str:
-        """Text that a control engineer reads: verdicts, causes, worst missions and how to fly them again."""
-        return summary(self)
+        """The report as text."""
+        return self.report().text()
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the missions as plain data."""
@@ -199,29 +204,192 @@ WITHOUT_FILE = "verify"
 """Source of a campaign that no file describes."""
 
 
-def summary(found: Verification) -> str:
-    """Text that a control engineer reads."""
-    lines = [headline(found), ""]
-    for one in found.requirements:
-        lines += [*requirement_lines(one), ""]
-    if found.comparison is not None:
-        lines += [*comparison_lines(found.comparison), ""]
-    lines.append(again(found))
-    lines.append(time_sentence(found))
-    lines += ["", *(f"- {note}" for note in (*found.notes, *found.flights.left_out))]
-    return "\n".join(lines)
-
-
-def headline(found: Verification) -> str:
-    """The verdict in a line."""
-    flights, flown = found.flights, len(found.flown)
-    missions = ", ".join(flights.titles)
-    counted = f"{flown} missions" if flown == found.asked else f"{flown} of {found.asked} missions"
-    cut = " (interrupted)" if found.interrupted else ""
-    return (
-        f"{found.outcome.upper()}{cut}: autopilot {flights.autopilot.name} on {flights.fitted.vehicle.name},"
-        f" {counted} of {missions}, seed {flights.seed}"
+def report(found: Verification) -> Report:
+    """Three lines, requirements, worst missions, comparison; causes, notes."""
+    worst, next_step = _worst(found)
+    comparison = () if found.comparison is None else (*_against(found.comparison), _medians(found.comparison))
+    causes = [
+        f"{one.requirement.name}: {text}"
+        for one in found.requirements
+        for text in (
+            *([] if one.verdict == "held" else [one.sentence]),
+            *map(str, one.named_causes[:_CAUSES]),
+        )
+    ]
+    details = ["\n  ".join(line.strip() for line in requirement_lines(one)) for one in found.requirements]
+    tables = (_requirement_table(found), _mission_table(found), _worst_table(found), *comparison)
+    return Report(
+        title=found.campaign.name,
+        outcome=found.outcome + (" (interrupted)" if found.interrupted else ""),
+        good=_how_good(found),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(sentences=tuple(causes), tables=tables),
+            Section("Requirements", tuple(details), details=True),
+            Section(
+                "Notes",
+                (*found.notes, *found.flights.left_out, time_sentence(found), again(found)),
+                details=True,
+            ),
+        ),
     )
+
+
+def _how_good(found: Verification) -> str:
+    """Requirements held, and the share of missions that hold all of them."""
+    flights, flown = found.flights, len(found.flown)
+    held = sum(one.verdict == "held" for one in found.requirements)
+    counted = f"{flown} missions" if flown == found.asked else f"{flown} of {found.asked} missions"
+    every = np.all([one.judgement.held for one in found.requirements], axis=0)
+    return (
+        f"{held} of {len(found.requirements)} requirements held by {flights.autopilot.name} on"
+        f" {flights.fitted.vehicle.name}; {share(float(np.mean(every)))} of {counted}"
+        f" ({', '.join(flights.titles)}, seed {flights.seed}) hold all of them"
+    )
+
+
+def _worst(found: Verification) -> tuple[str, str]:
+    """The worst problem of a verification, and what to do about it."""
+    verify = (
+        "seatrial verify CAMPAIGN"
+        if found.campaign.source == WITHOUT_FILE
+        else (f"seatrial verify {found.campaign.source}")
+    )
+    if found.interrupted:
+        return (
+            f"Ctrl-C ended the missions after {len(found.flown)} of {found.asked}",
+            "run the same command again; it goes on with the missions that are left",
+        )
+    failed = [one for one in found.requirements if one.verdict == "failed"]
+    if failed:
+        one = max(failed, key=lambda each: each.found.failures)
+        cause = f"; {one.named_causes[0]}" if one.named_causes else ""
+        return f"{one.requirement.name} {one.sentence}{cause}", (
+            f"look at the worst mission ({verify} --replay {one.worst[0].number}), then tune or change what"
+            " it shows"
+            if one.worst
+            else "change the autopilot or the requirement"
+        )
+    undecided = [one for one in found.requirements if one.verdict == "undecided"]
+    if undecided:
+        one = max(undecided, key=lambda each: each.further_runs or 0)
+        more = one.further_runs
+        return f"{one.requirement.name} {one.sentence}", (
+            f"fly more missions: {verify} --runs {found.asked + more}"
+            if more
+            else "relax the requirement or improve the autopilot; more missions will not decide it"
+        )
+    after = f"fly the mission at sea and judge its log: {verify} --log LOG"
+    finite = [one for one in found.requirements if one.worst and math.isfinite(one.worst[0].reserve)]
+    if not finite:
+        return "no requirement failed", after
+    one = min(finite, key=lambda each: (-each.found.failures, each.worst[0].reserve))
+    run = one.worst[0]
+    return (
+        f"{one.requirement.name} has the least robustness: {one.found.failures} of {one.found.runs} missions"
+        f" fail ({share(one.requirement.allowed)} are allowed), worst mission {run.number} with"
+        f" {reserve(run.reserve, one.judgement.unit)}",
+        after,
+    )
+
+
+def _requirement_table(found: Verification) -> Table:
+    rows = [
+        (
+            one.requirement.name,
+            one.requirement.holds,
+            share(one.requirement.allowed),
+            str(one.found.failures),
+            f"{share(one.found.interval[0], 'down')} to {share(one.found.interval[1], 'up')}",
+            share(one.found.at_most, "up"),
+            one.verdict,
+        )
+        for one in found.requirements
+    ]
+    sure = f"{100.0 * found.flights.table.confidence:g} %"
+    flights = found.flights
+    title = f"{flights.autopilot.name} on {flights.fitted.vehicle.name}: {len(found.flown)} missions"
+    head = ("requirement", "holds", "allowed", "failures", f"{sure} interval", "at most", "verdict")
+    return Table.of(title, head, rows, left=2)
+
+
+def _mission_table(found: Verification) -> Table:
+    titles = found.flights.titles
+    rows = [
+        (
+            one.requirement.name,
+            *(
+                f"{part.failures} of {part.runs}" if (part := one.by_mission.get(title)) else "-"
+                for title in titles
+            ),
+        )
+        for one in found.requirements
+        if len(one.by_mission) > 1
+    ]
+    return Table.of("Failures by mission", ("requirement", *titles), rows)
+
+
+def _worst_table(found: Verification) -> Table:
+    several = len(found.flights.titles) > 1
+    rows = [
+        (
+            one.requirement.name,
+            str(run.number),
+            run.mission if several else "",
+            reserve(run.reserve, one.judgement.unit),
+            str(run.figures["ending"]),
+            _number(run.figures["cross_track_p95_m"], 2),
+            _number(run.figures["vertical_p95_m"], 2),
+            _number(run.figures["clearance_m"], 1),
+            _number(run.figures["duration_s"], 0),
+        )
+        for one in found.requirements
+        for run in one.worst[:3]
+    ]
+    head = ("requirement", "number", "mission", "robustness", "ending", "across", "vertical", "clear", "time")
+    return Table.of("Worst missions (lengths in m, time in s; across and vertical: p95)", head, rows)
+
+
+def _against(found: AutopilotComparison) -> list[Table]:
+    """The verified autopilot against each other one."""
+    verified, *others = found.autopilots
+    head = ("requirement", "verified fails", "other fails", "only verified", "only other", "p", "better")
+    tables = []
+    for other in others:
+        rows = []
+        for name, failures in verified.failures.items():
+            pair = found.pair(name, other.name)
+            rows.append((
+                name,
+                share(failures.estimate),
+                share(other.failures[name].estimate),
+                str(pair.only_verified),
+                str(pair.only_other),
+                f"{pair.corrected:.2g}",
+                {"verified": "verified", None: "not shown"}.get(pair.better, "other"),
+            ))
+        title = f"Against {other.name}, on the same {found.runs} draws (McNemar's exact test, Holm)"
+        tables.append(Table.of(title, head, rows))
+    return tables
+
+
+_MEDIANS = {
+    "cross_track_p95_m": "median cross-track p95, m",
+    "vertical_p95_m": "median vertical p95, m",
+    "energy_wh": "median energy, Wh",
+    "duration_s": "median duration, s",
+    "travel_per_s": "median command travel, 1/s",
+}
+
+
+def _medians(found: AutopilotComparison) -> Table:
+    rows = [
+        (label, *(f"{one.figures[name]:.4g}" for one in found.autopilots))
+        for name, label in _MEDIANS.items()
+        if name in found.autopilots[0].figures
+    ]
+    return Table.of("Metrics on the same draws", ("metric", *(one.name for one in found.autopilots)), rows)
 
 
 def requirement_lines(one: JudgedRequirement) -> list[str]:
@@ -242,26 +410,6 @@ def requirement_lines(one: JudgedRequirement) -> list[str]:
         unit = one.judgement.unit
         numbers = ", ".join(f"{run.number} ({reserve(run.reserve, unit)})" for run in one.worst)
         lines.append(f"  least reserve in missions {numbers}")
-    return lines
-
-
-def comparison_lines(found: AutopilotComparison) -> list[str]:
-    """Autopilots on the same draws, a line per requirement and other autopilot."""
-    verified, *others = found.autopilots
-    lines = [f"On the same {found.runs} draws:"]
-    for other in others:
-        for name, failures in verified.failures.items():
-            pair = found.pair(name, other.name)
-            lines.append(
-                f"  {name}: {failures.failures} failures, with {other.name} {other.failures[name].failures};"
-                f" only verified failed {pair.only_verified}, only {other.name} {pair.only_other};"
-                f" {pair.words} (p = {pair.corrected:.2g})"
-            )
-        figures = (
-            f"{figure} {_figure(value)} against {_figure(other.figures[figure])}"
-            for figure, value in verified.figures.items()
-        )
-        lines.append(f"  medians, verified against {other.name}: {', '.join(figures)}")
     return lines
 
 
@@ -295,8 +443,9 @@ def _size(value: float) -> str:
     return f"{value:,.1f}" if value >= 1.0 else f"{value:.2g}"
 
 
-def _figure(value: float) -> str:
-    return "none" if math.isnan(value) else f"{value:.3g}"
+def _number(value: float, decimals: int) -> str:
+    """A number with so many decimals; nothing where there is none."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else ""
 
 
 _LONGEST = 50

@@ -33,6 +33,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import readable
 from seatrial.base.progress import Clock
+from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.campaign.campaign import input_hashes
 from seatrial.vehicle.actuators import actuator_groups
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.metrics import LoggedStep
 
-__all__ = ["Detectable", "JudgedRequirement", "LogVerdict", "ModelState", "detectable_changes", "summary"]
+__all__ = ["Detectable", "JudgedRequirement", "LogVerdict", "ModelState", "detectable_changes", "report"]
 
 ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell"]
 
@@ -156,9 +157,13 @@ class LogVerdict:
         """Whether the outcome is "held": what was not shown does not pass."""
         return self.outcome == "held"
 
+    def report(self) -> Report:
+        """Whether the model holds, the worst finding, what to do next; then channels, suspects, mission."""
+        return report(self)
+
     def summary(self) -> str:
-        """Text that a control engineer reads."""
-        return summary(self)
+        """The report as text."""
+        return self.report().text()
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the samples as plain data."""
@@ -228,54 +233,106 @@ class LogVerdict:
 _SHOWN = 6
 
 
-def summary(verdict: LogVerdict) -> str:
-    """Text of a verdict, the most important first."""
-    lines = [f"{verdict.log.trial.name}: {verdict.model}", verdict.reason]
-    lines += _channels(verdict)
+def report(verdict: LogVerdict) -> Report:
+    """Three lines, channels against their band, suspects, the mission's own requirements; notes."""
+    worst, next_step = _worst(verdict)
+    mission, checks = _mission(verdict)
+    said = [verdict.reason]
     if verdict.validity is not None:
-        lines.append(f"The band is that of {verdict.validity.spread.source}.")
+        said.append(f"The band is that of {verdict.validity.spread.source}.")
+    suspects: list[str] = []
     if verdict.suspects:
-        lines += ["", "What may have changed, the best explanation first:"]
-        lines += [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:_SHOWN], 1)]
-        lines += _inseparable(verdict)
-        if verdict.suspects[0].kind == "sensor":
-            lines.append(
-                "No change of the vehicle explains it as well: check the sensor before you identify anew."
-            )
-        if verdict.suspects[0].kind == "actuator":
-            name = verdict.suspects[0].name
-            lines.append(
-                f"No coefficient explains it as well: look at {name} and at its logged commands before you"
-                " identify anew."
-            )
+        suspects = [f"{k}. {one.sentence()}" for k, one in enumerate(verdict.suspects[:_SHOWN], 1)]
+        suspects += _inseparable(verdict)
+        suspects += _look_first(verdict)
+    chance: tuple[str, ...] = ()
     if verdict.detectable:
         words = [f"{one.change} {100.0 * one.power:.0f} %" for one in verdict.detectable]
-        lines += ["", f"Chance that this log would have shown: {', '.join(words)}."]
-    lines += _mission(verdict)
-    if verdict.notes:
-        lines += ["", *verdict.notes]
-    return "\n".join(lines)
+        chance = (f"Chance that this log would have shown: {', '.join(words)}.",)
+    return Report(
+        title=verdict.log.trial.name,
+        outcome=f"{verdict.model} (verdict: {verdict.outcome})",
+        good=_how_good(verdict),
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(sentences=tuple(said), tables=(_channel_table(verdict),)),
+            Section("What may have changed, the best explanation first", tuple(suspects)),
+            Section("The mission", tuple(mission), (checks,)),
+            Section("Notes", (*chance, *verdict.notes), details=True),
+        ),
+    )
 
 
-def _channels(verdict: LogVerdict) -> list[str]:
-    if verdict.validity is None:
-        return []
-    lines = [
-        "",
-        f"{'channel':<9}{'outside 95 % band':>17}{'(95 %)':>10}{'error rms':>11}{'band +-':>9}"
-        f"  {'unit':<6}{'p':>9}",
-    ]
-    for name, one in verdict.validity.channels.items():
-        scale, unit = readable(name)
-        p = f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001"
-        mark = "  fails" if one.fails else "  doubt" if one.doubtful else ""
-        low, high = one.interval
-        known = f"({100.0 * low:.0f}-{100.0 * high:.0f})"
-        lines.append(
-            f"{name:<9}{100.0 * one.outside:>15.1f} %{known:>10}{scale * one.rms:>11.3g}"
-            f"{scale * one.spread:>9.3g}  {unit:<6}{p:>9}{mark}"
+def _how_good(verdict: LogVerdict) -> str:
+    """Share of the log outside the 95 % band of a valid model, in the worst channel."""
+    if verdict.validity is None or not verdict.validity.channels:
+        return "no window of this log could be judged"
+    channels = verdict.validity.channels
+    name = max(channels, key=lambda one: channels[one].outside)
+    fails = sum(one.fails for one in channels.values())
+    return (
+        f"{len(channels) - fails} of {len(channels)} channels agree with the model; {name} is outside its"
+        f" 95 % band most, {100.0 * channels[name].outside:.1f} % of the time (5 % expected)"
+    )
+
+
+def _worst(verdict: LogVerdict) -> tuple[str, str]:
+    """The worst finding, and what to do about it."""
+    if verdict.suspects:
+        first = verdict.suspects[0]
+        look = _look_first(verdict)
+        return f"suspected first: {first.sentence()}", (
+            look[0] if look else f"check {first.name} on the vehicle; if it has changed, identify again"
         )
-    return lines
+    broken = [one for one in verdict.requirements if one.held is False]
+    if broken:
+        return f"requirement {broken[0].name} ({broken[0].holds}) was not held", (
+            "look at where the mission left it, then tune the autopilot or change the requirement"
+        )
+    if outside := [step for step in verdict.steps if step.criterion > 0.0]:
+        worst = max(outside, key=lambda step: step.criterion)
+        return f"the {worst.loop} step at {worst.at_s:.1f} s left its corridor by {worst.criterion:.3g} s", (
+            "tune this loop again, or widen its corridor"
+        )
+    if not verdict.valid:
+        return verdict.reason, "record a longer log with more motion, or identify again (seatrial identify)"
+    return (
+        "no channel, requirement or step fails",
+        "keep the model; judge the next mission's log the same way",
+    )
+
+
+def _look_first(verdict: LogVerdict) -> list[str]:
+    """What to look at before the vehicle is identified anew."""
+    first = verdict.suspects[0]
+    if first.kind == "sensor":
+        return ["No change of the vehicle explains it as well: check the sensor before you identify anew."]
+    if first.kind == "actuator":
+        return [
+            f"No coefficient explains it as well: look at {first.name} and at its logged commands before you"
+            " identify anew."
+        ]
+    return []
+
+
+def _channel_table(verdict: LogVerdict) -> Table:
+    rows = []
+    for name, one in {} if verdict.validity is None else verdict.validity.channels.items():
+        scale, unit = readable(name)
+        low, high = one.interval
+        rows.append((
+            name,
+            unit,
+            f"{100.0 * one.outside:.1f} %",
+            f"{100.0 * low:.0f}-{100.0 * high:.0f}",
+            f"{scale * one.rms:.3g}",
+            f"{scale * one.spread:.3g}",
+            f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001",
+            "fails" if one.fails else "doubt" if one.doubtful else "",
+        ))
+    head = ("channel", "unit", "outside 95 % band", "95 % interval", "error rms", "band +-", "p", "")
+    return Table.of("Errors against the band of a valid model", head, rows, left=2)
 
 
 def _inseparable(verdict: LogVerdict) -> list[str]:
@@ -290,32 +347,19 @@ def _inseparable(verdict: LogVerdict) -> list[str]:
     return []
 
 
-def _mission(verdict: LogVerdict) -> list[str]:
-    lines = []
-    figures = verdict.figures
+def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
+    """Metrics of the mission and envelope in sentences; requirements and steps as a table."""
     said = [
-        (name, text)
+        text.format(verdict.figures[name])
         for name, text in (
             ("cross_track_p95_m", "cross-track error {:.2f} m in 95 % of the settled time"),
             ("vertical_p95_m", "vertical error {:.2f} m"),
             ("duration_s", "{:.0f} s"),
             ("energy_wh", "{:.1f} Wh"),
         )
-        if name in figures
+        if name in verdict.figures
     ]
-    if len(said) > 1:  # how long a log lasts is no news by itself
-        lines += ["", f"The mission: {', '.join(text.format(figures[name]) for name, text in said)}."]
-    for one in verdict.requirements:
-        if one.held is None:
-            who = "no log tells" if one.beyond_logs else "the log does not tell"
-            lines.append(f"  ?     {one.name}: {one.holds}; {who} {', '.join(one.missing)}")
-        else:
-            # Words and truth values are infinitely far from their threshold.
-            reserve = f", reserve {one.reserve:.3g} {one.unit}" if math.isfinite(one.reserve) else ""
-            lines.append(f"  {'held ' if one.held else 'FAILS'} {one.name}: {one.holds}{reserve}")
-    for step in verdict.steps:
-        inside = "inside its corridor" if step.criterion <= 0.0 else f"outside by {step.criterion:.3g} s"
-        lines.append(f"  step of the {step.loop} set point at {step.at_s:.1f} s: {inside}")
+    lines = [f"The mission: {', '.join(said)}."] if len(said) > 1 else []  # its length alone is no news
     if verdict.envelope is not None:
         shares = ", ".join(
             f"{name.replace('_', '-')} {100.0 * band.outside:.0f} %"
@@ -324,7 +368,26 @@ def _mission(verdict: LogVerdict) -> list[str]:
         lines.append(
             f"Outside the closed-loop envelope of {verdict.envelope.flights} flights: {shares} of the log."
         )
-    return lines
+    rows: list[tuple[str, ...]] = []
+    for one in verdict.requirements:
+        if one.held is None:
+            who = "no log tells" if one.beyond_logs else "the log does not tell"
+            rows.append((one.name, one.holds, "?", f"{who} {', '.join(one.missing)}"))
+        else:
+            # Words and truth values are infinitely far from their threshold.
+            size = f"{one.reserve:.3g} {one.unit}".strip() if math.isfinite(one.reserve) else ""
+            rows.append((one.name, one.holds, "held" if one.held else "FAILS", size))
+    for step in verdict.steps:
+        outside = "" if step.criterion <= 0.0 else f"outside by {step.criterion:.3g} s"
+        verdict_of_step = "held" if step.criterion <= 0.0 else "FAILS"
+        rows.append((
+            f"{step.loop} step at {step.at_s:.1f} s",
+            "inside its corridor",
+            verdict_of_step,
+            outside,
+        ))
+    head = ("requirement", "holds", "verdict", "robustness")
+    return lines, Table.of("Requirements and steps of this mission", head, rows, left=4)
 
 
 def _files(found: LogVerdict, campaign: Campaign | None) -> dict[str, str | bytes]:
