@@ -111,5 +111,5 @@ def test_a_single_voltage_is_no_second_input(tmp_path: Path) -> None:
     path = write_bench(
         tmp_path, pull("one"), more='[regression]\ninputs = ["signal", "voltage"]\nthrough_origin = true\n'
     )
-    with pytest.raises(ValueError, match="do not tell the coefficients apart"):
+    with pytest.raises(ValueError, match="do not determine the coefficients"):
         bench(path)

@@ -242,7 +242,7 @@ def test_commands_of_an_idle_group_do_not_end_plateaus(tmp_path: Path) -> None:
         ("none", 'axis = "X"\ncolumns = { "cmd.SbU" = { from = "cmd.SbU", frame = "FLU" } }', "no frame"),
         ("sign", 'axis = "X"', "positive signals pull against the direction of the vehicle file"),
         ("other", 'axis = "X"', "VTB ran as well"),
-        ("unlike", 'axis = "X"', "pull with unlike signals"),
+        ("unlike", 'axis = "X"', "pull with different signals"),
     ],
 )
 def test_a_record_that_tells_no_thrust_is_refused_in_words(

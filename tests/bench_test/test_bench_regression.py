@@ -118,7 +118,7 @@ def test_a_common_zero_error_widens_the_intercept_and_nothing_else() -> None:
 def test_too_few_or_equal_points_are_refused() -> None:
     with pytest.raises(ValueError, match="3 operating points for 3 coefficients; expected at least 4"):
         least_squares([[1.0], [2.0], [3.0]], [1.0, 2.0, 3.0], SECOND)
-    with pytest.raises(ValueError, match="do not tell the coefficients apart"):
+    with pytest.raises(ValueError, match="do not determine the coefficients"):
         least_squares([[1.0]] * 6, [1.0, 2.0, 3.0, 1.0, 2.0, 3.0], SECOND)
 
 

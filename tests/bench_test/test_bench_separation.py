@@ -83,7 +83,7 @@ def test_forces_that_cancel_along_the_cell_are_refused() -> None:
 
 
 def test_ahead_beside_astern_is_refused() -> None:
-    with pytest.raises(TrialError, match="pull with unlike signals"):
+    with pytest.raises(TrialError, match="pull with different signals"):
         separated("X", [5.0], {"SbU": 1000.0, "PU": -1000.0})
 
 

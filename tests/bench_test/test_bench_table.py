@@ -89,7 +89,7 @@ def test_a_gap_at_one_voltage_is_bridged() -> None:
 
 
 def test_a_voltage_that_sags_has_no_levels_and_a_surface_needs_none() -> None:
-    with pytest.raises(TrialError, match=r"the supply voltage stands at no levels .*from 14.00 to 16.00 V"):
+    with pytest.raises(TrialError, match=r"voltage has no distinct levels .*from 14.00 to 16.00 V"):
         levels(np.linspace(14.0, 16.0, 50), "test")
     with pytest.raises(TrialError, match="not known at every point"):
         levels(np.array([12.0, np.nan]), "test")

@@ -254,7 +254,7 @@ _KEYS = {
 
 
 def file_kind(path: str | Path) -> str | None:
-    """What the file is; None where it cannot be read or has no key that tells.
+    """Kind of the file; None where it cannot be read or no key identifies it.
 
     Examples
     --------

@@ -260,7 +260,7 @@ def _direction(
 
 
 def _outliers(inputs: Array, thrust: Array, terms: tuple[Term, ...]) -> NDArray[np.bool_]:
-    """Outliers of the chosen order; where it misses the curve, those that a cubic does not believe either."""
+    """Outliers of the chosen order; where it misses the curve, only those of a cubic, too."""
     out = outliers(inputs, thrust, terms)
     flexible = terms_of(3, inputs.shape[1])
     if not out.any() or len(thrust) < _SPARE * len(flexible):

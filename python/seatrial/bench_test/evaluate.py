@@ -203,7 +203,7 @@ def fingerprint(source: str | Path) -> str:
     for entry in (*file.pulls, *file.steps):
         record = file_path(entry.file, path.parent, f"{path}: {entry.name!r}, key file")
         recipe = (entry.reader or file.reader or record.suffix) in ("generated", ".toml")
-        # What is not there is said by the evaluation.
+        # The evaluation reports files that are missing.
         if record.is_file():
             for one in files_of(record) if recipe else (record,):
                 digest.update(one.read_bytes() if one.is_file() else b"-")

@@ -205,7 +205,7 @@ def _parameter(k: int, reduced: Reduced, kept: float | None, unit: str) -> Motor
     blank = replace(blank, remark=reduced.remarks.get(name, ""))
     sigma, dof = float(reduced.known.sigma[k]), float(reduced.known.dof[k])
     if not math.isfinite(sigma):
-        return replace(blank, reason="the records tell it only together with other parameters")
+        return replace(blank, reason="the records determine it only together with other parameters")
     lower, upper = max(x - half, 0.0), x + half
     if RECIPROCAL[k]:
         value, sigma = 1.0 / x, sigma / x**2
@@ -271,7 +271,7 @@ def recommended_steps(
 
 
 def _sequence(known: MotorModel, side: int) -> list[float]:
-    """Commands of one direction, beginning and ending beside zero."""
+    """Commands of one direction, beginning and ending at the smallest command."""
     sign = 1.0 - 2.0 * side
     top = known.n_max[side]
     low = known.n_min[side] or 0.1 * top

@@ -95,7 +95,7 @@ _MINIMUM = [NAMES.index("n_min_ahead"), NAMES.index("n_min_astern")]
 
 @dataclass(frozen=True)
 class Reading:
-    """A problem with its best fit, and why the commands cannot tell the parameters that were not free."""
+    """A problem with its best fit, and the reasons of parameters that were not free."""
 
     problem: Problem
     best: Fit
@@ -197,7 +197,7 @@ class Reduced:
 
 
 def eliminated(reading: Reading, noise: Noise, prior: MotorModel | None) -> Reduced:
-    """The fit of a reading without rate limits and a time constant that the data do not tell."""
+    """The fit of a reading without rate limits and a time constant that the data do not determine."""
     problem, best, reasons = reading.problem, reading.best, dict(reading.reasons)
     sample = float(np.median([record.sample_s for record in problem.records]))
     known = uncertainty(problem, best.x, noise)
@@ -230,8 +230,8 @@ def _near_zero(
         problem, best = _hold(problem, best, _LAG, None, otherwise=float(best.x[_LAG]))
     else:
         reasons["T_1"] = Reason(
-            "a longer one fits as well beside another dead time and other rates; steps of several sizes, some"
-            " too small for the rate limit to matter, would tell it",
+            "a longer one fits as well with another dead time and other rates; steps of several sizes, some"
+            " too small for the rate limit to matter, would determine it",
             at_most=longest if math.isfinite(longest) else None,
         )
         problem, best = _hold(problem, best, _LAG, prior, otherwise=float(best.x[_LAG]))

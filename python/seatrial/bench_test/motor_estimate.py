@@ -244,7 +244,7 @@ _PARTNER = {"n_acc": "n_dec", "n_dec": "n_acc"}
 def vehicle_keys(
     parameters: Mapping[str, MotorParameter], directions: Sequence[Directions], below_minimum: str | None
 ) -> dict[str, float | str]:
-    """Keys with their values, rounded to what the data tell."""
+    """Keys with their values, rounded to their precision."""
     table: dict[str, float | str] = {}
     for name, key in _KEYS.items():
         one = parameters[name]
@@ -421,7 +421,7 @@ class MotorEstimate:
         return self.model.response(record, np.asarray(record.t_measured))
 
     def motor_table(self) -> dict[str, float | str]:
-        """Keys of the vehicle file's ``[motors.NAME]`` that the data determine, rounded to what they tell.
+        """Keys of the vehicle file's ``[motors.NAME]`` that the data determine, rounded to their precision.
 
         Keys of the other parameters are left out, so that merging keeps the vehicle's, but for those that the
         file would derive from a key that is written. The rate limits are those of both directions together.
@@ -441,7 +441,7 @@ class MotorEstimate:
         if self.distinct_commands == 1:
             said.append(
                 "K_V rests on commands of one magnitude; a limit there would look the same, and commands of"
-                " other magnitudes would tell."
+                " other magnitudes would decide."
             )
         for pair in self.directions:
             if pair.differ:

@@ -299,7 +299,7 @@ class Reason:
 def reachable(
     records: Sequence[StepRecord], settled: Sequence[Plateau], static: Statics, *, dead_band: bool
 ) -> dict[str, Reason]:
-    """Reasons by name of the parameters that the commands cannot tell.
+    """Reasons by name of the parameters that the commands cannot determine.
 
     With a dead band n_min has no derivative; it is found by search and none of the fit's.
     """
@@ -333,7 +333,7 @@ def unseen_rates(x: Array, known: MotorUncertainty, free: NDArray[np.bool_]) -> 
         side = NAMES[k].rpartition("_")[2]
         verb = "grow" if NAMES[k].startswith("n_acc") else "shrink"
         slowest = x[k] + known.half[k]
-        text = f"the steps that {verb} {side} look the same without it, beside lag and dead time"
+        text = f"the steps that {verb} {side} look the same without it, given lag and dead time"
         reason = Reason(text, at_least=1.0 / slowest if math.isfinite(slowest) else None)
         doubtful.append((x[k] / known.half[k] if known.half[k] > 0 else 0.0, NAMES[k], reason))
     doubtful.sort(key=lambda one: one[:2])
@@ -350,7 +350,7 @@ def wide(x: Array, known: MotorUncertainty, sample: float) -> dict[str, Reason]:
             upper = x[k] + known.half[k]
             reasons[NAMES[k]] = Reason(
                 "its interval is wider than the time itself and than a sample; steps of several sizes, some"
-                " too small for the rate limit to matter, would tell it",
+                " too small for the rate limit to matter, would determine it",
                 at_most=float(upper) if math.isfinite(upper) else None,
             )
     return reasons

@@ -81,7 +81,7 @@ class Plateau:
 class Statics:
     """Gain and static limits that plateaus show; pairs (ahead, astern).
 
-    ``n_max`` is infinite and ``n_min`` zero where no plateau shows it. ``dropped`` tells of commands that
+    ``n_max`` is infinite and ``n_min`` zero where no plateau shows it. ``dropped``: commands that
     left the motor at rest: the largest magnitude among them, else zero.
     """
 
@@ -189,8 +189,9 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
     if not moving:
         raise TrialError(
             f"step record {settled[0].name}: the measured revolutions do not follow the command: they"
-            " settle at zero or not at all; expected at least one command that is held until the motor turns steadily;"
-            " check the column of the measurement, or hold commands for six samples and twice the transient"
+            " settle at zero or not at all; expected at least one command that is held until the motor turns"
+            " steadily; check the column of the measurement, or hold commands for six samples and twice the"
+            " transient"
         )
     against = [one for one in moving if one.level * one.command < 0]
     whole = [
@@ -265,8 +266,8 @@ def _refuse(moving: Sequence[Plateau], plateau: Plateau) -> None:
     if all(other.level > 0 for other in moving) and any(other.command > 0 for other in moving):
         raise TrialError(
             f"step record {plateau.name}: the measured revolutions have no sign: command"
-            f" {plateau.command:g} turns the motor at {plateau.level:g}, expected negative revolutions astern; give the measurement"
-            " the sign of the rotation (a counter alone cannot tell a reversal)"
+            f" {plateau.command:g} turns the motor at {plateau.level:g}, expected negative revolutions"
+            " astern; give the measurement the sign of the rotation (a counter alone cannot tell a reversal)"
         )
     raise TrialError(
         f"step record {plateau.name}: the measured revolutions turn against the command: command"

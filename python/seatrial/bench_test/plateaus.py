@@ -6,7 +6,7 @@ those between plateaus, and their scatter holds whatever makes a repeated platea
 
 A plateau begins where a command changes and its first ``settle_s`` are left out. Where no command is logged,
 it begins where the measured revolutions leave their mean. A table without time is steady already: every row
-is one plateau. The standard error of a plateau's mean allows for samples that remember the one before
+is one plateau. The standard error of a plateau's mean allows for samples that correlate with the one before
 (`seatrial.statistics.autocorrelation`).
 
 Tests: ``tests/bench_test/test_bench_records.py``.
@@ -28,7 +28,7 @@ from seatrial.statistics.autocorrelation import lag_one_correlation, variance_in
 __all__ = ["Plateau", "held", "plateaus", "rows_as_plateaus", "standard_error"]
 
 LEAST_SAMPLES = 5
-"""Fewer steady samples of the load have no mean worth the name."""
+"""Fewer steady samples of the load are too few for a mean."""
 
 _COMMAND_SHARE = 0.002
 
@@ -98,7 +98,7 @@ def plateaus(
     ----------
     t : array, shape (n,)
     command : mapping
-        Per actuator (n,) what tells where a plateau ends: logged commands; empty where none is logged.
+        Per actuator (n,) the signal that ends a plateau: logged commands; empty where none is logged.
     signal : mapping
         Per actuator (n,) what the characteristic is a function of; NaN between samples.
     load : array, shape (n, a)

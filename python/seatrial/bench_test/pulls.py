@@ -226,12 +226,12 @@ def read_pull(
     where : str
         Beginning of messages.
     reader, columns : optional
-        Of the whole bench file; the pull's own go before.
+        Of the whole bench file; the pull's own have precedence.
 
     Raises
     ------
     TrialError
-        The record cannot be read or tells no single thrust.
+        The record cannot be read or determines no single thrust.
     """
     table = read_bench_table(
         path, vehicle, reader=pull.reader or reader, columns=(columns or {}) | pull.columns
@@ -249,7 +249,7 @@ def read_pull(
     else:
         commands = {name: table.commands[name] for name in signal if name in table.commands}
         if not commands.keys() & set(unit.actuators):
-            commands = {}  # those of idle groups do not tell where a plateau of this one ends
+            commands = {}  # those of idle groups do not end a plateau of this one
         steady, left = plateaus(
             table.t, commands, signal, load, voltage_v, settle_s=pull.settle_s, where=where
         )
@@ -355,7 +355,7 @@ def _load(pull: Pull, table: BenchTable, where: str) -> tuple[str, Array]:
 def _tare(
     pull: Pull, resting: Sequence[Plateau], axes: int, where: str
 ) -> tuple[Array | None, Array, list[str]]:
-    """Zero of the cell (a,), its standard error (a,), and what to say."""
+    """Zero of the cell (a,), its standard error (a,), and remarks."""
     nothing = np.zeros(axes)
     if pull.tare is False:
         return None, nothing, []

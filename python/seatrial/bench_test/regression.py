@@ -21,9 +21,9 @@ Each suspect is then judged by the fit to all that are not suspected: its delete
 
     t = (y - x'a) / (s sqrt(1 + x' (U'U)^-1 x))
 
-is Student distributed for an honest point. It is an outlier beyond the two-sided 5 % point of Student's
-distribution divided by the number of points (Bonferroni), so that one test in twenty accuses an honest point
-at all. Suspects that pass are used again.
+is Student distributed for a point of the model. It is an outlier beyond the two-sided 5 % point of Student's
+distribution divided by the number of points (Bonferroni), so that one test in twenty has a false outlier.
+Suspects that pass are used again.
 
 Order (square, through the origin, free, cubic): ``AICc = n ln(SSE/n) + 2k + 2k(k + 1)/(n - k - 1)``, k = p +
 1 (Hurvich and Tsai 1989, Biometrika 76:297). Two models less than 2 apart are as good as each other; then the
@@ -195,7 +195,7 @@ def least_squares(
     Raises
     ------
     ValueError
-        There are no more points than coefficients, or the inputs do not tell the coefficients apart.
+        There are no more points than coefficients, or the inputs do not determine the coefficients.
 
     Examples
     --------
@@ -214,7 +214,7 @@ def least_squares(
     singular = np.linalg.svd(r, compute_uv=False)
     if singular[-1] <= 1e-10 * singular[0]:
         raise ValueError(
-            "the operating points do not tell the coefficients apart (condition above 1e10); test more"
+            "the operating points do not determine the coefficients (condition above 1e10); test more"
             " different commands and voltages, or lower the order"
         )
     inverse = np.linalg.solve(r, np.eye(p))
@@ -296,7 +296,7 @@ def outliers(inputs: Array, y: Array, terms: Sequence[Term]) -> NDArray[np.bool_
     while suspect.any():
         clean = ~suspect
         if suspect.sum() > most:
-            return nobody  # so many against the model accuse the model, not the points
+            return nobody  # so many suspects mean a wrong model, not wrong points
         q, r = np.linalg.qr(matrix[clean])
         if np.abs(np.diag(r)).min() <= 1e-10 * np.abs(np.diag(r)).max():
             return nobody
@@ -371,7 +371,7 @@ class Candidate:
 
 
 def candidates(signal: Array, thrust: Array) -> tuple[Candidate, ...]:
-    """Candidates that the points (n,) can tell, by AICc, the best one first."""
+    """Candidates that the points (n,) can determine, by AICc, the best one first."""
     models = []
     n = len(thrust)
     for name, (terms, keys) in MODELS.items():

@@ -58,7 +58,7 @@ def motor_sentences(unit: str, motor: MotorEstimate) -> list[str]:
 
 
 def share(value: float, digits: int = 5) -> str:
-    """A share of the scatter in decimals; what would round to one is said to be above the last of them.
+    """A share of the scatter in decimals; what would round to one is shown as above the largest one below it.
 
     Examples
     --------

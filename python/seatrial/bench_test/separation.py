@@ -8,9 +8,10 @@ load cell, actuators with one characteristic and one signal pull ``F_a = sum_k (
 
 over the actuators that ran. Ahead and astern CWolf's four canted propellers give ``F_x / (4 cos a cos b)``,
 its vertical thrusters ``F_z / 2`` (Taubert et al. 2014, equations 39-44). Actuators driven one by one are
-points of the same characteristic each. What lies across G (several axes) is said: it is the geometry's error.
+points of the same characteristic each. A load across G (several axes) is
+reported: it is an error of the geometry.
 
-Tests: ``tests/bench_test/test_bench_separation.py``.
+Held by ``tests/bench_test/test_bench_separation.py``.
 """
 
 from __future__ import annotations
@@ -105,8 +106,8 @@ def separate(
     mean = float(np.sqrt(np.mean(signals**2)) * np.sign(signals[0]))
     if (np.abs(signals - mean) > _ALIKE * abs(mean)).any():
         raise TrialError(
-            f"{where}: {_spoken(running, signals, unit)} pull with unlike signals, so that their sum tells no"
-            " single thrust; drive them alike, or one by one"
+            f"{where}: {_spoken(running, signals, unit)} pull with different signals, so that their sum"
+            " determines no single thrust; drive them alike, or one by one"
         )
     length = float(np.linalg.norm(total))
     if length < _LEAST_FACTOR:

@@ -122,7 +122,7 @@ def levels(voltage_v: Array, where: str) -> tuple[Array, NDArray[np.int_]]:
     widths = np.array([np.ptp(voltage_v[level == k]) for k in range(level.max() + 1)])
     if len(means) > _MOST_LEVELS or (widths > 5.0 * _LEVEL_GAP).any():
         raise TrialError(
-            f"{where}: the supply voltage stands at no levels (it runs from {voltage_v.min():.2f} to"
+            f"{where}: the supply voltage has no distinct levels (it runs from {voltage_v.min():.2f} to"
             f' {voltage_v.max():.2f} V); use order = 2 with inputs = ["signal", "voltage"], whose surface'
             " needs none"
         )

@@ -295,7 +295,7 @@ def _entries(document: Any, key: str, members: Sequence[str]) -> dict[str, list[
 
 
 def _own_entry(document: Any, section: str, key: str, old_name: str, users: Sequence[str], unit: str) -> str:
-    """Name of an entry that only these actuators use; made, and they are led to it, where there is none."""
+    """Name of an entry that only these actuators use; where there is none it is made and they refer to it."""
     import tomlkit
     from tomlkit.items import InlineTable
 

@@ -112,7 +112,7 @@ class Campaign:
         Raises
         ------
         CampaignError
-            The file is missing, not TOML, has unknown keys or asks for what cannot be done.
+            The file is missing, not TOML, has unknown keys or contradicts itself.
         VehicleError
             The vehicle cannot be loaded.
         """
@@ -200,7 +200,7 @@ class Campaign:
         Raises
         ------
         CampaignError
-            The file asks for what cannot be done.
+            The file contradicts itself or names what does not exist.
         """
         text = self.text if text is None else text
         other = Campaign(

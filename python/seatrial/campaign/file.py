@@ -286,7 +286,7 @@ class Ballast(Section):
 
 
 class Anchor(Section):
-    """What fixes the scale of all forces, of which trials tell ratios only."""
+    """Absolute anchors of the force scale: motion data fix only ratios of mass, damping and thrust."""
 
     dry_mass: DryMass | None = None
     bollard: Annotated[tuple[Bollard, ...], BeforeValidator(_as_list)] = ()

@@ -262,7 +262,7 @@ class Loops(Section):
 
 
 class LeastMargins(Section):
-    """Least margins of the linearised loop; 0 asks for none, but an unstable motion falls short still."""
+    """Least margins of the linearised loop; 0 requires none, but an unstable motion always falls short."""
 
     phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = 30.0
     gain_db: NotNegative = 6.0

@@ -1,4 +1,4 @@
-"""The table ``[verification]`` of a campaign: what a tuned autopilot has to stand, and what it must hold.
+"""The table ``[verification]`` of a campaign: conditions that are drawn, and requirements.
 
 These models are the only owner of its keys; unknown ones are refused with the nearest known name. Every key
 but ``missions`` has a default that suits every vehicle; where one depends on vehicle or mission it is None
@@ -229,7 +229,7 @@ def _in_order(between: Between | None) -> None:
 
 
 class MissionTable(Section):
-    """A mission that is flown, and how often beside the others."""
+    """A mission that is flown, and its weight among the missions."""
 
     file: Name
     name: str = ""
@@ -276,7 +276,7 @@ class FaultTable(Section):
 
 
 class OutageTable(Section):
-    """A group of channels, or the sensor that tells them, silent for a while in some missions."""
+    """A group of channels, or the sensor that measures them, silent for a while in some missions."""
 
     sensor: Name
     probability: Probability

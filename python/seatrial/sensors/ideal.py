@@ -41,7 +41,7 @@ class Conditions:
     Attributes
     ----------
     vehicle
-        That made the run; only a load cell asks for it.
+        The vehicle that made the run; only a load cell needs it.
     current
         Velocity of the water over ground, NED, m/s, (3,) or one row per row of the run; None: still water.
     voltage_v
@@ -65,7 +65,7 @@ class Conditions:
 
 
 ON_THE_TETHER = ("load_cell", "revolutions", "voltage")
-"""Sensors that tell something of a tied vehicle."""
+"""Sensors that log while the vehicle is tied."""
 
 
 def at_sea(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:

@@ -1,6 +1,6 @@
 """Correlation of neighbouring samples, and how much it inflates the variance of their mean.
 
-Of a first-order autoregression with correlation r, n samples tell as much as ``n (1 - r) / (1 + r)``
+Of a first-order autoregression with correlation r, n samples carry the information of ``n (1 - r) / (1 + r)``
 independent ones, so that the variance of their mean is that of independent ones times ``(1 + r) / (1 - r)``
 (Bartlett 1946). About their own mean, independent samples correlate by -1/n, which is allowed for. Longer
 memories need blocks: `seatrial.statistics.blocks`. Held by

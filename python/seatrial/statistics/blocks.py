@@ -50,7 +50,7 @@ class BlockLength:
     wanted
         Politis and White's length (C,) in samples.
     effective
-        Number (C,) of independent samples that tell as much: those that count over ``memory``.
+        Equivalent number (C,) of independent samples: those that count over ``memory``.
     """
 
     samples: int

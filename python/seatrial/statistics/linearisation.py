@@ -2,7 +2,7 @@
 
 The rows are residuals in standard deviations of their channel; the columns are exact derivatives (dual
 numbers) of what the instruments show. Each segment's initial conditions are unknown too; they are projected
-out of its rows, so that what is left is what the segment tells of the rest (variable projection, Golub &
+out of its rows, so that what is left is the segment's information on the rest (variable projection, Golub &
 Pereyra 1973).
 """
 

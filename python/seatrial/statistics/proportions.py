@@ -1,4 +1,4 @@
-"""What k failures in n missions tell of the failure probability p: estimate, exact interval, verdict.
+"""Failure probability p from k failures in n missions: estimate, exact interval, verdict.
 
 Clopper & Pearson (1934, Biometrika 26:404): the bounds are those p at which k or fewer failures, or k or
 more, would be as rare as alpha,
@@ -88,7 +88,7 @@ def wilson(failures: ArrayLike, runs: ArrayLike, *, confidence: float = 0.95) ->
 
 @dataclass(frozen=True)
 class FailureProbability:
-    """What ``failures`` in ``runs`` missions tell, at a ``confidence`` for the interval and for each bound.
+    """Failure probability from ``failures`` in ``runs`` missions: interval and bounds at a ``confidence``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Score tests: what one more column would gain beside all that is fitted, and whether it is more than chance.
+"""Score tests: what one more term would gain on top of the fitted ones, and whether it is significant.
 
 For a candidate column h (what the channels would show of a missing term) beside the fitted columns J with
 weights W and priors P:
@@ -28,7 +28,7 @@ from seatrial.statistics.linearisation import Linearisation
 __all__ = ["ScoreTests", "false_discovery", "score_tests", "unexplained"]
 
 _ALIKE = 1e-6
-"""A candidate of which less than this is left beside what is fitted cannot be told from it."""
+"""A candidate of which less than this is left after projection is collinear with the fitted columns."""
 
 _JITTER = 1e-12
 
@@ -61,7 +61,7 @@ class ScoreTests:
 
     @property
     def testable(self) -> NDArray[np.bool_]:
-        """Mask (k,) of the candidates that the data can tell from what is fitted."""
+        """Mask (k,) of the candidates that are not collinear with the fitted columns."""
         left = np.diagonal(self.reduced[0])[:-1]
         return np.asarray((left > _ALIKE * self.own) & (len(self.reduced) > _FEWEST))
 
@@ -135,7 +135,7 @@ def false_discovery(p: Array, tested: int | None = None) -> Array:
 def score_tests(
     lin: Linearisation, columns: Sequence[Array], *, fitted: Sequence[int], block: Sequence[NDArray[np.intp]]
 ) -> ScoreTests:
-    """Score tests of candidate columns beside the fitted unknowns.
+    """Score tests of candidate columns, given the fitted unknowns.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def score_tests(
     reduced = sums[:, inside:, inside:]
     if inside:
         unknowns = [lin.unknowns[i] for i in indices]
-        # The width of the bounds holds what the data cannot tell, as it does in the fit.
+        # The width of the bounds is the prior of what the data cannot determine, as in the fit.
         precision = np.array([min(u.prior_sd, u.scale) ** -2.0 for u in unknowns])
         centre = np.array([
             (u.prior - x) * u.prior_sd**-2.0

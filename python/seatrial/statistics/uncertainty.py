@@ -7,10 +7,10 @@ fit followed the very block that should test it. That is the jackknife over bloc
 17:1217; MacKinnon, Nielsen and Webb 2023, J. Appl. Econometrics 38:671 (there CV3).
 
 The 95 % interval has a Student factor with Satterthwaite's degrees of freedom for each unknown: the number of
-blocks that would tell as much if all told alike, ``(sum a_b)^2 / sum a_b^2``, less one; ``a_b`` is the share
-of block b in the variance (Carter, Schnepel and Steigerwald 2017, Rev. Econ. Stat. 99:698, for alike errors).
-Where a single block holds most of the information on a combination, blocks cannot tell how it scatters; its
-variance is that of errors with the memory and the mean square of the whole channel (``alone``).
+equally informative blocks, ``(sum a_b)^2 / sum a_b^2``, less one; ``a_b`` is the share of block b in the
+variance (Carter, Schnepel and Steigerwald 2017, Rev. Econ. Stat. 99:698, for alike errors). Where a single
+block holds most of the information on a combination, blocks cannot estimate its scatter; its variance is that
+of errors with the memory and the mean square of the whole channel (``alone``).
 
 Not in it: a wrong model structure, and how the model bends across the interval
 (`seatrial.diagnosis.resampling`). An unknown at a bound is treated as free, which widens the intervals of the
@@ -54,12 +54,12 @@ _ALONE = 0.7
 """Share of one block in the information on a combination above which the other blocks cannot judge it."""
 
 _MANY = 1e9
-"""Degrees of freedom that stand for infinitely many: SciPy's quantile wants a finite number."""
+"""Degrees of freedom in place of infinity: SciPy's quantile needs a finite number."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """How sure a joint estimate is; arrays over its m unknowns, in their units.
+    """Uncertainty of a joint estimate; arrays over its m unknowns, in their units.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ OPPOSITE = -0.6
 """A sensor's sign is wrong if its correlation with the pose's motion is below this, and below half of it in
 three quarters of the record."""
 
-_FOLLOWS = 0.7  # least correlation of a sensor that can tell its latency
+_FOLLOWS = 0.7  # least correlation of a sensor whose latency can be estimated
 
 _UNRELATED = 0.3  # a moving channel with less correlation is probably another one
 
@@ -46,7 +46,7 @@ _COLUMN = {
     if group.name in ("velocity", "water velocity", "rates")
 }
 
-_SLOWEST_S = 0.6  # interval of a position that can tell a latency: both ends of the filter's window
+_SLOWEST_S = 0.6  # longest interval of a position that a latency can be estimated from: the filter's window
 
 _BLOCKS = 8
 
@@ -87,7 +87,9 @@ def align(
             continue
         if name == "velocity" and "depth" in signals and signals["position"].step > _SLOWEST_S:
             step = signals["position"].step
-            report.add("info", name, f"latency not estimated: a position every {step:.2g} s cannot tell it")
+            report.add(
+                "info", name, f"latency not estimated: a position every {step:.2g} s is too slow for it"
+            )
             continue
         reference, known = pose_motion(signals, t, name)
         columns = ["uvw".index(c) if name == "velocity" else "pqr".index(c) for c in signals[name].channels]

@@ -42,7 +42,7 @@ _NAMES = ("north", "east", "down")
 class WaterCurrent:
     """Current (n, 3) north, east, down in m/s at the times of the record, its deviation (3,), m/s.
 
-    ``steady`` says whether one median serves the whole record.
+    ``steady``: one median holds for the whole record.
     """
 
     current: Array
@@ -81,7 +81,7 @@ def add_current(
     manner = "steady" if derived.steady else "changing, its mean"
     said = f"{manner} {numbers} m/s, from velocity over ground less that through water"
     if derived.deviation.max() > _DOUBTFUL:
-        said += "; the two do not fit one water: check sign, unit and frame of both"
+        said += "; the two velocities disagree by more than a current explains: check sign, unit and frame of both"
     report.add("warning" if derived.deviation.max() > _DOUBTFUL else "info", "current", said)
 
 
@@ -114,11 +114,11 @@ def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> 
     parts = np.array_split(np.arange(len(index)), min(count, len(index) // (_FEWEST // 2)))
     medians = np.array([np.median(earth[part], axis=0) for part in parts])
     centre = np.median(earth, axis=0)
-    # The parts' scatter tells how sure the median is, coloured noise included.
+    # The scatter of the parts' medians is the median's uncertainty, coloured noise included.
     deviation = medians.std(axis=0, ddof=1) / np.sqrt(len(medians))
     white = 1.2533 * np.median(np.abs(earth - centre), axis=0) / 0.6745 / np.sqrt(len(index))
     deviation = np.maximum(deviation, white)
-    # Four quarters tell a part's own deviation badly; all parts together tell what they have in common.
+    # Four quarters estimate a part's own deviation badly; pooled over the parts they estimate the common one.
     within = np.sqrt(np.mean([_sure(earth[part]) ** 2 for part in parts], axis=0))
     apart = np.abs(medians - centre)
     changing = (apart > _STEADY) & (apart > _CERTAIN * within)
@@ -137,7 +137,7 @@ def _sure(samples: Array) -> Array:
 
 _FIXES = 0.5  # share of the record in which a position from another sensor than the depth is known
 
-_STENCIL = 2  # a derivative is believed where this many samples on both sides are valid
+_STENCIL = 2  # a derivative is valid where this many samples on both sides are valid
 
 
 def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -> dict[str, Any]:

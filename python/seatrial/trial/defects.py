@@ -229,7 +229,11 @@ def _report_commands(signals: Mapping[str, Signal], report: RecordingReport) -> 
                 limited.append(f"{actuator} {extreme:.6g} ({100.0 * share:.0f} %)")
     if still:
         report.add(
-            "warning", "commands", f"never change, so nothing is learnt about them: {', '.join(still)}"
+            "warning",
+            "commands",
+            f"never change, so nothing about them can be identified: {', '.join(still)}",
         )
     if limited:
-        report.add("warning", "commands", f"stay at their extreme, saturated perhaps: {', '.join(limited)}")
+        report.add(
+            "warning", "commands", f"stay at their extreme values, perhaps saturated: {', '.join(limited)}"
+        )

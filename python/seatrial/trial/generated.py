@@ -2,7 +2,7 @@
 
 A recipe is a TOML file: a truth vehicle with its sensors (a second file, shared by the recipes of a
 campaign), the commands over time, a seed. The same recipe gives the same table. The reader "generated" turns
-it into a table like that of any log, so that a recipe stands in a campaign where a recording would. The
+it into a table like that of any log, so that a campaign can name a recipe instead of a recording. The
 models here are the only owner of the format; unknown keys are refused with the nearest known name. Held by
 ``tests/sensors/test_sensors.py``.
 """
@@ -99,7 +99,7 @@ class Recipe:
     initial
         State at the start, by the recipe's keys.
     current
-        Steady current (3,), NED, m/s; only a sensor of the velocity through the water tells it.
+        Steady current (3,), NED, m/s; only a sensor of the velocity through the water measures it.
     held
         Whether the vehicle is tied, as in a bollard test: no axis moves.
     voltage_v

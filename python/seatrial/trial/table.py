@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["MINIMUM_ROWS", "numbers", "signals", "time_base"]
 
 MINIMUM_ROWS = 10
-"""Fewer samples have no derivative worth the name."""
+"""Fewer samples are too short for derivatives."""
 
 _LEAST_NORM, _NORM_TOLERANCE = 1e-3, 1e-2
 

@@ -64,7 +64,7 @@ class Trial:
         The twelve `CHANNELS` (n, 12) in SI, NaN where absent, and which samples may be used.
     position, attitude, nu
         NED in m (n, 3), quaternion body -> NED (n, 4), body velocities in m/s and rad/s (n, 6), filled
-        linearly where masked; zeros where absent. `valid` says which to believe.
+        linearly where masked; zeros where absent. `valid` says which are measured.
     commands, measured
         By actuator (n,), in its own unit, as commanded and as logged.
     tau, voltage_v, current, water

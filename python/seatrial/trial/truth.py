@@ -54,7 +54,7 @@ class Truth:
 
     @classmethod
     def load(cls, path: str | Path) -> Truth:
-        """Truth vehicle from its file: a built-in vehicle, or one beside it, with other coefficients.
+        """Truth vehicle from its file: a built-in vehicle, or a file beside it, with other coefficients.
 
         Raises
         ------

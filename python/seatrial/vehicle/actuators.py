@@ -42,7 +42,7 @@ _USUAL = {"rpm": 2000.0, "us": 400.0, "N": 100.0, "rad": 0.35}
 
 _FORCES = (("ahead", "astern"), ("to starboard", "to port"), ("down", "up"))
 
-# In the order in which a helmsman asks: heading, trim, heel.
+# In the order of importance at the helm: heading, trim, heel.
 _TURNS = (
     (5, "bow to starboard", "bow to port"),
     (4, "bow up", "bow down"),
@@ -51,7 +51,7 @@ _TURNS = (
 
 _MAIN, _MINOR = 0.5, 0.05
 
-_LEVER_M = 0.02  # a force with a shorter lever is not said to turn the vehicle
+_LEVER_M = 0.02  # a force with a shorter lever counts as no turning moment
 
 
 @dataclass(frozen=True)

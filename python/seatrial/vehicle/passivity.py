@@ -48,7 +48,7 @@ class PossibleCoefficients:
     Parameters
     ----------
     vehicle : Vehicle
-        Its own values tell which conditions it holds, and what the other coefficients are.
+        Its own values decide which conditions count, and give the other coefficients.
     names : sequence of str
         Coefficients that vary, in the order of the columns.
 

@@ -117,8 +117,8 @@ def growth(vehicle: Vehicle, speed_m_s: float, plane: str) -> float:
 def damping_gain(vehicle: Vehicle, speeds_m_s: Sequence[float]) -> Gain | None:
     """The worst way in which damping, lift and fins at neutral put energy in, None where they only take it.
 
-    At each speed along x the symmetric part of the force's slope tells small disturbances in the other five
-    axes; random velocities of all sizes tell the quadratic terms.
+    At each speed along x the symmetric part of the force's slope gives small disturbances in the other five
+    axes; random velocities of all sizes probe the quadratic terms.
     """
     gains: list[Gain] = []
     length = max(vehicle.geometry().get("length", 1.0), 1e-6)

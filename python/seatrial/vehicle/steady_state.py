@@ -131,7 +131,7 @@ _BALANCED = 1e-6
 
 @dataclass(frozen=True)
 class Speed:
-    """Steady speed ahead on a straight course; power, endurance and range where the vehicle file tells them.
+    """Steady speed ahead on a straight course; power, endurance and range where they are known.
 
     ``command`` is the step from neutral in ``unit``; thrust is along x in N at that speed, power that of the
     actuators in W, without the hotel load.
