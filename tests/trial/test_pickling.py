@@ -1,4 +1,4 @@
-"""Trials go through pickle, deep copies and the processes of a pool."""
+"""Trials, campaigns and bench tests go through pickle, deep copies and the processes of a pool."""
 
 from __future__ import annotations
 
@@ -6,19 +6,39 @@ import copy
 import multiprocessing
 import pickle
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import seatrial as st
+from seatrial.base.run import to_json
+from tests.bench_test.bench_records import both_ways
 
 T = np.arange(0.0, 30.0, 0.1)
+TEXT = """
+format = 1
+name = "pickled"
+vehicle = "cwolf"
+[trials.surge]
+file = "surge.csv"
+[[stages]]
+name = "surge"
+trials = ["surge"]
+axes = { free = "X" }
+[stages.coefficients]
+X_uu = [-30.0, -4.0]
+"""
 
 
 def _table() -> dict[str, Any]:
     commands = {f"cmd.{name}": 800.0 + 400.0 * np.sin(T) for name in st.Vehicle.load("cwolf").actuators}
     return {"t_s": T, "u_m_s": 1.0 + 0.1 * np.sin(T), "z_m": 2.0 + 0.0 * T, **commands}
+
+
+def _campaign() -> st.Campaign:
+    return st.Campaign.from_toml(TEXT, trials={"surge": _table()})
 
 
 def _pickled(value: Any) -> Any:
@@ -40,7 +60,34 @@ def test_a_trial_is_the_same_after_a_round_trip(through: Any) -> None:
     assert (again.name, again.rho, again.g, again.inputs) == (trial.name, trial.rho, trial.g, trial.inputs)
 
 
+@pytest.mark.parametrize("through", [_pickled, copy.deepcopy])
+@pytest.mark.parametrize("read", [False, True])
+def test_a_campaign_is_the_same_after_a_round_trip(through: Any, read: bool) -> None:
+    campaign = _campaign()
+    if read:
+        assert len(campaign.trials["surge"]) == len(T)
+    again = through(campaign)
+    assert again.file == campaign.file
+    assert again.parameters == campaign.parameters
+    assert again.vehicle.to_toml() == campaign.vehicle.to_toml()
+    assert again.trials["surge"].table.equals(campaign.trials["surge"].table)
+
+
+@pytest.mark.parametrize("through", [_pickled, copy.deepcopy])
+def test_a_bench_test_is_the_same_after_a_round_trip(through: Any, tmp_path: Path) -> None:
+    bench = st.bench(both_ways(tmp_path))
+    again = through(bench)
+    assert to_json(again.to_dict()) == to_json(bench.to_dict())
+    assert again.vehicle.to_toml() == bench.vehicle.to_toml()
+
+
 def test_a_trial_reaches_the_processes_of_a_pool() -> None:
-    trial = st.Trial.read(_table())
+    campaign = _campaign()
+    trial = campaign.trials["surge"]
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         assert pool.submit(_state, trial).result() == _state(trial)
+        assert pool.submit(_coefficient, campaign).result() == campaign.vehicle.coefficients()["X_uu"]
+
+
+def _coefficient(campaign: st.Campaign) -> float:
+    return campaign.vehicle.coefficients()["X_uu"]
