@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -195,6 +196,23 @@ def test_identify_refuses_before_it_searches(here: Path, arguments: list[str], w
     (here / "o-random-starts" / "thesis.txt").write_text("mine")
     refused(here, ["identify", "ahead.toml", *arguments], words)
     assert not (here / "o.partial").exists()
+
+
+@pytest.mark.parametrize(
+    ("verb", "files"),
+    [
+        (["identify", "ahead.toml", "--no-figures"], "runs/o"),
+        (["identify", "ahead.toml", "--random-starts", "3", "--no-figures"], "runs/o-random-starts"),
+        (["bench", "bench.toml", "--no-figures"], "runs/o"),
+        (["fly", "cwolf", "cwolf", "nowhere.toml"], "runs/o"),
+    ],
+)
+def test_a_run_directory_in_use_is_refused(here: Path, verb: list[str], files: str) -> None:
+    with run_directory.RunDirectory(here / files):
+        result = call(*verb, "--out", "runs/o")
+    assert result.exit_code == 2, result.output
+    assert f"{files}: expected to be its only user, found it in use by process {os.getpid()}" in result.stderr
+    assert not (here / "runs").exists()
 
 
 def test_a_refused_stage_leaves_no_folder(here: Path) -> None:
