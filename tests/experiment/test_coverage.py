@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -19,9 +20,11 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.estimation.joint import Joint
 from seatrial.experiment import coverage as coverage_module
-from seatrial.experiment.coverage import Coverage, coverage
-from seatrial.experiment.repetition import Draw, Resailing, sensor_seed
-from seatrial.experiment.repetition import draw as original_draw
+from seatrial.experiment.coverage import coverage
+from seatrial.experiment.coverage_result import Coverage
+from seatrial.experiment.generated_trials import GeneratedTrials, sensor_seed
+from seatrial.experiment.repetition import Repetition
+from seatrial.experiment.repetition import run_repetition as original
 from seatrial.trial.generated import Recipe
 from seatrial.trial.trial import Trial
 from seatrial.trial.truth import Truth
@@ -143,7 +146,7 @@ def test_biases_are_drawn_anew_and_counted_together(found: Coverage) -> None:
     assert row.n == 2 * SEEDS
     assert math.isnan(row.truth)
     assert row.inside >= row.required
-    drawn = [draw.truth[draw.names.index("there: bias_u")] for draw in found.draws]
+    drawn = [draw.truth[draw.names.index("there: bias_u")] for draw in found.repetitions]
     assert len(set(drawn)) == SEEDS
 
 
@@ -157,38 +160,38 @@ def test_the_held_out_trial_scores_the_estimate_like_the_truth(found: Coverage) 
 
 def test_the_same_seed_gives_the_same_repetition(campaign: Campaign, found: Coverage) -> None:
     second = coverage(campaign, seeds=1, first=2, analysed=0, threads=2)
-    assert timeless(second.draws[0]) == timeless(found.draws[1])
-    assert found.draws[0].estimate != found.draws[1].estimate
+    assert timeless(second.repetitions[0]) == timeless(found.repetitions[1])
+    assert found.repetitions[0].estimate != found.repetitions[1].estimate
 
 
 def test_an_interrupted_run_goes_on_and_equals_an_undisturbed_one(
     campaign: Campaign, found: Coverage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sailed: list[int] = []
+    run_seeds: list[int] = []
 
-    def draw(resailing: Resailing, seed: int, **options: Any) -> Draw:
-        sailed.append(seed)
-        if sailed == [1, 2, 3]:
+    def counted(generated: GeneratedTrials, seed: int, **options: Any) -> Repetition:
+        run_seeds.append(seed)
+        if run_seeds == [1, 2, 3]:
             raise KeyboardInterrupt
-        return original_draw(resailing, seed, **options)
+        return original(generated, seed, **options)
 
-    monkeypatch.setattr(coverage_module, "draw", draw)
+    monkeypatch.setattr(coverage_module, "run_repetition", counted)
 
     def run() -> Coverage:
         return coverage(campaign, seeds=4, analysed=0, run_dir=tmp_path / "run", threads=1)
 
     part = run()
     assert part.interrupted
-    assert [one.seed for one in part.draws] == [1, 2]
+    assert [one.seed for one in part.repetitions] == [1, 2]
     assert not (tmp_path / "run").exists()
     whole = run()
-    assert sailed == [1, 2, 3, 3, 4]
-    assert [timeless(one) for one in whole.draws] == [timeless(one) for one in found.draws[:4]]
+    assert run_seeds == [1, 2, 3, 3, 4]
+    assert [timeless(one) for one in whole.repetitions] == [timeless(one) for one in found.repetitions[:4]]
     kept = json.loads((tmp_path / "run" / "coverage.json").read_text())
-    assert [one["seed"] for one in kept["draws"]] == [1, 2, 3, 4]
+    assert [one["seed"] for one in kept["repetitions"]] == [1, 2, 3, 4]
 
 
-def timeless(one: Draw) -> Draw:
+def timeless(one: Repetition) -> Repetition:
     """The draw without its wall time and what only some are asked."""
     return replace(one, wall_s=0.0, residual_analysis=None)
 
@@ -196,17 +199,28 @@ def timeless(one: Draw) -> Draw:
 def test_a_published_run_is_reused_unless_told_otherwise(
     campaign: Campaign, found: Coverage, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def never(*_: Any, **__: Any) -> Draw:
+    def never(*_: Any, **__: Any) -> Repetition:
         raise AssertionError("the repetition was kept")
 
-    monkeypatch.setattr(coverage_module, "draw", never)
+    monkeypatch.setattr(coverage_module, "run_repetition", never)
     shutil.copytree(folder / "run", tmp_path / "run")
     shown: list[Progress] = []
     again = coverage(campaign, seeds=3, analysed=1, run_dir=tmp_path / "run", progress=shown.append)
-    assert again.draws == found.draws[:3]
+    assert again.repetitions == found.repetitions[:3]
     assert shown[-1].done == 3
     with pytest.raises(AssertionError):
         coverage(campaign, seeds=3, run_dir=tmp_path / "run", resume=False)
+
+
+def test_a_coverage_is_saved_as_a_run_and_survives_pickling(found: Coverage, tmp_path: Path) -> None:
+    run = found.save(tmp_path / "run")
+    assert sorted(path.name for path in run.iterdir()) == ["coverage.json", "run.json", "summary.txt"]
+    facts = json.loads((run / "run.json").read_text())
+    assert (facts["kind"], facts["name"], facts["seed"]) == ("coverage", found.campaign, 1)
+    assert (run / "summary.txt").read_text() == f"{found.summary()}\n"
+    for words in ("intervals", "Worst: ", "Next: ", "X_uu", "R2 ten seconds ahead"):
+        assert words in found.summary()
+    assert pickle.loads(pickle.dumps(found)).summary() == found.summary()
 
 
 def test_a_recording_is_refused(folder: Path) -> None:
@@ -224,7 +238,7 @@ def test_two_truths_are_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "truth.toml").write_text(TRUTH.replace("1.25", "1.30"))
     (tmp_path / "other.toml").write_text(RECIPE)
     mixed = Campaign.load(folder / "campaign.toml", trials={"back": tmp_path / "other.toml"})
-    with pytest.raises(CampaignError, match="'back' is sailed by another truth vehicle than 'there'"):
+    with pytest.raises(CampaignError, match="'back' has another truth vehicle than 'there'"):
         coverage(mixed, seeds=1)
 
 
@@ -234,7 +248,7 @@ def test_a_truth_outside_the_model_class_is_named_and_warned_of(campaign: Campai
     result = coverage(campaign, seeds=2, truth=Truth.load(folder / "outside.toml"), analysed=1, threads=1)
     assert result.outside == {f"{name}.T_1": (0.15, 0.6) for name in ("PL", "PU", "SbL", "SbU")}
     assert (result.analysed, result.warned) == (1, 1)
-    residual_analysis = result.draws[0].residual_analysis
+    residual_analysis = result.repetitions[0].residual_analysis
     assert residual_analysis is not None
     assert "outside the model class" in residual_analysis[0]
     assert "stern.T_1" in residual_analysis[0]
@@ -246,8 +260,8 @@ def test_a_truth_outside_the_model_class_is_named_and_warned_of(campaign: Campai
 
 def test_bounds_that_exclude_the_truth_put_it_outside(folder: Path) -> None:
     narrow = Campaign.from_toml(CAMPAIGN.replace("[-15.0, 0.0]", "[-3.5, 0.0]"), folder=folder)
-    resailing = Resailing(narrow)
-    assert list(resailing.outside(Joint(resailing.sail(1)))) == ["X_u"]
+    generated = GeneratedTrials(narrow)
+    assert list(generated.outside(Joint(generated.logged(1)))) == ["X_u"]
 
 
 def test_a_current_carries_the_vehicle_and_the_log_does_not_tell_it(folder: Path) -> None:
@@ -287,9 +301,9 @@ def test_the_command_prints_the_table_and_its_exit_code_tells_the_verdict(
 
 def test_the_shipped_campaign_has_its_truth_inside_the_class_and_the_other_outside() -> None:
     shipped = Campaign.load(CWOLF / "coverage.toml")
-    resailing = Resailing(shipped)
-    joint = Joint(resailing.sail(1))
-    assert resailing.outside(joint) == {}
-    assert np.isfinite(resailing.right(joint, 1)).all()
-    other = Resailing(shipped, truth=Truth.load(CWOLF / "coverage_outside.toml"))
+    generated = GeneratedTrials(shipped)
+    joint = Joint(generated.logged(1))
+    assert generated.outside(joint) == {}
+    assert np.isfinite(generated.true_values(joint, 1)).all()
+    other = GeneratedTrials(shipped, truth=Truth.load(CWOLF / "coverage_outside.toml"))
     assert {"Y_rdot", "Z_qdot", "N_vv", "PU.T_1"} <= set(other.outside(joint))

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from seatrial.base.run import to_json
-from seatrial.experiment.coverage import Coverage, rows
-from seatrial.experiment.repetition import Draw
+from seatrial.experiment.coverage_result import Coverage, rows
+from seatrial.experiment.repetition import Repetition
 
 
-def made(seed: int, estimate: float, sigma: float, verdict: str = "identifiable") -> Draw:
+def made(seed: int, estimate: float, sigma: float, verdict: str = "identifiable") -> Repetition:
     """A draw of one coefficient whose truth is 2."""
-    return Draw(
+    return Repetition(
         seed=seed,
         names=("X_u",),
         units=("N s/m",),
@@ -36,8 +36,8 @@ def made(seed: int, estimate: float, sigma: float, verdict: str = "identifiable"
 
 
 def test_the_table_counts_right() -> None:
-    draws = [made(1, 2.5, 0.3), made(2, 1.5, 0.3), made(3, 3.0, 0.4, "weak"), made(4, 2.2, 0.4)]
-    (row,) = rows(draws)
+    repetitions = [made(1, 2.5, 0.3), made(2, 1.5, 0.3), made(3, 3.0, 0.4, "weak"), made(4, 2.2, 0.4)]
+    (row,) = rows(repetitions)
     assert (row.inside, row.n) == (3, 4)
     assert row.verdicts == {"identifiable": 3, "weak": 1}
     assert row.mean == pytest.approx(2.3)
@@ -49,16 +49,16 @@ def test_the_table_counts_right() -> None:
 
 
 def test_too_few_intervals_that_hold_the_truth_fail_unless_it_is_outside_the_class() -> None:
-    draws = tuple(made(seed, 2.0 if seed > 7 else 9.0, 0.3) for seed in range(1, 51))
-    result = Coverage("c", "t", rows(draws), (), {}, draws, 50, False)
+    repetitions = tuple(made(seed, 2.0 if seed > 7 else 9.0, 0.3) for seed in range(1, 51))
+    result = Coverage("c", "t", rows(repetitions), (), {}, repetitions, 50, False)
     assert [line for line in result.failures if "43 of 50" in line and "at least 44" in line]
     assert replace(result, outside={"Y_ur": (0.0, 5.0)}).failures == ()
-    assert replace(result, rows=rows(draws[1:])).failures == ()  # 43 of 49 may be bad luck
+    assert replace(result, rows=rows(repetitions[1:])).failures == ()  # 43 of 49 may be bad luck
 
 
 def test_a_draw_survives_json() -> None:
     lost = replace(made(1, 2.0, math.inf), truth=(math.nan,), hold_out={"start": {"u": -math.inf}})
-    back = Draw.from_dict(json.loads(to_json(lost.to_dict())))
+    back = Repetition.from_dict(json.loads(to_json(lost.to_dict())))
     assert back.sigma == (math.inf,)
     assert (back.lower, back.upper) == ((-math.inf,), (math.inf,))
     assert math.isnan(back.truth[0])

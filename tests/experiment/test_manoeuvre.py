@@ -1,4 +1,4 @@
-"""Manoeuvres: combinations of one axis, commands within limits, shapes that come back, forecasts that warn."""
+"""Manoeuvres: actuator combinations, commands within limits, signals that come back, forecasts that warn."""
 
 from __future__ import annotations
 

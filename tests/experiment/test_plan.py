@@ -168,7 +168,8 @@ def test_the_plan_beats_staircases_of_equal_length(default: Plan) -> None:
     """The issue's criterion, on the sum of the relative standard deviations of CWolf's 28 coefficients."""
     assert len(default.coefficients) == 28
     assert default.staircases_score is not None
-    # Measured with three trials of 60 s: 0.83 against 8.4 of the best staircases on all combinations (0.10), and 42
+    # Measured with three trials of 60 s: 0.83 against 8.4 of the best staircases on all combinations
+    # (0.10), and 42
     # of staircases ahead and astern (0.02); with 180 s 0.47, 7.0 and 42. Of the bounds alone it is 47.
     assert default.score_after < 0.3 * default.staircases_score
     ahead = [staircase(THRUSTERS, SURGE, duration_s=60.0, both=both) for both in (True, False)]

@@ -1,16 +1,12 @@
-"""One repetition of a generated campaign: sailed with a seed, estimated jointly, compared with the truth.
+"""One repetition of generated trials: logged with a seed, estimated jointly, compared with the truth.
 
-Generated trials sailed again: other noise and other biases, the same truth.
-
-What a recorded campaign never has: as many repetitions as one likes, and the right answer. The motion is
-simulated once; a seed changes only what the sensors make of it.
+Held by ``tests/experiment/test_coverage.py``.
 """
 
 from __future__ import annotations
 
 import math
 import time
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -18,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.identifiability import judge
 from seatrial.diagnosis.residual_analysis import analyse_joint
@@ -26,16 +21,14 @@ from seatrial.diagnosis.weak_combination import WEAK
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, linearise, polish
-from seatrial.sensors.log import biases
+from seatrial.experiment.generated_trials import GeneratedTrials
 from seatrial.statistics.uncertainty import covariance
-from seatrial.trial.generated import Recipe
-from seatrial.trial.truth import Truth
 
 if TYPE_CHECKING:
-    from seatrial._core import Run, Vehicle
+    from seatrial._core import Vehicle
     from seatrial.base.progress import Step
 
-__all__ = ["Draw", "Held", "Resailing", "draw", "hold", "sensor_seed", "unmodelled"]
+__all__ = ["Held", "Repetition", "hold_at_wrong_values", "run_repetition"]
 
 _AWAY = 0.25  # of the width of the bounds
 
@@ -47,7 +40,7 @@ _AHEAD_S = 10.0
 
 
 @dataclass(frozen=True)
-class Draw:
+class Repetition:
     """What one repetition found; lists over the unknowns, in their units.
 
     Attributes
@@ -92,7 +85,7 @@ class Draw:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, kept: Mapping[str, Any]) -> Draw:
+    def from_dict(cls, kept: Mapping[str, Any]) -> Repetition:
         """The draw that `to_dict` wrote; JSON has no infinity and no NaN, null stands for both."""
         values = {name: kept[name] for name in cls.__dataclass_fields__}
         for name in ("names", "units", "kinds", "verdict"):
@@ -140,19 +133,19 @@ class Held:
         return cls(**(dict(kept) | {"rise": math.inf if kept["rise"] is None else kept["rise"]}))
 
 
-def draw(
-    resailing: Resailing,
+def run_repetition(
+    generated: GeneratedTrials,
     seed: int,
     *,
     analysed: bool = False,
     threads: int | None = None,
     watch: Callable[[Step], None] | None = None,
-) -> Draw:
-    """What one seed leads to, from the campaign's start values.
+) -> Repetition:
+    """Repetition with one seed, estimated from the campaign's start values.
 
     Parameters
     ----------
-    resailing : Resailing
+    generated : GeneratedTrials
     seed : int
     analysed : bool
         Whether to ask the residual analysis too, which takes longer than the estimate.
@@ -167,7 +160,7 @@ def draw(
         The polish was interrupted: half a repetition is none.
     """
     began = time.monotonic()
-    campaign = resailing.sail(seed)
+    campaign = generated.logged(seed)
     joint = Joint(campaign, threads=threads)
     polished = polish(joint, watch=watch)
     if polished.interrupted:
@@ -181,14 +174,14 @@ def draw(
     vehicles = {
         "start": campaign.vehicle,
         "estimate": joint.identified(polished.values),
-        "truth": resailing.truth.vehicle,
+        "truth": generated.truth.vehicle,
     }
-    return Draw(
+    return Repetition(
         seed=seed,
         names=found.names,
         units=found.units,
         kinds=tuple(unknown.kind for unknown in lin.unknowns),
-        truth=_floats(resailing.right(joint, seed)),
+        truth=_floats(generated.true_values(joint, seed)),
         estimate=_floats(found.estimate),
         sigma=_floats(found.sigma),
         lower=_floats(found.lower),
@@ -205,15 +198,15 @@ def draw(
     )
 
 
-def hold(
-    resailing: Resailing, seed: int, names: Sequence[str], *, threads: int | None = None
+def hold_at_wrong_values(
+    generated: GeneratedTrials, seed: int, names: Sequence[str], *, threads: int | None = None
 ) -> tuple[Held, ...]:
     """Each coefficient held a quarter of its bounds' width beside its estimate, the rest fitted again.
 
-    What the data cannot tell may be set to such a value without any loss, however wrong it is. A value beyond
-    a bound is left out.
+    A coefficient that the data do not determine may be set to such a value without any loss, however wrong it
+    is. A value beyond a bound is left out.
     """
-    joint = Joint(resailing.sail(seed), threads=threads)
+    joint = Joint(generated.logged(seed), threads=threads)
     free = polish(joint)
     if free.interrupted:
         raise KeyboardInterrupt
@@ -282,125 +275,3 @@ def _told(relative: float) -> str:
 
 def _floats(values: np.ndarray[Any, Any]) -> tuple[float, ...]:
     return tuple(map(float, values))
-
-
-_SAME = 1e-9
-
-_CURRENT = ("current_north", "current_east", "current_down")
-
-
-class Resailing:
-    """The generated trials of a campaign, ready to be logged with any seed.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        All of its trials are generated, by one truth vehicle.
-    truth : Truth, optional
-        Sails all of them instead of the recipes' own.
-
-    Attributes
-    ----------
-    truth
-        The vehicle that sails.
-    recipes
-        By trial.
-
-    Raises
-    ------
-    CampaignError
-        A trial is a recording, or two trials have different truth vehicles.
-    TrialError, VehicleError
-        A recipe or its truth vehicle is not usable.
-    """
-
-    def __init__(self, campaign: Campaign, *, truth: Truth | None = None) -> None:
-        self.campaign = campaign
-        self.recipes = {name: _recipe(campaign, name, truth) for name in campaign.trials}
-        self.truth = next(iter(self.recipes.values())).truth
-        for name, recipe in self.recipes.items():
-            if recipe.truth.sailed != self.truth.sailed:
-                raise CampaignError(
-                    f"{campaign.source}: trial {name!r} is sailed by another truth vehicle than"
-                    f" {next(iter(self.recipes))!r}; coverage needs one right answer: give all recipes the"
-                    " same truth"
-                )
-        self._runs: dict[str, Run] = {}
-
-    def sail(self, seed: int) -> Campaign:
-        """The campaign with trials as the sensors log them with this seed."""
-        tables = {}
-        for name, recipe in self.recipes.items():
-            if name not in self._runs:
-                self._runs[name] = recipe.run()
-            tables[name] = recipe.table(run=self._runs[name], seed=sensor_seed(name, seed))
-        here = self.campaign
-        return Campaign(here.file, text=here.text, source=here.source, folder=here.folder, trials=tables)
-
-    def right(self, joint: Joint, seed: int) -> Array:
-        """Right values (m,) of the unknowns of a joint estimate of ``sail(seed)``; NaN where there is none.
-
-        A parameter that sets several coefficients has a right value only if it suits all of them. Latencies
-        have none: the reader of a trial removes what it finds.
-        """
-        true = self.truth.vehicle.coefficients()
-        values = []
-        for parameter in joint.parameters:
-            wanted = [true.get(name, 0.0) / factor for name, factor in parameter.members]
-            same = all(math.isclose(x, wanted[0], rel_tol=_SAME, abs_tol=1e-12) for x in wanted)
-            values.append(wanted[0] if same else math.nan)
-        for nuisance in joint.nuisances:
-            trials = [joint.data.names[index] for index in nuisance.trials]
-            shown = [self._right_nuisance(nuisance.key, trial, seed) for trial in trials]
-            values.append(shown[0] if all(x == shown[0] for x in shown) else math.nan)
-        return np.array(values)
-
-    def outside(self, joint: Joint) -> dict[str, tuple[float, float]]:
-        """Assumed and true value of coefficients that no value of the unknowns can give what the truth has.
-
-        Empty if the truth is inside the model class.
-        """
-        true, assumed = self.truth.vehicle.coefficients(), joint.vehicle.coefficients()
-        free = {name for parameter in joint.parameters for name, _ in parameter.members}
-        found = {}
-        for name in sorted({*true, *assumed} - free):
-            pair = assumed.get(name, 0.0), true.get(name, 0.0)
-            if not math.isclose(*pair, rel_tol=_SAME, abs_tol=1e-12):
-                found[name] = pair
-        right = self.right(joint, 0)
-        for parameter, value in zip(joint.parameters, right[: len(joint.parameters)], strict=True):
-            if math.isnan(value) or not parameter.lower <= value <= parameter.upper:
-                for name, _ in parameter.members:
-                    found[name] = assumed.get(name, 0.0), true.get(name, 0.0)
-        return found
-
-    def _right_nuisance(self, key: str, trial: str, seed: int) -> float:
-        if key in _CURRENT:
-            return float(self.recipes[trial].current[_CURRENT.index(key)])
-        kind, _, channel = key.partition("_")
-        if kind == "bias":
-            return biases(self.truth.sensors, seed=sensor_seed(trial, seed)).get(channel, 0.0)
-        return math.nan if kind == "latency" else 0.0
-
-
-def sensor_seed(trial: str, seed: int) -> int:
-    """Seed of the sensors of a trial in one repetition."""
-    return int(np.random.SeedSequence([seed, zlib.crc32(trial.encode())]).generate_state(1)[0])
-
-
-def unmodelled(outside: Mapping[str, tuple[float, float]]) -> str:
-    """Words for coefficients that the truth has otherwise: ``Y_rdot -15 (assumed 0)``."""
-    return ", ".join(
-        f"{name} {true:.4g} (assumed {assumed:.4g})" for name, (assumed, true) in outside.items()
-    )
-
-
-def _recipe(campaign: Campaign, trial: str, truth: Truth | None) -> Recipe:
-    path, reader = campaign.path_of(trial), campaign.source_of(trial).reader or campaign.file.reader
-    if path is None or not (reader == "generated" or (reader is None and path.suffix == ".toml")):
-        raise CampaignError(
-            f"{campaign.source}: trial {trial!r} is a recording ({path or 'a table'}), of which nobody knows"
-            " the right coefficients; coverage needs generated trials: give the recipe of one (TOML, see"
-            " examples/cwolf)"
-        )
-    return Recipe.load(path, truth=truth)
