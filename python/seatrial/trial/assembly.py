@@ -81,7 +81,7 @@ def add_current(
     manner = "steady" if derived.steady else "changing, its mean"
     said = f"{manner} {numbers} m/s, from velocity over ground less that through water"
     if derived.deviation.max() > _DOUBTFUL:
-        said += "; the two velocities disagree by more than a current explains: check sign, unit and frame"
+        said += "; the velocities do not agree on one current: check sign, unit and frame of both"
     report.add("warning" if derived.deviation.max() > _DOUBTFUL else "info", "current", said)
 
 
