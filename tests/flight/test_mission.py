@@ -71,7 +71,7 @@ def test_without_a_fence_there_is_no_corner() -> None:
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(VehicleError, match=r"nowhere\.toml: expected a mission file.*No such file"):
+    with pytest.raises(VehicleError, match=r"nowhere\.toml: not readable as a mission file.*No such file"):
         Mission.load(tmp_path / "nowhere.toml")
     (tmp_path / "log.bin").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(VehicleError, match="not a text file"):
