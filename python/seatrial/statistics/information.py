@@ -16,7 +16,7 @@ of the same segments have the same number of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -58,16 +58,7 @@ def covariance(information: Array) -> Array:
     >>> covariance(np.array([[4.0, 0.0], [0.0, 0.0]])).diagonal()
     array([0.25, inf])
     """
-    diagonal = np.diag(information)
-    blind = ~(diagonal > 0)
-    size = np.sqrt(np.where(blind, 1.0, diagonal))
-    unit = information / np.outer(size, size)
-    unit[blind, :] = unit[:, blind] = 0.0
-    unit[blind, blind] = 1.0
-    values, vectors = np.linalg.eigh(unit)
-    inverse = (vectors / np.maximum(values, NULL * len(values))) @ vectors.T / np.outer(size, size)
-    inverse[blind, blind] = np.inf
-    return np.asarray(inverse)
+    return _inverse(information, np.maximum)
 
 
 def eliminate(information: Array, keep: Sequence[int], drop: Sequence[int]) -> Array:
@@ -86,10 +77,29 @@ def eliminate(information: Array, keep: Sequence[int], drop: Sequence[int]) -> A
 
 
 def answer(information: Array, keep: Sequence[int], drop: Sequence[int]) -> Array:
-    """How what is dropped answers what is kept (d, k): minus its change that the data like best."""
-    inverse = covariance(information[np.ix_(drop, drop)])
+    """How what is dropped answers what is kept (d, k): minus its change that the data like best.
+
+    Nothing moves along null directions of what is dropped: the data do not ask for it, and rounding would.
+    """
+    inverse = _inverse(
+        information[np.ix_(drop, drop)], lambda values, null: np.where(values > null, values, np.inf)
+    )
     inverse[~np.isfinite(inverse)] = 0.0
     return np.asarray(inverse @ information[np.ix_(drop, keep)])
+
+
+def _inverse(information: Array, determined: Callable[[Array, float], Array]) -> Array:
+    """Inverse (k, k) with the eigenvalues, at unit diagonal, that a rule makes of them and of rounding's size."""
+    diagonal = np.diag(information)
+    blind = ~(diagonal > 0)
+    size = np.sqrt(np.where(blind, 1.0, diagonal))
+    unit = information / np.outer(size, size)
+    unit[blind, :] = unit[:, blind] = 0.0
+    unit[blind, blind] = 1.0
+    values, vectors = np.linalg.eigh(unit)
+    inverse = (vectors / determined(values, NULL * len(values))) @ vectors.T / np.outer(size, size)
+    inverse[blind, blind] = np.inf
+    return np.asarray(inverse)
 
 
 def correlation(inverse: Array) -> Array:
