@@ -1,27 +1,21 @@
-"""An autopilot before it steers: modes, gains, safety in words; with a vehicle what it cannot do there.
+"""An autopilot before it steers: modes, gains and safety in sentences; on a vehicle, what it cannot do there.
 
 The core refuses what does not fit (a loop whose row the vehicle file does not call controllable, an unknown
-actuator); here stands what is possible and probably not meant. Held by tests/check/test_check_autopilot.py.
-
-An autopilot on a vehicle: reachable speeds, rows that nothing commands, demands beyond the actuators.
-
-Held by tests/check/test_check_autopilot.py.
-
-What an autopilot does when something goes wrong, in sentences. Held by tests/check/test_check_autopilot.py.
+actuator). Here stand the doubts: breakpoints and speeds beyond reach, rows that nothing commands, demands
+larger than the actuators' reach, an abort of a vehicle that sinks. Held by
+tests/check/test_check_autopilot.py.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from seatrial.base.report import Column, Report, Section, Table
+from seatrial.check.autopilot_on_vehicle import on_vehicle
+from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts
 from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.stability import statics
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -33,7 +27,6 @@ __all__ = [
     "ModeRow",
     "StartGains",
     "check_autopilot",
-    "on_vehicle",
     "safety_sentences",
     "weak_points",
 ]
@@ -76,9 +69,8 @@ def safety_sentences(safety: Mapping[str, Any], *, hovers: bool, loiter_radius_m
 
     Examples
     --------
-    >>> from seatrial._core import Autopilot
-    >>> import tomllib
-    >>> table = tomllib.loads(Autopilot.load("cwolf").to_toml())["safety"]
+    >>> import seatrial as st
+    >>> table = autopilot_facts(st.Autopilot.load("cwolf")).safety
     >>> safety_sentences(table, hovers=True, loiter_radius_m=20.0)[0]
     'No position for 60 s: surface under control'
     """
@@ -109,8 +101,6 @@ _UNITS = {"surge": "N", "sway": "N", "heave": "N", "roll": "N m", "pitch": "N m"
 
 _GAINS = ("K_P", "K_I_per_s", "K_D_s")
 
-_POINTS = 6
-
 
 @dataclass(frozen=True)
 class ModeRow:
@@ -125,7 +115,7 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class GainRow:
-    """A gain of a loop at the six supporting points, physical: N or N m per m/s, m or rad."""
+    """A gain of a loop at the six breakpoints, physical: N or N m per m/s, m or rad."""
 
     loop: str
     gain: str
@@ -143,7 +133,7 @@ class AutopilotCheck:
     period_s, control
         Control period, and ``pid`` or ``lqr``.
     speeds_m_s
-        Supporting points of the gains.
+        Breakpoints of the gains.
     modes, gains
         The mode table, and the gains of the loops.
     safety
@@ -334,222 +324,63 @@ def check_autopilot(
     >>> [mode.name for mode in found.modes]
     ['hover', 'cruise']
     """
-    tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
-    guidance = tables["guidance"]
+    facts = autopilot_facts(autopilot)
+    guidance = facts.guidance
     modes = tuple(
-        ModeRow(
-            name=mode["name"],
-            from_speed_m_s=mode.get("from_speed_m_s", 0.0),
-            loops=tuple(mode["loops"]),
-            depth_by=mode["depth_by"],
-            actuators=tuple(mode.get("actuators", ())),
-        )
-        for mode in tables["modes"]
+        ModeRow(mode.name, mode.from_speed_m_s, mode.loops, mode.depth_by, mode.actuators)
+        for mode in facts.modes
     )
-    hovers = any(mode.depth_by == "heave" for mode in modes)
     notes = [
-        f"Control: {tables['control'].upper()} every {autopilot.period_s:g} s",
+        f"Control: {facts.control.upper()} every {autopilot.period_s:g} s",
         f"Guidance: {guidance['method']}, lookahead {guidance['lookahead_m']:g} m, pitch to"
         f" {guidance['pitch_max_deg']:g} deg, speed to {guidance['speed_max_m_s']:g} m/s",
-        *_loop_notes(tables),
+        *_loop_notes(facts),
     ]
-    if not hovers:
+    if not facts.hovers:
         notes.append(
             "No mode keeps the depth without speed: station-keeping is a circle of"
             f" {guidance['loiter_radius_m']:g} m"
         )
     warnings: list[str] = []
     if vehicle is not None:
-        told, wrong = on_vehicle(autopilot, tables, modes, vehicle, voltage_v=voltage_v)
+        told, wrong = on_vehicle(autopilot, facts, vehicle, voltage_v=voltage_v)
         notes, warnings = notes + told, wrong
     return AutopilotCheck(
         name=autopilot.name,
         description=autopilot.description,
         period_s=autopilot.period_s,
-        control=tables["control"],
+        control=facts.control,
         speeds_m_s=tuple(autopilot.speeds_m_s),
         modes=modes,
-        gains=tuple(_gains(tables)),
+        gains=tuple(_gains(facts)),
         safety=tuple(
-            safety_sentences(tables["safety"], hovers=hovers, loiter_radius_m=guidance["loiter_radius_m"])
+            safety_sentences(facts.safety, hovers=facts.hovers, loiter_radius_m=guidance["loiter_radius_m"])
         ),
         notes=tuple(notes),
         warnings=tuple(warnings),
     )
 
 
-def _gains(tables: dict[str, Any]) -> list[GainRow]:
-    """Gains that are not zero at every point."""
+def _gains(facts: AutopilotFacts) -> list[GainRow]:
+    """Gains that are not zero at every breakpoint."""
     rows = []
-    for loop, table in tables["loops"].items():
+    for loop in facts.loops:
         for gain in _GAINS:
-            value = table.get(gain, 0.0)
-            values = tuple(map(float, np.broadcast_to(value, _POINTS)))
+            values = tuple(map(float, facts.at_points(loop, gain)))
             if any(values):
                 rows.append(GainRow(loop, gain, values))
     return rows
 
 
-def _loop_notes(tables: dict[str, Any]) -> list[str]:
+def _loop_notes(facts: AutopilotFacts) -> list[str]:
     notes = []
-    for loop, table in tables["loops"].items():
+    for loop, table in facts.loops.items():
         shaped = table.get("reference_rad_s")
         reference = f"reference filtered at {shaped:g} rad/s" if shaped else "reference not filtered"
         notes.append(
             f"{loop.capitalize()}: at most {table['tau_max']:g} {_UNITS[loop]}, {reference}, anti-windup"
             f" {table['anti_windup']}"
         )
-    if tables.get("lqr"):
-        notes.append(f"LQR: gains of {', '.join(table['mode'] for table in tables['lqr'])}")
+    if facts.regulators:
+        notes.append(f"LQR: gains of {', '.join(facts.regulators)}")
     return notes
-
-
-_RANK = 1e-2  # of the largest singular value: what cannot be used in practice
-
-_LOITER = 1.2  # of the tightest circle: room for control
-
-_PLACE = """
-format = 1
-name = "fit"
-speed_m_s = 1.0
-acceptance_radius_m = 1.0
-[[legs]]
-north_m = 100.0
-east_m = 0.0
-"""
-
-
-def on_vehicle(
-    autopilot: Autopilot,
-    tables: dict[str, Any],
-    modes: Sequence[ModeRow],
-    vehicle: Vehicle,
-    *,
-    voltage_v: float,
-) -> tuple[list[str], list[str]]:
-    """Notes and warnings about an autopilot on a vehicle.
-
-    Raises
-    ------
-    VehicleError
-        The autopilot does not fit the vehicle.
-    """
-    from seatrial._core import Mission
-    from seatrial.control_design.mode_table import top_speeds
-
-    autopilot.engage(vehicle, Mission.from_toml(_PLACE))
-    astern, top = top_speeds(vehicle, voltage_v=voltage_v)
-    notes, warnings = _points(list(autopilot.speeds_m_s), astern, top)
-    fastest = tables["guidance"]["speed_max_m_s"]
-    if fastest > top:
-        notes.append(
-            f"speed_max_m_s = {fastest:g} is more than the top speed of {top:.2f} m/s: it limits nothing"
-        )
-    for mode in modes:
-        told, wrong = _mode(tables, mode, vehicle, top, voltage_v)
-        notes, warnings = notes + told, warnings + wrong
-    return notes, [*warnings, *_circle(tables, modes, vehicle, voltage_v), *_buoyancy(tables, vehicle)]
-
-
-def _points(speeds: list[float], astern: float, top: float) -> tuple[list[str], list[str]]:
-    """What the supporting points have to do with the speeds that the vehicle reaches."""
-    inside = [speed for speed in speeds if astern <= speed <= top]
-    notes = [
-        f"Supporting points: {len(inside)} of {len(speeds)} within the {astern:.2f} to {top:.2f} m/s that the"
-        " vehicle reaches; gains are linear between points and constant beyond the ends"
-    ]
-    if len(inside) < 2:
-        return notes, [
-            f"{len(inside)} of the {len(speeds)} supporting points lie within {astern:.2f} to {top:.2f} m/s:"
-            " the gains hardly adapt to the speed; set schedule.speeds_m_s over that range"
-        ]
-    if speeds[-1] < 0.7 * top:
-        return notes, [
-            f"the last supporting point, {speeds[-1]:g} m/s, is far below the top speed of {top:.2f} m/s;"
-            " gains stay constant above it"
-        ]
-    return notes, []
-
-
-def _mode(
-    tables: dict[str, Any], mode: ModeRow, vehicle: Vehicle, top: float, voltage_v: float
-) -> tuple[list[str], list[str]]:
-    """Rows of the mode's loops that its actuators cannot command, and demands beyond their reach."""
-    from seatrial.vehicle.authority import LOOPS, ROWS, reach, thrusts
-
-    facts = vehicle.actuator_info()
-    at_work = [
-        not mode.actuators or name in mode.actuators or facts[name]["group"] in mode.actuators
-        for name in vehicle.actuators
-    ]
-    speed = max(mode.from_speed_m_s, 0.0 if mode.depth_by == "heave" else 0.5 * top)
-    strength = np.abs(thrusts(vehicle, speed, voltage_v=voltage_v)).max(axis=1) * at_work
-    matrix = np.asarray(vehicle.allocation_matrix()) * np.minimum(strength, 1e6)
-    rows = [ROWS[LOOPS.index(loop)] for loop in mode.loops]
-    weak = _not_commanded(matrix, rows)
-    warnings = [
-        f'mode "{mode.name}": its actuators do not command {row} ({LOOPS[ROWS.index(row)]}) independently at'
-        f" {speed:.2f} m/s; leave the loop out or add actuators"
-        for row in weak
-    ]
-    if weak or mode.actuators:
-        return [], warnings
-    notes = []
-    for row, (low, high) in reach(vehicle, speed, "".join(rows), voltage_v=voltage_v).items():
-        loop = LOOPS[ROWS.index(row)]
-        asked = tables["loops"].get(loop, {}).get("tau_max", 0.0)
-        least = high if row == "X" else min(high, -low)
-        if asked > 1.05 * least:
-            unit = "N" if row in "XYZ" else "N m"
-            notes.append(
-                f'Mode "{mode.name}": {loop} may ask for {asked:g} {unit}, and the actuators reach'
-                f" {least:.3g} {unit} at {speed:.2f} m/s; anti-windup then works"
-            )
-    return notes, warnings
-
-
-def _not_commanded(matrix: Any, rows: Sequence[str]) -> list[str]:
-    """Rows that the columns do not span independently of the rows before them, forces first."""
-    kept: list[str] = []
-    missing = []
-    for row in sorted(rows, key="XNMZYK".index):
-        chosen = matrix[["XYZKMN".index(r) for r in [*kept, row]]]
-        sizes = np.linalg.norm(chosen, axis=1, keepdims=True)
-        values = np.linalg.svd(chosen / np.maximum(sizes, 1e-12), compute_uv=False)
-        if sizes.min() < 1e-9 or len(values) < len(chosen) or values[-1] < _RANK * values[0]:
-            missing.append(row)
-        else:
-            kept.append(row)
-    return missing
-
-
-def _circle(
-    tables: dict[str, Any], modes: Sequence[ModeRow], vehicle: Vehicle, voltage_v: float
-) -> list[str]:
-    """A loiter circle that is tighter than the vehicle turns."""
-    from seatrial.vehicle.turning import turning_radius
-
-    if any(mode.depth_by == "heave" for mode in modes):
-        return []
-    radius = tables["guidance"]["loiter_radius_m"]
-    speeds = [speed for speed in tables["schedule"]["speeds_m_s"] if speed > 0.0]
-    found = [r for speed in speeds if (r := turning_radius(vehicle, speed, voltage_v=voltage_v)) is not None]
-    if found and radius < _LOITER * max(found):
-        return [
-            f"loiter_radius_m = {radius:g} leaves little room beside the vehicle's tightest circle of"
-            f" {max(found):.1f} m; widen it"
-        ]
-    return []
-
-
-def _buoyancy(tables: dict[str, Any], vehicle: Vehicle) -> list[str]:
-    """A reaction that stops all actuators of a vehicle that sinks."""
-    safety = tables["safety"]
-    reactions = [value["reaction"] if isinstance(value, dict) else value for value in safety.values()]
-    rest = statics(vehicle)
-    if "abort" in reactions and rest.net_n < 0.0:
-        return [
-            f"abort stops all actuators, and {vehicle.name} is {-rest.net_n:.3g} N heavy: it sinks; choose"
-            " surface, or trim it buoyant"
-        ]
-    return []

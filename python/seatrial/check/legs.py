@@ -1,10 +1,7 @@
-"""The legs of a mission as its file names them: length, time, slope and corners of the way that is planned.
+"""The legs of a mission as its file names them, and how near its straight ways come to the fence.
 
 As the core plans: straight between waypoints, at the speeds of the legs; a circle is joined at its point
-nearest to where the vehicle comes from. Held by tests/check/test_check_mission.py against the core's own
-sums.
-
-How near a mission's straight ways come to its fence. Held by tests/check/test_check_mission.py.
+nearest to where the vehicle comes from. Held by tests/check/test_check_mission.py against the core's sums.
 """
 
 from __future__ import annotations
@@ -24,19 +21,16 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
 
 __all__ = [
-    "Corner",
     "LegRow",
     "Way",
     "clearance",
-    "corners",
     "fence_sentences",
+    "file_legs",
     "leg_numbers",
     "leg_rows",
     "legs_table",
     "ways",
 ]
-
-_TURNS = np.deg2rad(1.0)  # a smaller change of course is no corner
 
 
 @dataclass(frozen=True)
@@ -77,19 +71,6 @@ class LegRow:
     power_w: float | None = None
 
 
-@dataclass(frozen=True)
-class Corner:
-    """A change of course at a waypoint that the vehicle passes.
-
-    ``room_m`` is the radius of the largest circle that touches the ways before and behind within their nearer
-    halves.
-    """
-
-    index: int
-    turn: float
-    room_m: float
-
-
 def ways(mission: Mission) -> Way:
     """Length and time of the way to every waypoint."""
     points = mission.waypoints
@@ -119,6 +100,16 @@ def _down(mission: Mission, k: int) -> float:
     return float(column[k] - (mission.start["depth_m"] if k == 0 else column[k - 1]))
 
 
+def _tables(mission: Mission) -> dict[str, Any]:
+    return tomllib.loads(mission.to_toml())
+
+
+def file_legs(mission: Mission) -> list[dict[str, Any]]:
+    """The legs as the file has them: patterns as written."""
+    legs: list[dict[str, Any]] = _tables(mission)["legs"]
+    return legs
+
+
 def leg_numbers(mission: Mission) -> list[int]:
     """Number of the leg in the file, from 1, of every waypoint.
 
@@ -126,7 +117,7 @@ def leg_numbers(mission: Mission) -> list[int]:
     """
     from seatrial._core import Mission as Core
 
-    data = tomllib.loads(mission.to_toml())
+    data = _tables(mission)
     legs, total = data["legs"], len(mission.waypoints["label"])
     patterns = [k for k, leg in enumerate(legs) if _kind(leg) != "waypoint"]
     counts = [1] * len(legs)
@@ -144,10 +135,9 @@ def leg_numbers(mission: Mission) -> list[int]:
 def leg_rows(mission: Mission, powers: dict[float, float | None]) -> tuple[LegRow, ...]:
     """The legs of the file; `powers` in W by speed."""
     points, way = mission.waypoints, ways(mission)
-    legs = tomllib.loads(mission.to_toml())["legs"]
     numbers = np.array(leg_numbers(mission))
     rows = []
-    for number, leg in enumerate(legs, start=1):
+    for number, leg in enumerate(file_legs(mission), start=1):
         chosen = np.flatnonzero(numbers == number)
         vertical = points["vertical"][chosen[0]]
         levels = np.asarray(points[f"{vertical}_m"])[chosen]
@@ -177,26 +167,6 @@ def leg_rows(mission: Mission, powers: dict[float, float | None]) -> tuple[LegRo
 
 def _kind(leg: dict[str, Any]) -> str:
     return str(leg.get("kind", "waypoint"))
-
-
-def corners(mission: Mission) -> list[Corner]:
-    """Changes of course at waypoints that the vehicle only passes, and the room for each."""
-    points = mission.waypoints
-    places = np.stack([points["north_m"], points["east_m"]], axis=1)
-    steps = np.diff(places, axis=0, prepend=[[mission.start["north_m"], mission.start["east_m"]]])
-    lengths = np.hypot(*steps.T)
-    found = []
-    for k in range(len(places) - 1):
-        busy = points["hold_s"][k] > 0.0 or points["circle_radius_m"][k] > 0.0
-        if busy or points["circle_radius_m"][k + 1] > 0.0 or min(lengths[k], lengths[k + 1]) <= 0.0:
-            continue
-        before, after = steps[k], steps[k + 1]
-        across = before[0] * after[1] - before[1] * after[0]
-        turn = float(np.arctan2(across, before @ after))
-        if abs(turn) > _TURNS:
-            half = 0.5 * float(min(lengths[k], lengths[k + 1]))
-            found.append(Corner(k, turn, half / np.tan(0.5 * abs(turn))))
-    return found
 
 
 def clearance(points: Array, fence: Array) -> tuple[float, int]:

@@ -1,29 +1,13 @@
-"""What a vehicle cannot do of a mission, and what the mission takes from its battery.
-
-Held by tests/check/test_check_mission.py.
-
-What an autopilot does not ask of a vehicle though a mission does: slopes, speeds, rates.
-
-The mode at the speed of a leg decides: with the depth by pitch a slope is held up to ``pitch_max_deg``; with
-the depth by heave the desired depth changes at ``depth_rate_max_m_s`` at most. Held by
-tests/check/test_check_mission.py.
-
-What the corners and circles of a mission ask of the turning circle.
-
-A turn by ψ on a circle of radius R that begins at the radius of acceptance R_0 before its corner runs
-R (1 − cos ψ) − R_0 sin ψ beyond the next leg. A corner is tight where no circle of radius R touches both ways
-within their nearer halves. R is the vehicle's (`seatrial.vehicle.turning`) or what the largest rate of the
-desired heading allows, U/ω, whichever is larger. Held by tests/check/test_check_mission.py.
-
-A mission before it is flown: length, time, energy, and what a vehicle or its autopilot cannot do of it.
+"""A mission before it is flown: length, time, energy, and what a vehicle or its autopilot cannot do of it.
 
 What is planned is straight between waypoints, in still water; energy is that of running ahead at the speeds
-of the legs, and the hotel load. Held by tests/check/test_check_mission.py.
+of the legs, and the hotel load. Of an autopilot the mode at the speed of a leg decides: with the depth by
+pitch a slope is held up to ``pitch_max_deg``; with the depth by heave the desired depth changes at
+``depth_rate_max_m_s`` at most. Held by tests/check/test_check_mission.py.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -31,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.report import Report, Section
-from seatrial.check.legs import Corner, LegRow, corners, fence_sentences, leg_rows, legs_table
+from seatrial.check.legs import LegRow, fence_sentences, file_legs, leg_rows, legs_table
+from seatrial.check.turns import turn_sentences
+from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.turning import turning_radius
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from seatrial._core import Autopilot, Vehicle
     from seatrial.flight.mission import Mission
 
@@ -45,11 +29,9 @@ __all__ = [
     "Energy",
     "MissionCheck",
     "autopilot_warnings",
-    "beyond",
     "check_mission",
     "duration",
     "energy_sentences",
-    "turn_sentences",
     "vehicle_warnings",
 ]
 
@@ -136,9 +118,8 @@ _ROUNDING = 1e-6
 
 def autopilot_warnings(mission: Mission, rows: Sequence[LegRow], autopilot: Autopilot) -> list[str]:
     """Sentences about what the autopilot does not do as the mission is written."""
-    tables: dict[str, Any] = tomllib.loads(autopilot.to_toml())
-    guidance = tables["guidance"]
-    hovers = any(mode["depth_by"] == "heave" for mode in tables["modes"])
+    facts = autopilot_facts(autopilot)
+    guidance = facts.guidance
     sentences = []
     fastest = guidance["speed_max_m_s"]
     if fast := [row for row in rows if row.speed_m_s > fastest]:
@@ -146,32 +127,32 @@ def autopilot_warnings(mission: Mission, rows: Sequence[LegRow], autopilot: Auto
             f'leg {fast[0].number} "{fast[0].label}" asks for {fast[0].speed_m_s:g} m/s, and speed_max_m_s of'
             f" the autopilot is {fastest:g}; it flies that"
         )
-    slowest = tables["schedule"]["speeds_m_s"][0]
+    slowest = facts.speeds_m_s[0]
     if slow := [row for row in rows if row.speed_m_s < slowest]:
         sentences.append(
             f'leg {slow[0].number} "{slow[0].label}" asks for {slow[0].speed_m_s:g} m/s, below the first'
-            f" supporting point of the gains at {slowest:g} m/s; fly faster"
+            f" breakpoint of the gains at {slowest:g} m/s; fly faster"
         )
-    if not hovers and (held := [row for row in rows if row.hold_s]):
+    if not facts.hovers and (held := [row for row in rows if row.hold_s]):
         sentences.append(
             f'leg {held[0].number} "{held[0].label}" asks for station-keeping, and no mode of the autopilot'
             f" keeps the depth by heave: it circles at loiter_radius_m = {guidance['loiter_radius_m']:g} m"
         )
-    return [*sentences, *_steep(mission, tables, hovers=hovers)]
+    return [*sentences, *_steep(mission, facts)]
 
 
-def _steep(mission: Mission, tables: dict[str, Any], *, hovers: bool) -> list[str]:
+def _steep(mission: Mission, facts: AutopilotFacts) -> list[str]:
     """Ways that are steeper than the mode at their speed flies them, the worst of each kind."""
-    points, guidance = mission.waypoints, tables["guidance"]
+    points, guidance = mission.waypoints, facts.guidance
     slopes, speeds = np.asarray(points["slope"]), np.asarray(points["speed_m_s"])
-    by = np.array([_depth_by(tables["modes"], float(speed)) for speed in speeds])
+    by = np.array([mode_at(facts, float(speed)).depth_by for speed in speeds])
     sentences = []
     angles = np.rad2deg(np.abs(slopes))
     largest = guidance["pitch_max_deg"]
     steep = np.flatnonzero((by == "pitch") & (angles > largest + _ROUNDING))
     if len(steep):
         k = int(steep[np.argmax(angles[steep])])
-        end = "on the spot" if hovers else f"in circles of {guidance['loiter_radius_m']:g} m"
+        end = "on the spot" if facts.hovers else f"in circles of {guidance['loiter_radius_m']:g} m"
         sentences.append(
             f'the way to "{points["label"][k]}" is {angles[k]:.0f} deg steep, more than pitch_max_deg ='
             f" {largest:g}{_further(steep)}: the rest of its depth is made {end}; begin earlier or"
@@ -189,109 +170,9 @@ def _steep(mission: Mission, tables: dict[str, Any], *, hovers: bool) -> list[st
     return sentences
 
 
-def _depth_by(modes: Sequence[dict[str, Any]], speed: float) -> str:
-    at_work = [mode for mode in modes if mode.get("from_speed_m_s", 0.0) <= speed]
-    return str((at_work or modes)[-1]["depth_by"])
-
-
 def _further(found: Any) -> str:
     more = len(found) - 1
     return f" (and {more} further {'way' if more == 1 else 'ways'})" if more else ""
-
-
-_SEEN_M = 0.5  # a deviation that nobody needs to hear of
-
-_REVERSAL = np.pi - 1e-6
-
-
-def beyond(radius_m: float, turn: float, acceptance_m: float) -> float:
-    """How far in m a turn by an angle in rad runs beyond the leg that follows.
-
-    Examples
-    --------
-    >>> round(beyond(10.0, np.pi / 2.0, 3.0), 6)
-    7.0
-    """
-    angle = abs(turn)
-    return float(radius_m * (1.0 - np.cos(angle)) - acceptance_m * np.sin(angle))
-
-
-def turn_sentences(
-    mission: Mission, circles: Mapping[float, float | None], autopilot: Autopilot | None
-) -> tuple[list[str], list[str]]:
-    """Notes and warnings about the turns of a mission.
-
-    Parameters
-    ----------
-    mission : Mission
-    circles : {float: float or None}
-        Radius in m of the vehicle's tightest turn by speed in m/s.
-    autopilot : Autopilot, optional
-        Whose largest rate of the heading counts too.
-    """
-    points = mission.waypoints
-    rate = None
-    if autopilot is not None:
-        rate = np.deg2rad(tomllib.loads(autopilot.to_toml())["guidance"]["turn_rate_max_deg_s"])
-    radii: dict[float, tuple[float, str]] = {}
-    for speed in map(float, np.unique(points["speed_m_s"])):
-        known = [] if circles.get(speed) is None else [(circles[speed] or 0.0, "vehicle's circle")]
-        if rate is not None:
-            known.append((speed / float(rate), "circle of the autopilot's turn_rate_max_deg_s"))
-        if known:
-            radii[speed] = max(known)
-    found = [corner for corner in corners(mission) if _speed(mission, corner) in radii]
-    notes, warnings = [], []
-    over = [
-        (beyond(radii[_speed(mission, c)][0], c.turn, float(points["acceptance_radius_m"][c.index])), c.index)
-        for c in found
-    ]
-    if over and max(over)[0] > _SEEN_M:
-        widest, index = max(over)
-        notes.append(f'Widest turn: {widest:.1f} m beyond the next leg, at "{points["label"][index]}"')
-    tight = _tight(mission, found, radii)
-    if tight:
-        worst = min(tight, key=lambda corner: corner.room_m / radii[_speed(mission, corner)][0])
-        radius, whose = radii[_speed(mission, worst)]
-        warnings.append(
-            f"{len(tight)} of {len(found)} turns are tighter than the {whose} of {radius:.1f} m at"
-            f' {_speed(mission, worst):g} m/s, most of all at "{points["label"][worst.index]}" with room for'
-            f" {worst.room_m:.1f} m; widen the pattern or, with thrusters, fly slower"
-        )
-    return notes, [*warnings, *_circles(mission, radii)]
-
-
-def _speed(mission: Mission, corner: Corner) -> float:
-    return float(mission.waypoints["speed_m_s"][corner.index + 1])
-
-
-def _tight(mission: Mission, found: list[Corner], radii: Mapping[float, tuple[float, str]]) -> list[Corner]:
-    """Corners without room for the circle; a small turn counts only beside another one."""
-    small = {}
-    for corner in found:
-        radius = radii[_speed(mission, corner)][0]
-        if corner.room_m < radius:
-            cut = radius * (1.0 / np.cos(0.5 * min(abs(corner.turn), _REVERSAL)) - 1.0)
-            small[corner.index] = (corner, cut)
-    return [
-        corner
-        for k, (corner, cut) in small.items()
-        if cut > _SEEN_M or any(n in small and small[n][0].turn * corner.turn > 0.0 for n in (k - 1, k + 1))
-    ]
-
-
-def _circles(mission: Mission, radii: Mapping[float, tuple[float, str]]) -> list[str]:
-    """Sentence per circle about a waypoint that is too small."""
-    points, sentences = mission.waypoints, []
-    for k in np.flatnonzero(np.asarray(points["circle_radius_m"]) > 0.0):
-        speed, asked = float(points["speed_m_s"][k]), float(points["circle_radius_m"][k])
-        radius, whose = radii.get(speed, (0.0, ""))
-        if asked < radius:
-            sentences.append(
-                f'the circle of {asked:g} m about "{points["label"][k]}" is tighter than the {whose} of'
-                f" {radius:.1f} m at {speed:g} m/s; widen it or, with thrusters, fly slower"
-            )
-    return sentences
 
 
 @dataclass(frozen=True)
@@ -524,7 +405,7 @@ def _notes(mission: Mission, rows: tuple[LegRow, ...]) -> list[str]:
 def _pattern_notes(mission: Mission) -> list[str]:
     """What a pattern became: lines and their distance."""
     notes = []
-    for number, leg in enumerate(tomllib.loads(mission.to_toml())["legs"], start=1):
+    for number, leg in enumerate(file_legs(mission), start=1):
         if leg.get("kind") == "lawnmower":
             gaps = max(int(np.ceil(leg["width_m"] / leg["spacing_m"] - 1e-9)), 1)
             apart = leg["width_m"] / gaps

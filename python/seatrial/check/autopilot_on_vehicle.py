@@ -1,0 +1,159 @@
+"""An autopilot on a vehicle: speeds beyond reach, rows that nothing commands, demands beyond the actuators.
+
+Held by tests/check/test_check_autopilot.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial._core import Mission
+from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode
+from seatrial.control_design.mode_table import top_speeds
+from seatrial.vehicle.authority import LOOPS, ROWS, reach, thrusts
+from seatrial.vehicle.stability import statics
+from seatrial.vehicle.turning import turning_radius
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+
+__all__ = ["on_vehicle"]
+
+_RANK = 1e-2  # of the largest singular value: what cannot be used in practice
+
+_LOITER = 1.2  # of the tightest circle: room for control
+
+_ANY_MISSION = """
+format = 1
+name = "fit"
+speed_m_s = 1.0
+acceptance_radius_m = 1.0
+[[legs]]
+north_m = 100.0
+east_m = 0.0
+"""
+
+
+def on_vehicle(
+    autopilot: Autopilot, facts: AutopilotFacts, vehicle: Vehicle, *, voltage_v: float
+) -> tuple[list[str], list[str]]:
+    """Notes and warnings about an autopilot on a vehicle.
+
+    Raises
+    ------
+    VehicleError
+        The autopilot does not fit the vehicle.
+    """
+    autopilot.engage(vehicle, Mission.from_toml(_ANY_MISSION))
+    astern, top = top_speeds(vehicle, voltage_v=voltage_v)
+    notes, warnings = _points(list(autopilot.speeds_m_s), astern, top)
+    fastest = facts.guidance["speed_max_m_s"]
+    if fastest > top:
+        notes.append(
+            f"speed_max_m_s = {fastest:g} is more than the top speed of {top:.2f} m/s: it limits nothing"
+        )
+    for mode in facts.modes:
+        told, wrong = _mode(facts, mode, vehicle, top, voltage_v)
+        notes, warnings = notes + told, warnings + wrong
+    return notes, [*warnings, *_circle(facts, vehicle, voltage_v), *_buoyancy(facts, vehicle)]
+
+
+def _points(speeds: list[float], astern: float, top: float) -> tuple[list[str], list[str]]:
+    """What the breakpoints have to do with the speeds that the vehicle reaches."""
+    inside = [speed for speed in speeds if astern <= speed <= top]
+    notes = [
+        f"Breakpoints: {len(inside)} of {len(speeds)} within the {astern:.2f} to {top:.2f} m/s that the"
+        " vehicle reaches; gains are linear between points and constant beyond the ends"
+    ]
+    if len(inside) < 2:
+        return notes, [
+            f"{len(inside)} of the {len(speeds)} breakpoints lie within {astern:.2f} to {top:.2f} m/s:"
+            " the gains hardly adapt to the speed; set schedule.speeds_m_s over that range"
+        ]
+    if speeds[-1] < 0.7 * top:
+        return notes, [
+            f"the last breakpoint, {speeds[-1]:g} m/s, is far below the top speed of {top:.2f} m/s;"
+            " gains stay constant above it"
+        ]
+    return notes, []
+
+
+def _mode(
+    facts: AutopilotFacts, mode: AutopilotMode, vehicle: Vehicle, top: float, voltage_v: float
+) -> tuple[list[str], list[str]]:
+    """Rows of the mode's loops that its actuators cannot command, and demands beyond their reach."""
+    info = vehicle.actuator_info()
+    at_work = [
+        not mode.actuators or name in mode.actuators or info[name]["group"] in mode.actuators
+        for name in vehicle.actuators
+    ]
+    speed = max(mode.from_speed_m_s, 0.0 if mode.depth_by == "heave" else 0.5 * top)
+    strength = np.abs(thrusts(vehicle, speed, voltage_v=voltage_v)).max(axis=1) * at_work
+    matrix = np.asarray(vehicle.allocation_matrix()) * np.minimum(strength, 1e6)
+    rows = [ROWS[LOOPS.index(loop)] for loop in mode.loops]
+    weak = _not_commanded(matrix, rows)
+    warnings = [
+        f'mode "{mode.name}": its actuators do not command {row} ({LOOPS[ROWS.index(row)]}) independently at'
+        f" {speed:.2f} m/s; leave the loop out or add actuators"
+        for row in weak
+    ]
+    if weak or mode.actuators:
+        return [], warnings
+    notes = []
+    for row, (low, high) in reach(vehicle, speed, "".join(rows), voltage_v=voltage_v).items():
+        loop = LOOPS[ROWS.index(row)]
+        asked = facts.loops.get(loop, {}).get("tau_max", 0.0)
+        least = high if row == "X" else min(high, -low)
+        if asked > 1.05 * least:
+            unit = "N" if row in "XYZ" else "N m"
+            notes.append(
+                f'Mode "{mode.name}": {loop} may ask for {asked:g} {unit}, and the actuators reach'
+                f" {least:.3g} {unit} at {speed:.2f} m/s; anti-windup then works"
+            )
+    return notes, warnings
+
+
+def _not_commanded(matrix: Any, rows: Sequence[str]) -> list[str]:
+    """Rows that the columns do not span independently of the rows before them, forces first."""
+    kept: list[str] = []
+    missing = []
+    for row in sorted(rows, key="XNMZYK".index):
+        chosen = matrix[["XYZKMN".index(r) for r in [*kept, row]]]
+        sizes = np.linalg.norm(chosen, axis=1, keepdims=True)
+        values = np.linalg.svd(chosen / np.maximum(sizes, 1e-12), compute_uv=False)
+        if sizes.min() < 1e-9 or len(values) < len(chosen) or values[-1] < _RANK * values[0]:
+            missing.append(row)
+        else:
+            kept.append(row)
+    return missing
+
+
+def _circle(facts: AutopilotFacts, vehicle: Vehicle, voltage_v: float) -> list[str]:
+    """A loiter circle that is tighter than the vehicle turns."""
+    if facts.hovers:
+        return []
+    radius = facts.guidance["loiter_radius_m"]
+    speeds = [speed for speed in facts.speeds_m_s if speed > 0.0]
+    found = [r for speed in speeds if (r := turning_radius(vehicle, speed, voltage_v=voltage_v)) is not None]
+    if found and radius < _LOITER * max(found):
+        return [
+            f"loiter_radius_m = {radius:g} leaves little room beside the vehicle's tightest circle of"
+            f" {max(found):.1f} m; widen it"
+        ]
+    return []
+
+
+def _buoyancy(facts: AutopilotFacts, vehicle: Vehicle) -> list[str]:
+    """A reaction that stops all actuators of a vehicle that sinks."""
+    safety = facts.safety
+    reactions = [value["reaction"] if isinstance(value, dict) else value for value in safety.values()]
+    rest = statics(vehicle)
+    if "abort" in reactions and rest.net_n < 0.0:
+        return [
+            f"abort stops all actuators, and {vehicle.name} is {-rest.net_n:.3g} N heavy: it sinks; choose"
+            " surface, or trim it buoyant"
+        ]
+    return []
