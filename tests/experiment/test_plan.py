@@ -169,8 +169,8 @@ def test_the_plan_beats_staircases_of_equal_length(default: Plan) -> None:
     assert len(default.coefficients) == 28
     assert default.staircases_score is not None
     # Measured with three trials of 60 s: 0.83 against 8.4 of the best staircases on all combinations
-    # (0.10), and 42
-    # of staircases ahead and astern (0.02); with 180 s 0.47, 7.0 and 42. Of the bounds alone it is 47.
+    # (0.10), and 42 of staircases ahead and astern (0.02); with 180 s 0.47, 7.0 and 42. Of the bounds alone
+    # it is 47.
     assert default.score_after < 0.3 * default.staircases_score
     ahead = [staircase(THRUSTERS, SURGE, duration_s=60.0, both=both) for both in (True, False)]
     surge = plan(CWOLF, budget_s=60.0, candidates=ahead)
@@ -286,7 +286,7 @@ def test_a_plan_can_be_interrupted() -> None:
 def test_a_plan_is_saved_as_a_run_and_survives_pickling(tmp_path: Path) -> None:
     found = plan(CWOLF, candidates=paper(60.0)[:2], budget_s=60.0, count=2)
     run = found.save(tmp_path / "run")
-    names = ["plan.json", "run.json", "trial-2.csv", "trial-2.toml", "trial.csv", "trial.toml"]
+    names = ["plan.json", "run.json", "summary.txt", "trial-2.csv", "trial-2.toml", "trial.csv", "trial.toml"]
     assert sorted(path.name for path in run.iterdir()) == names
     assert json.loads((run / "plan.json").read_text())["score_after"] == pytest.approx(found.score_after)
     facts = json.loads((run / "run.json").read_text())
@@ -437,9 +437,19 @@ def test_the_verb_prints_the_plan_and_writes_it(tmp_path: Path, monkeypatch: pyt
         "--max-depth",
         "15",
         "--no-figures",
+        "--verbose",
     )
     assert result.exit_code == 0, result.output
-    for words in ("Next trials of 20 s", "staircases alone", "Trial 2", "after 2", "Assumed: noise of u v w"):
+    for words in (
+        "2 trials planned",
+        "Worst: ",
+        "Next: Run trial 1",
+        "Next trials of 20 s",
+        "staircases alone",
+        "Trial 2",
+        "after 2",
+        "Assumed: noise of u v w",
+    ):
         assert words in result.stdout
     names = {path.name for path in (tmp_path / "runs" / "plan-my-vehicle").iterdir()}
     assert names == {"trial.csv", "trial.toml", "trial-2.csv", "trial-2.toml"}

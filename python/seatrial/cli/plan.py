@@ -1,7 +1,4 @@
-"""`seatrial plan`: which trial to sail next, and its command file.
-
-Tables of a plan for who sails it.
-"""
+"""`seatrial plan`: the next trials, and their command files."""
 
 from __future__ import annotations
 
@@ -10,20 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.base.channels import DEGREE
-from seatrial.cli.console import table
+from seatrial.cli.console import Figures, Json, Pdf, Verbose
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.experiment.fisher import Instruments
-    from seatrial.experiment.plan_result import Plan, Ranked
 
-__all__ = ["plan", "print_plan"]
+__all__ = ["plan"]
 
 
 def plan(
@@ -52,7 +44,7 @@ def plan(
     current: Annotated[
         float, typer.Option(min=0.0, help="Standard deviation of an unknown current, m/s.")
     ] = 0.1,
-    recorded: Annotated[bool, typer.Option(help="Count what a campaign's trials already tell.")] = True,
+    recorded: Annotated[bool, typer.Option(help="Count what a campaign's trials already determine.")] = True,
     voltage: Annotated[
         float, typer.Option(min=0.1, help="Supply voltage for tables of thrust, V.")
     ] = NOMINAL_V,
@@ -63,15 +55,17 @@ def plan(
             "--out", "-o", help="Command file of the first trial, .csv; runs/plan-NAME/trial.csv by default."
         ),
     ] = None,
-    figures: Annotated[bool, typer.Option(help="Draw each trial (PNG and PDF).")] = True,
-    json: Annotated[bool, typer.Option("--json", help="Print the plan as JSON.")] = False,
+    figures: Figures = True,
+    pdf: Pdf = False,
+    verbose: Verbose = False,
+    json: Json = False,
 ) -> None:
-    """Rank which trial to sail next, and write the best ones as command files, each with a sheet.
+    """Rank manoeuvres for the next trials, and write the best ones as command files, each with a sheet.
 
     Everything is simulated: open loop, on the model as it is. Plan again after each trial.
     """
     from seatrial.base.errors import TrialError
-    from seatrial.cli.console import list_figures, output, print_json, search_progress
+    from seatrial.cli.console import answer, formats, print_json, say, search_progress
     from seatrial.experiment.forecast import Limits
     from seatrial.experiment.plan import plan as planned
 
@@ -94,31 +88,32 @@ def plan(
             progress=progress,
         )
     first = out or Path("runs") / f"plan-{found.vehicle}" / "trial.csv"
-    written: list[Path] = []
-    drawn: list[Path] = []
-    for number in range(1, count + 1):
-        path = first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
-        written += found.write(path, trial=number)
-        if figures:
-            from seatrial.report.plot.planned_trial import planned_trial
-            from seatrial.report.plot.style import save
+    paths = [
+        first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
+        for number in range(1, count + 1)
+    ]
+    written = [file for number, path in enumerate(paths, 1) for file in found.write(path, trial=number)]
 
-            drawn += save(
-                planned_trial(vehicle, found, trial=number, voltage_v=voltage), path.with_suffix("")
-            )
+    def drawn() -> list[Path]:
+        from seatrial.report.plot.planned_trial import planned_trial
+        from seatrial.report.plot.style import save
+
+        figures_of = [planned_trial(vehicle, found, trial=k, voltage_v=voltage) for k in range(1, count + 1)]
+        return [
+            figure
+            for drawing, path in zip(figures_of, paths, strict=True)
+            for figure in save(drawing, path.with_suffix(""), formats=formats(pdf))
+        ]
+
     if json:
-        print_json(found.to_dict() | {"files": [str(p) for p in written], "figures": [str(p) for p in drawn]})
+        shown = [str(path) for path in drawn()] if figures else []
+        print_json(found.to_dict() | {"files": [str(path) for path in written], "figures": shown})
         return
-    console = output()
-    print_plan(console, found)
-    console.print(
-        f"Commands and sheets in {first.parent}: {', '.join(path.name for path in written)}",
-        soft_wrap=True,
-        markup=False,
-    )
-    list_figures(console, drawn)
+    names = ", ".join(path.name for path in written)
+    results = f"Commands and sheets in {first.parent}: {names}"
+    answer(found.report(), verbose=verbose, results=results, draw=drawn if figures else None)
     if loaded is vehicle and found.sequence[0].manoeuvre.kind != "free decay":
-        console.print(f"Try it:  seatrial simulate {target} {first}", soft_wrap=True, markup=False)
+        say(f"Try it:  seatrial simulate {target} {first}")
 
 
 def _load(target: str) -> tuple[Vehicle | Campaign, Vehicle]:
@@ -167,162 +162,3 @@ def _instruments(text: str, current: float) -> Instruments:
         except ValueError:
             raise SeatrialError(f"--sensors {part!r}: expected KIND or KIND=NOISE, as dvl=0.02") from None
     return Instruments.on_board(kinds, current_m_s=current)
-
-
-_HEAD = ("thrust", "sailed", "area, m", "to depth, m", "score", "tells most of")
-
-_OTHERS = 6
-
-_WORTH = 0.99
-
-_MOST_REFUSED = 4
-
-_UNKNOWN, _BETTER = 0.5, 0.9
-
-
-def print_plan(console: Console, found: Plan) -> None:
-    """Print the trials in their order, what each takes and tells, the other candidates, what was assumed."""
-    basis = "bounds and recorded trials" if found.recorded else "the bounds only, nothing recorded"
-    console.print(
-        f"[bold]{found.vehicle}[/bold]: {len(found.coefficients)} coefficients sought; known so far: {basis}",
-        soft_wrap=True,
-    )
-    head = ["trial", "manoeuvre", *_HEAD]
-    rows = [["", "so far", "", "", "", "", _number(found.score_before), ""]]
-    rows += [[str(number), *_trial(one)] for number, one in enumerate(found.sequence, 1)]
-    console.print()
-    title = (
-        f"Next trials of {found.budget_s:g} s, in this order (score: sum of relative std. deviations left)"
-    )
-    console.print(table(title, head, rows, left=2))
-    if found.staircases_score is not None:
-        console.print(
-            f"The same time in staircases alone would leave {_number(found.staircases_score)} instead of"
-            f" {_number(found.score_after)}.",
-            soft_wrap=True,
-        )
-    for number, one in enumerate(found.sequence, 1):
-        console.print(f"\n[bold]Trial {number}[/bold]: {one.manoeuvre.words}.", soft_wrap=True)
-        console.print(
-            f"  Start {one.manoeuvre.start.words}, O {one.forecast.start_depth_m:.1f} m deep or deeper;"
-            f" {_times(one)}; speed to {one.forecast.speed_m_s:.1f} m/s,"
-            f" heel to {one.forecast.roll_deg:.0f}, trim to {one.forecast.pitch_deg:.0f} deg.",
-            soft_wrap=True,
-            markup=False,
-        )
-        for warning in one.forecast.warnings:
-            console.print(f"  WARNING: {warning}", soft_wrap=True, markup=False, style="yellow")
-    console.print()
-    console.print(_precision(found))
-    _print_rest(console, found)
-    console.print(_assumed(found), soft_wrap=True, markup=False)
-
-
-def _print_rest(console: Console, found: Plan) -> None:
-    """Other manoeuvres, those that do not fit, what stays unknown."""
-    chosen = found.sequence[0].manoeuvre
-    others, seen = [], {chosen.name}
-    for one in found.ranking:
-        if one.manoeuvre.name not in seen and one.score < _WORTH * found.score_before:
-            seen.add(one.manoeuvre.name)
-            others.append(_trial(one, names=2))
-    if others:
-        head = ["instead of trial 1", *_HEAD]
-        console.print(table(f"The best of {len(others)} others", head, others[:_OTHERS], left=1))
-    for line in _still_unknown(found):
-        console.print(line, soft_wrap=True, markup=False)
-    refused = list(found.refused.items())
-    if refused:
-        words = "; ".join(f"{name}: {reason}" for name, reason in refused[:_MOST_REFUSED])
-        more = f"; and {len(refused) - _MOST_REFUSED} more" if len(refused) > _MOST_REFUSED else ""
-        console.print(f"Left out, even at its smallest: {words}{more}", soft_wrap=True, markup=False)
-
-
-def _still_unknown(found: Plan) -> list[str]:
-    """What stays unknown after the trials, and which manoeuvre would show it best."""
-    groups: dict[str, list[str]] = {}
-    for change in found.coefficients:
-        if change.relative_after <= _UNKNOWN:
-            continue
-        best, left = "", change.relative_after
-        for one in found.ranking:
-            after = next(gain.relative_after for gain in one.gains if gain.name == change.name)
-            if after < _BETTER * left:
-                best, left = one.manoeuvre.name, after
-        groups.setdefault(best, []).append(f"{change.name} ({_percent(left)} %)" if best else change.name)
-    return [
-        f"Still unknown to more than {100 * _UNKNOWN:.0f} %, {_shown_by(best)}: {', '.join(names)}"
-        for best, names in groups.items()
-    ]
-
-
-def _shown_by(best: str) -> str:
-    return f"best shown by {best}" if best else "shown better by no manoeuvre that fits"
-
-
-def _assumed(found: Plan) -> str:
-    """What the standard deviations rest on."""
-    groups: dict[str, list[str]] = {}
-    for channel, noise in found.instruments.noise.items():
-        angle = channel in ("p", "q", "r", "roll", "pitch", "yaw")
-        unit = ("deg" if angle else "m") + ("/s" if channel in "uvwpqr" else "")
-        groups.setdefault(f"{noise / DEGREE if angle else noise:.3g} {unit}", []).append(channel)
-    sizes = ", ".join(f"{' '.join(channels)} {size}" for size, channels in groups.items())
-    return (
-        f"Assumed: noise of {sizes}; one sample per {found.instruments.correlation_s:.2g} s counts; unknown"
-        f" current {found.instruments.current_m_s:g} m/s; the model as it is."
-    )
-
-
-def _trial(one: Ranked, *, names: int = 3) -> list[str]:
-    """Cells of a trial: name, thrust, times, area, depth, score, what it tells."""
-    seen = one.forecast
-    return [
-        one.manoeuvre.name,
-        f"{100 * one.amplitude:.0f} %" if one.amplitude else "none",
-        _times(one),
-        f"{seen.along_m:.0f} x {seen.across_m:.0f}",
-        f"{seen.deepest_m:.0f}",
-        _number(one.score),
-        ", ".join(change.name for change in one.gains[:names]),
-    ]
-
-
-def _times(one: Ranked) -> str:
-    return (
-        f"{one.repeats} x {one.manoeuvre.duration_s:.0f} s"
-        if one.repeats > 1
-        else f"{one.manoeuvre.duration_s:.0f} s"
-    )
-
-
-def _precision(found: Plan) -> Table:
-    """Relative standard deviation of every coefficient, before and after each trial."""
-    after = [{change.name: change for change in one.gains} for one in found.sequence]
-    rows = [
-        [
-            change.name,
-            change.unit,
-            f"{change.value:.4g}",
-            _percent(change.relative_before),
-            *(_percent(one[change.name].relative_after) for one in after),
-        ]
-        for change in found.coefficients
-    ]
-    head = [
-        "coefficient",
-        "unit",
-        "value",
-        "so far",
-        *(f"after {number}" for number in range(1, len(after) + 1)),
-    ]
-    return table("Standard deviations, per cent of the value", head, rows, left=2)
-
-
-def _percent(share: float) -> str:
-    """A share in per cent with two digits."""
-    return f"{100.0 * share:.0f}" if share >= 0.1 else f"{100.0 * share:.2g}"
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}"

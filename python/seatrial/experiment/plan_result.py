@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
+from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, to_json
 
 if TYPE_CHECKING:
@@ -174,12 +176,26 @@ class Plan:
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
-        files: dict[str, str | bytes] = {"plan.json": to_json(self.to_dict())}
+        files: dict[str, str | bytes] = {
+            "plan.json": to_json(self.to_dict()),
+            "summary.txt": self.summary() + "\n",
+        }
         for number, one in enumerate(self.sequence, 1):
             name = "trial" if number == 1 else f"trial-{number}"
             files[f"{name}.csv"] = one.manoeuvre.table().write_csv()
             files[f"{name}.toml"] = self.sheet(one, f"{name}.csv", number)
         return files
+
+    def report(self) -> Report:
+        """What the trials leave of the uncertainty, what stays unknown, what to do; then the trials."""
+        return _report(self)
+
+    def summary(self) -> str:
+        """The report as plain text."""
+        return self.report().text()
+
+    def __str__(self) -> str:
+        return self.summary()
 
     def write(self, path: str | Path, *, trial: int = 1) -> list[Path]:
         """Paths of the command file (CSV) and the sheet (TOML) of one trial of the sequence.
@@ -249,3 +265,158 @@ class Plan:
 def _text(words: str) -> str:
     """A TOML basic string."""
     return json.dumps(words, ensure_ascii=False)
+
+
+_HEAD = ("thrust", "run", "area, m", "to depth, m", "score", "determines best")
+
+_OTHERS = 6
+
+_WORTH = 0.99
+
+_MOST_REFUSED = 4
+
+_UNKNOWN, _BETTER = 0.5, 0.9
+
+
+def _report(found: Plan) -> Report:
+    first = found.sequence[0].manoeuvre
+    unknown = _still_unknown(found)
+    basis = "bounds and recorded trials" if found.recorded else "the bounds only, nothing recorded"
+    return Report(
+        title=found.vehicle,
+        outcome=f"{len(found.sequence)} trials planned",
+        good=(
+            f"they reduce the sum of the relative standard deviations of {len(found.coefficients)}"
+            f" coefficients from {_number(found.score_before)} to {_number(found.score_after)}; known so far:"
+            f" {basis}"
+        ),
+        worst=unknown[0] if unknown else f"no coefficient stays unknown to more than {100 * _UNKNOWN:.0f} %",
+        next_step=f"run trial 1, {first.name}, identify again, and plan again",
+        sections=(
+            Section(tables=(_trials(found),), sentences=tuple(_sheets(found))),
+            Section(tables=(_precision(found),), sentences=tuple(unknown)),
+            Section(tables=(_others(found),), sentences=tuple(_rest(found)), details=True),
+        ),
+    )
+
+
+def _trials(found: Plan) -> Table:
+    rows = [["", "so far", "", "", "", "", _number(found.score_before), ""]]
+    rows += [[str(number), *_cells(one)] for number, one in enumerate(found.sequence, 1)]
+    title = (
+        f"Next trials of {found.budget_s:g} s, in this order (score: sum of relative std. deviations left)"
+    )
+    return Table.of(title, ["trial", "manoeuvre", *_HEAD], rows, left=2)
+
+
+def _sheets(found: Plan) -> Iterator[str]:
+    """How each trial is run, and what it may bring about."""
+    for number, one in enumerate(found.sequence, 1):
+        start = f"start {one.manoeuvre.start.words}, O {one.forecast.start_depth_m:.1f} m deep or deeper"
+        yield (
+            f"Trial {number}: {one.manoeuvre.words}; {start}; {_times(one)}; speed to"
+            f" {one.forecast.speed_m_s:.1f} m/s, heel to {one.forecast.roll_deg:.0f}, trim to"
+            f" {one.forecast.pitch_deg:.0f} deg."
+        )
+        yield from (f"WARNING: trial {number}: {warning}" for warning in one.forecast.warnings)
+
+
+def _precision(found: Plan) -> Table:
+    """Relative standard deviation of every coefficient, before and after each trial."""
+    after = [{change.name: change for change in one.gains} for one in found.sequence]
+    rows = [
+        [
+            change.name,
+            change.unit,
+            f"{change.value:.4g}",
+            _percent(change.relative_before),
+            *(_percent(one[change.name].relative_after) for one in after),
+        ]
+        for change in found.coefficients
+    ]
+    numbered = (f"after {number}" for number in range(1, len(after) + 1))
+    head = ["coefficient", "unit", "value", "so far", *numbered]
+    return Table.of("Standard deviations, per cent of the value", head, rows, left=2)
+
+
+def _others(found: Plan) -> Table:
+    """The best manoeuvres instead of the first one, those that leave less than what is known already."""
+    others, seen = [], {found.sequence[0].manoeuvre.name}
+    for one in found.ranking:
+        if one.manoeuvre.name not in seen and one.score < _WORTH * found.score_before:
+            seen.add(one.manoeuvre.name)
+            others.append(_cells(one, names=2))
+    title = f"The best of {len(others)} others"
+    return Table.of(title, ["instead of trial 1", *_HEAD], others[:_OTHERS])
+
+
+def _rest(found: Plan) -> Iterator[str]:
+    """The same time in staircases, manoeuvres that do not fit, what was assumed."""
+    if found.staircases_score is not None:
+        yield (
+            f"The same time in staircases alone would leave {_number(found.staircases_score)} instead of"
+            f" {_number(found.score_after)}."
+        )
+    refused = list(found.refused.items())
+    if refused:
+        words = "; ".join(f"{name}: {reason}" for name, reason in refused[:_MOST_REFUSED])
+        more = f"; and {len(refused) - _MOST_REFUSED} more" if len(refused) > _MOST_REFUSED else ""
+        yield f"Left out, even at its smallest: {words}{more}"
+    groups: dict[str, list[str]] = {}
+    for channel, noise in found.instruments.noise.items():
+        angle = channel in ("p", "q", "r", "roll", "pitch", "yaw")
+        unit = ("deg" if angle else "m") + ("/s" if channel in "uvwpqr" else "")
+        groups.setdefault(f"{noise / DEGREE if angle else noise:.3g} {unit}", []).append(channel)
+    sizes = ", ".join(f"{' '.join(channels)} {size}" for size, channels in groups.items())
+    yield (
+        f"Assumed: noise of {sizes}; one sample per {found.instruments.correlation_s:.2g} s counts; unknown"
+        f" current {found.instruments.current_m_s:g} m/s; the model as it is."
+    )
+
+
+def _still_unknown(found: Plan) -> list[str]:
+    """What stays unknown after the trials, and which manoeuvre would show it best."""
+    groups: dict[str, list[str]] = {}
+    for change in found.coefficients:
+        if change.relative_after <= _UNKNOWN:
+            continue
+        best, left = "", change.relative_after
+        for one in found.ranking:
+            after = next(gain.relative_after for gain in one.gains if gain.name == change.name)
+            if after < _BETTER * left:
+                best, left = one.manoeuvre.name, after
+        groups.setdefault(best, []).append(f"{change.name} ({_percent(left)} %)" if best else change.name)
+    return [
+        f"Still unknown to more than {100 * _UNKNOWN:.0f} %, "
+        + (f"best shown by {best}" if best else "shown better by no manoeuvre that fits")
+        + f": {', '.join(names)}"
+        for best, names in groups.items()
+    ]
+
+
+def _cells(one: Ranked, *, names: int = 3) -> list[str]:
+    """Cells of a trial: name, thrust, times, area, depth, score, what it determines best."""
+    seen = one.forecast
+    return [
+        one.manoeuvre.name,
+        f"{100 * one.amplitude:.0f} %" if one.amplitude else "none",
+        _times(one),
+        f"{seen.along_m:.0f} x {seen.across_m:.0f}",
+        f"{seen.deepest_m:.0f}",
+        _number(one.score),
+        ", ".join(change.name for change in one.gains[:names]),
+    ]
+
+
+def _times(one: Ranked) -> str:
+    duration = f"{one.manoeuvre.duration_s:.0f} s"
+    return f"{one.repeats} x {duration}" if one.repeats > 1 else duration
+
+
+def _percent(share: float) -> str:
+    """A share in per cent with two digits."""
+    return f"{100.0 * share:.0f}" if share >= 0.1 else f"{100.0 * share:.2g}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}"
