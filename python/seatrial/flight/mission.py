@@ -1,12 +1,9 @@
-"""Missions from files: places in metres, or in latitude and longitude about the file's ``[origin]``.
+"""Missions from files, in metres or in latitude and longitude, and the route that a flight follows.
 
 The core and the deployed autopilot read metres only, for they have no datum; what is geographic becomes
-metres here (`seatrial.base.frames`), and `Mission.to_toml` gives the file that the autopilot reads. Held by
-tests/flight/test_mission.py and tests/flight/test_mission_geographic.py.
-
-The waypoints of a mission as a flight is judged by them: one after the other, with where each leg begins.
-
-Held by ``tests/flight/test_flight.py``.
+metres here (`seatrial.base.frames`), and `Mission.to_toml` gives the file that the autopilot reads. A `Route`
+is what a flight is judged by: waypoints one after the other, with where each leg begins. Held by
+``tests/flight/test_mission.py``, ``test_mission_geographic.py`` and ``test_flight.py``.
 """
 
 from __future__ import annotations
@@ -49,11 +46,6 @@ _DIGITS = 4  # tenths of a millimetre: the file stays readable
 class Mission:
     """A mission: waypoints, where it starts and what it may not leave. Immutable.
 
-    Attributes
-    ----------
-    core : _core.Mission
-        What guidance flies, in metres.
-
     Raises
     ------
     VehicleError
@@ -80,7 +72,7 @@ class Mission:
     (223.0, 148.7)
     """
 
-    core: _core.Mission
+    core: _core.Mission  # what guidance flies, in metres; `Autopilot.engage` looks for it by this name
 
     def __post_init__(self) -> None:
         """Refuse what is no mission of the core."""
@@ -225,30 +217,28 @@ def _convert(data: dict[str, Any], source: str) -> None:
     """Replace every geographic place by metres, in place."""
     frame = _frame(data, source)
     for where, table in _tables(data):
-        place = f"{source}: {where}"
+        at = f"{source}: {where}"
         if given := [key for key in PLACE if key in table]:
             if missing := [key for key in PLACE if key not in table]:
-                raise VehicleError(f"{place}{missing[0]}: expected with {given[0]}, found none; add it")
+                raise VehicleError(f"{at}{missing[0]}: expected with {given[0]}, found none; add it")
             if both := [key for key in _METRES if key in table]:
                 raise VehicleError(
-                    f"{place}{both[0]}: expected either latitude_deg and longitude_deg or metres, found both;"
+                    f"{at}{both[0]}: expected either latitude_deg and longitude_deg or metres, found both;"
                     " leave one out"
                 )
-            north, east = _metres(frame, [table.pop(key) for key in PLACE], place)
+            north, east = _metres(frame, [table.pop(key) for key in PLACE], at)
             table.update(zip(_METRES, (north, east), strict=True))
         for key, in_metres in CORNERS.items():
             if key not in table:
                 continue
             if in_metres in table:
-                raise VehicleError(
-                    f"{place}{key}: expected either it or {in_metres}, found both; leave one out"
-                )
+                raise VehicleError(f"{at}{key}: expected either it or {in_metres}, found both; leave one out")
             corners = table.pop(key)
             if not isinstance(corners, list) or not all(isinstance(c, list) and len(c) == 2 for c in corners):
                 raise VehicleError(
-                    f"{place}{key}: expected corners [latitude, longitude] in degrees, found {corners!r}"
+                    f"{at}{key}: expected corners [latitude, longitude] in degrees, found {corners!r}"
                 )
-            table[in_metres] = [_metres(frame, corner, f"{place}{key}: ") for corner in corners]
+            table[in_metres] = [_metres(frame, corner, f"{at}{key}: ") for corner in corners]
 
 
 def _frame(data: dict[str, Any], source: str) -> LocalFrame:
@@ -261,24 +251,24 @@ def _frame(data: dict[str, Any], source: str) -> LocalFrame:
     return LocalFrame(*_degrees([origin[key] for key in PLACE], f"{source}: origin."))
 
 
-def _degrees(values: list[Any], place: str) -> list[float]:
+def _degrees(values: list[Any], at: str) -> list[float]:
     for (key, largest), value in zip(PLACE.items(), values, strict=True):
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not abs(value) <= largest:
             raise VehicleError(
-                f"{place}{key}: expected degrees from -{largest:g} to {largest:g}, found {value!r};"
+                f"{at}{key}: expected degrees from -{largest:g} to {largest:g}, found {value!r};"
                 " north and east are positive"
             )
     return [float(value) for value in values]
 
 
-def _metres(frame: LocalFrame, values: list[Any], place: str) -> list[float]:
-    latitude, longitude = _degrees(values, place)
+def _metres(frame: LocalFrame, values: list[Any], at: str) -> list[float]:
+    latitude, longitude = _degrees(values, at)
     point = frame.metres([latitude, longitude])
     distance = float(np.hypot(*point))
     if distance > FARTHEST_M:
         raise VehicleError(
-            f"{place}expected a place within {FARTHEST_M / 1e3:g} km of [origin], found {distance / 1e3:.0f}"
+            f"{at}expected a place within {FARTHEST_M / 1e3:g} km of [origin], found {distance / 1e3:.0f}"
             " km; check signs, and that latitude comes first"
         )
     return [round(float(value), _DIGITS) for value in point]
