@@ -50,7 +50,7 @@ def test_a_flight_leaves_a_run_directory_that_tells_all() -> None:
         assert facts["sha256"][name] == hashlib.sha256(text).hexdigest()
     found = json.loads((run / "flight.json").read_text())
     flight = st.fly("cwolf", "cwolf", "out.toml", current=(0.0, 0.3, 0.0), seed=7)
-    assert found["figures"]["distance_m"] == flight.figures["distance_m"]
+    assert found["metrics"]["distance_m"] == flight.metrics["distance_m"]
     assert (run / "summary.txt").read_text() == flight.summary() + "\n"
     assert all(sentence in flight.summary() for sentence in flight.sentences())
     assert result.stdout.startswith("cwolf on out: complete. 1 of 1 waypoints reached in ")
@@ -139,8 +139,8 @@ def test_turbulence_goes_by_the_seed() -> None:
     # North and east alike, nothing down; without sensors nothing else depends on the seed.
     assert found[1]["circumstances"]["turbulence_m_s"] == [0.1, 0.1, 0.0]
     same = st.fly("cwolf", "cwolf", "out.toml", turbulence=0.1, seed=1)
-    assert found[1]["figures"]["distance_m"] == same.figures["distance_m"]
-    assert found[1]["figures"]["distance_m"] != found[2]["figures"]["distance_m"]
+    assert found[1]["metrics"]["distance_m"] == same.metrics["distance_m"]
+    assert found[1]["metrics"]["distance_m"] != found[2]["metrics"]["distance_m"]
 
 
 @pytest.mark.usefixtures("here")
@@ -157,7 +157,7 @@ def test_many_seeds_tell_how_the_figures_spread() -> None:
     assert table["distance_m"].n_unique() == 10
     single = json.loads(Path("run/flight.json").read_text())
     # The first of them is the flight that is told in full; lanes differ by rounding.
-    assert table["distance_m"][0] == pytest.approx(single["figures"]["distance_m"], rel=1e-6)
+    assert table["distance_m"][0] == pytest.approx(single["metrics"]["distance_m"], rel=1e-6)
     late = json.loads(quick("--seeds", 2, "--max-time", 10, "--json").stdout)
     assert late["seeds"]["endings"] == ["out of time", "out of time"]
 
@@ -175,8 +175,8 @@ def test_another_model_is_kept_with_the_inputs() -> None:
 @pytest.mark.usefixtures("here")
 def test_the_flight_of_the_verb_is_that_of_the_function() -> None:
     result = call("cwolf", "cwolf", "box.toml", "--current", 0, 0.3, 0, "--no-figures", "--json")
-    found = json.loads(result.stdout)["figures"]
-    for name, value in flown().figures.items():
+    found = json.loads(result.stdout)["metrics"]
+    for name, value in flown().metrics.items():
         if math.isfinite(value):  # JSON has no infinity: no bottom, no obstacle
             assert found[name] == pytest.approx(value), name
 

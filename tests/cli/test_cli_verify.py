@@ -105,7 +105,7 @@ def test_a_mission_flies_again_by_its_number(here: Path) -> None:
     run = Path("runs/short-mission-17")
     flown = json.loads((run / "flight.json").read_text())
     flight = verified_campaign(st.Campaign.load("campaign.toml")).flights.replay(17)
-    assert flown["figures"]["distance_m"] == flight.figures["distance_m"]
+    assert flown["metrics"]["distance_m"] == flight.metrics["distance_m"]
     assert {"vehicle.toml", "model.toml", "flight.parquet"} <= {path.name for path in run.iterdir()}
     assert "- keeps its path: cross_track_p95_m <= 1.0: " in result.stdout
     assert not (here / "runs" / "short-verified").exists()

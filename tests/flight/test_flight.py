@@ -65,8 +65,8 @@ def test_figures_of_the_core_are_those_of_the_log() -> None:
     flight = flown()
     for name, value in from_log(flight).items():
         # The same sums in another order.
-        assert flight.figures[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
-    assert flight.energy_wh[-1] == pytest.approx(flight.figures["energy_wh"], rel=1e-9)
+        assert flight.metrics[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
+    assert flight.energy_wh[-1] == pytest.approx(flight.metrics["energy_wh"], rel=1e-9)
 
 
 def settled(flight: st.Flight) -> NDArray[np.bool_]:
@@ -85,12 +85,12 @@ def test_quantiles_of_the_core_are_those_of_the_log(current: tuple[float, float,
     for error in ("cross_track", "vertical"):
         size = np.abs(flight.errors[error][rows])
         for share in (50, 95, 99):
-            found = flight.figures[f"{error}_p{share}_m"]
+            found = flight.metrics[f"{error}_p{share}_m"]
             # Log-linear between thresholds that are 26 % apart: up to three per cent off, beside one sample
             # in two hundred.
             near = np.quantile(size, np.clip(share / 100.0 + np.array([-0.005, 0.0, 0.005]), 0.0, 1.0))
             assert 0.97 * near[0] <= found <= 1.03 * near[2], (error, share)
-        assert found <= flight.figures[f"{error}_largest_m"]
+        assert found <= flight.metrics[f"{error}_largest_m"]
 
 
 @given(st_.integers(0, 2**32 - 1), st_.floats(0.02, 3.0), st_.floats(0.1, 1.0))
@@ -121,11 +121,11 @@ def test_clearance_and_travel_of_the_core_are_those_of_the_log() -> None:
     rows = ((40.0, 12.0, 3.0), (100.0, 60.0, 1.5))
     flight = flown(BOX, obstacles=rows)
     away = [np.hypot(*(flight.position[:, :2] - row[:2]).T) - row[2] for row in rows]
-    assert flight.figures["clearance_m"] == pytest.approx(np.min(away), rel=1e-9)
+    assert flight.metrics["clearance_m"] == pytest.approx(np.min(away), rel=1e-9)
     info = flight.vehicle.actuator_info()
     span = {name: each["maximum_ahead"] + each["maximum_astern"] for name, each in info.items()}
     moved = [np.abs(np.diff(values)).sum() / span[name] for name, values in flight.commands.items()]
-    assert flight.figures["travel_per_s"] == pytest.approx(np.mean(moved) / flight.t[-1], rel=1e-9)
+    assert flight.metrics["travel_per_s"] == pytest.approx(np.mean(moved) / flight.t[-1], rel=1e-9)
 
 
 def test_a_flight_says_what_happened_row_by_row() -> None:
@@ -152,10 +152,10 @@ def test_legs_are_reached_within_their_radius_and_their_errors_are_those_of_the_
     legs = flight.legs
     assert [leg.label for leg in legs] == ["waypoint 1", "waypoint 2", "waypoint 3"]
     assert all(leg.reached and leg.smallest_m <= leg.acceptance_m for leg in legs)
-    assert max(leg.smallest_m for leg in legs) == pytest.approx(flight.figures["missed_by_m"], abs=1e-9)
+    assert max(leg.smallest_m for leg in legs) == pytest.approx(flight.metrics["missed_by_m"], abs=1e-9)
     largest = max(leg.cross_track_largest_m for leg in legs)
-    assert largest == pytest.approx(flight.figures["cross_track_largest_m"], rel=1e-12)
-    assert sum(leg.time_s for leg in legs) == pytest.approx(flight.figures["duration_s"], abs=1e-6)
+    assert largest == pytest.approx(flight.metrics["cross_track_largest_m"], rel=1e-12)
+    assert sum(leg.time_s for leg in legs) == pytest.approx(flight.metrics["duration_s"], abs=1e-6)
     for leg in legs:
         assert sum(leg.modes.values()) == pytest.approx(1.0)
 
@@ -217,7 +217,7 @@ def test_starts_and_stops_of_the_actuators_are_counted() -> None:
     flight = flown()
     use = flight.actuator_use
     mean = np.mean([one.switches_per_minute for one in use.values()])
-    assert mean == pytest.approx(flight.figures["switches_per_minute"], rel=1e-9)
+    assert mean == pytest.approx(flight.metrics["switches_per_minute"], rel=1e-9)
     assert use["PL"].largest == pytest.approx(np.abs(flight.commands["PL"]).max())
     assert use["VTB"].running < 0.1 < 0.9 < use["PL"].running
 
@@ -255,7 +255,7 @@ def test_plain_data_are_complete_and_go_into_json() -> None:
     flight = flown()
     plain: dict[str, Any] = json.loads(to_json(flight.to_dict()))
     assert plain["complete"] is True
-    assert plain["figures"]["distance_m"] == pytest.approx(flight.figures["distance_m"])
+    assert plain["metrics"]["distance_m"] == pytest.approx(flight.metrics["distance_m"])
     assert [leg["label"] for leg in plain["legs"]] == [leg.label for leg in flight.legs]
     assert plain["loops"]["heading"]["demand_unit"] == "N m"
     assert plain["circumstances"]["current_m_s"] == [0.0, 0.3, 0.0]
@@ -266,8 +266,8 @@ def test_sentences_tell_ending_way_errors_and_depth() -> None:
     flight = flown()
     text = str(flight)
     assert text.startswith("cwolf on box: complete. 3 of 3 waypoints reached in ")
-    assert f"{flight.figures['distance_m']:.0f} m over ground in 3 min" in text
-    assert f"{flight.figures['cross_track_rms_m']:.2f} m rms" in text
+    assert f"{flight.metrics['distance_m']:.0f} m over ground in 3 min" in text
+    assert f"{flight.metrics['cross_track_rms_m']:.2f} m rms" in text
     assert "cross-track error was" in text
     assert "beyond a change of 10.0 m" in text
 

@@ -12,7 +12,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import SeatrialError, SimulationError, VehicleError
-from seatrial.flight.metrics import figures_of
+from seatrial.flight.metrics import metrics_of
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.sensors.sensor import Sensor
 from tests.flight.flying import BOX, CROSS, OUT, flown, mission
@@ -53,7 +53,7 @@ def test_the_seed_decides_the_noise_and_nothing_else_does() -> None:
     assert np.array_equal(one.position, again.position)
     assert np.array_equal(one.measured["yaw"], again.measured["yaw"])
     assert not np.array_equal(one.measured["yaw"], other.measured["yaw"])
-    assert flown(OUT, CROSS, seed=1).figures == flown(OUT, CROSS, seed=2).figures  # perfect sensors
+    assert flown(OUT, CROSS, seed=1).metrics == flown(OUT, CROSS, seed=2).metrics  # perfect sensors
 
 
 def test_sensor_noise_has_the_size_that_the_file_says() -> None:
@@ -131,7 +131,7 @@ def test_a_bottom_is_seen_from_above() -> None:
     np.testing.assert_allclose(
         flight.altitude, 30.0 + 0.1 * flight.position[:, 0] - flight.position[:, 2], atol=1e-9
     )
-    assert flight.figures["altitude_smallest_m"] == pytest.approx(flight.altitude.min())
+    assert flight.metrics["altitude_smallest_m"] == pytest.approx(flight.altitude.min())
 
 
 def test_law_a_case_of_a_batch_flies_as_it_would_alone() -> None:
@@ -145,7 +145,7 @@ def test_law_a_case_of_a_batch_flies_as_it_would_alone() -> None:
         current=current, seeds=[5, 6, 7], faults=faults, sensors=noisy(), logs=True,
     )  # fmt: skip
     assert len(batch) == 3
-    figures = figures_of(batch)
+    figures = metrics_of(batch)
     autopilot = st.Autopilot.load("cwolf")
     for k in range(3):
         alone = st.fly(
@@ -154,9 +154,9 @@ def test_law_a_case_of_a_batch_flies_as_it_would_alone() -> None:
             mission(OUT), model=cwolf, current=current[k], seed=5 + k, faults=faults[k], sensors=noisy(),
         )  # fmt: skip
         # Lanes have elementary functions of their own, equal to 2 units in the last place.
-        assert figures["duration_s"][k] == pytest.approx(alone.figures["duration_s"], abs=1e-6)
+        assert figures["duration_s"][k] == pytest.approx(alone.metrics["duration_s"], abs=1e-6)
         for name in ("distance_m", "energy_wh", "cross_track_rms_m", "depth_excursion_m"):
-            assert figures[name][k] == pytest.approx(alone.figures[name], rel=1e-6, abs=1e-9), (k, name)
+            assert figures[name][k] == pytest.approx(alone.metrics[name], rel=1e-6, abs=1e-9), (k, name)
         log = batch.log(k)
         np.testing.assert_allclose(log[:, batch.columns.index("y")], alone.position[:, 1], atol=1e-6)
 

@@ -88,8 +88,8 @@ def test_the_clearance_is_to_the_edge_of_the_nearest_obstacle() -> None:
     flight = out(obstacles=rows)
     place = flight.position[:, None, :2] - np.array(rows)[None, :, :2]
     edge = (np.linalg.norm(place, axis=2) - np.array(rows)[:, 2]).min()
-    assert flight.figures["clearance_m"] == pytest.approx(edge, abs=1e-9)
-    assert np.isinf(out().figures["clearance_m"]) or np.isnan(out().figures["clearance_m"])
+    assert flight.metrics["clearance_m"] == pytest.approx(edge, abs=1e-9)
+    assert np.isinf(out().metrics["clearance_m"]) or np.isnan(out().metrics["clearance_m"])
 
 
 @pytest.mark.parametrize(

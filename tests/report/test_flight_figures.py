@@ -78,7 +78,7 @@ def test_depth_counts_downwards_beside_what_was_desired() -> None:
     low, high = axes.get_ylim()
     assert low > 10.0 > high
     depth = line(axes, "flown depth")
-    assert depth[:, 1].max() == pytest.approx(flown().figures["depth_largest_m"], abs=0.01)
+    assert depth[:, 1].max() == pytest.approx(flown().metrics["depth_largest_m"], abs=0.01)
     figure = flight_track(flown(OUT, seabed=12.0))
     assert any(label.get_text() == "bottom" for legend in figure.legends for label in legend.get_texts())
 
@@ -102,7 +102,7 @@ def test_settled_errors_are_those_of_the_figures() -> None:
     rows = settled(flight)
     error = flight.errors["cross_track"][rows]
     # The core sums the same rows while it flies.
-    assert math.sqrt(float(np.mean(error**2))) == pytest.approx(flight.figures["cross_track_rms_m"], rel=1e-6)
+    assert math.sqrt(float(np.mean(error**2))) == pytest.approx(flight.metrics["cross_track_rms_m"], rel=1e-6)
     low, high = np.percentile(error, (2.5, 97.5))
     words = " ".join(texts(flight_errors(flight))).replace("\N{MINUS SIGN}", "-")
     assert f"95 %: {low:+.2f} to {high:+.2f}" in words

@@ -236,7 +236,7 @@ def test_the_tuned_autopilot_flies_a_mission_with_noise_and_current() -> None:
     )
     assert flight.outcome == "complete"
     # The start gains, whose weak integral leaves the pitch far from its set point, are 1.0 m off.
-    assert flight.figures["vertical_rms_m"] < 0.4
+    assert flight.metrics["vertical_rms_m"] < 0.4
 
 
 def test_bad_input_is_answered_in_a_sentence() -> None:

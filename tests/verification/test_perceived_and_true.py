@@ -14,8 +14,8 @@ from tests.verification.verifying import SHORT, campaign
 
 def test_errors_that_guidance_saw_are_told_from_true_ones(tmp_path: Path) -> None:
     found = verify(campaign(tmp_path))
-    figures = found.flown.figures
-    perceived, true = figures["cross_track_p95_m"], figures["true_cross_track_p95_m"]
+    metrics = found.flown.metrics
+    perceived, true = metrics["cross_track_p95_m"], metrics["true_cross_track_p95_m"]
     settled = np.isfinite(perceived)
     assert np.isfinite(true).tolist() == settled.tolist()
     perceived, true = perceived[settled], true[settled]
@@ -27,7 +27,7 @@ def test_errors_that_guidance_saw_are_told_from_true_ones(tmp_path: Path) -> Non
     assert note in found.summary()
     names = [row.get("value") for row in ElementTree.fromstring(found.junit()).iter("property")]
     assert note in names
-    # Counts are those of the figures: above the p95 lies a twentieth of the samples, to the width of a bin.
+    # Counts are those of the metrics: above the p95 lies a twentieth of the samples, to the width of a bin.
     edges = np.asarray(error_edges())
     for counts, p95 in ((found.flown.perceived_counts, perceived), (found.flown.true_counts, true)):
         for row, value in zip(counts[settled], p95, strict=True):
@@ -37,5 +37,5 @@ def test_errors_that_guidance_saw_are_told_from_true_ones(tmp_path: Path) -> Non
             assert place == 0 or above[place - 1] >= 0.05 - 1e-9
     perfect = verify(campaign(tmp_path, SHORT.replace("runs = 24", 'runs = 4\nsensors = "perfect"')))
     assert not any("guidance perceived" in note for note in perfect.notes)
-    same = perfect.flown.figures
+    same = perfect.flown.metrics
     np.testing.assert_allclose(same["cross_track_rms_m"], same["true_cross_track_rms_m"], rtol=1e-9)

@@ -108,7 +108,7 @@ def test_a_valid_log_is_exit_code_0_and_leaves_a_run_directory() -> None:
     assert data["outcome"] == "held"
     assert data["model"] == "model still valid"
     # The box mission has no farm.
-    assert data["figures"]["clearance_m"] is None or not np.isfinite(data["figures"]["clearance_m"])
+    assert data["metrics"]["clearance_m"] is None or not np.isfinite(data["metrics"]["clearance_m"])
     assert data["envelope"]["flights"] == 64
     names = {path.name for path in run.iterdir()}
     assert names >= {"run.json", "campaign.toml", "vehicle.toml", "autopilot.toml", "mission.toml"}

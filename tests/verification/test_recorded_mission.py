@@ -1,4 +1,4 @@
-"""Logs of missions: reading, figures under the names of flights, envelope, set-point steps."""
+"""Logs of missions: reading, metrics under the names of flights, envelope, set-point steps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from seatrial.base.errors import CampaignError, SimulationError, TrialError
 from seatrial.campaign.corridor import Corridor
 from seatrial.verification.mission_log.envelope import FEWEST_FLIGHTS, mission_envelope, prediction_band
 from seatrial.verification.mission_log.log import MissionLog
-from seatrial.verification.mission_log.metrics import errors_of_guidance, log_figures, logged_steps
+from seatrial.verification.mission_log.metrics import errors_of_guidance, log_metrics, logged_steps
 from tests.verification.recorded_logs import MISSION, fitted, flight, log
 
 
@@ -29,7 +29,7 @@ def test_a_run_directory_of_fly_is_read_by_what_was_measured(tmp_path: Path) -> 
 
 def test_figures_of_a_log_are_those_of_its_flight() -> None:
     # At a corner a row more or less counts as settled: some tenths of a percent of the rms.
-    figures, flown = log_figures(log(2), MISSION, fitted().vehicle), flight(2).figures
+    metrics, flown = log_metrics(log(2), MISSION, fitted().vehicle), flight(2).metrics
     for name in (
         "duration_s",
         "energy_wh",
@@ -37,13 +37,13 @@ def test_figures_of_a_log_are_those_of_its_flight() -> None:
         "cross_track_largest_m",
         "switches_per_minute",
     ):
-        assert figures[name] == pytest.approx(flown[name], rel=0.01), name
+        assert metrics[name] == pytest.approx(flown[name], rel=0.01), name
     # The log has 10 samples a second and measured positions, the core's bins are some percent wide.
     for name in ("cross_track_p50_m", "cross_track_p95_m", "vertical_p95_m"):
-        assert figures[name] == pytest.approx(flown[name], rel=0.1, abs=0.02), name
-    assert figures["distance_m"] == pytest.approx(flown["distance_m"], rel=0.02)
-    assert figures["ending"] == "complete"
-    assert figures["waypoints_behind"] == 3
+        assert metrics[name] == pytest.approx(flown[name], rel=0.1, abs=0.02), name
+    assert metrics["distance_m"] == pytest.approx(flown["distance_m"], rel=0.02)
+    assert metrics["ending"] == "complete"
+    assert metrics["waypoints_behind"] == 3
 
 
 def test_errors_of_guidance_follow_from_positions_where_they_were_not_logged() -> None:
@@ -53,7 +53,7 @@ def test_errors_of_guidance_follow_from_positions_where_they_were_not_logged() -
     # Guidance steers onto the next leg on an arc of its own; away from the corners both are the same line.
     apart = np.abs(derived["cross_track"] - told["cross_track"])[rows]
     assert np.median(apart) < 0.1
-    assert log_figures(bare, MISSION)["waypoints_behind"] == 3
+    assert log_metrics(bare, MISSION)["waypoints_behind"] == 3
 
 
 def test_the_envelope_holds_the_log_of_the_same_vehicle_and_not_that_of_a_heavier_one() -> None:

@@ -1,4 +1,4 @@
-"""The verdict on a log: words, plain data, requirements, figures."""
+"""The verdict on a log: words, plain data, requirements, metrics."""
 
 from __future__ import annotations
 

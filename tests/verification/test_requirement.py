@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.base.errors import CampaignError
-from seatrial.verification.expression import CALLS, KNOWN, Figure, parse, unit_of
+from seatrial.verification.expression import CALLS, KNOWN, Metric, parse, unit_of
 from seatrial.verification.requirement import Judgement, Requirement
 from tests.flight.flying import flown
 
@@ -26,8 +26,8 @@ FLOWN: dict[str, Any] = {
 }
 
 
-def judged(holds: str, **figures: Any) -> Judgement:
-    return Requirement("r", holds).judge(figures or FLOWN)
+def judged(holds: str, **metrics: Any) -> Judgement:
+    return Requirement("r", holds).judge(metrics or FLOWN)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_law_a_flight_without_figures_holds_nothing(holds: str) -> None:
     [
         (
             "cross_trak_p95_m < 1",
-            '"cross_trak_p95_m" is no figure of a mission; did you mean "cross_track_p95_m"?',
+            '"cross_trak_p95_m" is no metric of a mission; did you mean "cross_track_p95_m"?',
         ),
         (
             "cross_track < 1",
@@ -160,7 +160,7 @@ def test_law_a_flight_without_figures_holds_nothing(holds: str) -> None:
         ("cross_track_p95_m", 'such as "cross_track_p95_m <= 1.0"'),
         ("duration_s + abort < 3", "expected a number, found the truth value abort"),
         ("duration_s and abort", "expected a comparison, found the number duration_s"),
-        ("1 < 2", "names no figure"),
+        ("1 < 2", "names no metric"),
         ("", "found nothing"),
         ("cross_track_p95_m < 1 m", 'at "m" (character 23)'),
         ("duration_s < 5 ^ 2", 'a power is "**"'),
@@ -183,7 +183,7 @@ def test_what_cannot_be_judged_is_refused_with_a_sentence(holds: str, words: str
 def test_a_figure_that_is_near_is_named_alone() -> None:
     with pytest.raises(CampaignError) as refused:
         Requirement("r", "cross_track_p95 < 1").check()
-    assert str(refused.value).endswith('no figure of a mission; did you mean "cross_track_p95_m"?')
+    assert str(refused.value).endswith('no metric of a mission; did you mean "cross_track_p95_m"?')
 
 
 @pytest.mark.parametrize(
@@ -234,11 +234,11 @@ def test_equal_infinities_have_no_distance() -> None:
 
 def test_a_requirement_knows_its_figures_before_anything_flies() -> None:
     made = Requirement("r", "abs(energy_wh) < 3 * distance_m and energy_wh > 0", 0.995)
-    assert made.figures == ("energy_wh", "distance_m")
+    assert made.metrics == ("energy_wh", "distance_m")
     assert made.allowed == pytest.approx(0.005)
     made.check()
     with pytest.raises(CampaignError, match="energy_wh"):
-        made.check({"distance_m": Figure()})
+        made.check({"distance_m": Metric()})
 
 
 @pytest.mark.parametrize(
@@ -260,6 +260,6 @@ def test_units_come_from_the_names(text: str, unit: str | None) -> None:
 
 
 def test_the_figures_of_a_flight_are_known() -> None:
-    numbers = {name for name, values in flown().figures.items() if isinstance(values, float)}
+    numbers = {name for name, values in flown().metrics.items() if isinstance(values, float)}
     assert numbers - {"ending", "alert", "alert_cause"} <= set(KNOWN)
     assert set(CALLS) == {"abs", "min", "max", "sqrt"}

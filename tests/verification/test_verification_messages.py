@@ -51,7 +51,7 @@ def flown(folder: Path, text: str, *, mission: str = OUT) -> Verification:
         ),
         (
             'requirements = { name = "r", holds = "cross_trak_p95_m < 2" }',
-            "requirements 'r', key holds: \"cross_trak_p95_m\" is no figure of a mission; did you mean",
+            "requirements 'r', key holds: \"cross_trak_p95_m\" is no metric of a mission; did you mean",
         ),
         ("seabed = 2.0", "key seabed: expected below the start of out at a depth of 5 m, found 2 m"),
         ('sensors = "tipical"', 'key sensors: expected "typical", "perfect" or a file such as sensors.toml,'),

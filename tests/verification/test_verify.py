@@ -22,7 +22,7 @@ from seatrial.report.plot.verification import WorstFlight, verification_figures,
 from seatrial.verification import missions as mission_series
 from seatrial.verification.campaign import verified_campaign
 from seatrial.verification.comparison import compared, mcnemar
-from seatrial.verification.flown_missions import FlownMissions, figures_for_requirements
+from seatrial.verification.flown_missions import FlownMissions, metrics_for_requirements
 from seatrial.verification.judgement import judged
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.requirement import Requirement
@@ -64,7 +64,7 @@ def found(folder: Path) -> Verification:
 def same(one: Verification, other: Verification, count: int | None = None) -> bool:
     """Whether the first missions are the same bit by bit."""
     a, b = one.flown, other.flown
-    columns = [(a.figures[name], b.figures[name]) for name in a.figures]
+    columns = [(a.metrics[name], b.metrics[name]) for name in a.metrics]
     columns += [(a.causes[name], b.causes[name]) for name in a.causes]
     columns += [(a.numbers, b.numbers), (a.true_counts, b.true_counts)]
     return all(x[:count].tolist() == y[:count].tolist() or _same(x[:count], y[:count]) for x, y in columns)
@@ -99,8 +99,8 @@ def test_a_mission_depends_on_its_number_alone(folder: Path, found: Verification
     assert same(found, longer, 24)
     assert not same(found, verify(campaign(folder, seed=8)))
     alone = longer.flights.fly([32])
-    for name, values in longer.flown.figures.items():
-        assert np.array_equal(values[32:], alone.figures[name], equal_nan=values.dtype.kind == "f"), name
+    for name, values in longer.flown.metrics.items():
+        assert np.array_equal(values[32:], alone.metrics[name], equal_nan=values.dtype.kind == "f"), name
 
 
 def test_a_replay_has_the_figures_of_its_mission_to_the_bit(found: Verification) -> None:
@@ -108,11 +108,11 @@ def test_a_replay_has_the_figures_of_its_mission_to_the_bit(found: Verification)
     for number in (0, 5, *{run.number for run in found.requirement("is complete").worst[:2]}):
         flight = found.replay(number)
         row = flown.place(number)
-        assert flight.outcome == flown.figures["ending"][row]
-        for name, value in flight.figures.items():
-            assert np.array_equal(flown.figures[name][row], value, equal_nan=True), (number, name)
+        assert flight.outcome == flown.metrics["ending"][row]
+        for name, value in flight.metrics.items():
+            assert np.array_equal(flown.metrics[name][row], value, equal_nan=True), (number, name)
         words = [alert.cause for alert in flight.alerts][-1:] or [""]
-        assert flown.figures["alert"][row] == words[0]
+        assert flown.metrics["alert"][row] == words[0]
         assert flight.circumstances.seed == flown.seeds[row]
         drawn = flight.vehicle.coefficients()["X_uu"]
         assert drawn != found.flights.fitted.vehicle.coefficients()["X_uu"]
@@ -318,10 +318,10 @@ def test_a_diverged_mission_has_no_numbers_and_holds_nothing_that_rests_on_one(
         "alert_cause": np.array([0.0, np.nan, 1.0]),
         "alert_time_s": np.array([0.0, 0.0, 33.0]),
     }
-    monkeypatch.setattr("seatrial.verification.flown_missions.figures_of", lambda _: raw)
+    monkeypatch.setattr("seatrial.verification.flown_missions.metrics_of", lambda _: raw)
     counts = np.array([[4, 1], [0, 0], [9, 9]])
     flights = SimpleNamespace(cross_track_counts=counts, true_cross_track_counts=counts)
-    found, (seen, _) = figures_for_requirements(cast(Any, flights))
+    found, (seen, _) = metrics_for_requirements(cast(Any, flights))
     assert found["ending"].tolist() == ["complete", "diverged", "aborted"]
     assert found["abort"].tolist() == [False, True, True]
     assert found["alert"].tolist() == ["", "", watches[0]]
@@ -332,11 +332,11 @@ def test_a_diverged_mission_has_no_numbers_and_holds_nothing_that_rests_on_one(
 
 
 def test_requirements_are_judged_by_the_figures_of_the_missions(found: Verification) -> None:
-    figures, complete = found.flown.figures, found.requirement("is complete")
+    metrics, complete = found.flown.metrics, found.requirement("is complete")
     assert complete.verdict == "held"
-    assert complete.found.failures == np.count_nonzero(figures["ending"] != "complete")
+    assert complete.found.failures == np.count_nonzero(metrics["ending"] != "complete")
     path = found.requirement("keeps its path")
-    assert path.found.failures == np.count_nonzero(~(figures["cross_track_p95_m"] <= 1.0))
+    assert path.found.failures == np.count_nonzero(~(metrics["cross_track_p95_m"] <= 1.0))
     assert [run.reserve for run in path.worst] == sorted(run.reserve for run in path.worst)
     assert len(path.worst) == 5
     with pytest.raises(KeyError):
@@ -378,7 +378,7 @@ def test_missions_are_mixed_by_weight_and_told_apart(folder: Path) -> None:
     number = int(np.flatnonzero(found.flown.mission == 1)[0])
     flight = found.replay(number)
     assert flight.mission.to_toml() == found.flights.missions[1].to_toml()
-    assert flight.figures["distance_m"] == found.flown.figures["distance_m"][number]
+    assert flight.metrics["distance_m"] == found.flown.metrics["distance_m"][number]
 
 
 def test_autopilots_are_compared_on_the_same_draws(folder: Path) -> None:
@@ -419,8 +419,8 @@ def test_lit_mcnemar_1947_is_the_binomial_test_of_the_pairs_that_differ() -> Non
 def test_comparisons_are_corrected_for_their_number() -> None:
     def flown(times: list[float]) -> FlownMissions:
         k, none = np.arange(len(times)), np.zeros((len(times), 1))
-        figures = {"duration_s": np.array(times), "distance_m": np.array(times)}
-        return FlownMissions(k, 0 * k, k, figures, {}, none, none, 1.0)
+        metrics = {"duration_s": np.array(times), "distance_m": np.array(times)}
+        return FlownMissions(k, 0 * k, k, metrics, {}, none, none, 1.0)
 
     asked = [Requirement("soon", "duration_s < 5"), Requirement("short", "distance_m < 5")]
     every = {"verified": flown([1.0] * 10), "start": flown([1.0] * 4 + [9.0] * 6)}
@@ -452,7 +452,7 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     missions = pl.read_parquet(run / "missions.parquet")
     assert missions.height == 24
     for name in ("cross_track_p95_m", "true_cross_track_p95_m"):
-        np.testing.assert_array_equal(missions[name].to_numpy(), found.flown.figures[name])
+        np.testing.assert_array_equal(missions[name].to_numpy(), found.flown.metrics[name])
     facts = json.loads((run / "run.json").read_text())
     assert facts["seed"] == 7
     summary = (run / "summary.txt").read_text()

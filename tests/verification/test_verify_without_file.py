@@ -36,7 +36,7 @@ def test_it_flies_what_a_file_with_the_same_keys_asks_for(tmp_path: Path) -> Non
     assert alone.table().equals(by_file.table())
     assert alone.outcome == by_file.outcome
     assert [one.to_dict() for one in alone.requirements] == [one.to_dict() for one in by_file.requirements]
-    assert alone.replay(7).outcome == alone.flown.figures["ending"][7]
+    assert alone.replay(7).outcome == alone.flown.metrics["ending"][7]
 
 
 def test_it_leaves_a_run_directory(tmp_path: Path) -> None:

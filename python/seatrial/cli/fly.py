@@ -111,7 +111,7 @@ def fly(
         return draw_flight(flight, folder, formats(pdf)) if figures else []
 
     if json:
-        result = flight.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in drawn()]}
+        result = flight.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]}
         print_json(result if many is None else result | {"seeds": many.to_dict()})
     else:
         results = f"Results in {folder}: flight.json, flight.parquet, summary.txt and the inputs"

@@ -199,11 +199,9 @@ def _replay(
         return draw_flight(flight, folder, drawing) if drawing else []
 
     if json:
-        print_json(
-            flight.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in drawn()]}
-        )
+        print_json(flight.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})
         return
-    metrics = prepared.flights.fly([number]).figures
+    metrics = prepared.flights.fly([number]).metrics
     said = []
     for one in prepared.requirements:
         judged = one.judge(metrics)

@@ -72,7 +72,7 @@ def verify_log(
         return sorted(log_verdict_gallery(found, folder / "figures", formats=drawing))
 
     if json:
-        data = found.to_dict() | {"run_directory": str(folder), "figure_files": [str(p) for p in drawn()]}
+        data = found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]}
         print_json(data)
     else:
         part = "" if judged.span is None else f", {judged.span[0]:g} to {judged.span[1]:g} s, held out"

@@ -28,9 +28,9 @@ from seatrial.flight.metrics import (
     Loop,
     actuators_of,
     ending_of,
-    figures_of,
     legs_of,
     loops_of,
+    metrics_of,
 )
 from seatrial.flight.tables import legs_table, loops_table, metrics_table
 
@@ -58,14 +58,14 @@ class Flight(FlightLog):
     ----------
     outcome
         "complete", "surfaced", "aborted", "out of time" or "diverged".
-    figures
-        Figures of the whole flight, units in the names.
+    metrics
+        Metrics of the whole flight, units in the names.
     clock
         When it was computed, and how long that took.
     """
 
     outcome: str
-    figures: Mapping[str, float]
+    metrics: Mapping[str, float]
     clock: Clock = field(default_factory=Clock)
 
     @classmethod
@@ -79,7 +79,7 @@ class Flight(FlightLog):
             What was flown; their circumstances are those of the case.
         case : int, optional
         """
-        figures = figures_of(flights)
+        metrics = metrics_of(flights)
         return cls(
             vehicle=cases.vehicle,
             autopilot=cases.autopilot,
@@ -88,8 +88,8 @@ class Flight(FlightLog):
             circumstances=cases.circumstances,
             period_s=cases.autopilot.period_s,
             t=np.asarray(flights.t(case)),
-            outcome=ending_of(figures, case),
-            figures={name: float(values[case]) for name, values in figures.items() if name not in CODED},
+            outcome=ending_of(metrics, case),
+            metrics={name: float(values[case]) for name, values in metrics.items() if name not in CODED},
             **log_fields(flights, cases.vehicle, cases.autopilot, case),
         )
 
@@ -155,14 +155,14 @@ class Flight(FlightLog):
         return sentences(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Figures, legs, loops, actuators, reactions and circumstances as plain data, without the log."""
+        """Metrics, legs, loops, actuators, reactions and circumstances as plain data, without the log."""
         return {
             "vehicle": self.vehicle.name,
             "autopilot": self.autopilot.name,
             "mission": self.route.name,
             "outcome": self.outcome,
             "complete": self.complete,
-            "figures": dict(self.figures),
+            "metrics": dict(self.metrics),
             "legs": [leg.to_dict() for leg in self.legs],
             "loops": {name: loop.to_dict() for name, loop in self.loops.items()},
             "actuators": {name: use.to_dict() for name, use in self.actuator_use.items()},
@@ -249,13 +249,13 @@ def sentences(flight: Flight) -> list[str]:
     found = [_ending(flight), *_reactions(flight)]
     if flight.diverged:
         return found
-    figures = flight.figures
+    metrics = flight.metrics
     legs = [leg for leg in flight.legs if not math.isnan(leg.begin_s)]
     found.append(
-        f"It went {figures['distance_m']:.0f} m over ground in {_time(figures['duration_s'])}"
+        f"It went {metrics['distance_m']:.0f} m over ground in {_time(metrics['duration_s'])}"
         + (
-            f" and used {figures['energy_wh']:.1f} Wh."
-            if figures["energy_wh"] > 0.0
+            f" and used {metrics['energy_wh']:.1f} Wh."
+            if metrics["energy_wh"] > 0.0
             else "; the vehicle file tells neither power_w_s3 nor [power], so that its energy is not known."
         )
     )
@@ -264,8 +264,8 @@ def sentences(flight: Flight) -> list[str]:
         worst = max(straight, key=lambda leg: leg.cross_track_largest_m)
         found.append(
             "On the second half of straight legs the cross-track error was"
-            f" {figures['cross_track_rms_m']:.2f} m rms and at most {worst.cross_track_largest_m:.2f} m"
-            f" ({worst.label}), the vertical error {figures['vertical_rms_m']:.2f} m rms and at most"
+            f" {metrics['cross_track_rms_m']:.2f} m rms and at most {worst.cross_track_largest_m:.2f} m"
+            f" ({worst.label}), the vertical error {metrics['vertical_rms_m']:.2f} m rms and at most"
             f" {max(leg.vertical_largest_m for leg in straight):.2f} m."
         )
     found += _speeds(flight)
@@ -280,7 +280,7 @@ def sentences(flight: Flight) -> list[str]:
 def report(flight: Flight, sections: Sequence[Section] = ()) -> Report:
     """Three lines, metrics, legs and loops, further sections, sentences."""
     worst, next_step = _worst(flight)
-    tables = [metrics_table(flight.figures), legs_table(flight.legs)]
+    tables = [metrics_table(flight.metrics), legs_table(flight.legs)]
     if not flight.diverged:
         tables.append(loops_table(flight.loops))
     return Report(
@@ -299,16 +299,16 @@ def report(flight: Flight, sections: Sequence[Section] = ()) -> Report:
 
 def _how_good(flight: Flight) -> str:
     """Waypoints reached and cross-track error."""
-    figures = flight.figures
+    metrics = flight.metrics
     reached = f"{sum(leg.reached for leg in flight.legs)} of {len(flight.legs)} waypoints reached"
     if flight.diverged:
         return f"{reached} before the motion diverged at {float(flight.t[-1]):.1f} s"
     across = ""
-    if math.isfinite(figures["cross_track_rms_m"]):
-        largest = figures["cross_track_largest_m"]
+    if math.isfinite(metrics["cross_track_rms_m"]):
+        largest = metrics["cross_track_largest_m"]
         most = f", at most {largest:.2f} m" if math.isfinite(largest) else ""
-        across = f"; cross-track error {figures['cross_track_rms_m']:.2f} m rms{most}"
-    return f"{reached} in {_time(figures['duration_s'])}, {figures['distance_m']:.0f} m over ground{across}"
+        across = f"; cross-track error {metrics['cross_track_rms_m']:.2f} m rms{most}"
+    return f"{reached} in {_time(metrics['duration_s'])}, {metrics['distance_m']:.0f} m over ground{across}"
 
 
 def _worst(flight: Flight) -> tuple[str, str]:

@@ -57,7 +57,7 @@ def fly(
     rho: float | None = None,
     g: float | None = None,
 ) -> Flight:
-    """Flight of a vehicle with its autopilot on a mission: track, errors, commands, modes, energy, figures.
+    """Flight of a vehicle with its autopilot on a mission: track, errors, commands, modes, energy, metrics.
 
     Once per control period the sensors are read and the autopilot steps; its commands hold until the next. A
     flight that diverges or is not complete is a result, never an error: see `Flight.outcome`.
@@ -82,7 +82,7 @@ def fly(
     turbulence_times : (float, float), optional
         Its correlation time, and the time in which eddies average out along the hull, s.
     obstacles : sequence of (north, east, radius), optional
-        Cylinders in the water, m; the figure ``clearance_m`` is the smallest distance to an edge.
+        Cylinders in the water, m; the metric ``clearance_m`` is the smallest distance to an edge.
     initial : State, optional
         Where the flight begins; by default at rest at the mission's start, heading as the mission says or to
         the first waypoint.
@@ -187,7 +187,7 @@ def fly_batch(
     logs: bool = False,
     threads: int | None = None,
 ) -> Flights:
-    """Flights of k cases of one mission, their figures in SI and rad; on all threads, eight to a vector.
+    """Flights of k cases of one mission, their metrics in SI and rad; on all threads, eight to a vector.
 
     What is given once holds for all cases; k is the length of whatever is given per case. A case flies as it
     would alone.

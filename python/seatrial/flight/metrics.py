@@ -44,9 +44,9 @@ __all__ = [
     "Loop",
     "actuators_of",
     "ending_of",
-    "figures_of",
     "legs_of",
     "loops_of",
+    "metrics_of",
     "quantile",
     "switches",
 ]
@@ -54,7 +54,7 @@ __all__ = [
 DIVERGED = "diverged"
 
 CODED = ("ending", "alert", "alert_cause", "alert_time_s")
-"""Figures that a single flight tells in words: its ending and its alerts."""
+"""Metrics that a single flight tells in words: its ending and its alerts."""
 
 _DEG = 180.0 / math.pi
 
@@ -84,8 +84,8 @@ _NAMES = {
 _QUANTILES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
 
 
-def figures_of(flights: Flights) -> dict[str, Array]:
-    """Figures of all cases by name, (k,) each; a diverged flight has no duration.
+def metrics_of(flights: Flights) -> dict[str, Array]:
+    """Metrics of all cases by name, (k,) each; a diverged flight has no duration.
 
     ``ending``, ``alert`` and ``alert_cause`` are numbers of a list, see `ending_of` and
     ``seatrial._core.autopilot_names``.
@@ -125,11 +125,11 @@ def quantile(counts: Array, share: float, *, largest: Array) -> Array:
     return np.where(samples[:, 0] > 0.0, np.minimum(found, largest), np.nan)
 
 
-def ending_of(figures: Mapping[str, Array], case: int = 0) -> str:
+def ending_of(metrics: Mapping[str, Array], case: int = 0) -> str:
     """How a case ended: complete, surfaced, aborted, out of time or diverged."""
-    if not np.isfinite(figures["duration_s"][case]):
+    if not np.isfinite(metrics["duration_s"][case]):
         return DIVERGED
-    return autopilot_names()["endings"][int(figures["ending"][case])]
+    return autopilot_names()["endings"][int(metrics["ending"][case])]
 
 
 _LEAST_STEP_M = 0.5  # smaller changes of depth are none
@@ -392,7 +392,7 @@ class ActuatorUse:
 
 
 def loops_of(flight: FlightLog) -> dict[str, Loop]:
-    """Figures of the loops that were at work, by name."""
+    """Metrics of the loops that were at work, by name."""
     tables = tomllib.loads(flight.autopilot.to_toml())["loops"]
     found = {}
     for i, name in enumerate(autopilot_names()["loops"]):

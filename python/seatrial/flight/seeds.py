@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.arrays import Array
 from seatrial.base.report import Section
-from seatrial.flight.metrics import CODED, ending_of, figures_of
+from seatrial.flight.metrics import CODED, ending_of, metrics_of
 from seatrial.flight.tables import spread_table
 
 if TYPE_CHECKING:
@@ -30,14 +30,14 @@ class Seeds:
     ----------
     seeds
         Of the flights.
-    figures
+    metrics
         Metrics by name, one value per seed.
     endings
         How each flight ended.
     """
 
     seeds: tuple[int, ...]
-    figures: Mapping[str, Array]
+    metrics: Mapping[str, Array]
     endings: tuple[str, ...]
 
     @property
@@ -55,7 +55,7 @@ class Seeds:
 
     def section(self) -> Section:
         """What a report shows of them."""
-        return Section(sentences=(self.sentence(),), tables=(spread_table(self.figures, len(self.seeds)),))
+        return Section(sentences=(self.sentence(),), tables=(spread_table(self.metrics, len(self.seeds)),))
 
     def parquet(self) -> bytes:
         """Metrics and endings, a row per seed."""
@@ -64,12 +64,12 @@ class Seeds:
         from seatrial.base.atomic_write import parquet
 
         columns: dict[str, Any] = {"seed": list(self.seeds), "ending": list(self.endings)}
-        columns |= {name: values for name, values in self.figures.items() if name not in CODED}
+        columns |= {name: values for name, values in self.metrics.items() if name not in CODED}
         return parquet(pl.DataFrame(columns))
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""
-        return {"seeds": list(self.seeds), "endings": list(self.endings), "figures": dict(self.figures)}
+        return {"seeds": list(self.seeds), "endings": list(self.endings), "metrics": dict(self.metrics)}
 
 
 def fly_seeds(
@@ -85,5 +85,5 @@ def fly_seeds(
     from seatrial.flight.fly import fly_batch
 
     seeds = tuple(range(first, first + count))
-    figures = figures_of(fly_batch(vehicle, autopilot, mission, seeds=list(seeds), **options))
-    return Seeds(seeds, figures, tuple(ending_of(figures, case) for case in range(count)))
+    metrics = metrics_of(fly_batch(vehicle, autopilot, mission, seeds=list(seeds), **options))
+    return Seeds(seeds, metrics, tuple(ending_of(metrics, case) for case in range(count)))

@@ -114,7 +114,7 @@ def sensors_of_table(campaign: Campaign, sensors: str) -> str | Path | None:
 
 
 def requirement_of(source: str, asked: RequirementTable) -> Requirement:
-    """A requirement that the campaign file states, on figures that there are.
+    """A requirement that the campaign file states, on metrics that there are.
 
     Raises
     ------

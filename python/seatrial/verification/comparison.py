@@ -27,7 +27,7 @@ __all__ = ["AutopilotComparison", "FlownAutopilot", "PairedRequirement", "compar
 
 LEVEL = 0.05
 
-_FIGURES = (
+_METRICS = (
     "true_cross_track_p95_m", "cross_track_p95_m", "vertical_p95_m", "energy_wh", "duration_s",
     "travel_per_s",
 )  # fmt: skip
@@ -77,13 +77,13 @@ class FlownAutopilot:
         "verified", "start", or as it was given.
     failures
         Failures by requirement.
-    figures
-        Median over the missions of some figures.
+    metrics
+        Median over the missions of some metrics.
     """
 
     name: str
     failures: dict[str, FailureProbability]
-    figures: dict[str, float]
+    metrics: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class AutopilotComparison:
                 one.name: {
                     "failures": {name: found.failures for name, found in one.failures.items()},
                     "intervals": {name: list(found.interval) for name, found in one.failures.items()},
-                    "medians": dict(one.figures),
+                    "medians": dict(one.metrics),
                 }
                 for one in self.autopilots
             },
@@ -148,7 +148,7 @@ def compared(
     confidence : float
     """
     held = {
-        name: {one.name: one.judge(missions.figures).held for one in requirements}
+        name: {one.name: one.judge(missions.metrics).held for one in requirements}
         for name, missions in flown.items()
     }
     runs = len(next(iter(flown.values())))
@@ -159,7 +159,7 @@ def compared(
                 title: FailureProbability(int(np.count_nonzero(~mask)), runs, confidence)
                 for title, mask in held[name].items()
             },
-            {figure: _median(missions.figures[figure]) for figure in _FIGURES if figure in missions.figures},
+            {metric: _median(missions.metrics[metric]) for metric in _METRICS if metric in missions.metrics},
         )
         for name, missions in flown.items()
     )

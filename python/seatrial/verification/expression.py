@@ -1,12 +1,12 @@
-"""Expressions over the figures of a mission: which are allowed, what kind of value each part has.
+"""Expressions over the metrics of a mission: which are allowed, what kind of value each part has.
 
-Grammar: numbers, words in quotes, names of figures, ``+ - * / **``, ``abs min max sqrt``, comparisons (also
+Grammar: numbers, words in quotes, names of metrics, ``+ - * / **``, ``abs min max sqrt``, comparisons (also
 chained), ``and or not``. Python's own parser reads them; whatever is not on this list is refused before
 anything is evaluated, so that a campaign file of somebody else cannot run code.
 
 Held by `tests/verification/test_requirement.py`.
 
-What is wrong with an expression that cannot be read or names no figure, and what to write instead.
+What is wrong with an expression that cannot be read or names no metric, and what to write instead.
 
 Held by `tests/verification/test_requirement.py`.
 """
@@ -27,13 +27,13 @@ __all__ = [
     "CALLS",
     "KNOWN",
     "PERCEIVED",
-    "Figure",
     "Kind",
+    "Metric",
     "check",
     "names_in",
     "parse",
     "unit_of",
-    "unknown_figure",
+    "unknown_metric",
     "unreadable",
 ]
 
@@ -82,27 +82,27 @@ def unreadable(text: str, error: Exception) -> str:
     return f"'{bare}' cannot be read{place}; expected an expression such as '{_EXAMPLE}'"
 
 
-def unknown_figure(name: str, figures: Iterable[str], words: Mapping[str, Iterable[str]]) -> str:
-    """Sentence on a name that is no figure: the nearest ones, or all where none is near.
+def unknown_metric(name: str, metrics: Iterable[str], words: Mapping[str, Iterable[str]]) -> str:
+    """Sentence on a name that is no metric: the nearest ones, or all where none is near.
 
     Parameters
     ----------
     name : str
-    figures : iterable of str
+    metrics : iterable of str
         Those that are known.
     words : mapping of str to iterable of str
-        What figures that are words may say, by figure.
+        What metrics that are words may say, by metric.
 
     Examples
     --------
-    >>> unknown_figure("complete", ["ending"], {"ending": ["complete"]})
-    '"complete" is no figure of a mission; write the word in quotes, ending == "complete"'
+    >>> unknown_metric("complete", ["ending"], {"ending": ["complete"]})
+    '"complete" is no metric of a mission; write the word in quotes, ending == "complete"'
     """
-    known = list(figures)
-    said = f'"{name}" is no figure of a mission'
-    for figure, values in words.items():
+    known = list(metrics)
+    said = f'"{name}" is no metric of a mission'
+    for metric, values in words.items():
         if name in values:
-            return f'{said}; write the word in quotes, {figure} == "{name}"'
+            return f'{said}; write the word in quotes, {metric} == "{name}"'
     near = [f'"{one}"' for one in _near(name.casefold(), known)]
     if near:
         return f"{said}; did you mean {' or '.join([', '.join(near[:-1]), near[-1]][-len(near) :])}?"
@@ -139,8 +139,8 @@ Kind = Literal["number", "word", "truth"]
 
 
 @dataclass(frozen=True)
-class Figure:
-    """What an expression may say of a figure: its kind, and of a word the values that it can have."""
+class Metric:
+    """What an expression may say of a metric: its kind, and of a word the values that it can have."""
 
     kind: Kind = "number"
     values: tuple[str, ...] = ()
@@ -161,13 +161,13 @@ _NUMBERS = (
 PERCEIVED = (*(f"{error}_{x}_m" for error in ("cross_track", "vertical") for x in _ERRORS), "missed_by_m")
 """Errors as guidance perceived them, from its sensors; other metrics are of the vehicle itself."""
 
-KNOWN: Mapping[str, Figure] = {
-    **dict.fromkeys(_NUMBERS, Figure()),
-    "ending": Figure("word", _ENDINGS),
-    "alert": Figure("word"),
-    "abort": Figure("truth"),
+KNOWN: Mapping[str, Metric] = {
+    **dict.fromkeys(_NUMBERS, Metric()),
+    "ending": Metric("word", _ENDINGS),
+    "alert": Metric("word"),
+    "abort": Metric("truth"),
 }
-"""Figures of a mission that a requirement may name."""
+"""Metrics of a mission that a requirement may name."""
 
 CALLS: Mapping[str, tuple[int, int | None]] = {
     "abs": (1, 1),
@@ -192,14 +192,14 @@ _HINTS = {
     ast.BitAnd: 'write "and"',
     ast.BitOr: 'write "or"',
     ast.Invert: 'write "not"',
-    ast.Attribute: "figures have no parts; the decimal mark is a point between digits",
+    ast.Attribute: "metrics have no parts; the decimal mark is a point between digits",
     ast.In: 'write ending == "complete" or ending == "surfaced"',
     ast.NamedExpr: 'write "=="',
     ast.Tuple: 'the decimal mark is a point, and between conditions stands "and"',
 }
 
 _ALLOWED = (
-    "allowed are numbers, words in quotes, figures, + - * / **, abs min max sqrt, < <= > >= == !=, and or not"
+    "allowed are numbers, words in quotes, metrics, + - * / **, abs min max sqrt, < <= > >= == !=, and or not"
 )
 
 _SUFFIXES = (
@@ -233,15 +233,15 @@ def parse(text: str) -> ast.expr:
     return tree
 
 
-def check(tree: ast.expr, figures: Mapping[str, Figure]) -> None:
-    """Refuse names that are no figure, kinds that do not fit, and what is not true or false as a whole.
+def check(tree: ast.expr, metrics: Mapping[str, Metric]) -> None:
+    """Refuse names that are no metric, kinds that do not fit, and what is not true or false as a whole.
 
     Raises
     ------
     CampaignError
         With the nearest known name, or with the kinds expected and found.
     """
-    kind = _kind(tree, figures)
+    kind = _kind(tree, metrics)
     if kind != "truth":
         raise CampaignError(
             f'expected something that holds or not, such as "{ast.unparse(tree)} <= 1.0";'
@@ -249,17 +249,17 @@ def check(tree: ast.expr, figures: Mapping[str, Figure]) -> None:
         )
     if not names_in(tree):
         raise CampaignError(
-            f'"{ast.unparse(tree)}" names no figure of a mission: it says nothing of a flight'
+            f'"{ast.unparse(tree)}" names no metric of a mission: it says nothing of a flight'
         )
 
 
 def names_in(tree: ast.expr) -> tuple[str, ...]:
-    """Names of the figures in an expression, each once, in their order."""
+    """Names of the metrics in an expression, each once, in their order."""
     return tuple(dict.fromkeys(node.id for node, _ in _parts(tree) if isinstance(node, ast.Name)))
 
 
 def unit_of(node: ast.expr) -> str | None:
-    """Unit of a number as its figures' names tell it, empty if they tell none, nothing of a plain number.
+    """Unit of a number as its metrics' names tell it, empty if they tell none, nothing of a plain number.
 
     Examples
     --------
@@ -339,39 +339,39 @@ def _allowed(node: ast.expr, text: str) -> None:
     raise CampaignError(f'"{found}" is not allowed; {hint}')
 
 
-def _kind(node: ast.expr, figures: Mapping[str, Figure]) -> Kind:
+def _kind(node: ast.expr, metrics: Mapping[str, Metric]) -> Kind:
     match node:
         case ast.Name(id=name):
-            if name not in figures:
-                words = {one: figure.values for one, figure in figures.items() if figure.values}
-                raise CampaignError(unknown_figure(name, figures, words))
-            return figures[name].kind
+            if name not in metrics:
+                words = {one: metric.values for one, metric in metrics.items() if metric.values}
+                raise CampaignError(unknown_metric(name, metrics, words))
+            return metrics[name].kind
         case ast.Constant(value=value):
             return "word" if isinstance(value, str) else "number"
         case ast.UnaryOp(op=op, operand=operand):
             wanted: Kind = "truth" if isinstance(op, ast.Not) else "number"
-            return _expect(wanted, operand, figures, node)
+            return _expect(wanted, operand, metrics, node)
         case ast.BinOp(left=left, right=right):
-            _expect("number", left, figures, node)
-            return _expect("number", right, figures, node)
+            _expect("number", left, metrics, node)
+            return _expect("number", right, metrics, node)
         case ast.Call(args=args):
             for argument in args:
-                _expect("number", argument, figures, node)
+                _expect("number", argument, metrics, node)
             return "number"
         case ast.BoolOp(values=values):
             for part in values:
-                _expect("truth", part, figures, node)
+                _expect("truth", part, metrics, node)
             return "truth"
         case ast.Compare(left=left, ops=ops, comparators=comparators):
             sides = [left, *comparators]
             for one, comparison, other in zip(sides, ops, comparators, strict=False):
-                _comparable(one, comparison, other, figures)
+                _comparable(one, comparison, other, metrics)
             return "truth"
     raise AssertionError(ast.dump(node))  # `parse` lets nothing else through
 
 
-def _expect(wanted: Kind, node: ast.expr, figures: Mapping[str, Figure], whole: ast.expr) -> Kind:
-    found = _kind(node, figures)
+def _expect(wanted: Kind, node: ast.expr, metrics: Mapping[str, Metric], whole: ast.expr) -> Kind:
+    found = _kind(node, metrics)
     if found != wanted:
         needed = "a comparison" if wanted == "truth" else f"a {wanted}"
         raise CampaignError(
@@ -380,8 +380,8 @@ def _expect(wanted: Kind, node: ast.expr, figures: Mapping[str, Figure], whole: 
     return wanted
 
 
-def _comparable(one: ast.expr, op: ast.cmpop, other: ast.expr, figures: Mapping[str, Figure]) -> None:
-    kinds = _kind(one, figures), _kind(other, figures)
+def _comparable(one: ast.expr, op: ast.cmpop, other: ast.expr, metrics: Mapping[str, Metric]) -> None:
+    kinds = _kind(one, metrics), _kind(other, metrics)
     words = f'"{ast.unparse(ast.Compare(one, [op], [other]))}"'
     if "truth" in kinds:
         raise CampaignError(f'{words}: a truth value is not compared; write "abort" or "not abort"')
@@ -392,7 +392,7 @@ def _comparable(one: ast.expr, op: ast.cmpop, other: ast.expr, figures: Mapping[
             raise CampaignError(f'{words}: words have no order; write "==" or "!="')
         for name, word in ((one, other), (other, one)):
             if isinstance(name, ast.Name) and isinstance(word, ast.Constant):
-                values = figures[name.id].values
+                values = metrics[name.id].values
                 said = str(word.value)
                 if values and said not in values:
                     raise CampaignError(f'{name.id} is never "{said}"{nearest(said, values)}')

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
-from seatrial.flight.metrics import DIVERGED, figures_of
+from seatrial.flight.metrics import DIVERGED, metrics_of
 
 if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Flights
 
-__all__ = ["KEPT", "FlownMissions", "figures_for_requirements"]
+__all__ = ["KEPT", "FlownMissions", "metrics_for_requirements"]
 
 Values = NDArray[Any]
 
@@ -42,7 +42,7 @@ class FlownMissions:
     ----------
     numbers, mission, seeds
         Number in the campaign, index of the mission and seed of its noise, (k,).
-    figures
+    metrics
         Numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,).
     causes
         What was drawn, by readable names with units, (k,).
@@ -56,7 +56,7 @@ class FlownMissions:
     numbers: NDArray[np.int_]
     mission: NDArray[np.int_]
     seeds: NDArray[np.int_]
-    figures: Mapping[str, Values]
+    metrics: Mapping[str, Values]
     causes: Mapping[str, Array]
     perceived_counts: Array
     true_counts: Array
@@ -69,7 +69,7 @@ class FlownMissions:
     @property
     def flown_s(self) -> float:
         """Time that was flown in all of them together, s; a diverged one counts nothing."""
-        return float(np.nansum(self.figures["duration_s"]))
+        return float(np.nansum(self.metrics["duration_s"]))
 
     @property
     def real_time_factor(self) -> float:
@@ -100,7 +100,7 @@ class FlownMissions:
             self.numbers[:count],
             self.mission[:count],
             self.seeds[:count],
-            {name: column[:count] for name, column in self.figures.items()},
+            {name: column[:count] for name, column in self.metrics.items()},
             {name: column[:count] for name, column in self.causes.items()},
             self.perceived_counts[:count],
             self.true_counts[:count],
@@ -108,7 +108,7 @@ class FlownMissions:
         )
 
     def table(self, missions: Sequence[str]) -> pl.DataFrame:
-        """Table with a row per mission: number, mission, seed, figures, and what was drawn ("drawn: ...").
+        """Table with a row per mission: number, mission, seed, metrics, and what was drawn ("drawn: ...").
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class FlownMissions:
                 "mission": [missions[k] for k in self.mission.tolist()],
                 "seed": self.seeds,
             }
-            | {name: pl.Series(values) for name, values in self.figures.items()}
+            | {name: pl.Series(values) for name, values in self.metrics.items()}
             | {f"drawn: {name}": pl.Series(values) for name, values in self.causes.items()}
         )
 
@@ -131,7 +131,7 @@ class FlownMissions:
         """Everything as text that loses nothing; `from_text` reads it."""
         stream = io.BytesIO()
         arrays: dict[str, Any] = {name: getattr(self, name) for name in KEPT} | {"wall_s": self.wall_s}
-        arrays |= {f"figure {name}": values for name, values in self.figures.items()}
+        arrays |= {f"metric {name}": values for name, values in self.metrics.items()}
         arrays |= {f"cause {name}": values for name, values in self.causes.items()}
         np.savez_compressed(stream, **arrays)
         return base64.b64encode(stream.getvalue()).decode("ascii")
@@ -142,10 +142,10 @@ class FlownMissions:
         with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as found:
             return cls(
                 **{name: found[name] for name in KEPT},
-                figures={
-                    name.removeprefix("figure "): found[name]
+                metrics={
+                    name.removeprefix("metric "): found[name]
                     for name in found.files
-                    if name.startswith("figure ")
+                    if name.startswith("metric ")
                 },
                 causes={
                     name.removeprefix("cause "): found[name]
@@ -167,14 +167,14 @@ class FlownMissions:
         first = parts[0]
         return cls(
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in KEPT},
-            figures={name: np.concatenate([part.figures[name] for part in parts]) for name in first.figures},
+            metrics={name: np.concatenate([part.metrics[name] for part in parts]) for name in first.metrics},
             causes={name: np.concatenate([part.causes[name] for part in parts]) for name in first.causes},
             wall_s=sum(part.wall_s for part in parts),
         )
 
 
-def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple[Array, Array]]:
-    """Figures of all cases as requirements name them, (k,), and counts of two errors, (k, bins) each.
+def metrics_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple[Array, Array]]:
+    """Metrics of all cases as requirements name them, (k,), and counts of two errors, (k, bins) each.
 
     These are of the cross-track error as guidance perceived it, and of where the vehicle really was.
 
@@ -184,7 +184,7 @@ def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple
     ----------
     flights : Flights
     """
-    found: dict[str, Values] = dict(figures_of(flights))
+    found: dict[str, Values] = dict(metrics_of(flights))
     names = autopilot_names()
     endings, watches = np.array(names["endings"]), np.array(["", *names["watches"]])
     diverged = ~np.isfinite(found["duration_s"])
@@ -194,7 +194,7 @@ def figures_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple
     called = np.nan_to_num(found["alert"]) > 0.0
     found["alert"] = np.where(called, watches[causes], "")
     found["alert_time_s"] = np.where(called, found["alert_time_s"], np.nan)
-    # Of a diverged mission no figure may hold a requirement.
+    # Of a diverged mission no metric may hold a requirement.
     for name, values in found.items():
         if values.dtype.kind == "f":
             found[name] = np.where(diverged, np.nan, values)

@@ -37,8 +37,8 @@ __all__ = [
     "WorstMission",
     "beyond_the_vehicle",
     "check_energy",
-    "figures_without_value",
     "judged",
+    "metrics_without_value",
     "perceived_and_true",
 ]
 
@@ -55,8 +55,8 @@ class WorstMission:
         Its name, and the seed of its noise.
     held, reserve
         Whether the requirement was held, and by how much.
-    figures, drawn
-        All its figures, and everything that was drawn, by name.
+    metrics, drawn
+        All its metrics, and everything that was drawn, by name.
     """
 
     number: int
@@ -64,7 +64,7 @@ class WorstMission:
     seed: int
     held: bool
     reserve: float
-    figures: dict[str, Any]
+    metrics: dict[str, Any]
     drawn: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
@@ -75,7 +75,7 @@ class WorstMission:
             "seed": self.seed,
             "held": self.held,
             "reserve": self.reserve,
-            "figures": dict(self.figures),
+            "metrics": dict(self.metrics),
             "drawn": dict(self.drawn),
         }
 
@@ -188,7 +188,7 @@ def judged(
     keep_worst : int
         How many of the worst missions to tell of.
     """
-    judgements = [one.judge(flown.figures) for one in requirements]
+    judgements = [one.judge(flown.metrics) for one in requirements]
     causes = find_causes_of_all(
         [(one.held, one.reserve) for one in judgements],
         causes=[Cause.of_column(name, values) for name, values in flown.causes.items()],
@@ -228,7 +228,7 @@ def _worst(
             seed=int(flown.seeds[row]),
             held=bool(judgement.held[row]),
             reserve=float(judgement.reserve[row]),
-            figures={name: values[row].item() for name, values in flown.figures.items()},
+            metrics={name: values[row].item() for name, values in flown.metrics.items()},
             drawn={name: float(values[row]) for name, values in flown.causes.items()},
         )
         for row in judgement.worst(count)
@@ -255,7 +255,7 @@ def check_energy(requirement: Requirement, vehicle: Vehicle) -> None:
     >>> import seatrial as st
     >>> check_energy(Requirement("battery", "energy_wh <= 60"), st.Vehicle.load("cwolf"))
     """
-    if "energy_wh" not in requirement.figures:
+    if "energy_wh" not in requirement.metrics:
         return
     told = [facts["power_w_s3"] or 0.0 for facts in vehicle.actuator_info().values()]
     if max([*told, vehicle.power().get("hotel_w", 0.0)]) <= 0.0:
@@ -265,7 +265,7 @@ def check_energy(requirement: Requirement, vehicle: Vehicle) -> None:
         )
 
 
-def figures_without_value(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
+def metrics_without_value(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
     """Sentences on requirements that every mission had to hold, or none could.
 
     Parameters
@@ -275,17 +275,17 @@ def figures_without_value(requirements: Sequence[Requirement], flown: FlownMissi
     """
     said = []
     for one in requirements:
-        none_held = not one.judge(flown.figures).held.any()
-        for name in one.figures:
+        none_held = not one.judge(flown.metrics).held.any()
+        for name in one.metrics:
             if KNOWN[name].kind != "number":
                 continue
-            values = np.asarray(flown.figures[name], dtype=float)
+            values = np.asarray(flown.metrics[name], dtype=float)
             known = values[~np.isnan(values)]
             if not len(known) and none_held:
                 said.append(f'"{one.name}" asks for {name}, which no mission has: it was bound to fail.')
             if name in _MISSING and len(known) and np.isposinf(known).all():
                 said.append(
-                    f'"{one.name}" asks for {name}, and {_MISSING[name]}: as it is, the figure is infinite'
+                    f'"{one.name}" asks for {name}, and {_MISSING[name]}: as it is, the metric is infinite'
                     " in all missions and shows nothing."
                 )
     return tuple(said)
@@ -303,12 +303,12 @@ def perceived_and_true(requirements: Sequence[Requirement], flown: FlownMissions
     flown : FlownMissions
     """
     perceived, true = (
-        np.asarray(flown.figures[name], float) for name in ("cross_track_p95_m", "true_cross_track_p95_m")
+        np.asarray(flown.metrics[name], float) for name in ("cross_track_p95_m", "true_cross_track_p95_m")
     )
     known = np.isfinite(perceived) & np.isfinite(true)
     if not known.any() or np.allclose(perceived[known], true[known], rtol=0.0, atol=_SAME_M):
         return ()
-    asked = [f'"{one.name}"' for one in requirements if set(one.figures) & set(PERCEIVED)]
+    asked = [f'"{one.name}"' for one in requirements if set(one.metrics) & set(PERCEIVED)]
     who = f" (which {' and '.join(asked)} ask{'s' if len(asked) == 1 else ''} for)" if asked else ""
     return (
         "Errors that guidance perceived, from what its sensors told it, are cross_track_…, vertical_… and"
@@ -338,7 +338,7 @@ def beyond_the_vehicle(flights: CampaignFlights, draws: Draws, flown: FlownMissi
 
 
 def _time(flights: CampaignFlights, flown: FlownMissions) -> list[str]:
-    late = flown.figures["ending"] == "out of time"
+    late = flown.metrics["ending"] == "out of time"
     count = int(np.count_nonzero(late))
     if count < _MANY * len(flown):
         return []

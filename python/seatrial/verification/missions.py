@@ -35,7 +35,7 @@ from seatrial.flight.flight import Flight
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN
-from seatrial.verification.flown_missions import KEPT, FlownMissions, figures_for_requirements
+from seatrial.verification.flown_missions import KEPT, FlownMissions, metrics_for_requirements
 from seatrial.verification.requirement import obstacles
 
 if TYPE_CHECKING:
@@ -132,24 +132,24 @@ class CampaignFlights:
         """
         began = time.monotonic()
         drawn = self.draws(numbers)
-        figures: dict[str, Any] = {}
+        metrics: dict[str, Any] = {}
         perceived, true = np.zeros((2, len(drawn), len(_core.error_edges()) + 1))
         for index in np.unique(drawn.mission).tolist():
             rows = np.flatnonzero(drawn.mission == index)
-            found, samples = figures_for_requirements(
+            found, samples = metrics_for_requirements(
                 self._cases(drawn.take(rows), index).fly(threads=threads)
             )
             perceived[rows], true[rows] = (counts[: len(rows)] for counts in samples)
             for name, values in found.items():
-                if name not in figures:
+                if name not in metrics:
                     words = values.dtype.kind == "U"
-                    figures[name] = np.empty(len(drawn), dtype="U24" if words else values.dtype)
-                figures[name][rows] = values[: len(rows)]
+                    metrics[name] = np.empty(len(drawn), dtype="U24" if words else values.dtype)
+                metrics[name][rows] = values[: len(rows)]
         return FlownMissions(
             numbers=drawn.numbers,
             mission=drawn.mission,
             seeds=drawn.seeds,
-            figures=figures,
+            metrics=metrics,
             causes=dict(drawn.causes),
             perceived_counts=perceived,
             true_counts=true,
@@ -157,7 +157,7 @@ class CampaignFlights:
         )
 
     def replay(self, number: int) -> Flight:
-        """Flight of the mission with this number, with its log; its figures are those of the verification.
+        """Flight of the mission with this number, with its log; its metrics are those of the verification.
 
         The vehicle of the flight is the drawn one, and the autopilot believes in the identified one.
         """

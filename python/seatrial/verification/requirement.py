@@ -1,6 +1,6 @@
 """A requirement on missions: what must hold, in which share of them, and by how much a mission held it.
 
-``holds`` (k,) is three-valued inside (Kleene 1952, strong logic of three values): a comparison with a figure
+``holds`` (k,) is three-valued inside (Kleene 1952, strong logic of three values): a comparison with a metric
 that is not a number, as a diverged flight has, is neither true nor false, its negation neither, and a mission
 of which the whole is not true does not hold the requirement. So ``not (roll_largest_deg > 30)`` is not held
 by a flight that diverged.
@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.verification_table import Obstacle, VerificationTable
-from seatrial.verification.expression import KNOWN, Figure, check, names_in, parse, unit_of
+from seatrial.verification.expression import KNOWN, Metric, check, names_in, parse, unit_of
 
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
@@ -64,7 +64,7 @@ _SHARE = "of the threshold"
 class Judgement:
     """Of k missions: whether the requirement was ``held`` (k,), and its ``reserve`` (k,) in ``unit``.
 
-    The reserve is positive where it was held, and minus infinity where a figure is not a number.
+    The reserve is positive where it was held, and minus infinity where a metric is not a number.
     """
 
     held: NDArray[np.bool_]
@@ -83,7 +83,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Requirement:
-    """An expression over the figures of a mission that must hold in a share of all missions.
+    """An expression over the metrics of a mission that must hold in a share of all missions.
 
     Parameters
     ----------
@@ -130,29 +130,29 @@ class Requirement:
         return 1.0 - self.probability
 
     @property
-    def figures(self) -> tuple[str, ...]:
-        """Names of the figures that it needs."""
+    def metrics(self) -> tuple[str, ...]:
+        """Names of the metrics that it needs."""
         return names_in(self._tree)
 
-    def check(self, figures: Mapping[str, Figure] = KNOWN) -> None:
-        """Refuse what cannot be judged by these figures, before anything flies.
+    def check(self, metrics: Mapping[str, Metric] = KNOWN) -> None:
+        """Refuse what cannot be judged by these metrics, before anything flies.
 
         Raises
         ------
         CampaignError
-            A name is no figure, kinds do not fit, or the whole is no condition.
+            A name is no metric, kinds do not fit, or the whole is no condition.
         """
         try:
-            check(self._tree, figures)
+            check(self._tree, metrics)
         except CampaignError as error:
             raise self._refused(error) from None
 
-    def judge(self, figures: Mapping[str, Any]) -> Judgement:
+    def judge(self, metrics: Mapping[str, Any]) -> Judgement:
         """Whether each of k missions held it, and with which reserve.
 
         Parameters
         ----------
-        figures : mapping of str to array_like, shape (k,)
+        metrics : mapping of str to array_like, shape (k,)
             Numbers, words (``ending``) and truths (``abort``) of the missions.
 
         Raises
@@ -160,13 +160,13 @@ class Requirement:
         CampaignError
             As for `check`.
         """
-        values = {name: np.asarray(figures[name]) for name in figures}
-        self.check({name: Figure(_kind_of(array), _known(name)) for name, array in values.items()})
+        values = {name: np.asarray(metrics[name]) for name in metrics}
+        self.check({name: Metric(_kind_of(array), _known(name)) for name, array in values.items()})
         units = {unit_of(side) or "" for side in _sides(self._tree)}
         mixed = len(units) > 1
         with np.errstate(all="ignore"):
             truth, reserve = _judged(self._tree, values, mixed)
-        shape = np.broadcast_shapes(*(values[name].shape for name in self.figures))
+        shape = np.broadcast_shapes(*(values[name].shape for name in self.metrics))
         held = np.broadcast_to(truth > 0.0, shape).copy()
         reserve = np.broadcast_to(np.where(truth == 0.0, -np.inf, reserve), shape).copy()
         return Judgement(held, reserve, _SHARE if mixed else (units.pop() if units else ""))
@@ -186,7 +186,7 @@ def _kind_of(array: Values) -> Any:
 
 
 def _sides(tree: ast.expr) -> list[ast.expr]:
-    """Of every comparison of numbers, a side that names a figure."""
+    """Of every comparison of numbers, a side that names a metric."""
     found = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
@@ -196,20 +196,20 @@ def _sides(tree: ast.expr) -> list[ast.expr]:
     return found
 
 
-def _judged(node: ast.expr, figures: Mapping[str, Values], mixed: bool) -> tuple[Array, Array]:
+def _judged(node: ast.expr, metrics: Mapping[str, Values], mixed: bool) -> tuple[Array, Array]:
     """Truth (1: true, -1: false, 0: neither) and reserve (not a number where neither) of a condition."""
     match node:
         case ast.UnaryOp(operand=operand):
-            truth, reserve = _judged(operand, figures, mixed)
+            truth, reserve = _judged(operand, metrics, mixed)
             return -truth, -reserve
         case ast.BoolOp(op=op, values=values):
-            return _joined(op, [_judged(value, figures, mixed) for value in values])
+            return _joined(op, [_judged(value, metrics, mixed) for value in values])
         case ast.Compare(left=left, ops=ops, comparators=comparators):
             sides = [left, *comparators]
             links = zip(sides, ops, comparators, strict=False)
-            return _joined(ast.And(), [_compared(one, op, two, figures, mixed) for one, op, two in links])
+            return _joined(ast.And(), [_compared(one, op, two, metrics, mixed) for one, op, two in links])
         case ast.Name(id=name):
-            return _certain(figures[name])
+            return _certain(metrics[name])
     raise AssertionError(ast.dump(node))  # `check` lets nothing else through
 
 
@@ -228,9 +228,9 @@ def _certain(truth: Values) -> tuple[Array, Array]:
 
 
 def _compared(
-    one: ast.expr, op: ast.cmpop, other: ast.expr, figures: Mapping[str, Values], mixed: bool
+    one: ast.expr, op: ast.cmpop, other: ast.expr, metrics: Mapping[str, Values], mixed: bool
 ) -> tuple[Array, Array]:
-    a, b = _value(one, figures), _value(other, figures)
+    a, b = _value(one, metrics), _value(other, metrics)
     if not np.issubdtype(a.dtype, np.number):
         return _certain((a == b) == isinstance(op, ast.Eq))
     apart = np.abs(a - b)
@@ -258,21 +258,21 @@ def _threshold(one: ast.expr, other: ast.expr, a: Values, b: Values) -> Values:
     return np.asarray(np.maximum(np.maximum(np.abs(a), np.abs(b)), np.finfo(np.float64).tiny))
 
 
-def _value(node: ast.expr, figures: Mapping[str, Values]) -> Values:
+def _value(node: ast.expr, metrics: Mapping[str, Values]) -> Values:
     """Value of a number or word, (k,) or a single one."""
     match node:
         case ast.Constant(value=value):
             return np.asarray(value if isinstance(value, str) else float(value))  # type: ignore[arg-type]
         case ast.Name(id=name):
-            array = figures[name]
+            array = metrics[name]
             return array.astype(np.float64) if np.issubdtype(array.dtype, np.number) else array
         case ast.UnaryOp(op=op, operand=operand):
-            inner = _value(operand, figures)
+            inner = _value(operand, metrics)
             return -inner if isinstance(op, ast.USub) else inner
         case ast.BinOp(left=left, op=op, right=right):
-            return np.asarray(_SUMS[type(op)](_value(left, figures), _value(right, figures)))
+            return np.asarray(_SUMS[type(op)](_value(left, metrics), _value(right, metrics)))
         case ast.Call(func=ast.Name(id=name), args=args):
-            found = [_value(argument, figures) for argument in args]
+            found = [_value(argument, metrics) for argument in args]
             return np.asarray(_FUNCTIONS[name](*found) if len(found) == 1 else _folded(name, found))
     raise AssertionError(ast.dump(node))  # `check` lets nothing else through
 

@@ -55,7 +55,7 @@ class Verification:
     flights
         What was flown, and how to fly any of it again.
     flown
-        All missions: figures, what was drawn, times.
+        All missions: metrics, what was drawn, times.
     requirements
         A `JudgedRequirement` each: failures, interval, verdict, worst missions, causes.
     comparison
@@ -115,7 +115,7 @@ class Verification:
         raise KeyError(name)
 
     def replay(self, number: int) -> Flight:
-        """Flight of a mission by its number, with its log; figures are those of the verification to the bit.
+        """Flight of a mission by its number, with its log; metrics are those of the verification to the bit.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class Verification:
         return self.flights.replay(number)
 
     def table(self) -> pl.DataFrame:
-        """Table with a row per mission: figures and what was drawn."""
+        """Table with a row per mission: metrics and what was drawn."""
         return self.flown.table(self.flights.titles)
 
     def report(self) -> Report:
@@ -338,11 +338,11 @@ def _worst_table(found: Verification) -> Table:
             str(run.number),
             run.mission if several else "",
             reserve(run.reserve, one.judgement.unit),
-            str(run.figures["ending"]),
-            _number(run.figures["cross_track_p95_m"], 2),
-            _number(run.figures["vertical_p95_m"], 2),
-            _number(run.figures["clearance_m"], 1),
-            _number(run.figures["duration_s"], 0),
+            str(run.metrics["ending"]),
+            _number(run.metrics["cross_track_p95_m"], 2),
+            _number(run.metrics["vertical_p95_m"], 2),
+            _number(run.metrics["clearance_m"], 1),
+            _number(run.metrics["duration_s"], 0),
         )
         for one in found.requirements
         for run in one.worst[:3]
@@ -385,9 +385,9 @@ _MEDIANS = {
 
 def _medians(found: AutopilotComparison) -> Table:
     rows = [
-        (label, *(f"{one.figures[name]:.4g}" for one in found.autopilots))
+        (label, *(f"{one.metrics[name]:.4g}" for one in found.autopilots))
         for name, label in _MEDIANS.items()
-        if name in found.autopilots[0].figures
+        if name in found.autopilots[0].metrics
     ]
     return Table.of("Metrics on the same draws", ("metric", *(one.name for one in found.autopilots)), rows)
 

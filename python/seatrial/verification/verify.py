@@ -17,8 +17,8 @@ from seatrial.flight.checks import checked_threads
 from seatrial.verification.comparison import AutopilotComparison, compared
 from seatrial.verification.judgement import (
     beyond_the_vehicle,
-    figures_without_value,
     judged,
+    metrics_without_value,
     perceived_and_true,
 )
 from seatrial.verification.missions import fly_series
@@ -283,7 +283,7 @@ def _verified(
                 *prepared.notes,
                 *draws.notes,
                 *beyond_the_vehicle(prepared.flights, draws, flown),
-                *figures_without_value(prepared.requirements, flown),
+                *metrics_without_value(prepared.requirements, flown),
                 *perceived_and_true(prepared.requirements, flown),
             ])
         ),

@@ -295,7 +295,7 @@ def _labels(flight: Flight, path: PlannedPath) -> list[str]:
 
 def _remark(flight: Flight) -> str:
     """How long and how far, in the title."""
-    way = flight.figures.get("distance_m", math.nan)
+    way = flight.metrics.get("distance_m", math.nan)
     length = f"{way / 1e3:.2f} km" if way >= 1e3 else f"{way:.0f} m"
     # Short: it shares its line with the panel's name.
     verdict = flight.outcome_in_words.removeprefix("flown to its end, ")

@@ -380,7 +380,7 @@ def _cross_track(found: Verification) -> Figure:
         found.flown.true_counts,
         error_edges(),
         perceived=found.flown.perceived_counts,
-        p95_m=found.flown.figures[figure],
+        p95_m=found.flown.metrics[figure],
         of="true" if figure == _TRUE else "as guidance perceived it",
         threshold_m=float(limit) if limit else None,
     )

@@ -82,23 +82,23 @@ class Envelope:
         A `Band` by the name of the quantity, see `QUANTITIES`.
     flights
         How many flights it rests on.
-    figures
-        Figures of the flights, (k,) each, by the names of `Flight.figures`.
+    metrics
+        Metrics of the flights, (k,) each, by the names of `Flight.metrics`.
     """
 
     t: Array
     bands: Mapping[str, Band]
     flights: int
-    figures: Mapping[str, Array]
+    metrics: Mapping[str, Array]
 
     def to_dict(self) -> dict[str, Any]:
-        """Share outside by quantity, and quantiles of the figures, as plain data."""
+        """Share outside by quantity, and quantiles of the metrics, as plain data."""
         return {
             "flights": self.flights,
             "outside": {name: band.outside for name, band in self.bands.items()},
-            "figures": {
+            "metrics": {
                 name: [float(x) for x in prediction_band(values)]
-                for name, values in self.figures.items()
+                for name, values in self.metrics.items()
                 if np.isfinite(values).any()
             },
         }
@@ -153,7 +153,7 @@ def mission_envelope(
         Too few flights, or too many of them diverged.
     """
     from seatrial.flight.fly import fly_batch
-    from seatrial.flight.metrics import CODED, figures_of
+    from seatrial.flight.metrics import CODED, metrics_of
 
     if flights < FEWEST_FLIGHTS:
         raise SimulationError(
@@ -203,8 +203,8 @@ def mission_envelope(
             f"{fitted.vehicle.name}: fewer than {FEWEST_FLIGHTS} of {flights} flights of {mission.name} did"
             " not diverge; check the autopilot and the covariance of the coefficients, or fly more"
         )
-    figures = {name: value for name, value in figures_of(flown).items() if name not in CODED}
-    return Envelope(t, bands, flights, figures)
+    metrics = {name: value for name, value in metrics_of(flown).items() if name not in CODED}
+    return Envelope(t, bands, flights, metrics)
 
 
 def _quantities(flown: Flights, case: int, t: Array) -> dict[str, Array]:

@@ -7,22 +7,13 @@ are read as any trial is; their columns ``desired.speed_m_s``, ``desired.lateral
 ``error.vertical_m``, ``leg``, ``distance_m``, ``reaction``, ``power_w``, ``energy_wh``, ``altitude_m`` are
 taken where they are there.
 
-Tests: ``tests/verification/test_recorded_mission.py``.
+A reference is thinned to the rate of the log before its errors are taken: commands between two samples are
+not known and count as held, smoothed states err more, and so a model that holds misses a slow log further
+than a fast one. An offset of a sensor starts every window of a log with the same wrong state; no number of
+windows averages it out, so that it belongs to the band like a coefficient that is not known exactly.
 
-A trial sampled more slowly: what a log of a lower rate would have shown of the same motion.
-
-Commands between two samples are not known and count as held; smoothed states err more. A model that holds
-misses a slow log further than a fast one, so a reference is thinned to the log's rate before its errors are
-taken.
-
-Tests: ``tests/verification/test_recorded_campaign.py``.
-
-Offsets that sensors have throughout a log: declared by a set of sensors, in the channels of a trial.
-
-An offset of the roll angle starts every window of a log with the same wrong roll; no number of windows
-averages it out, so that it belongs to the band like a coefficient that is not known exactly.
-
-Tests: ``tests/verification/test_recorded_validity.py``.
+Tests: ``test_recorded_mission.py``, ``test_recorded_campaign.py`` and ``test_recorded_validity.py`` in
+``tests/verification/``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Figures of a recorded mission under the names that simulated flights have: requirements apply to both.
+"""Metrics of a recorded mission under the names that simulated flights have: requirements apply to both.
 
 Errors of guidance count on the second half of straight legs (`seatrial.flight.metrics`). Where the
 log tells the autopilot's own errors, leg and distance, they are taken; otherwise they follow from the
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.verification.mission_log.log import MissionLog
 
-__all__ = ["LoggedStep", "errors_of_guidance", "log_figures", "logged_steps", "quantiles"]
+__all__ = ["LoggedStep", "errors_of_guidance", "log_metrics", "logged_steps", "quantiles"]
 
 _REACTIONS = {2: "surfaced", 3: "aborted"}
 
@@ -125,20 +125,20 @@ def errors_of_guidance(log: MissionLog, mission: Mission | None = None) -> dict[
     return found
 
 
-def log_figures(
+def log_metrics(
     log: MissionLog,
     mission: Mission | None = None,
     vehicle: Vehicle | None = None,
     *,
     obstacles: Sequence[Obstacle] | None = None,
 ) -> dict[str, Any]:
-    """Figures of a recorded mission by the names of `Flight.figures`, units in the names.
+    """Metrics of a recorded mission by the names of `Flight.metrics`, units in the names.
 
     Parameters
     ----------
     log : MissionLog
     mission : Mission, optional
-        Without it there are no figures of guidance, but those that the log itself tells.
+        Without it there are no metrics of guidance, but those that the log itself tells.
     vehicle : Vehicle, optional
         Gives the neutral command of the actuators.
     obstacles : sequence of Obstacle, optional

@@ -1,23 +1,12 @@
 """The verdict on a log: is the model still valid, what is suspected, and did the mission hold what it had to.
 
-Tests: ``tests/verification/test_recorded_verdict.py``.
+A log on which nothing could have been noticed does not speak for the model. Three changes that happen to
+vehicles are therefore tried to first order; their predictions move by ``J theta``, and the share outside the
+band follows from the spread of a valid model's errors. It is held against the share that the verdict itself
+would not call chance (`seatrial.verification.mission_log.validity`).
 
-A verdict on a log in words: outcome, channels, suspects, the mission's own figures.
-
-Tests: ``tests/verification/test_recorded_verdict.py``.
-
-What a verdict on a log leaves in its run directory: verdict, summary, inputs and their hashes, figures.
-
-Tests: ``tests/verification/test_recorded_campaign.py``.
-
-What a log would have shown: the chance that a usual change of the vehicle is noticed on it.
-
-A log on which nothing could have been seen does not speak for the model. Three changes that happen to
-vehicles are tried to first order; their predictions move by ``J theta``, and the share outside the band
-follows from the spread of a valid model's errors, and is held against the share that the verdict itself
-would call no chance (`seatrial.verification.mission_log.validity`).
-
-Tests: ``tests/verification/test_recorded_validity.py``.
+Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_recorded_validity.py`` in
+``tests/verification/``.
 """
 
 from __future__ import annotations
@@ -66,7 +55,7 @@ class Detectable:
 class JudgedRequirement:
     """A requirement on the log's own mission: whether it was held, and its reserve in `unit`.
 
-    ``held`` is None where the log does not tell a figure that it needs; ``missing`` names those.
+    ``held`` is None where the log does not tell a metric that it needs; ``missing`` names those.
     """
 
     name: str
@@ -101,8 +90,8 @@ class LogVerdict:
         nothing fails.
     detectable
         What this log would have shown, with the chance.
-    figures
-        Of the log's own mission, by the names of `Flight.figures`.
+    metrics
+        Of the log's own mission, by the names of `Flight.metrics`.
     requirements, steps
         Requirements on them, and set-point steps against their corridors.
     envelope
@@ -123,7 +112,7 @@ class LogVerdict:
     validity: Validity | None
     suspects: tuple[Suspect, ...]
     detectable: tuple[Detectable, ...]
-    figures: Mapping[str, Any]
+    metrics: Mapping[str, Any]
     requirements: tuple[JudgedRequirement, ...]
     steps: tuple[LoggedStep, ...]
     envelope: Envelope | None
@@ -176,7 +165,7 @@ class LogVerdict:
             "validity": None if self.validity is None else self.validity.to_dict(),
             "suspects": [one.to_dict() for one in self.suspects],
             "detectable": [{"change": one.change, "power": one.power} for one in self.detectable],
-            "figures": dict(self.figures),
+            "metrics": dict(self.metrics),
             "requirements": [
                 {
                     "name": one.name,
@@ -350,14 +339,14 @@ def _inseparable(verdict: LogVerdict) -> list[str]:
 def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
     """Metrics of the mission and envelope in sentences; requirements and steps as a table."""
     said = [
-        text.format(verdict.figures[name])
+        text.format(verdict.metrics[name])
         for name, text in (
             ("cross_track_p95_m", "cross-track error {:.2f} m in 95 % of the settled time"),
             ("vertical_p95_m", "vertical error {:.2f} m"),
             ("duration_s", "{:.0f} s"),
             ("energy_wh", "{:.1f} Wh"),
         )
-        if name in verdict.figures
+        if name in verdict.metrics
     ]
     lines = [f"The mission: {', '.join(said)}."] if len(said) > 1 else []  # its length alone is no news
     if verdict.envelope is not None:

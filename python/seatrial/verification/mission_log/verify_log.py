@@ -1,15 +1,11 @@
 """`verify_log`: does the model still hold on the log of a mission, and did the mission do what it had to.
 
-Tests: ``tests/verification/test_recorded_verdict.py``.
-
-The model's part of a verdict on a log: outcome, reason, suspects, and what the log would have shown.
-
 A current that was not recorded is no change of the vehicle: where it explains the log best, it is fitted to
-the log (`seatrial.verification.mission_log.suspects`) and the model judged anew in it. What such a fit
-could hide
-counts as not shown.
+the log (`seatrial.verification.mission_log.suspects`) and the model judged again in it. What such a fit could
+hide counts as not shown.
 
-Tests: ``tests/verification/test_recorded_validity.py``, ``tests/verification/test_recorded_current.py``.
+Tests: ``test_recorded_verdict.py``, ``test_recorded_validity.py`` and ``test_recorded_current.py`` in
+``tests/verification/``.
 """
 
 from __future__ import annotations
@@ -29,7 +25,7 @@ from seatrial.identification.fitted import Fitted
 from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
-from seatrial.verification.mission_log.metrics import log_figures, logged_steps
+from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
 from seatrial.verification.mission_log.restarts import PredictedLog, restarts
 from seatrial.verification.mission_log.spread import (
     Spread,
@@ -143,9 +139,8 @@ def judge_model(
             other = "" if first is None else f" as well as this change: {first.change}"
             reason = (
                 f"The log cannot tell a changed vehicle from the water: {current_words(fitted)}, which"
-                " was not"
-                f" recorded, explains it{other}. Log the current (zero in a tank), or fly more than one"
-                " heading."
+                f" was not recorded, explains it{other}. Log the current (zero in a tank), or fly more than"
+                " one heading."
             )
             shown = detectable_changes(in_it, level=level, current=True)
             return ModelJudgement(_QUIET, reason, judged, guilty, shown, tuple(notes))
@@ -248,9 +243,9 @@ def verify_log(
         Logs on which the model is known to hold, or the root mean square error of each channel there, SI.
         Without it the log's own noise counts alone, which suits no real vehicle well.
     autopilot, mission : optional
-        What was flown; both together give the closed-loop envelope, the mission alone the figures.
+        What was flown; both together give the closed-loop envelope, the mission alone the metrics.
     requirements : sequence of Requirement, optional
-        On the figures of the log's own mission.
+        On the metrics of the log's own mission.
     corridors : mapping of str to Corridor, optional
         By loop, for the steps of logged set points.
     obstacles : sequence of Obstacle, optional
@@ -290,7 +285,7 @@ def verify_log(
         known.vehicle, record.trial, ahead_s=ahead_s, start_s=start_s, stop_s=stop_s, input=input
     )
     flown = _loaded(mission)
-    figures = log_figures(record, flown, known.vehicle, obstacles=obstacles)
+    metrics = log_metrics(record, flown, known.vehicle, obstacles=obstacles)
     judged = judge_model(
         known,
         windows,
@@ -320,8 +315,8 @@ def verify_log(
         validity=judged.validity,
         suspects=judged.suspects,
         detectable=judged.detectable,
-        figures=figures,
-        requirements=tuple(_required(one, figures) for one in requirements),
+        metrics=metrics,
+        requirements=tuple(_required(one, metrics) for one in requirements),
         steps=steps,
         envelope=envelope,
         notes=tuple(notes),
@@ -333,13 +328,13 @@ def verify_log(
     )
 
 
-def _required(requirement: Requirement, figures: Mapping[str, Any]) -> JudgedRequirement:
+def _required(requirement: Requirement, metrics: Mapping[str, Any]) -> JudgedRequirement:
     """A requirement on the one mission of the log."""
     requirement.check()
-    missing = tuple(name for name in requirement.figures if name not in figures)
+    missing = tuple(name for name in requirement.metrics if name not in metrics)
     if missing:
         return JudgedRequirement(requirement.name, requirement.holds, None, float("nan"), "", missing)
-    found = requirement.judge({name: [figures[name]] for name in requirement.figures})
+    found = requirement.judge({name: [metrics[name]] for name in requirement.metrics})
     reserve = float(found.reserve[0])
     return JudgedRequirement(requirement.name, requirement.holds, bool(found.held[0]), reserve, found.unit)
 
