@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.diagnosis.advice import Role, anchor
-from seatrial.statistics.information import NULL, answer, covariance, eliminate
+from seatrial.statistics.information import NULL, covariance, eliminate, regression
 
 __all__ = ["ABSENT", "WEAK", "Group", "weak_groups"]
 
@@ -141,7 +141,7 @@ def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Gr
         ]
         step = np.zeros(len(roles))
         step[forced] = chosen * factor
-        step[follow] = -answer(information, forced, follow) @ step[forced]
+        step[follow] = -regression(information, forced, follow) @ step[forced]
         drag = any(roles[forced[i]].kind in _DRAG for i in carried)
         if not drag or misfit[at, at] < most * least or np.abs(step).max() <= WEAK * np.sqrt(least):
             continue

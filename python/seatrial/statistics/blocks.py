@@ -91,7 +91,7 @@ def block_length(lin: Linearisation) -> BlockLength:
     counts = np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0, initial=0)
     if not np.any(counts):
         raise CampaignError(
-            "the joint estimate has no sample that counts, so its uncertainty cannot be told; expected at"
+            "the joint estimate has no sample that counts, so its uncertainty is unknown; expected at"
             " least one valid sample of a measured channel in a segment; check hold_out, segment_s, channels"
         )
     covered = sum(len(np.unique(grid[rows])) for _, grid, rows in _on_grid(lin))
@@ -99,7 +99,7 @@ def block_length(lin: Linearisation) -> BlockLength:
     memory, wanted = np.ones(len(counts)), np.zeros(len(counts))
     for channel, samples in enumerate(counts):
         if samples > 1:
-            memory[channel], wanted[channel] = _rule(rho[channel], pairs[channel], int(samples))
+            memory[channel], wanted[channel] = _automatic_length(rho[channel], pairs[channel], int(samples))
     longest = max(_LONGER * float(wanted.max()), _SHORTEST * math.sqrt(covered))
     samples = int(np.clip(round(longest), 1, max(covered // 4, 1)))
     return BlockLength(samples, samples * lin.dt, memory, wanted, counts / memory)
@@ -117,12 +117,14 @@ def _autocorrelation(lin: Linearisation, lags: int) -> tuple[Array, Array]:
     """Autocorrelation and number of pairs, both (C, lags + 1)."""
     products, pairs = np.zeros((2, lags + 1, len(lin.channels)))
     for pieces, grid, _ in _on_grid(lin):
+        # Rows of overlapping segments are brought to one series on the trial's time grid.
         psi = np.concatenate([piece.weight * piece.residual * piece.counted for piece in pieces])
         counted = np.concatenate([piece.counted for piece in pieces]).astype(float)
         total, often = np.zeros((2, int(grid.max()) + 1, len(lin.channels)))
         np.add.at(total, grid, psi)
         np.add.at(often, grid, counted)
         series, seen = total / np.maximum(often, 1.0), (often > 0).astype(float)
+        # Products at all lags at once (Wiener-Khinchin); padded, so that the ends do not wrap round.
         size = 1 << (2 * len(series) - 1).bit_length()
         kept = min(lags + 1, len(series))
         for into, values in ((products, series), (pairs, seen)):
@@ -139,11 +141,11 @@ def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
     """Data in blocks of about ``length``; each trial is divided evenly, at least one block per trial.
 
     A block may span segments that follow each other, never two trials. A segment is divided only where it
-    holds two blocks or more: its initial conditions were fitted to all of it, so that what its parts say is
-    not independent. A block's information is ``sum J' psi' J``
-    with the mean slope ``psi'`` of the robust score, not its weight: they differ for all but squared errors.
+    holds two blocks or more: its initial conditions were fitted to all of it, so that its parts are not
+    independent. A block's information is ``sum J' psi' J`` with the mean slope ``psi'`` of the robust score,
+    not its weight: they differ for all but squared errors.
     """
-    bend, unknowns = _bend(lin), len(lin.unknowns)
+    slope_ratio, unknowns = _score_slope(lin), len(lin.unknowns)
     square = np.sum([((p.weight * p.residual * p.counted) ** 2).sum(axis=0) for p in lin.pieces], axis=0)
     counts = np.maximum(np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0), 1)
     colour = length.memory * square / counts
@@ -152,7 +154,7 @@ def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
         covered = np.unique(grid[rows])
         if not len(covered):
             continue
-        block = _divided(pieces, length.samples)
+        block = _block_of_rows(pieces, length.samples)
         number = int(block[-1]) + 1
         scores, matrices = np.zeros((number, unknowns)), np.zeros((number, unknowns, unknowns))
         first = 0
@@ -163,15 +165,16 @@ def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
                 part = owner == index
                 slope, weight = piece.jacobian[part], piece.weight[part]
                 matrix = slope.reshape(-1, unknowns)
+                # Score, information, and what the score's covariance would be with the channel's memory.
                 scores[index] += matrix.T @ (weight * piece.residual[part]).ravel()
-                matrices[index] += matrix.T @ ((bend * weight).reshape(-1, 1) * matrix)
+                matrices[index] += matrix.T @ ((slope_ratio * weight).reshape(-1, 1) * matrix)
                 coloured += matrix.T @ (np.broadcast_to(colour, weight.shape).reshape(-1, 1) * matrix)
         score.append(scores)
         information.append(matrices)
     return Blocks(np.concatenate(score), np.concatenate(information), coloured)
 
 
-def _divided(pieces: Sequence[Piece], length: int) -> NDArray[np.intp]:
+def _block_of_rows(pieces: Sequence[Piece], length: int) -> NDArray[np.intp]:
     """Block of each row of a trial's segments, from 0 on."""
     counts = [piece.counted.any(axis=1) for piece in pieces]
     total = sum(int(counted.sum()) for counted in counts)
@@ -197,7 +200,7 @@ def _on_grid(lin: Linearisation) -> Iterator[tuple[list[Piece], NDArray[np.intp]
         yield pieces, grid, np.concatenate([piece.counted.any(axis=1) for piece in pieces])
 
 
-def _rule(rho: Array, pairs: Array, samples: int) -> tuple[float, float]:
+def _automatic_length(rho: Array, pairs: Array, samples: int) -> tuple[float, float]:
     """Integrated autocorrelation time and Politis and White's block length of one channel, in samples.
 
     The memory ends before the first run of lags that white errors would show.
@@ -217,13 +220,13 @@ def _rule(rho: Array, pairs: Array, samples: int) -> tuple[float, float]:
     return memory, (1.5 * slope**2 / memory**2 * samples) ** (1.0 / 3.0)
 
 
-def _bend(lin: Linearisation) -> Array:
+def _score_slope(lin: Linearisation) -> Array:
     """Mean slope of the robust score over its mean weight (C,): one for squared errors.
 
     The score ``psi(e) = w(e) e`` is a function of the error alone, so its slope is that between neighbours in
     the order of ``|e|`` and needs no name of the loss (one inside Huber's knee and zero outside it).
     """
-    bend = np.ones(len(lin.channels))
+    slope_ratio = np.ones(len(lin.channels))
     for channel in range(len(lin.channels)):
         kept = [piece.counted[:, channel] for piece in lin.pieces]
         pairs = list(zip(lin.pieces, kept, strict=True))
@@ -234,12 +237,12 @@ def _bend(lin: Linearisation) -> Array:
         error, first = np.unique(error, return_index=True)
         psi = weight[first] * error
         slope = np.diff(psi, prepend=0.0) / np.maximum(np.diff(error, prepend=0.0), 1e-300)
-        bend[channel] = max(float(np.clip(slope, -1.0, 1.0).mean() / weight.mean()), 0.1)
-    return bend
+        slope_ratio[channel] = max(float(np.clip(slope, -1.0, 1.0).mean() / weight.mean()), 0.1)
+    return slope_ratio
 
 
 _SINGULAR = 1e-11
-"""Eigenvalue of the information, scaled to a unit diagonal, that rounding cannot be told from."""
+"""Eigenvalue of the information, scaled to a unit diagonal, that is indistinguishable from rounding."""
 
 _PART = 1e-6
 """Squared part in the undetermined combinations from which an unknown counts as undetermined."""
@@ -292,6 +295,7 @@ def whitened(lin: Linearisation, length: BlockLength | None = None) -> Whitened:
     transform, undetermined = determined(data.information.sum(axis=0) + np.diag(precision))
     score = data.score @ transform
     information = transform.T @ data.information @ transform
+    # Newton's step to the optimum of the linearised problem; scores are taken there, not at a bound.
     step = score.sum(axis=0) - transform.T @ (precision * (lin.values - centre))
     return Whitened(
         length=length,

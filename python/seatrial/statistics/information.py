@@ -30,12 +30,12 @@ from seatrial.statistics.linearisation import Linearisation
 __all__ = [
     "NULL",
     "InformationCriteria",
-    "answer",
     "correlation",
     "covariance",
     "eliminate",
     "inflation",
     "information_criteria",
+    "regression",
     "singular",
 ]
 
@@ -70,16 +70,17 @@ def eliminate(information: Array, keep: Sequence[int], drop: Sequence[int]) -> A
     array([[1.]])
     """
     kept = information[np.ix_(keep, keep)]
-    reduced = kept - information[np.ix_(keep, drop)] @ answer(information, keep, drop)
+    reduced = kept - information[np.ix_(keep, drop)] @ regression(information, keep, drop)
+    # What is left of an unknown after the subtraction may be rounding: then it is absorbed by the others.
     absorbed = np.diag(reduced) <= NULL * len(information) * np.diag(kept)
     reduced[absorbed, :] = reduced[:, absorbed] = 0.0
     return np.asarray(0.5 * (reduced + reduced.T))
 
 
-def answer(information: Array, keep: Sequence[int], drop: Sequence[int]) -> Array:
-    """How what is dropped answers what is kept (d, k): minus its change that the data like best.
+def regression(information: Array, keep: Sequence[int], drop: Sequence[int]) -> Array:
+    """Regression (d, k) of the dropped unknowns on the kept ones: minus their best-fitting change.
 
-    Nothing moves along null directions of what is dropped: the data do not ask for it, and rounding would.
+    Nothing moves along null directions of the dropped ones: the data do not determine it, rounding would.
     """
     inverse = _inverse(
         information[np.ix_(drop, drop)], lambda values, null: np.where(values > null, values, np.inf)

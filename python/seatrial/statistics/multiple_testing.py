@@ -37,7 +37,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def mann_whitney(values: Array, other: Array) -> tuple[float, float]:
-    """AUC, P(one > other), and p-value on both sides."""
+    """AUC, P(values > other), and two-sided p-value."""
     from scipy.stats import mannwhitneyu
 
     pairs = len(values) * len(other)
@@ -45,9 +45,9 @@ def mann_whitney(values: Array, other: Array) -> tuple[float, float]:
         return 0.5, 1.0
     tested = mannwhitneyu(values, other, method="auto" if pairs <= _EXACT else "asymptotic")
     auc = float(tested.statistic) / pairs
-    usual = _usual(np.concatenate([values, other]))
-    if usual is not None:
-        return auc, _of_mostly_usual(values, other, usual)
+    common = _common_value(np.concatenate([values, other]))
+    if common is not None:
+        return auc, _with_common_value(values, other, common)
     p = float(tested.pvalue)
     return auc, p if p == p else 1.0
 
@@ -86,9 +86,9 @@ def spearman(values: Array, other: Array) -> tuple[float, float]:
         return 0.0, 1.0
     rho = _pearson(rankdata(values), rankdata(other))
     for one, two in ((values, other), (other, values)):
-        usual = _usual(one)
-        if usual is not None:
-            apart = one != usual
+        common = _common_value(one)
+        if common is not None:
+            apart = one != common
             ps = [mann_whitney(two[apart], two[~apart])[1]]
             if len(np.unique(one[apart])) > 1:
                 ps.append(spearman(values[apart], other[apart])[1])
@@ -97,22 +97,22 @@ def spearman(values: Array, other: Array) -> tuple[float, float]:
     return rho, float(2.0 * student.sf(abs(rho) * np.sqrt((k - 2.0) / left), k - 2))
 
 
-def _usual(values: Array) -> float | None:
+def _common_value(values: Array) -> float | None:
     """The value that more than half of them have, None without one."""
     middle = float(np.sort(values)[len(values) // 2])
     return middle if 2 * np.count_nonzero(values == middle) > len(values) else None
 
 
-def _of_mostly_usual(values: Array, other: Array, usual: float) -> float:
-    """P-value of two samples of which most are one value: as often another one, and that of the same size."""
+def _with_common_value(values: Array, other: Array, common: float) -> float:
+    """P-value of two samples that mostly share one value: how often they differ from it, and by how much."""
     from scipy.stats import fisher_exact
 
-    rare = [part[part != usual] for part in (values, other)]
+    rare = [part[part != common] for part in (values, other)]
     if not any(len(part) for part in rare):
         return 1.0
     counts = [[len(left), len(part) - len(left)] for left, part in zip(rare, (values, other), strict=True)]
     ps = [float(fisher_exact(counts).pvalue)]
-    # Asked of what both samples have together: that either has none of them is the first question's answer.
+    # Only over values other than the common one: how often these occur is what the first test decides.
     if len(np.unique(np.concatenate(rare))) > 1:
         ps.append(mann_whitney(*rare)[1])
     return min(1.0, len(ps) * min(ps))

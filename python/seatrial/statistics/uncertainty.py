@@ -155,17 +155,21 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
 
     view = whitened(lin, length)
     transform, (share, vectors) = view.transform, np.linalg.eigh(view.information)
+    # Directions that one block nearly determines alone cannot be judged by the others.
     judged = share < _ALONE
     gain = np.where(judged, 1.0 / (1.0 - np.minimum(share, _ALONE)), 0.0)
+    # Each block's score, corrected for the fit having followed it: the jackknife of CV3.
     moved = (vectors @ (gain * (view.score[:, None] @ vectors)[:, 0])[:, :, None])[:, :, 0]
     number = len(moved)
     from_data = (number - 1) / number * moved.T @ moved
+    # The scatter of a lone block is that of errors with the memory of their channel.
     lonely = np.zeros_like(from_data)
     for block in np.flatnonzero(~judged.all(axis=1)):
         span = vectors[block][:, ~judged[block]]
         lonely += span @ (span.T @ view.coloured @ span) @ span.T
     matrix = transform @ (from_data + lonely + view.prior) @ transform.T
     variance = np.diag(matrix)
+    # Share of every block in every variance, for Satterthwaite's degrees of freedom.
     part = ((transform @ vectors) ** 2 @ (share * judged)[:, :, None])[:, :, 0]
     naive = np.einsum("ij,ij->i", transform, transform)
     with np.errstate(divide="ignore", invalid="ignore"):

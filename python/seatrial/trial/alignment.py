@@ -164,6 +164,7 @@ def latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency 
             [np.abs(curve(t[b] + shift) - reference[b]).sum() for b in blocks] for shift in shifts
         ])
 
+    # Coarse search over all shifts first: the error over the shift has several minima in a periodic motion.
     coarse = np.arange(-LARGEST_S, LARGEST_S + 1e-9, 0.5 * min(step, 0.1))
     cost = errors(coarse)
     best = int(np.argmin(cost.sum(axis=1)))

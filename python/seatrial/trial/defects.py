@@ -99,6 +99,7 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
                 f"a sensor of about {moves / signal.step:.2g} Hz in a table of {1.0 / signal.step:.3g} Hz",
                 int(repeated.sum()),
             )
+    # A sensor with noise never repeats one channel alone; a rounded or simulated one does.
     alone = np.any(signal.y[1:] == signal.y[:-1], axis=1) & ~repeated[1:]
     noisy = signal.y.shape[1] > 1 and alone.mean() < _ROUNDED_SHARE
     increment = np.linalg.norm(np.diff(signal.y, axis=0), axis=1)
@@ -147,6 +148,7 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
         rate = np.diff(y, axis=0) / np.diff(t)[:, None]
         speed = np.linalg.norm(rate, axis=1)
     deviation = _deviation(rate, 11)
+    # A jump stands out of the record's own motion, and of what the speed sensor shows there.
     threshold = max(10.0 * np.quantile(deviation, 0.95), 3.0 * np.quantile(speed, 0.98))
     limit = np.maximum(threshold, _BELIEVED * _speed_near(speedometer, t[1:]))
     jump = np.flatnonzero((deviation > threshold) & (speed > limit))

@@ -42,6 +42,7 @@ def smooth(y: Array, valid: Mask) -> Array:
     good = np.flatnonzero(valid)
     if len(good) < 5 or np.ptp(y[good], axis=0).max() == 0.0:
         return _bridged(y, good)
+    # Masked samples get a weak straight bridge, so that the spline does not swing over a gap.
     filled = _bridged(y, good)
     weight = np.where(valid, 1.0, _FILL_WEIGHT)
     penalty = _penalty_bands(n)
@@ -51,6 +52,7 @@ def smooth(y: Array, valid: Mask) -> Array:
         bands = strength * penalty
         bands[-1] += weight
         f: Array = solveh_banded(bands, weight[:, None] * filled, check_finite=False)
+        # Trace of the smoother from its gain at the frequencies of the uniform base, instead of an inverse.
         freedom = _CAUTION * np.sum(1.0 / (1.0 + strength * frequency)) / n
         residual = np.mean((y[good] - f[good]) ** 2)
         return (float(residual / (1.0 - freedom) ** 2) if freedom < 1.0 else np.inf), f

@@ -117,6 +117,7 @@ def tilt(q: Array) -> Tilt | None:
 def _direction(turned: Array) -> Array:
     """Horizontal part (2,) of the upright line of the body in the earth frame, from rotations (n, 3, 3)."""
     n = len(turned)
+    # Unknowns a, b (trim) and n_1, n_2 (tilt): the first two rows of R [a, b, 1] - n = 0.
     columns = np.zeros((2, n, 4))
     columns[:, :, :2] = turned[:, :2, :2].transpose(1, 0, 2)
     columns[0, :, 2] = columns[1, :, 3] = -1.0
@@ -130,6 +131,7 @@ def _direction(turned: Array) -> Array:
         solution = np.asarray(np.linalg.lstsq(normal, design.T @ (weight * goal), rcond=None)[0], float)
         if np.abs(solution - before).max() < 1e-9:
             break
+        # Huber's weights: swinging at the turns of a zigzag must not pass for a tilt.
         residual = np.abs(goal - design @ solution)
         knee = _HUBER * 1.4826 * float(np.median(residual)) + 1e-12
         weight = 1.0 / np.maximum(residual / knee, 1.0)
