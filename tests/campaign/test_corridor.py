@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.campaign.corridor import Corridor
-from seatrial.tuning.criterion import criterion, normalised, step_figures, time_weighted_error, violations
+from seatrial.tuning.criterion import criterion, normalised, step_metrics, time_weighted_error, violations
 
 Array = NDArray[np.float64]
 
@@ -289,7 +289,7 @@ def test_law_size_and_direction_of_a_step_do_not_matter(y: Array, before: float,
 def test_figures_of_a_step_agree_with_those_of_python_control(damping: float, omega: float) -> None:
     t: Array = 0.01 * np.arange(6000.0)
     y = second_order(t, damping, omega)
-    found, other = step_figures(t, y, band=0.02), control.step_info(y, t, yfinal=1.0)
+    found, other = step_metrics(t, y, band=0.02), control.step_info(y, t, yfinal=1.0)
     # control takes the next sample of 0.01 s, two of them for a rise.
     assert found.rise_10_90_s == pytest.approx(other["RiseTime"], abs=0.011)
     assert found.settling_s == pytest.approx(other["SettlingTime"], abs=0.011)
@@ -300,7 +300,7 @@ def test_figures_of_a_step_agree_with_those_of_python_control(damping: float, om
 def test_figures_of_a_late_first_order_answer_are_those_of_the_textbook() -> None:
     t = 0.01 * np.arange(4000)
     y = np.where(t < 2.0, 0.0, 1.0 - np.exp(-(t - 2.0) / 3.0))
-    found = step_figures(t, y)
+    found = step_metrics(t, y)
     # Between samples of 0.01 s the curve is straight to 1e-5 of the step.
     assert found.dead_s == pytest.approx(2.0 - 3.0 * np.log(0.95), abs=1e-3)
     assert found.rise_s == pytest.approx(2.0 + 3.0 * np.log(10.0), abs=1e-3)
@@ -310,22 +310,22 @@ def test_figures_of_a_late_first_order_answer_are_those_of_the_textbook() -> Non
 
 
 def test_figures_say_what_never_came() -> None:
-    slow = step_figures(T, -0.05 + 0.6 * (T / T[-1]))
+    slow = step_metrics(T, -0.05 + 0.6 * (T / T[-1]))
     assert (slow.rise_s, slow.rise_10_90_s, slow.settling_s) == (math.inf, math.inf, math.inf)
     assert slow.undershoot == pytest.approx(0.05)
     assert slow.steady_error == pytest.approx(0.48, abs=1e-3)  # mean of the last tenth of a line
-    diverged = step_figures(T, np.where(T > 20.0, math.nan, 1.0))
+    diverged = step_metrics(T, np.where(T > 20.0, math.nan, 1.0))
     assert diverged.overshoot == diverged.settling_s == diverged.steady_error == math.inf
-    at_once = step_figures(T, np.ones_like(T))
+    at_once = step_metrics(T, np.ones_like(T))
     assert (at_once.rise_s, at_once.settling_s) == (0.0, 0.0)
     with pytest.raises(SimulationError, match="two or more rising times"):
-        step_figures([0.0, 0.0], [0.0, 1.0])
+        step_metrics([0.0, 0.0], [0.0, 1.0])
 
 
 @given(damping=st.floats(0.6, 0.98), omega=st.floats(0.4, 2.0))
 def test_law_a_response_with_the_figures_of_a_corridor_keeps_to_it(damping: float, omega: float) -> None:
     y = second_order(T, damping, omega)
-    found = step_figures(T, y, band=0.05)
+    found = step_metrics(T, y, band=0.05)
     corridor = Corridor.from_figures(
         rise_s=found.rise_s + 1e-6,
         overshoot=found.overshoot + 1e-9,

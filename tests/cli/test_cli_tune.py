@@ -94,7 +94,7 @@ def test_json_is_all_that_is_printed_and_a_violation_is_exit_code_1() -> None:
     assert plain["run_directory"] == "there"
     assert plain["figures"] == []
     assert plain["plan"]["groups"][0]["trials"][0]["steps"] == [20.0]
-    assert plain["judged"][0]["trials"][0]["step"] == 20.0
+    assert plain["performance"][0]["trials"][0]["step"] == 20.0
     assert not Path("there/figures").exists()
     assert not Path("runs").exists()
 
@@ -122,11 +122,11 @@ def test_ctrl_c_is_exit_code_130_and_nothing_is_published(monkeypatch: pytest.Mo
     flown: list[int] = []
     terms = objective.Objective.terms
 
-    def interrupted(self, gains, *, reserve=objective.RESERVE):  # type: ignore[no-untyped-def]
+    def interrupted(self, gains, *, headroom=objective.HEADROOM):  # type: ignore[no-untyped-def]
         flown.append(1)
         if len(flown) == 3:
             raise KeyboardInterrupt
-        return terms(self, gains, reserve=reserve)
+        return terms(self, gains, headroom=headroom)
 
     monkeypatch.setattr(objective.Objective, "terms", interrupted)
     result = call(HEADING)

@@ -13,7 +13,7 @@ from seatrial.campaign.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
 from seatrial.report.plot.corridors import course_of_set_points, speed_steps
 from seatrial.report.plot.tuning import corridors, responses
-from seatrial.tuning.judgement import Judged, JudgedTrial, judge
+from seatrial.tuning.performance import Performance, StepPerformance, assess
 from seatrial.tuning.plan import TuningPlan
 from tests.tuning.tuning_campaigns import plan, start
 
@@ -30,14 +30,14 @@ corridor = { rise_s = 2.0, overshoot = 0.02, settling_s = 9.0, settled = 0.02, u
 
 
 @cache
-def judged(name: str, factor: float) -> Judged:
+def performance(name: str, factor: float) -> Performance:
     one = plan(SURGE)
     gains = {key: factor * value for key, value in start().gains().items() if key.startswith("surge.K_P")}
-    return judge(one, name, one.rig(start().with_gains(gains), max_step=0.05, threads=1), one.samples(2, 1))
+    return assess(one, name, one.rig(start().with_gains(gains), max_step=0.05, threads=1), one.samples(2, 1))
 
 
 def test_a_loop_s_corridors_show_start_beside_tuned_at_every_speed() -> None:
-    before, after = judged("start", 1.0), judged("tuned", 2.0)
+    before, after = performance("start", 1.0), performance("tuned", 2.0)
     (figure,) = corridors(before, after, "surge")
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert len(titles) == 4
@@ -55,7 +55,7 @@ def test_a_loop_s_corridors_show_start_beside_tuned_at_every_speed() -> None:
 def test_corridors_at_many_speeds_take_several_pages() -> None:
     one = plan(SURGE.replace("[1.5, 2.5]", "[0.5, 1.0, 1.5, 2.5]"))
     gains = one.rig(start(), max_step=0.05, threads=1)
-    found = judge(one, "start", gains, one.samples(1, 1))
+    found = assess(one, "start", gains, one.samples(1, 1))
     figures = list(corridors(found, found, "surge"))
     assert [len(figure.axes) for figure in figures] == [6, 2]
     assert max(figure.get_figheight() for figure in figures) <= 10.0
@@ -63,14 +63,14 @@ def test_corridors_at_many_speeds_take_several_pages() -> None:
 
 def test_titles_of_corridors_have_words_and_true_minus_signs() -> None:
     one = plan(SURGE.replace("loops.surge", "loops.cross_track").replace("[0.3, -0.3]", "[-3.0]"))
-    found = judge(one, "start", one.rig(start(), max_step=0.05, threads=1), one.samples(1, 1))
+    found = assess(one, "start", one.rig(start(), max_step=0.05, threads=1), one.samples(1, 1))
     (figure,) = corridors(found, found, "cross_track")
     assert figure.axes[0].get_title(loc="left") == "cross-track at 1.5 m/s, −3 m: start gains"
 
 
 def test_of_the_steps_at_a_speed_the_one_that_is_held_least_is_shown() -> None:
-    before, after = judged("start", 1.0), judged("tuned", 2.0)
-    worst: dict[float, JudgedTrial] = {}
+    before, after = performance("start", 1.0), performance("tuned", 2.0)
+    worst: dict[float, StepPerformance] = {}
     for trial in after.trials:
         worst[trial.speed_m_s] = max(worst.get(trial.speed_m_s, trial), trial, key=lambda one: one.worst_s)
     figure = responses(before, after, "surge")
@@ -104,7 +104,7 @@ def test_the_speed_climbs_and_falls_through_all_that_is_reached() -> None:
     np.testing.assert_allclose(settled, levels, atol=0.2)
 
 
-def test_a_hull_that_cannot_stop_keeps_to_its_supporting_points() -> None:
+def test_a_hull_that_cannot_stop_keeps_to_its_breakpoints() -> None:
     lauv = TuningPlan(TuningTable(), Fitted.of("lauv"), st.Autopilot.load("lauv"))
     _, levels = course_of_set_points(lauv)
     assert levels.min() == pytest.approx(min(lauv.autopilot.speeds_m_s))
@@ -112,7 +112,7 @@ def test_a_hull_that_cannot_stop_keeps_to_its_supporting_points() -> None:
 
 def test_angles_that_jump_round_the_circle_leave_a_gap() -> None:
     one = plan(SURGE.replace("surge", "heading").replace("[0.3, -0.3]", "[20.0]"))
-    before = judge(one, "start", one.rig(start(), max_step=0.05, threads=1), one.samples(1, 1))
+    before = assess(one, "start", one.rig(start(), max_step=0.05, threads=1), one.samples(1, 1))
     turned = before.responses["heading"]
     spun = replace(
         before,

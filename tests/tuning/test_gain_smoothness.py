@@ -1,4 +1,4 @@
-"""Smoothness of gains along the supporting points."""
+"""Smoothness of gains along the breakpoints."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.tuning.judgement import judge
+from seatrial.tuning.performance import assess
 from seatrial.tuning.plan import TuningPlan
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan
 from tests.tuning.tuning_runs import Told
@@ -54,7 +54,7 @@ def test_only_groups_that_leave_a_corridor_are_searched_again(monkeypatch: pytes
     assert names(told) == [*GROUPS, "heading"]
     assert [group.name for group in tuning.groups] == [*GROUPS, "heading, again (2)"]
     # Each group is looked at alone, after all have had their turn.
-    assert [judged.groups for judged in told.judgements[:3]] == [(group,) for group in GROUPS]
+    assert [performance.groups for performance in told.assessments[:3]] == [(group,) for group in GROUPS]
 
 
 def test_nothing_is_searched_again_where_all_corridors_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,7 +103,7 @@ def test_a_second_search_meets_the_vehicle_itself_with_several_noises(
     told = Told(larger, lambda group, gains: 1.0)
     told.run(monkeypatch, *of())
     first, second = (told.searches[place].samples for place in (0, len(GROUPS)))
-    again = told.judgements[0].samples
+    again = told.assessments[0].samples
     assert first.nominal == 1
     # One noise more or less decided that a group was searched again: one alone would not show why.
     assert again.nominal > 1
@@ -135,6 +135,6 @@ def test_flights_tell_which_group_is_spoilt(
         return {name: (factor if group == "surge" else 1.0) * value for name, value in start.items()}
 
     told = Told(found)
-    monkeypatch.setattr(told, "judge", judge)
+    monkeypatch.setattr(told, "assess", assess)
     told.run(monkeypatch, campaign(WIDE), one)
     assert names(told)[2:] == again

@@ -95,7 +95,7 @@ def test_law_bounds_of_the_way_back_are_a_mirror_of_those_there() -> None:
     np.testing.assert_allclose(clock[back], clock[there], atol=1e-9)
     assert (target[there] == 1.0).all()
     assert (target[back] == 0.0).all()
-    # Before the first step and in the period of the end nothing is judged.
+    # Before the first step and in the period of the end nothing is assessed.
     for rows in (slice(0, settle), slice(settle + 2 * until, None)):
         assert (lower[rows] == -np.inf).all()
         assert (upper[rows] == np.inf).all()
@@ -103,14 +103,14 @@ def test_law_bounds_of_the_way_back_are_a_mirror_of_those_there() -> None:
     assert len(lower) == len(one.grid(PERIOD_S)) == settle + 2 * until + 1
 
 
-def test_a_reserve_moves_both_bounds_inwards_and_never_past_each_other() -> None:
+def test_a_headroom_moves_both_bounds_inwards_and_never_past_each_other() -> None:
     one = trials()
-    wide, tight = one.bounds(PERIOD_S), one.bounds(PERIOD_S, reserve=0.01)
-    judged = np.isfinite(wide[0])
-    np.testing.assert_allclose(tight[0][judged] - wide[0][judged], 0.01, atol=1e-12)
-    np.testing.assert_allclose(wide[1][judged] - tight[1][judged], 0.01, atol=1e-12)
-    most = one.bounds(PERIOD_S, reserve=5.0)
-    assert (most[1][judged] > most[0][judged]).all()
+    wide, tight = one.bounds(PERIOD_S), one.bounds(PERIOD_S, headroom=0.01)
+    bounded = np.isfinite(wide[0])
+    np.testing.assert_allclose(tight[0][bounded] - wide[0][bounded], 0.01, atol=1e-12)
+    np.testing.assert_allclose(wide[1][bounded] - tight[1][bounded], 0.01, atol=1e-12)
+    most = one.bounds(PERIOD_S, headroom=5.0)
+    assert (most[1][bounded] > most[0][bounded]).all()
 
 
 def test_the_answer_to_the_step_back_is_that_of_the_step_in_a_mirror() -> None:

@@ -42,20 +42,20 @@ def test_dead_reckoning_does_not_drift_in_a_trial() -> None:
     np.testing.assert_array_equal(fixed, known)
 
 
-def test_bands_beside_are_narrower_by_the_reserve_as_well() -> None:
+def test_bands_beside_are_narrower_by_the_headroom_as_well() -> None:
     # Outside a band that is narrower by a share is what is outside one of that half-width, in its units.
-    bands, reserve = {"z": 0.02, "u": 0.05, "roll": 0.01}, 0.1
-    narrow = {name: (1.0 - reserve) * half for name, half in bands.items()}
+    bands, headroom = {"z": 0.02, "u": 0.05, "roll": 0.01}, 0.1
+    narrow = {name: (1.0 - headroom) * half for name, half in bands.items()}
     one, other = (trials("heading", (1.5,), (0.5,), beside=each) for each in (bands, narrow))
     wide, _ = rig("typical").violations(one, still(), {})
-    asked, _ = rig("typical").violations(one, still(), {}, reserve=reserve)
+    asked, _ = rig("typical").violations(one, still(), {}, headroom=headroom)
     expected, _ = rig("typical").violations(other, still(), {})
     beside = asked[..., 1:, :2]
     # The same terms but for rounding of the scale, some 1e-9 of the sums of hundreds of them.
-    np.testing.assert_allclose(beside, (1.0 - reserve) * expected[..., 1:, :2], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(beside, (1.0 - headroom) * expected[..., 1:, :2], rtol=1e-6, atol=1e-9)
     assert beside.sum() > wide[..., 1:, :2].sum() + 0.01
     # However large it is, a band keeps three quarters of its width.
-    most, more = (rig().violations(one, still(), {}, reserve=share)[0] for share in (0.25, 5.0))
+    most, more = (rig().violations(one, still(), {}, headroom=share)[0] for share in (0.25, 5.0))
     np.testing.assert_array_equal(most[..., 1:, :2], more[..., 1:, :2])
 
 

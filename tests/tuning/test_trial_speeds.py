@@ -61,7 +61,7 @@ def test_a_vehicle_that_cannot_hover_has_a_slowest_speed() -> None:
     remus = TuningPlan(TuningTable(), Fitted.of("remus100"), st.Autopilot.load("remus100"))
     slowest = slowest_level_m_s(remus.vehicle, remus.autopilot)
     assert slowest is not None
-    # The built-in autopilot's supporting points begin there.
+    # The built-in autopilot's breakpoints begin there.
     assert slowest == pytest.approx(remus.autopilot.speeds_m_s[0], rel=0.01)
     assert min(remus.speeds_of("heading")) >= slowest + remus.current_m_s
     table = TuningTable.model_validate({"loops": {"heading": {"speeds_m_s": [0.0]}}})

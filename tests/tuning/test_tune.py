@@ -17,7 +17,7 @@ from seatrial.base.progress import Progress
 from seatrial.campaign.tuning_table import TuningTable
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.tuning import tuning_run
-from seatrial.tuning.judgement import judge
+from seatrial.tuning.performance import assess
 from seatrial.tuning.result import (
     comparison_head,
     comparison_rows,
@@ -98,7 +98,7 @@ def test_a_loop_that_leaves_its_corridor_is_tuned_into_it() -> None:
     assert group.before["violation"] > group.after["violation"] == 0.0
 
 
-def test_the_autopilot_flies_as_it_was_judged_and_only_searched_gains_differ() -> None:
+def test_the_autopilot_flies_as_it_was_assessed_and_only_searched_gains_differ() -> None:
     one = found()
     searched = {name for group in one.plan.groups for p in group.parameters.parameters for name in p.starts}
     before, after = one.start.gains(), one.autopilot.gains()
@@ -106,15 +106,15 @@ def test_the_autopilot_flies_as_it_was_judged_and_only_searched_gains_differ() -
     for name, value in one.groups[0].gains.items():
         assert after[name] == pytest.approx(value, rel=1e-3)  # four digits are written
     again = st.Autopilot.from_toml(one.autopilot.to_toml())
-    judged = judge(one.plan, "tuned", one.plan.rig(again, threads=1), one.plan.samples(0, 1))
-    assert judged.feasible
+    performance = assess(one.plan, "tuned", one.plan.rig(again, threads=1), one.plan.samples(0, 1))
+    assert performance.feasible
 
 
 def test_law_neither_threads_nor_a_second_run_change_the_result() -> None:
     one, two, other = (tune(quick(), threads=threads) for threads in (1, 2, 1))
     assert one.autopilot.gains() == two.autopilot.gains() == other.autopilot.gains()
-    assert [trial for judged in one.judged for trial in judged.trials] == [
-        trial for judged in two.judged for trial in judged.trials
+    assert [trial for performance in one.performance for trial in performance.trials] == [
+        trial for performance in two.performance for trial in performance.trials
     ]
 
 
@@ -136,7 +136,7 @@ def test_a_killed_tuning_goes_on_and_equals_an_undisturbed_one(tmp_path: Path) -
     resumed = tune(quick(TWO), run_dir=tmp_path / "run", progress=seen, threads=1)
     assert "heading" not in seen.stages
     assert resumed.autopilot.gains() == whole.autopilot.gains()
-    assert resumed.judged[-1].trials == whole.judged[-1].trials
+    assert resumed.performance[-1].trials == whole.performance[-1].trials
     assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
 
 
@@ -144,7 +144,7 @@ def test_ctrl_c_keeps_the_best_and_the_next_run_goes_on_from_it(tmp_path: Path) 
     whole = tune(quick(TWO), threads=1)
     first = tune(quick(TWO), run_dir=tmp_path / "run", progress=Watch(stop="surge"), threads=1)
     assert first.interrupted
-    assert first.judged == ()
+    assert first.performance == ()
     assert not first.feasible
     assert not (tmp_path / "run").exists()
     assert "interrupted" in first.summary()
@@ -191,10 +191,10 @@ def test_ctrl_c_while_start_gains_are_tried_again_keeps_what_was_found(
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(tuning_run, "take_back", stopped)
+    monkeypatch.setattr(tuning_run, "revert_gains", stopped)
     one = tune(quick(), run_dir=tmp_path / "run", threads=1)
     assert one.interrupted
-    assert one.judged == ()
+    assert one.performance == ()
     assert one.kept is not None
     assert st.Autopilot.load(one.kept).gains() == one.autopilot.gains()
 
@@ -216,7 +216,7 @@ def test_margins_come_first_where_the_start_gains_leave_the_motion_unstable() ->
     # With them the hull goes astern on its heading, which the start gains do not.
     still = one.samples(0, 1)
     calm, wild = (
-        judge(one, "", one.rig(pilot, threads=1), still)
+        assess(one, "", one.rig(pilot, threads=1), still)
         for pilot in (
             tuned_autopilot(one.autopilot, result.gains, "small", "the campaign small"),
             one.autopilot,
@@ -259,7 +259,7 @@ def test_the_worst_samples_are_among_the_responses_that_are_kept() -> None:
     assert kept.base(0) == 0.0
 
 
-def test_a_vehicle_that_the_autopilot_does_not_know_is_judged() -> None:
+def test_a_vehicle_that_the_autopilot_does_not_know_is_assessed() -> None:
     one = found()
     own = one.on(one.plan.vehicle)
     assert own.trials[0].nominal_s == 0.0
@@ -310,7 +310,7 @@ def test_results_are_plain_data_and_files(tmp_path: Path) -> None:
     plain: dict[str, Any] = json.loads(json.dumps(one.to_dict(), allow_nan=True))
     assert plain["feasible"] is True
     assert plain["gains"]["tuned"] == one.autopilot.gains()
-    assert [judged["name"] for judged in plain["judged"]] == ["start", "tuned"]
+    assert [performance["name"] for performance in plain["performance"]] == ["start", "tuned"]
     assert plain["relay"] is None
     run = one.save(tmp_path / "run")
     assert run == tmp_path / "run"
@@ -335,10 +335,10 @@ def test_results_are_plain_data_and_files(tmp_path: Path) -> None:
     assert json.loads((run / "run.json").read_text())["kind"] == "tuning"
 
 
-def test_a_relay_autotuning_is_judged_beside() -> None:
+def test_a_relay_autotuning_is_assessed_beside() -> None:
     text = HEADING.replace("generations = 6, simplex_rounds = 3", "generations = 1, simplex_rounds = 1")
     one = tune(campaign(text), relay=True, threads=1)
-    assert [judged.name for judged in one.judged] == ["start", "relay", "tuned"]
+    assert [performance.name for performance in one.performance] == ["start", "relay", "tuned"]
     assert one.relay is not None
     beside = one.of("relay")
     assert beside is not None
@@ -381,7 +381,7 @@ def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(
     )
     assert given.campaign is None
     assert given.autopilot.gains() == by_file.autopilot.gains()
-    assert given.judged[-1].trials == by_file.judged[-1].trials
+    assert given.performance[-1].trials == by_file.performance[-1].trials
     assert sentences(given) == sentences(by_file)
     written = tomllib.loads((tmp_path / "run" / "tuning.toml").read_text())["tuning"]
     assert TuningTable.model_validate(written) == given.plan.table

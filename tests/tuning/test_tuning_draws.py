@@ -1,4 +1,4 @@
-"""What searches, judgement and verification of a tuning draw: nothing of it twice."""
+"""What searches, assessment and verification of a tuning draw: nothing of it twice."""
 
 from __future__ import annotations
 
@@ -31,43 +31,45 @@ def made() -> tuple[st.Campaign, TuningPlan]:
     return given, TuningPlan(one.table, fitted, one.autopilot, given.name, given.seed)
 
 
-def test_responses_are_judged_in_finer_steps_of_integration_than_they_are_searched_in(
+def test_responses_are_assessed_in_finer_steps_of_integration_than_they_are_searched_in(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     told = Told()
     told.run(monkeypatch, *made())
     finest = min(search.rig.max_step for search in told.searches)
-    assert all(judged.rig.max_step <= 0.5 * finest for judged in told.judgements if judged.name)
-    assert [judged.name for judged in told.judgements if judged.name] == ["start", "tuned"]
+    assert all(
+        performance.rig.max_step <= 0.5 * finest for performance in told.assessments if performance.name
+    )
+    assert [performance.name for performance in told.assessments if performance.name] == ["start", "tuned"]
 
 
 @pytest.fixture
 def flown(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Samples]]:
-    """Samples of both turns of the search, of the start gains' last chance and of the judgement."""
+    """Samples of both turns of the search, of the start gains' last chance and of the assessment."""
     told, taken = Told(outside_s=lambda group, gains: 1.0), list[Samples]()
 
-    def take_back(
+    def revert_gains(
         _: TuningPlan, gains: dict[str, float], samples: Samples, **__: object
     ) -> tuple[dict[str, float], tuple[str, ...]]:
         taken.append(samples)
         return dict(gains), ()
 
-    monkeypatch.setattr(tuning_run, "take_back", take_back)
+    monkeypatch.setattr(tuning_run, "revert_gains", revert_gains)
     told.run(monkeypatch, *made())
     return {
         "search": [search.samples for search in told.searches],
-        "again": [judged.samples for judged in told.judgements if not judged.name],
-        "take back": taken,
-        "judged": [judged.samples for judged in told.judgements if judged.name],
+        "again": [performance.samples for performance in told.assessments if not performance.name],
+        "revert": taken,
+        "performance": [performance.samples for performance in told.assessments if performance.name],
     }
 
 
-def test_the_judgement_s_vehicles_and_noises_are_none_that_a_search_met(
+def test_the_assessment_s_vehicles_and_noises_are_none_that_a_search_met(
     flown: dict[str, list[Samples]],
 ) -> None:
     seen = flown["search"] + flown["again"]
     assert len(flown["search"]) == 2
-    for last in flown["judged"]:
+    for last in flown["performance"]:
         assert len(last) - last.nominal == 24
         assert len(values(last)) == 24
         for met in seen:
@@ -76,11 +78,11 @@ def test_the_judgement_s_vehicles_and_noises_are_none_that_a_search_met(
             assert not set(met.seeds) & set(last.seeds)
 
 
-def test_all_autopilots_are_judged_on_the_same_and_gains_are_taken_back_on_it(
+def test_all_autopilots_are_assessed_on_the_same_and_gains_are_reverted_on_it(
     flown: dict[str, list[Samples]],
 ) -> None:
-    first, *others = [*flown["judged"], *flown["take back"]]
-    assert len(others) == 2  # start and tuned, and what is taken back
+    first, *others = [*flown["performance"], *flown["revert"]]
+    assert len(others) == 2  # start and tuned, and what is reverted
     for other in others:
         assert other.seeds == first.seeds
         assert other.nominal == first.nominal > 1

@@ -59,7 +59,7 @@ class Bench:
             table = table.model_copy(update={"sensors": str(self.sensors)})
         told = Told(lambda group, gains: self.found[group])
         # What comes after the searches takes time and keeps nothing.
-        self.monkeypatch.setattr(tuning_run, "take_back", lambda _, gains, *__, **___: (dict(gains), ()))
+        self.monkeypatch.setattr(tuning_run, "revert_gains", lambda _, gains, *__, **___: (dict(gains), ()))
         self.monkeypatch.setattr(tuning_run, "tuned_autopilot", lambda start, *_: start)
         plan = TuningPlan(table, self.fitted, self.autopilot, given.name, given.seed)
         told.run(self.monkeypatch, given, plan, self.directory)
@@ -148,7 +148,7 @@ def test_law_what_a_search_depends_on_is_searched_anew_when_it_changes(change: s
 
 @pytest.mark.parametrize(
     ("module", "name", "value"),
-    [(tuning_run, "RESERVE", 0.03), (tuning_run, "GENERATIONS", 31), (loop_steps, "_SETTLE_S", 30.0)],
+    [(tuning_run, "HEADROOM", 0.03), (tuning_run, "GENERATIONS", 31), (loop_steps, "_SETTLE_S", 30.0)],
 )
 def test_what_the_file_leaves_open_counts_too(
     module: object, name: str, value: float, bench: Bench, monkeypatch: pytest.MonkeyPatch

@@ -43,7 +43,7 @@ def test_violation_and_margin_are_zero_for_feasible_gains_and_only_then() -> Non
 
 
 def test_the_search_is_held_against_a_narrower_corridor() -> None:
-    # Grown by less than the reserve, the corridor holds the answer: inside it, but not by the reserve.
+    # Grown by less than the headroom, the corridor holds the answer: inside it, but not by the headroom.
     trials = objective().trials[0]
     t, answers = rig().responses(trials, still(2), {})
     y = answers["yaw"][0, 0] / trials.sizes[0]
@@ -54,7 +54,7 @@ def test_the_search_is_held_against_a_narrower_corridor() -> None:
     tight = Corridor([(0.0, -0.5), (18.0, -0.5), (18.0, 0.5), (20.0, 0.5)], [(0.0, peak + 0.005)])
     one = objective(tight)
     assert one.terms(gains(1.0)).violation[0] > 0.0
-    assert one.terms(gains(1.0), reserve=0.0).violation[0] == 0.0
+    assert one.terms(gains(1.0), headroom=0.0).violation[0] == 0.0
 
 
 def test_the_call_is_the_cost_of_the_terms() -> None:

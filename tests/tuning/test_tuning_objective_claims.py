@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.control_design.margin_constraint import MarginConstraint
-from seatrial.tuning.objective import RESERVE, GainParameters, Objective, Terms
+from seatrial.tuning.objective import HEADROOM, GainParameters, Objective, Terms
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 from tests.tuning.tuning_campaigns import rig, start, trials
 
@@ -43,13 +43,13 @@ class Told:
     """Sums in place of flights, and what was asked for."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.reserves, self.samples = list[float](), list[Samples]()
+        self.headrooms, self.samples = list[float](), list[Samples]()
         monkeypatch.setattr(Rig, "violations", lambda _, *given, **more: self.violations(*given, **more))
 
     def violations(
-        self, of: LoopTrials, samples: Samples, gains: Mapping[str, Array], *, reserve: float
+        self, of: LoopTrials, samples: Samples, gains: Mapping[str, Array], *, headroom: float
     ) -> tuple[Array, Array]:
-        self.reserves.append(reserve)
+        self.headrooms.append(headroom)
         self.samples.append(samples)
         return SUMS[of.loop], TRAVEL[of.loop]
 
@@ -120,13 +120,13 @@ def test_the_effort_is_the_mean_of_all_flights_of_a_loop_and_of_the_loops(
     assert found[1] == pytest.approx((TRAVEL["heading"][1].mean() + 5.0) / 2.0, rel=1e-12)
 
 
-def test_the_search_has_a_reserve_and_the_report_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_search_has_a_headroom_and_the_report_none(monkeypatch: pytest.MonkeyPatch) -> None:
     told = Told(monkeypatch)
     one = objective()
     one(np.zeros((2, len(HEADING))))
-    one.terms(HEADING.gains(np.zeros((2, len(HEADING)))), reserve=0.0)
-    assert told.reserves == [RESERVE, RESERVE, 0.0, 0.0]
-    assert RESERVE > 0.0
+    one.terms(HEADING.gains(np.zeros((2, len(HEADING)))), headroom=0.0)
+    assert told.headrooms == [HEADROOM, HEADROOM, 0.0, 0.0]
+    assert HEADROOM > 0.0
     assert all(samples is SAMPLES for samples in told.samples)
 
 

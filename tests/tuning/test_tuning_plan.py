@@ -16,7 +16,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LOOPS, TuningTable, Weights, default_steps
 from seatrial.control_design.operating_points import reachable_points
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning.corridors import StartFigures, default_corridor, start_figures, steps_above_noise
+from seatrial.tuning.corridors import StartMetrics, default_corridor, start_metrics, steps_above_noise
 from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.tune import plan_of
 from tests.tuning.tuning_campaigns import HEAD, plan, start
@@ -91,7 +91,7 @@ def test_a_default_band_has_room_for_the_noise_of_the_loop_at_rest(name: str) ->
     one = built_in(name)
     for group in one.groups:
         for trials in group.trials:
-            noise = start_figures(one.rig(one.autopilot, max_step=0.04), trials).noise
+            noise = start_metrics(one.rig(one.autopilot, max_step=0.04), trials).noise
             least = min(abs(size) for size in trials.sizes)
             usual = default_steps(trials.loop, top_m_s=one.top_m_s)[0] * to_si(trials.loop)
             if least == pytest.approx(2.5 * usual, rel=0.01):
@@ -104,14 +104,14 @@ def test_default_corridors_ask_for_a_little_less_than_the_start_gains_do() -> No
     # Roll and hull of REMUS let its pitch overshoot beyond 15 %, whatever the limits of its fins say.
     one = built_in("remus100")
     trials = one.trials("pitch")
-    figures = start_figures(one.rig(one.autopilot, max_step=0.04), trials)
+    figures = start_metrics(one.rig(one.autopilot, max_step=0.04), trials)
     overshoot = trials.corridor.sampled([0.0])[1][0] - 1.0
     assert overshoot == pytest.approx(0.95 * figures.overshoot, abs=0.02)
     # CWolf's surge keeps to what its limits allow: those decide.
     limits = default_corridor(
         built_in("cwolf").vehicle, start(), "surge", [0.4], weights=Weights(), start=None
     )
-    still = StartFigures(noise=0.0, rise_s=0.1, overshoot=0.01, settling_s=0.2)
+    still = StartMetrics(noise=0.0, rise_s=0.1, overshoot=0.01, settling_s=0.2)
     same = default_corridor(
         built_in("cwolf").vehicle, start(), "surge", [0.4], weights=Weights(), start=still
     )
@@ -154,7 +154,7 @@ def test_the_built_in_autopilot_of_lauv_keeps_to_its_default_corridors_when_fast
     for loop in one.loops:
         # Start values for water at rest: neither needs half of the time that the corridor gives.
         sums, _ = one.rig(one.autopilot, max_step=0.05).violations(
-            one.trials(loop), one.samples(0, 1), {}, reserve=0.0
+            one.trials(loop), one.samples(0, 1), {}, headroom=0.0
         )
         assert sums[..., :2].sum() == 0.0, loop
 

@@ -10,7 +10,7 @@ import pytest
 from seatrial.base.progress import Progress
 from seatrial.campaign.corridor import Corridor
 from seatrial.identification.fitted import Fitted
-from seatrial.tuning.judgement import JudgedTrial, why_outside
+from seatrial.tuning.performance import StepPerformance, why_outside
 from seatrial.tuning.result import Tuning, sentences
 from seatrial.tuning.tune import tune
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, tuned
@@ -51,7 +51,7 @@ def test_factors_at_a_bound_are_those_that_the_last_search_left_there() -> None:
 )
 def test_the_bound_that_a_response_cannot_keep_to_is_told(quiet: dict[str, Any], words: str) -> None:
     corridor = Corridor.from_figures(rise_s=5.0, overshoot=0.1, settling_s=10.0)
-    inside = JudgedTrial("heading", "deg", 1.0, 20.0, 0.1, 0.1, 0.0, 4.0, 0.05, 9.0, 0.0)
+    inside = StepPerformance("heading", "deg", 1.0, 20.0, 0.1, 0.1, 0.0, 4.0, 0.05, 9.0, 0.0)
     assert words in why_outside(replace(inside, **quiet), corridor)
 
 

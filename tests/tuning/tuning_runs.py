@@ -1,4 +1,4 @@
-"""Tunings whose searches and judgements are told, so that nothing is flown: what is asked of them is kept."""
+"""Tunings whose searches and assessments are told, so that nothing is flown: what they are asked is kept."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import pytest
 
 import seatrial as st
 from seatrial.base.run import RunDirectory
-from seatrial.tuning import search as take_back
+from seatrial.tuning import search as revert_gains
 from seatrial.tuning import tuning_run
-from seatrial.tuning.judgement import Judged, JudgedTrial
+from seatrial.tuning.performance import Performance, StepPerformance
 from seatrial.tuning.plan import Group, TuningPlan
 from seatrial.tuning.result import Tuning
 from seatrial.tuning.search import GroupResult
@@ -39,8 +39,8 @@ class Search:
 
 
 @dataclass
-class Judgement:
-    """What a judgement was given, by the names of its groups, the rig and the samples."""
+class Asked:
+    """What an assessment was given, by the names of its groups, the rig and the samples."""
 
     name: str
     groups: tuple[str, ...]
@@ -66,7 +66,7 @@ class Told:
     outside_s: Outside = lambda group, gains: 0.0
     given_away: Mapping[str, float] = field(default_factory=dict)
     searches: list[Search] = field(default_factory=list)
-    judgements: list[Judgement] = field(default_factory=list)
+    assessments: list[Asked] = field(default_factory=list)
 
     def search(
         self, plan: TuningPlan, group: Group, rig: Rig, samples: Samples, *, seed: int, **given: Any
@@ -77,17 +77,17 @@ class Told:
         after = TERMS | {"margin": self.given_away.get(group.name, 0.0)}
         return GroupResult(group.name, gains, TERMS, after, 1, 1.0, (), (), interrupted=False)
 
-    def judge(self, plan: TuningPlan, name: str, rig: Rig, samples: Samples, **given: Any) -> Judged:
+    def assess(self, plan: TuningPlan, name: str, rig: Rig, samples: Samples, **given: Any) -> Performance:
         groups = given.get("only") or plan.groups
-        self.judgements.append(Judgement(name, tuple(group.name for group in groups), rig, samples))
+        self.assessments.append(Asked(name, tuple(group.name for group in groups), rig, samples))
         trials = []
         for group in groups:
             outside = self.outside_s(group.name, rig.autopilot.gains())
             for one in group.trials:
                 # The vehicle itself is inside: it is one of the drawn ones that is not.
                 figures = (0.0, outside, float(outside == 0.0), 1.0, 0.0, 1.0, 0.0)
-                trials.append(JudgedTrial(one.loop, "", one.speeds[0], 1.0, *figures))
-        return Judged(name, rig.autopilot, tuple(trials), len(samples) - samples.nominal, {})
+                trials.append(StepPerformance(one.loop, "", one.speeds[0], 1.0, *figures))
+        return Performance(name, rig.autopilot, tuple(trials), len(samples) - samples.nominal, {})
 
     def run(
         self,
@@ -98,10 +98,10 @@ class Told:
     ) -> Tuning:
         monkeypatch.setattr(tuning_run, "search_group", self.search)
         monkeypatch.setattr(tuning_run, "search_margins", lambda *_, **__: None)
-        monkeypatch.setattr(tuning_run, "judge", self.judge)
-        monkeypatch.setattr(take_back, "judge", self.judge)
-        quiet = Judged("", plan.autopilot, (), 0, {})
-        monkeypatch.setattr(tuning_run, "judged_without_noise", lambda *_: quiet)
+        monkeypatch.setattr(tuning_run, "assess", self.assess)
+        monkeypatch.setattr(revert_gains, "assess", self.assess)
+        quiet = Performance("", plan.autopilot, (), 0, {})
+        monkeypatch.setattr(tuning_run, "assess_without_noise", lambda *_: quiet)
         return TuningRun(plan, directory or RunDirectory(None), campaign=campaign, threads=1).run(relay=False)
 
 

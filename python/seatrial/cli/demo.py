@@ -207,11 +207,11 @@ def _on_truth(console: Console, found: Tuning, truth: Vehicle, chain: Chain, *, 
     """The tuned responses on the vehicle that the tuner never saw."""
     from seatrial.tuning.result import on_another_vehicle
 
-    judged = found.on(truth, name="truth")
-    chain.results["cwolf_tuned_on_truth"] = judged.to_dict()
+    performance = found.on(truth, name="truth")
+    chain.results["cwolf_tuned_on_truth"] = performance.to_dict()
     if not quiet:
         console.print(
-            f"- On the vehicle that sailed the trials: {on_another_vehicle(judged)}",
+            f"- On the vehicle that sailed the trials: {on_another_vehicle(performance)}",
             soft_wrap=True,
             markup=False,
         )

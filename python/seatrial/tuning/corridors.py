@@ -19,7 +19,7 @@ What a loop does with the gains that it has, flown in still water: noise at rest
 The noise at rest is what sensors, dead band and least thrust leave of a straight line: the standard deviation
 of the answer over the second half of the time before the step, its trend taken out. No corridor is narrower
 than five of them, and no step so small that this would be wider than its band. The figures of the step
-(`seatrial.tuning.criterion.step_figures`) keep a default corridor from asking for more than the
+(`seatrial.tuning.criterion.step_metrics`) keep a default corridor from asking for more than the
 vehicle can do.
 
 Held by tests/tuning/test_tuning_plan.py.
@@ -38,7 +38,7 @@ from seatrial.base.arrays import Array
 from seatrial.campaign.corridor import Corridor
 from seatrial.campaign.tuning_table import LOOPS, Weights, default_steps
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts
-from seatrial.tuning.criterion import step_figures
+from seatrial.tuning.criterion import step_metrics
 from seatrial.tuning.step_trial import LoopTrials, Samples
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.authority import LOOPS as ORDER
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.tuning.step_trial import Rig
 
-__all__ = ["StartFigures", "default_corridor", "start_figures", "steps_above_noise"]
+__all__ = ["StartMetrics", "default_corridor", "start_metrics", "steps_above_noise"]
 
 _SEEDS = (11, 12)
 
@@ -58,7 +58,7 @@ _AT_REST = 0.25  # of the step: what moves more at rest, as the deviation, is no
 
 
 @dataclass(frozen=True)
-class StartFigures:
+class StartMetrics:
     """Figures of a loop over its trials; those that are not held at all are left out.
 
     Attributes
@@ -76,7 +76,7 @@ class StartFigures:
     settling_s: float
 
 
-def start_figures(rig: Rig, trials: LoopTrials) -> StartFigures:
+def start_metrics(rig: Rig, trials: LoopTrials) -> StartMetrics:
     """Figures of a loop with the rig's gains, the vehicle itself in still water.
 
     Parameters
@@ -97,12 +97,12 @@ def start_figures(rig: Rig, trials: LoopTrials) -> StartFigures:
             if not (np.isfinite(normalised).all() and deviation < _AT_REST * abs(size)):
                 continue
             noises.append(deviation)
-            found = step_figures(t[there] - trials.settle_s, normalised, band=trials.settled)
+            found = step_metrics(t[there] - trials.settle_s, normalised, band=trials.settled)
             if found.overshoot < _UNSOUND:
                 steps.append((found.rise_s, found.overshoot, min(found.settling_s, trials.until_s)))
     table = np.array(steps).reshape(-1, 3)
     largest = np.where(np.isfinite(table), table, 0.0).max(axis=0, initial=0.0)
-    return StartFigures(max(noises), *(float(value) for value in largest))
+    return StartMetrics(max(noises), *(float(value) for value in largest))
 
 
 def _about_a_line(t: Array, values: Array) -> float:
@@ -173,7 +173,7 @@ def default_corridor(
     weights: Weights,
     speeds_m_s: Sequence[float] = (0.0,),
     voltage_v: float = NOMINAL_V,
-    start: StartFigures | None = None,
+    start: StartMetrics | None = None,
 ) -> Corridor:
     """Corridor for some steps of a loop, in the file's unit.
 
@@ -190,7 +190,7 @@ def default_corridor(
         Of the trials; fins turn the hull the less the slower it goes.
     voltage_v : float, optional
         Supply at which tables of thrust are read, V.
-    start : StartFigures, optional
+    start : StartMetrics, optional
         What the loop does with its start gains; by default only the vehicle's limits count.
 
     Examples
@@ -218,7 +218,7 @@ def default_corridor(
         most = max(_LEFT * tau / inertia, _SLOWEST_ROW)
         least = size / most if loop in ("surge", "sway") else 2.0 * float(np.sqrt(size / most))
         least = max(least, _by_rate(facts, loop, size))
-    start = StartFigures(0.0, 0.0, 0.0, 0.0) if start is None else start
+    start = StartMetrics(0.0, 0.0, 0.0, 0.0) if start is None else start
     rise = float(np.clip(max(_ROOM * (least + late_s), _BETTER * start.rise_s), _SHORTEST_S, _LONGEST_S))
     settling = float(np.clip(_BETTER * start.settling_s, _SETTLING * rise, 2.0 * _SETTLING * rise))
     noise = _DEVIATIONS * start.noise / (min(abs(step) for step in steps) * entry.to_si)

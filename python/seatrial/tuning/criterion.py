@@ -25,7 +25,7 @@ from seatrial.base.errors import SimulationError
 if TYPE_CHECKING:
     from seatrial.campaign.corridor import Corridor
 
-__all__ = ["StepFigures", "criterion", "normalised", "step_figures", "time_weighted_error", "violations"]
+__all__ = ["StepMetrics", "criterion", "normalised", "step_metrics", "time_weighted_error", "violations"]
 
 _BEGUN, _RISES_FROM, _RISEN = 0.05, 0.1, 0.9
 
@@ -35,7 +35,7 @@ _EVEN = 1e-6  # how far a gap of the grid may differ from the others, as a share
 
 
 @dataclass(frozen=True)
-class StepFigures:
+class StepMetrics:
     """Figures of a step response; shares are of the step, times in s since it, inf: never within the record.
 
     Attributes
@@ -176,7 +176,7 @@ def time_weighted_error(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array
     return _total(weighed, response, period)
 
 
-def step_figures(t: ArrayLike, y: ArrayLike, *, band: float = 0.05) -> StepFigures:
+def step_metrics(t: ArrayLike, y: ArrayLike, *, band: float = 0.05) -> StepMetrics:
     """Figures of one step response, between samples by linear interpolation.
 
     Parameters
@@ -197,7 +197,7 @@ def step_figures(t: ArrayLike, y: ArrayLike, *, band: float = 0.05) -> StepFigur
     --------
     >>> import numpy as np
     >>> t = np.arange(0.0, 30.0, 0.01)
-    >>> found = step_figures(t, 1.0 - np.exp(-t / 2.0))
+    >>> found = step_metrics(t, 1.0 - np.exp(-t / 2.0))
     >>> round(found.rise_s, 2), round(found.settling_s, 2), found.overshoot
     (4.61, 5.99, 0.0)
     """
@@ -213,10 +213,10 @@ def step_figures(t: ArrayLike, y: ArrayLike, *, band: float = 0.05) -> StepFigur
             f" {'that do not rise' if len(at) > 1 else 'sample(s)'}; sort the samples or record longer"
         )
     if not np.isfinite(response).all():
-        return StepFigures(*[math.inf] * 7)
+        return StepMetrics(*[math.inf] * 7)
     risen, from_ten = _first(at, response, _RISEN), _first(at, response, _RISES_FROM)
     tail = at >= at[-1] - _END * (at[-1] - at[0])
-    return StepFigures(
+    return StepMetrics(
         dead_s=_first(at, response, _BEGUN),
         rise_s=risen,
         rise_10_90_s=risen - from_ten if math.isfinite(risen) else math.inf,

@@ -25,7 +25,7 @@ import numpy as np
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LOOPS, default_steps
 from seatrial.control_design.mode_table import RANGE
-from seatrial.tuning.corridors import StartFigures, default_corridor, start_figures, steps_above_noise
+from seatrial.tuning.corridors import StartMetrics, default_corridor, start_metrics, steps_above_noise
 from seatrial.tuning.step_trial import DEPTH_M, RIDES_ON, LoopTrials
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
         return _stepped(scope, loop, table, speeds, steps, table.corridor.corridor(table.weights))
     usual = table.steps or default_steps(loop, top_m_s=scope.top_m_s)
 
-    def corridor(steps: Sequence[float], start: StartFigures | None = None) -> Corridor:
+    def corridor(steps: Sequence[float], start: StartMetrics | None = None) -> Corridor:
         return default_corridor(
             scope.vehicle,
             scope.autopilot,
@@ -190,7 +190,7 @@ def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
         )
 
     first = _stepped(scope, loop, table, speeds, usual, corridor(usual))
-    start = start_figures(scope.rig(scope.autopilot, max_step=_START_STEP_S), first)
+    start = start_metrics(scope.rig(scope.autopilot, max_step=_START_STEP_S), first)
     steps = table.steps or steps_above_noise(loop, start.noise, top_m_s=scope.top_m_s)
     return _stepped(scope, loop, table, speeds, steps, corridor(steps, start))
 

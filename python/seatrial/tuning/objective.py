@@ -1,11 +1,11 @@
-"""Gains as parameters of a search: one factor on a start gain for each supporting point that the trials move.
+"""Gains as parameters of a search: one factor on a start gain for each breakpoint that the trials move.
 
 A factor is searched by its logarithm, between the logarithms of its bounds. A point that no trial comes near
 goes with the nearest one that a trial does; a point that the vehicle never reaches takes its value from the
 nearest one that it does. A gain that starts at zero stays there. Held by
 tests/tuning/test_gain_parameters.py.
 
-Smoothness of gains along the supporting points.
+Smoothness of gains along the breakpoints.
 
 Over each three neighbouring points the divided second difference of ln g with the speed x, in units of the
 mean spacing h of the points:
@@ -25,9 +25,9 @@ The cost of a set of gains: what its responses violate, what its margins lack, w
 Q is the constraint criterion in s (eq. 55-57 of Taubert et al., 2014, (57) corrected), the mean over
 trials, and of the samples the worst or a quantile; M is the shortfall of the margins; both are zero for
 feasible gains. T, the time-weighted error over the time, and E, the rate at which commands move, break the
-tie, and S, the roughness along the supporting points, keeps a schedule from jumping. An integral of
+tie, and S, the roughness along the breakpoints, keeps a schedule from jumping. An integral of
 violations grows with the square of how far a response leaves its corridor, so that a search would settle a
-little outside: it is held against a corridor that is narrower by a reserve.
+little outside: it is held against a corridor that is narrower by a headroom.
 
 Held by tests/tuning/test_tuning_objective.py.
 """
@@ -50,9 +50,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GAINS",
+    "HEADROOM",
     "LACKING",
     "OUTSIDE",
-    "RESERVE",
     "GainParameters",
     "Objective",
     "Parameter",
@@ -163,7 +163,7 @@ class GainParameters:
         gains : mapping of str to float
             Start values, by the names of `Autopilot.gains`.
         free : sequence of int
-            Supporting points (from 0) that get a factor of their own.
+            Breakpoints (from 0) that get a factor of their own.
         taken : sequence of int
             Points that another search sets.
         reached : sequence of int
@@ -213,7 +213,7 @@ class GainParameters:
 
 
 def excited_points(speeds_m_s: Iterable[float], points_m_s: Sequence[float]) -> list[int]:
-    """Supporting points (from 0) whose gains trials at some speeds tell of.
+    """Breakpoints (from 0) whose gains trials at some speeds tell of.
 
     Examples
     --------
@@ -243,9 +243,9 @@ def roughness(gains: Gains, reachable: ArrayLike, *, speeds_m_s: ArrayLike) -> A
         Values (k,) or one for all by the names of `Autopilot.gains`; those without a point in their name, and
         gains with fewer than three reached points, cost nothing.
     reachable : array-like of bool
-        Whether each supporting point (6,) is reached.
+        Whether each breakpoint (6,) is reached.
     speeds_m_s : array-like
-        Supporting points (6,), m/s, unevenly if need be.
+        Breakpoints (6,), m/s, unevenly if need be.
 
     Examples
     --------
@@ -277,7 +277,7 @@ def _points(reachable: ArrayLike, speeds_m_s: ArrayLike | Sequence[float]) -> tu
     reached, speeds = np.asarray(reachable, dtype=bool), np.asarray(speeds_m_s, dtype=float)
     if reached.shape != speeds.shape or reached.ndim != 1:
         raise CampaignError(
-            f"expected as many points reached or not as supporting speeds, found {reached.shape} and"
+            f"expected as many points reached or not as breakpoints, found {reached.shape} and"
             f" {speeds.shape}; give one of each per point"
         )
     return reached, speeds
@@ -293,7 +293,7 @@ def _by_gain(gains: Gains) -> dict[str, dict[int, str]]:
     return found
 
 
-RESERVE = 0.02
+HEADROOM = 0.02
 """By how much the search's corridors are narrower, as a share of the step."""
 
 OUTSIDE, LACKING = 10.0, 30.0
@@ -341,7 +341,7 @@ class Objective:
     smoothness
         Weight of the roughness.
     reached
-        Whether the vehicle reaches each supporting point.
+        Whether the vehicle reaches each breakpoint.
     """
 
     rig: Rig
@@ -357,13 +357,13 @@ class Objective:
         """Costs (k,) of candidates (k, m)."""
         return self.terms(self.parameters.gains(x)).cost(self.smoothness)
 
-    def terms(self, gains: Mapping[str, Array], *, reserve: float = RESERVE) -> Terms:
+    def terms(self, gains: Mapping[str, Array], *, headroom: float = HEADROOM) -> Terms:
         """Parts of the cost of k sets of gains."""
         k = len(next(iter(gains.values())))
         total = np.zeros((k, len(self.samples)))
         time, effort = np.zeros(k), np.zeros(k)
         for trials in self.trials:
-            sums, travel = self.rig.violations(trials, self.samples, gains, reserve=reserve)
+            sums, travel = self.rig.violations(trials, self.samples, gains, headroom=headroom)
             total += violated(trials, sums).mean(axis=1) / len(self.trials)
             time += sums[..., 0, 2].mean(axis=(1, 2)) / trials.until_s / len(self.trials)
             effort += travel.mean(axis=(1, 2)) / len(self.trials)

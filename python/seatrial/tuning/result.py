@@ -16,8 +16,8 @@ import numpy as np
 from seatrial.base.atomic_write import parquet
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, to_json
-from seatrial.tuning.judgement import Judged
 from seatrial.tuning.objective import GAINS
+from seatrial.tuning.performance import Performance
 from seatrial.tuning.search import GroupResult
 from seatrial.vehicle.authority import LOOPS
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.control_design.margin_report import ReportedMargins
-    from seatrial.tuning.judgement import JudgedTrial
+    from seatrial.tuning.performance import StepPerformance
     from seatrial.tuning.plan import TuningPlan
     from seatrial.tuning.relay import RelayTuning
 
@@ -64,17 +64,17 @@ class Tuning:
         With the tuned gains.
     groups
         A `GroupResult` per search, in the order of the searches.
-    judged
+    performance
         Responses of the start gains ("start"), of a relay autotuning where asked for ("relay") and of the
         tuned ones ("tuned") on samples that the search never saw.
     relay
         The relay autotuning; None where not asked for.
-    taken_back
+    reverted
         Groups that have their start gains again, because everything together is better with them.
     elapsed_s
         Wall time.
     interrupted
-        Whether Ctrl-C ended it; then nothing is judged.
+        Whether Ctrl-C ended it; then nothing is assessed.
     kept
         Autopilot file with the best gains so far, of an interrupted tuning with a run directory.
     quiet
@@ -88,13 +88,13 @@ class Tuning:
     plan: TuningPlan
     autopilot: Autopilot
     groups: tuple[GroupResult, ...]
-    judged: tuple[Judged, ...]
+    performance: tuple[Performance, ...]
     relay: RelayTuning | None
-    taken_back: tuple[str, ...]
+    reverted: tuple[str, ...]
     elapsed_s: float
     interrupted: bool
     kept: Path | None = None
-    quiet: Judged | None = None
+    quiet: Performance | None = None
     facts: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -107,9 +107,9 @@ class Tuning:
         """The autopilot with the start gains."""
         return self.plan.autopilot
 
-    def of(self, name: str) -> Judged | None:
-        """The judgement of that name."""
-        return next((judged for judged in self.judged if judged.name == name), None)
+    def of(self, name: str) -> Performance | None:
+        """The assessment of that name."""
+        return next((performance for performance in self.performance if performance.name == name), None)
 
     @property
     def feasible(self) -> bool:
@@ -124,7 +124,7 @@ class Tuning:
 
     @cached_property
     def margins(self) -> Mapping[str, list[ReportedMargins]]:
-        """Margins per mode, reachable supporting point and loop, "start" and "tuned"."""
+        """Margins per mode, reachable breakpoint and loop, "start" and "tuned"."""
         from seatrial.control_design.margin_report import report_margins
 
         pairs = {"start": self.start, "tuned": self.autopilot}
@@ -159,7 +159,7 @@ class Tuning:
                 found.append(f"{row.loop} in {row.mode} at {row.speed_m_s:.2f} m/s ({', '.join(short)})")
         return tuple(found)
 
-    def on(self, vehicle: Vehicle | str | Path, *, name: str = "another vehicle") -> Judged:
+    def on(self, vehicle: Vehicle | str | Path, *, name: str = "another vehicle") -> Performance:
         """How the tuned responses keep to their corridors on a vehicle that the autopilot does not know.
 
         Parameters
@@ -178,12 +178,12 @@ class Tuning:
         """
         from seatrial._core import Vehicle
         from seatrial.base.toml_file import loaded
-        from seatrial.tuning.judgement import judge
+        from seatrial.tuning.performance import assess
         from seatrial.tuning.step_trial import Samples
 
         flown = loaded(Vehicle, vehicle)
         still = Samples({}, np.zeros((1, 3)), (1,))
-        return judge(self.plan, name, self.plan.rig(self.autopilot, vehicle=flown), still)
+        return assess(self.plan, name, self.plan.rig(self.autopilot, vehicle=flown), still)
 
     def report(self) -> Report:
         """How good the responses are, the worst problem, what to do next; then tables and remarks."""
@@ -207,9 +207,9 @@ class Tuning:
             "elapsed_s": self.elapsed_s,
             "plan": self.plan.to_dict(),
             "gains": {"start": self.start.gains(), "tuned": self.autopilot.gains()},
-            "taken_back": list(self.taken_back),
+            "reverted": list(self.reverted),
             "groups": [group.to_dict() for group in self.groups],
-            "judged": [judged.to_dict() for judged in self.judged],
+            "performance": [performance.to_dict() for performance in self.performance],
             "margins": {} if self.interrupted else _plain_margins(self.margins),
             "relay": None if self.relay is None else self.relay.to_dict(),
             "notes": list(self.plan.fitted.notes),
@@ -240,7 +240,9 @@ class Tuning:
 
         history = [{"search": group.name} | asdict(step) for group in self.groups for step in group.history]
         trials = [
-            {"autopilot": judged.name} | asdict(trial) for judged in self.judged for trial in judged.trials
+            {"autopilot": performance.name} | asdict(trial)
+            for performance in self.performance
+            for trial in performance.trials
         ]
         asked = {"tuning": self.plan.table.model_dump(mode="json", exclude_none=True, exclude_defaults=True)}
         return {
@@ -313,11 +315,13 @@ def report(tuning: Tuning) -> Report:
     worst, next_step = _worst(tuning)
     said = tuple(sentences(tuning))
     responses = [
-        Table.of(f"Responses with the {judged.name} gains (times in s)", TRIAL_HEAD, trial_rows(judged))
-        for judged in reversed(tuning.judged)
+        Table.of(
+            f"Responses with the {performance.name} gains (times in s)", TRIAL_HEAD, trial_rows(performance)
+        )
+        for performance in reversed(tuning.performance)
     ]
     tables = responses[:1]
-    if len(tuning.judged) > 1:
+    if len(tuning.performance) > 1:
         tables.append(Table.of(COMPARISON_TITLE, comparison_head(tuning), comparison_rows(tuning)))
     tables.append(Table.of("Gains at the breakpoints that are reached", GAIN_HEAD, gain_rows(tuning), left=2))
     if not tuning.interrupted:
@@ -346,7 +350,7 @@ def _how_good(tuning: Tuning) -> str:
     start, tuned = tuning.of("start"), tuning.of("tuned")
     if tuned is None:
         done = sum(not group.interrupted for group in tuning.groups)
-        return f"{done} searches finished; nothing was judged"
+        return f"{done} searches finished; nothing was assessed"
     inside = sum(trial.nominal_s == 0.0 for trial in tuned.trials)
     before = (
         "" if start is None else f", {sum(t.nominal_s == 0.0 for t in start.trials)} with the start gains"
@@ -368,7 +372,7 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
     tuned = tuning.of("tuned")
     if tuned is None:
         return (
-            "Ctrl-C ended the search before the gains were judged",
+            "Ctrl-C ended the search before the gains were assessed",
             "run the same command again; it goes on with what is not finished",
         )
     out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
@@ -391,8 +395,8 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
             f" {_seconds(loosest.worst_s)} s",
             verify,
         )
-    if tuning.taken_back:
-        return f"start gains stay in {', '.join(tuning.taken_back)}: the search found nothing better", verify
+    if tuning.reverted:
+        return f"start gains stay in {', '.join(tuning.reverted)}: the search found nothing better", verify
     return "no response leaves its corridor and no margin is short", verify
 
 
@@ -413,7 +417,7 @@ def sentences(tuning: Tuning) -> list[str]:
             "" if tuning.kept is None else f" They are in {_beside(tuning.kept)}, which `seatrial fly` takes."
         )
         lines.append(
-            "The tuning was interrupted: the gains are the best so far, and nothing was judged."
+            "The tuning was interrupted: the gains are the best so far, and nothing was assessed."
             f"{there} The same command goes on with what is not finished."
         )
     elif tuned.feasible:
@@ -438,9 +442,9 @@ def sentences(tuning: Tuning) -> list[str]:
             for trial in out
         ]
     lines += _worse_than_start(tuning)
-    if tuning.taken_back:
+    if tuning.reverted:
         lines.append(
-            f"The start gains stay in {', '.join(tuning.taken_back)}: nothing better was found beside the"
+            f"The start gains stay in {', '.join(tuning.reverted)}: nothing better was found beside the"
             " others."
         )
     last = {group.name.partition(",")[0]: group for group in tuning.groups}
@@ -460,9 +464,9 @@ def sentences(tuning: Tuning) -> list[str]:
     return lines
 
 
-def _why(tuning: Tuning, trial: JudgedTrial) -> str:
+def _why(tuning: Tuning, trial: StepPerformance) -> str:
     """Reason of a violation, after a colon."""
-    from seatrial.tuning.judgement import why_outside
+    from seatrial.tuning.performance import why_outside
 
     if tuning.quiet is None:
         return ""
@@ -496,7 +500,9 @@ def _worse_than_start(tuning: Tuning) -> list[str]:
         return []
     worse = []
     for loop in dict.fromkeys(trial.loop for trial in tuned.trials):
-        was, now = (sum(t.nominal_s for t in judged.trials if t.loop == loop) for judged in (start, tuned))
+        was, now = (
+            sum(t.nominal_s for t in performance.trials if t.loop == loop) for performance in (start, tuned)
+        )
         if now > was:
             worse.append(f"{loop} {_seconds(now)} s, before {_seconds(was)} s")
     if not worse:
@@ -507,16 +513,16 @@ def _worse_than_start(tuning: Tuning) -> list[str]:
     ]
 
 
-def on_another_vehicle(judged: Judged) -> str:
+def on_another_vehicle(performance: Performance) -> str:
     """Whether the responses keep to their corridors on a vehicle that the autopilot does not know."""
-    out = [trial for trial in judged.trials if trial.nominal_s > 0.0]
+    out = [trial for trial in performance.trials if trial.nominal_s > 0.0]
     if not out:
-        return f"all {len(judged.trials)} responses stay within their corridors."
+        return f"all {len(performance.trials)} responses stay within their corridors."
     listed = "; ".join(f"{_of(trial)} by {_seconds(trial.nominal_s)} s" for trial in out)
-    return f"{len(out)} of {len(judged.trials)} responses leave their corridors: {listed}."
+    return f"{len(out)} of {len(performance.trials)} responses leave their corridors: {listed}."
 
 
-def trial_rows(judged: Judged) -> list[tuple[str, ...]]:
+def trial_rows(performance: Performance) -> list[tuple[str, ...]]:
     """A row per trial, in the order of `TRIAL_HEAD`: violations in s, times in s, shares in per cent."""
     return [
         (
@@ -530,23 +536,28 @@ def trial_rows(judged: Judged) -> list[tuple[str, ...]]:
             f"{trial.overshoot:.0%}" if math.isfinite(trial.overshoot) else "-",
             _time(trial.settling_s),
         )
-        for trial in judged.trials
+        for trial in performance.trials
     ]
 
 
 def comparison_head(tuning: Tuning) -> tuple[str, ...]:
     """Head of `comparison_rows`."""
-    return ("loop", *(what for judged in tuning.judged for what in (f"{judged.name}, s", "held")))
+    return (
+        "loop",
+        *(what for performance in tuning.performance for what in (f"{performance.name}, s", "held")),
+    )
 
 
 def comparison_rows(tuning: Tuning) -> list[tuple[str, ...]]:
     """A row per loop: per autopilot the sum of the nominal violations, s, and the share of samples within."""
-    loops = list(dict.fromkeys(trial.loop for judged in tuning.judged for trial in judged.trials))
+    loops = list(
+        dict.fromkeys(trial.loop for performance in tuning.performance for trial in performance.trials)
+    )
     rows = []
     for loop in loops:
         cells = [loop]
-        for judged in tuning.judged:
-            own = [trial for trial in judged.trials if trial.loop == loop]
+        for performance in tuning.performance:
+            own = [trial for trial in performance.trials if trial.loop == loop]
             cells += [
                 _seconds(sum(trial.nominal_s for trial in own)),
                 f"{sum(trial.held for trial in own) / len(own):.0%}",
@@ -578,7 +589,7 @@ def gain_rows(tuning: Tuning) -> list[tuple[str, ...]]:
     return rows
 
 
-def _of(trial: JudgedTrial) -> str:
+def _of(trial: StepPerformance) -> str:
     return f"{trial.loop} at {trial.speed_m_s:.2f} m/s, step of {trial.step:+.3g} {trial.unit}"
 
 

@@ -1,6 +1,6 @@
 """The search: margins first, then each group of loops by evolution strategy and simplex, again where needed.
 
-Where the start gains leave a motion unstable or short of its margins, the gains of the supporting points
+Where the start gains leave a motion unstable or short of its margins, the gains of the breakpoints
 concerned are first brought to where all margins hold, as near to the start as that allows: a loop cannot be
 tried while another one lets the vehicle tumble. Then the groups take their turn, each with the gains that
 the others have found; those that violate a corridor after all had their turn are searched again.
@@ -16,7 +16,7 @@ loop is worse. What no group owns and the search of the margins has moved is one
 are the last resort. What the vehicle itself keeps to, corridors and margins in the weights of the search, is
 not given up: neither for one loop nor for the worst of the drawn vehicles.
 
-Held by tests/tuning/test_take_back.py.
+Held by tests/tuning/test_revert_gains.py.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.arrays import Array
 from seatrial.base.progress import Step, Watch
 from seatrial.estimation.search import Optimum, batch_size, evolve, join, refine
-from seatrial.tuning.judgement import Judged, judge
 from seatrial.tuning.objective import LACKING, OUTSIDE, GainParameters, Objective, Terms, excited_points
+from seatrial.tuning.performance import Performance, assess
 from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
@@ -43,10 +43,10 @@ __all__ = [
     "GroupResult",
     "Standing",
     "constraint",
+    "revert_gains",
     "search_group",
     "search_margins",
     "standing",
-    "take_back",
 ]
 
 GENERATIONS, ROUNDS = 30, 25
@@ -255,7 +255,7 @@ def search_group(
 
 
 def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[str, float]:
-    terms: Terms = objective.terms(parameters.gains(x), reserve=0.0)
+    terms: Terms = objective.terms(parameters.gains(x), headroom=0.0)
     return {name: float(values[0]) for name, values in vars(terms).items()}
 
 
@@ -341,7 +341,7 @@ class Standing:
         return tuple(found)
 
 
-def take_back(
+def revert_gains(
     plan: TuningPlan, gains: Mapping[str, float], samples: Samples, *, threads: int | None = None
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Gains with which no loop is worse than before, and the groups that have their start gains again.
@@ -416,15 +416,15 @@ def standing(
     """
     autopilot = plan.autopilot.with_gains(dict(gains))
     rig = plan.rig(autopilot, max_step=_STEP_S, threads=threads)
-    judged = judge(plan, "", rig, samples, responses=False)
+    performance = assess(plan, "", rig, samples, responses=False)
     limits = constraint(plan, autopilot)
     lacking = 0.0 if limits is None else float(limits.shortfall({})[0])
-    return Standing(_outside(judged), lacking)
+    return Standing(_outside(performance), lacking)
 
 
-def _outside(judged: Judged) -> dict[str, tuple[float, float]]:
+def _outside(performance: Performance) -> dict[str, tuple[float, float]]:
     found: dict[str, tuple[float, float]] = {}
-    for trial in judged.trials:
+    for trial in performance.trials:
         nominal, worst = found.get(trial.loop, (0.0, 0.0))
         found[trial.loop] = (
             nominal + min(trial.nominal_s, _DIVERGED_S),

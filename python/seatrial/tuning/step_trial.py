@@ -5,10 +5,10 @@ Held by tests/tuning/test_step_trial.py.
 Set-point steps of one loop on the full non-linear closed loop, held against their corridors.
 
 A trial is a flight at a speed: the loop settles at its set point, steps, and after the corridor's end steps
-back, so that it is judged in both directions. Heading, speed and, where the loop is none of them, depth stay
-with guidance on a straight level leg north; what may happen to them meanwhile are corridors beside it. A path
-is stepped by moving the whole plan: guidance and the loop answer together. All candidates fly abreast with
-the same noise (`seatrial.flight.fly`; sums in the core's ``closed_loop/trial.rs``).
+back, so that it is assessed in both directions. Heading, speed and, where the loop is none of them, depth
+stay with guidance on a straight level leg north; what may happen to them meanwhile are corridors beside it.
+A path is stepped by moving the whole plan: guidance and the loop answer together. All candidates fly
+abreast with the same noise (`seatrial.flight.fly`; sums in the core's ``closed_loop/trial.rs``).
 
 Sensors have their noise, digits, rates and delays, but no offset, no drift and no drop-outs: an offset that
 is constant through a flight moves the answer, a log that falls silent in the middle of a step leaves any
@@ -166,13 +166,13 @@ class LoopTrials:
         # A flight goes on to the end of the period in which its time is up.
         return np.asarray(period_s * np.arange(math.ceil(self.duration_s / period_s - 1e-6) + 1))
 
-    def bounds(self, period_s: float, *, reserve: float = 0.0) -> tuple[Array, Array, Array, Array]:
+    def bounds(self, period_s: float, *, headroom: float = 0.0) -> tuple[Array, Array, Array, Array]:
         """Lower and upper bound, target and clock of the normalised answer per control period, (p,) each.
 
         Parameters
         ----------
         period_s : float
-        reserve : float
+        headroom : float
             By how much both bounds move inwards, as a share of the step, as far as they leave room.
         """
         t = self.grid(period_s)
@@ -182,7 +182,7 @@ class LoopTrials:
             since = t - place
             rows = (since > -1e-9) & (since < self.until_s - 1e-9)
             low, high = self.corridor.sampled(since[rows])
-            room = np.minimum(reserve, 0.25 * (high - low))
+            room = np.minimum(headroom, 0.25 * (high - low))
             low, high = low + room, high - room
             lower[rows], upper[rows] = (1.0 - high, 1.0 - low) if back else (low, high)
             target[rows] = 0.0 if back else 1.0
@@ -232,7 +232,7 @@ class Rig:
         return {}
 
     def violations(
-        self, trials: LoopTrials, samples: Samples, gains: Mapping[str, ArrayLike], *, reserve: float = 0.0
+        self, trials: LoopTrials, samples: Samples, gains: Mapping[str, ArrayLike], *, headroom: float = 0.0
     ) -> tuple[Array, Array]:
         """What k candidates violate, and how much their commands move.
 
@@ -241,7 +241,7 @@ class Rig:
         trials : LoopTrials
         samples : Samples
         gains : mapping of str to (k,) array-like
-        reserve : float
+        headroom : float
             See `LoopTrials.bounds`.
 
         Returns
@@ -255,7 +255,7 @@ class Rig:
         k = len(next(iter(columns.values()))) if columns else 1
         found = np.empty((k, len(trials), len(samples), 1 + len(trials.beside), 3))
         travel = np.empty((k, len(trials), len(samples)))
-        for chosen, flights in self._flights(trials, samples, columns, k, reserve=reserve, logs=False):
+        for chosen, flights in self._flights(trials, samples, columns, k, headroom=headroom, logs=False):
             shape = (len(chosen), len(samples), k)
             sums = _there_and_back(np.asarray(flights.violations)).reshape(*shape, -1, 3)
             found[:, chosen] = np.moveaxis(sums, 2, 0)
@@ -270,7 +270,7 @@ class Rig:
         columns = {name: np.array([float(value)]) for name, value in gains.items()}
         t = trials.grid(self.autopilot.period_s)
         found = {name: np.full((len(trials), len(samples), len(t)), np.nan) for name in trials.names}
-        for chosen, flights in self._flights(trials, samples, columns, 1, reserve=0.0, logs=True):
+        for chosen, flights in self._flights(trials, samples, columns, 1, headroom=0.0, logs=True):
             names = flights.columns
             for case, (trial, sample) in enumerate(np.ndindex(len(chosen), len(samples))):
                 log = np.asarray(flights.log(case))
@@ -285,7 +285,7 @@ class Rig:
         gains: Mapping[str, Array],
         k: int,
         *,
-        reserve: float,
+        headroom: float,
         logs: bool,
     ) -> list[tuple[list[int], Flights]]:
         """Flights of some trials at a time: those that share a mission. Candidates are the fastest index."""
@@ -296,7 +296,7 @@ class Rig:
         for leg in legs:
             every = trials.loop not in PATHS
             chosen = [i for i, speed in enumerate(speeds) if every or abs(speed) == leg]
-            found.append((chosen, self._fly(trials, samples, gains, (chosen, leg, k), reserve, logs)))
+            found.append((chosen, self._fly(trials, samples, gains, (chosen, leg, k), headroom, logs)))
         return found
 
     def _fly(
@@ -305,7 +305,7 @@ class Rig:
         samples: Samples,
         gains: Mapping[str, Array],
         which: tuple[list[int], float, int],
-        reserve: float,
+        headroom: float,
         logs: bool,
     ) -> Flights:
         chosen, leg, k = which
@@ -333,7 +333,7 @@ class Rig:
         }
         if trials.loop != "cross_track" and trials.loop != "depth":
             set_points.setdefault("heading", np.zeros(3))
-        lower, upper, target, clock = trials.bounds(self.autopilot.period_s, reserve=reserve)
+        lower, upper, target, clock = trials.bounds(self.autopilot.period_s, headroom=headroom)
         base, scale = per_trial(before), per_trial(size)
         there = target == 1.0
         # There and back apart: what is a shortfall there is an excess on the way back.
@@ -350,11 +350,11 @@ class Rig:
             for phase in (there, ~there)
         ]
         still = np.zeros(len(lower))
-        judged = np.isfinite(lower) | np.isfinite(upper)
+        bounded = np.isfinite(lower) | np.isfinite(upper)
         for name, half in trials.beside.items():
             level = {"u": speed, "z": np.full(count, DEPTH_M)}.get(name, np.zeros(count))
-            inside = 1.0 - min(reserve, 0.25)
-            low, high = np.where(judged, -inside, -np.inf), np.where(judged, inside, np.inf)
+            inside = 1.0 - min(headroom, 0.25)
+            low, high = np.where(bounded, -inside, -np.inf), np.where(bounded, inside, np.inf)
             corridors.append((name, per_trial(level), np.full(count * s * k, half), low, high, still, clock))
         nu = np.zeros((count * s * k, 6))
         nu[:, 0] = per_trial(speed)

@@ -1,7 +1,7 @@
 """`tune`: from a vehicle as well as it is known to an autopilot whose responses stay in their corridors.
 
 Margins first, then group after group by evolution strategy and simplex on the full non-linear closed loop
-with limits, dead band, dead time, sensor noise, currents and drawn vehicles; at last everything is judged
+with limits, dead band, dead time, sensor noise, currents and drawn vehicles; at last everything is assessed
 again on samples that the search never saw, beside the start gains and a relay autotuning
 (`seatrial.tuning.tuning_run`). What cannot be tuned is refused before the search.
 
@@ -111,7 +111,7 @@ def tune(
     resume : bool, optional
         Whether groups that an earlier run finished from the same inputs are reused.
     relay : bool, optional
-        Whether a relay autotuning of the same loops is judged beside.
+        Whether a relay autotuning of the same loops is assessed beside.
     threads : int, optional
         All when omitted; the result does not depend on it.
 

@@ -1,4 +1,4 @@
-"""One tuning under way: margins, group after group, the groups that violate once more, judgement.
+"""One tuning under way: margins, group after group, the groups that violate once more, assessment.
 
 Ctrl-C at any time ends it with the best gains so far.
 
@@ -24,12 +24,19 @@ from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, version
 from seatrial.estimation.search import LANES, batch_size
 from seatrial.flight.sensor_channels import sensors_of
-from seatrial.tuning.judgement import Judged, judge, judged_without_noise
-from seatrial.tuning.objective import RESERVE
+from seatrial.tuning.objective import HEADROOM
+from seatrial.tuning.performance import Performance, assess, assess_without_noise
 from seatrial.tuning.plan import Group, TuningPlan
 from seatrial.tuning.relay import relay_autopilot
 from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
-from seatrial.tuning.search import GENERATIONS, ROUNDS, GroupResult, search_group, search_margins, take_back
+from seatrial.tuning.search import (
+    GENERATIONS,
+    ROUNDS,
+    GroupResult,
+    revert_gains,
+    search_group,
+    search_margins,
+)
 from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
@@ -44,7 +51,7 @@ _BEGUN = 0.02  # of all work, that the first guess of the pace counts as
 
 _PASSES = 2
 
-_FRESH, _NOISES = 24, 8  # vehicles drawn for the last judgement, and noises of the vehicle itself
+_FRESH, _NOISES = 24, 8  # vehicles drawn for the last assessment, and noises of the vehicle itself
 
 _FINE_STEP_S = 0.02
 
@@ -54,7 +61,7 @@ _OF_MARGINS = 0.1  # of the work of the searches that fly
 
 _EVOLUTION = 0.7  # of the budget of a group
 
-_JUDGEMENT = "judgement"
+_ASSESSMENT = "assessment"
 
 _GIVEN_AWAY = 0.01  # of a margin, as much as the frequency grid and four digits of a gain leave
 
@@ -97,7 +104,7 @@ class TuningRun:
         self.work = WorkLeft(self._planned())
         self.results: list[GroupResult] = []
         self.gains: dict[str, float] = {}
-        self.taken_back: tuple[str, ...] = ()
+        self.reverted: tuple[str, ...] = ()
 
     def run(self, *, relay: bool) -> Tuning:
         """Tuning, interrupted after Ctrl-C.
@@ -105,13 +112,13 @@ class TuningRun:
         Parameters
         ----------
         relay : bool
-            Whether a relay autotuning is judged beside.
+            Whether a relay autotuning is assessed beside.
         """
         try:
             if self._search():
                 return self._result((), relay=None)
-            self._take_back()
-            return self._judge(relay=relay)
+            self._revert()
+            return self._assess(relay=relay)
         except KeyboardInterrupt:
             self.stopped = True
             return self._result((), relay=None)
@@ -147,21 +154,21 @@ class TuningRun:
             # The second turn flies what shows who needs it.
             samples = plan.samples(plan.table.samples, seed, nominal=_NOISES)
             open_ = [k for k in range(len(plan.groups)) if self._spoils(k) or self._violates(k, samples)]
-            self.work.keep_only({_JUDGEMENT, *(_name(plan.groups[k], turn + 1) for k in open_)})
+            self.work.keep_only({_ASSESSMENT, *(_name(plan.groups[k], turn + 1) for k in open_)})
             if not open_:
                 break
         return False
 
-    def _take_back(self) -> None:
-        """Give groups their start gains again where these are better at the last judgement."""
-        self.gains, self.taken_back = take_back(self.plan, self.gains, self._fresh(), threads=self.threads)
+    def _revert(self) -> None:
+        """Give groups their start gains again where these are better at the last assessment."""
+        self.gains, self.reverted = revert_gains(self.plan, self.gains, self._fresh(), threads=self.threads)
 
     def _fresh(self) -> Samples:
-        """Samples of the last judgement, which no search has seen."""
+        """Samples of the last assessment, which no search has seen."""
         return self.plan.samples(_FRESH, self.plan.seed + _OTHER_SEED, nominal=_NOISES)
 
-    def _judge(self, *, relay: bool) -> Tuning:
-        """Tuning with its judgement."""
+    def _assess(self, *, relay: bool) -> Tuning:
+        """Tuning with its assessment."""
         plan, fresh = self.plan, self._fresh()
         autopilots: dict[str, Autopilot] = {"start": plan.autopilot}
         relayed = None
@@ -171,14 +178,14 @@ class TuningRun:
             )
             autopilots["relay"] = relayed.autopilot
         autopilots["tuned"] = self._tuned()
-        judged = tuple(
-            judge(plan, name, self._rig(autopilot, _FINE_STEP_S), fresh)
+        performance = tuple(
+            assess(plan, name, self._rig(autopilot, _FINE_STEP_S), fresh)
             for name, autopilot in autopilots.items()
         )
         quiet = None
-        if not judged[-1].feasible:
-            quiet = judged_without_noise(plan, self._rig(autopilots["tuned"], _FINE_STEP_S))
-        return replace(self._result(judged, relay=relayed), quiet=quiet)
+        if not performance[-1].feasible:
+            quiet = assess_without_noise(plan, self._rig(autopilots["tuned"], _FINE_STEP_S))
+        return replace(self._result(performance, relay=relayed), quiet=quiet)
 
     def _planned(self) -> dict[str, float]:
         """Time that each part flies at most, s; the margins, which do not fly, as a share of it."""
@@ -193,7 +200,7 @@ class TuningRun:
         flown = sum(parts.values())
         each = sum(len(t) * t.duration_s for group in self.plan.groups for t in group.trials)
         last = (_FRESH + _NOISES) * 2 * 2 * each
-        return {"margins": _OF_MARGINS * flown / _PASSES} | parts | {_JUDGEMENT: last}
+        return {"margins": _OF_MARGINS * flown / _PASSES} | parts | {_ASSESSMENT: last}
 
     def _keep(self, name: str, search: Callable[[Callable[[Step], None]], GroupResult | None]) -> bool:
         """Run or reuse a part of the search; whether it was interrupted."""
@@ -219,7 +226,7 @@ class TuningRun:
             name,
             version("seatrial"),
             repr(sensors),
-            [_PASSES, _NOISES, RESERVE, GENERATIONS, ROUNDS],
+            [_PASSES, _NOISES, HEADROOM, GENERATIONS, ROUNDS],
             self.plan.table.model_dump_json(),
             self.plan.to_dict(),  # what the table leaves to its defaults
             self.plan.current_m_s,
@@ -244,22 +251,22 @@ class TuningRun:
     def _violates(self, place: int, samples: Samples) -> bool:
         """Whether a group leaves a corridor with the gains that the others found since."""
         rig = self._rig(self.plan.autopilot.with_gains(self.gains), 2 * _FINE_STEP_S)
-        judged = judge(self.plan, "", rig, samples, only=(self.plan.groups[place],), responses=False)
-        return judged.worst_s > 0.0
+        performance = assess(self.plan, "", rig, samples, only=(self.plan.groups[place],), responses=False)
+        return performance.worst_s > 0.0
 
     def _tuned(self) -> Autopilot:
         return tuned_autopilot(self.plan.autopilot, self.gains, self.plan.name, self.plan.origin)
 
-    def _result(self, judged: tuple[Judged, ...], *, relay: Any) -> Tuning:
+    def _result(self, performance: tuple[Performance, ...], *, relay: Any) -> Tuning:
         interrupted = self.stopped or (bool(self.results) and self.results[-1].interrupted)
         return Tuning(
             campaign=self.campaign,
             plan=self.plan,
             autopilot=self._tuned(),
             groups=tuple(self.results),
-            judged=judged,
+            performance=performance,
             relay=relay,
-            taken_back=self.taken_back,
+            reverted=self.reverted,
             elapsed_s=self.clock.elapsed_s,
             interrupted=interrupted,
             facts=run_facts(

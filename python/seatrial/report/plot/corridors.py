@@ -464,7 +464,7 @@ def _legend(figure: Figure, courses: Sequence[Course]) -> None:
 
 _SHARES = (0.0, 0.3, 0.6, 0.9, 0.75, 0.45, 0.15)  # of the top speed, ahead
 
-_ASTERN = 0.5  # of the slowest supporting point that is reached
+_ASTERN = 0.5  # of the slowest breakpoint that is reached
 
 _DEPTH_M = 20.0
 
@@ -484,7 +484,7 @@ def course_of_set_points(plan: TuningPlan) -> tuple[Array, Array]:
     ahead = [share * plan.top_m_s for share in _SHARES]
     if slowest < 0.0:
         levels = [*ahead, 0.0, _ASTERN * slowest, slowest, 0.0]
-    else:  # a hull steered by fins: from its slowest supporting point on
+    else:  # a hull steered by fins: from its slowest breakpoint on
         levels = [max(level, slowest) for level in ahead]
     hold = float(np.clip(plan.trials("surge").until_s, *_HOLD_S))
     times: Array = hold * np.arange(len(levels) + 1.0)

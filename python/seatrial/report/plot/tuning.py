@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from seatrial.tuning.judgement import Judged, Responses
+    from seatrial.tuning.performance import Performance, Responses
     from seatrial.tuning.relay import RelayPoint, RelayTuning
     from seatrial.tuning.relay_trial import RelayTrial
     from seatrial.tuning.result import Tuning
@@ -115,7 +115,7 @@ def _paged(name: str, page: int) -> str:
     return name if page == 1 else f"{name}_{page}"
 
 
-def corridors(start: Judged, tuned: Judged, loop: str) -> Iterator[Figure]:
+def corridors(start: Performance, tuned: Performance, loop: str) -> Iterator[Figure]:
     """Figures of a loop's steps in their corridor, there and back: start gains beside tuned ones.
 
     Each fits on a page.
@@ -125,12 +125,12 @@ def corridors(start: Judged, tuned: Judged, loop: str) -> Iterator[Figure]:
         yield _corridors(start, tuned, loop, trials[first : first + _SPEEDS_ON_A_PAGE])
 
 
-def _corridors(start: Judged, tuned: Judged, loop: str, trials: list[int]) -> Figure:
+def _corridors(start: Performance, tuned: Performance, loop: str, trials: list[int]) -> Figure:
     """Figure of some trials of a loop in their corridor."""
     shown = []
     for trial in trials:
-        for judged, name in ((start, "start gains"), (tuned, "tuned")):
-            own = judged.responses[loop]
+        for performance, name in ((start, "start gains"), (tuned, "tuned")):
+            own = performance.responses[loop]
             since = own.t - own.trials.settle_s
             until = own.trials.until_s
             rows = (since > -1e-9) & (since < until - 1e-9)
@@ -142,7 +142,7 @@ def _corridors(start: Judged, tuned: Judged, loop: str, trials: list[int]) -> Fi
     return corridor_figure(shown)
 
 
-def responses(start: Judged, tuned: Judged, loop: str) -> Figure:
+def responses(start: Performance, tuned: Performance, loop: str) -> Figure:
     """Figure of a loop's responses over time at several speeds, before and after, with the set points."""
     entry = LOOPS[loop]
     courses = []
@@ -182,7 +182,7 @@ def _step(of: Responses, trial: int, loop: str) -> str:
     return f"{loop.replace('_', '-')} at {numbers}"
 
 
-def _tells(start: Judged, loop: str, trial: int) -> str:
+def _tells(start: Performance, loop: str, trial: int) -> str:
     """How far the start gains leave the corridor, for the right of a title."""
     own = [one for one in start.trials if one.loop == loop][trial]
     if not np.isfinite(own.nominal_s):
@@ -199,10 +199,10 @@ def _unbroken(values: Array, unit: str) -> Array:
     return np.where(jumps, np.nan, values)
 
 
-def _one_per_speed(tuned: Judged, start: Judged, loop: str) -> list[int]:
+def _one_per_speed(tuned: Performance, start: Performance, loop: str) -> list[int]:
     """The trial at each speed that the tuned gains, and then the start gains, violate most, by speed."""
-    own = [[trial for trial in judged.trials if trial.loop == loop] for judged in (tuned, start)]
-    violated = [tuple(-judged[k].worst_s for judged in own) for k in range(len(own[0]))]
+    own = [[trial for trial in performance.trials if trial.loop == loop] for performance in (tuned, start)]
+    violated = [tuple(-performance[k].worst_s for performance in own) for k in range(len(own[0]))]
     worst: dict[float, int] = {}
     for trial in sorted(range(len(violated)), key=violated.__getitem__):
         worst.setdefault(own[0][trial].speed_m_s, trial)

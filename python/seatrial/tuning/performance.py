@@ -22,7 +22,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.campaign.corridor import RISEN
 from seatrial.campaign.tuning_table import LOOPS
-from seatrial.tuning.criterion import step_figures
+from seatrial.tuning.criterion import step_metrics
 from seatrial.tuning.objective import violated
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from seatrial.campaign.corridor import Corridor
     from seatrial.tuning.plan import Group, TuningPlan
 
-__all__ = ["Judged", "JudgedTrial", "Responses", "judge", "judged_without_noise", "why_outside"]
+__all__ = ["Performance", "Responses", "StepPerformance", "assess", "assess_without_noise", "why_outside"]
 
 _SHOWN = 9  # samples whose responses are kept for figures
 
 
 @dataclass(frozen=True)
-class JudgedTrial:
+class StepPerformance:
     """A step of a loop at a speed, there and back.
 
     Attributes
@@ -87,8 +87,8 @@ class Responses:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """An autopilot's responses, judged.
+class Performance:
+    """How an autopilot's responses keep to their corridors.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Judged:
     autopilot
         Which.
     trials
-        A `JudgedTrial` each.
+        A `StepPerformance` each.
     samples
         How many drawn vehicles with currents.
     responses
@@ -106,7 +106,7 @@ class Judged:
 
     name: str
     autopilot: Autopilot
-    trials: tuple[JudgedTrial, ...]
+    trials: tuple[StepPerformance, ...]
     samples: int
     responses: Mapping[str, Responses]
 
@@ -138,7 +138,7 @@ class Judged:
         }
 
 
-def judge(
+def assess(
     plan: TuningPlan,
     name: str,
     rig: Rig,
@@ -146,7 +146,7 @@ def judge(
     *,
     only: Sequence[Group] | None = None,
     responses: bool = True,
-) -> Judged:
+) -> Performance:
     """How the responses of the rig's autopilot keep to the corridors of a plan.
 
     Parameters
@@ -162,7 +162,7 @@ def judge(
     responses : bool, optional
         Whether to keep responses and take their figures.
     """
-    found: list[JudgedTrial] = []
+    found: list[StepPerformance] = []
     kept: dict[str, Responses] = {}
     for trials in (trials for group in only or plan.groups for trials in group.trials):
         sums, _ = rig.violations(trials, samples, {})
@@ -172,8 +172,8 @@ def judge(
             t, values = rig.responses(trials, _worst(samples, total), {})
             shown = kept[trials.loop] = Responses(trials, t, values[trials.names[0]])
         for k in range(len(trials)):
-            found.append(_judged(trials, k, (total[k], samples.nominal), shown))
-    return Judged(name, rig.autopilot, tuple(found), len(samples) - samples.nominal, kept)
+            found.append(_step_performance(trials, k, (total[k], samples.nominal), shown))
+    return Performance(name, rig.autopilot, tuple(found), len(samples) - samples.nominal, kept)
 
 
 def _worst(samples: Samples, total: Array) -> Samples:
@@ -188,9 +188,9 @@ def _worst(samples: Samples, total: Array) -> Samples:
     )
 
 
-def _judged(
+def _step_performance(
     trials: LoopTrials, k: int, violations: tuple[Array, int], shown: Responses | None
-) -> JudgedTrial:
+) -> StepPerformance:
     total, nominal = violations
     drawn = total[nominal:] if len(total) > nominal else total
     entry = LOOPS[trials.loop]
@@ -199,9 +199,9 @@ def _judged(
     if shown is not None:
         since = shown.t - trials.settle_s
         there = since < trials.until_s
-        found = asdict(step_figures(since[there], shown.normalised(k)[0][there], band=trials.settled))
+        found = asdict(step_metrics(since[there], shown.normalised(k)[0][there], band=trials.settled))
         figures = {key: found[key] for key in figures}
-    return JudgedTrial(
+    return StepPerformance(
         loop=trials.loop,
         unit=entry.unit,
         speed_m_s=trials.speeds[k],
@@ -216,7 +216,7 @@ def _judged(
 _AWAY = 3.0  # steps beyond the set point, which no overshoot is
 
 
-def judged_without_noise(plan: TuningPlan, rig: Rig) -> Judged:
+def assess_without_noise(plan: TuningPlan, rig: Rig) -> Performance:
     """How the vehicle itself keeps to its corridors in still water with perfect sensors.
 
     Parameters
@@ -225,15 +225,15 @@ def judged_without_noise(plan: TuningPlan, rig: Rig) -> Judged:
     rig : Rig
         With the gains in question.
     """
-    return judge(plan, "without noise", replace(rig, sensors=None), Samples({}, np.zeros((1, 3)), (1,)))
+    return assess(plan, "without noise", replace(rig, sensors=None), Samples({}, np.zeros((1, 3)), (1,)))
 
 
-def why_outside(quiet: JudgedTrial, corridor: Corridor) -> str:
+def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
     """What makes a response leave its corridor, and what to do, from the same step with perfect sensors.
 
     Parameters
     ----------
-    quiet : JudgedTrial
+    quiet : StepPerformance
     corridor : Corridor
     """
     if quiet.nominal_s == 0.0:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from seatrial.tuning import search as module
-from seatrial.tuning.search import Standing, standing, take_back
+from seatrial.tuning.search import Standing, revert_gains, standing
 from tests.tuning.tuning_campaigns import plan
 
 SPOILT = 0.02
@@ -19,7 +19,7 @@ def test_a_group_that_is_worse_than_its_start_gets_its_start_gains_again() -> No
     samples = one.samples(0, 1)
     start = one.autopilot.gains()
     spoilt = {name: SPOILT * value for name, value in start.items() if name.startswith("heading.K_P.")}
-    kept, back = take_back(one, spoilt, samples, threads=1)
+    kept, back = revert_gains(one, spoilt, samples, threads=1)
     assert back == ("heading",)
     assert all(kept[name] == start[name] for name in spoilt)
     begun, mended, spoiled = (standing(one, gains, samples, threads=1) for gains in ({}, kept, spoilt))
@@ -31,7 +31,7 @@ def test_a_group_that_is_worse_than_its_start_gets_its_start_gains_again() -> No
 def test_what_is_better_stays() -> None:
     one = plan()
     samples = one.samples(0, 1)
-    kept, back = take_back(one, {}, samples, threads=1)
+    kept, back = revert_gains(one, {}, samples, threads=1)
     assert back == ()
     assert kept == {}
     once, again = (standing(one, kept, samples, threads=threads) for threads in (1, None))
@@ -58,7 +58,7 @@ def test_a_loop_is_worse_when_the_vehicle_itself_is_further_outside(
 
 
 def told(monkeypatch: pytest.MonkeyPatch, stands: dict[frozenset[str], Standing]) -> tuple[str, ...]:
-    """Groups taken back when a set of gains stands by the loops whose gains differ from the start."""
+    """Groups reverted when a set of gains stands by the loops whose gains differ from the start."""
     one = plan("[tuning.loops]\nheading = {}\nsurge = {}")
     start = one.autopilot.gains()
 
@@ -68,7 +68,7 @@ def told(monkeypatch: pytest.MonkeyPatch, stands: dict[frozenset[str], Standing]
 
     monkeypatch.setattr(module, "standing", stood)
     found = {name: 2.0 * start[name] for name in ("heading.K_P.5", "surge.K_P.5")}
-    kept, back = take_back(one, found, one.samples(0, 1), threads=1)
+    kept, back = revert_gains(one, found, one.samples(0, 1), threads=1)
     moved = frozenset(name.partition(".")[0] for name, value in kept.items() if value != start[name])
     best = min(stands.values(), key=lambda each: (len(each.worse(stands[frozenset()])), each.score))
     if all(each.own <= stands[BOTH].own for each in stands.values()):

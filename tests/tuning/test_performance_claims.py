@@ -1,4 +1,4 @@
-"""What a judgement says of given violations: by the vehicle itself, by the drawn ones, of a group."""
+"""What an assessment says of given violations: by the vehicle itself, by the drawn ones, of a group."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.tuning.judgement import Judged, judge
+from seatrial.tuning.performance import Performance, assess
 from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 from tests.tuning.tuning_campaigns import plan
@@ -43,38 +43,38 @@ def made() -> TuningPlan:
     return plan(TEXT)
 
 
-def judged(monkeypatch: pytest.MonkeyPatch, **given: Any) -> Judged:
-    def violations(_: Rig, trials: LoopTrials, *__: object, reserve: float = 0.0) -> tuple[Array, Array]:
-        assert reserve == 0.0  # what is told has none
+def performance(monkeypatch: pytest.MonkeyPatch, **given: Any) -> Performance:
+    def violations(_: Rig, trials: LoopTrials, *__: object, headroom: float = 0.0) -> tuple[Array, Array]:
+        assert headroom == 0.0  # what is told has none
         below = OUTSIDE[trials.loop][None, ..., None, None]
         return np.concatenate([below, 0.0 * below, 9.0 + below], axis=-1), np.zeros((1, len(trials), 6))
 
     monkeypatch.setattr(Rig, "violations", violations)
     one = made()
-    return judge(one, "tuned", one.rig(one.autopilot), SAMPLES, **given)
+    return assess(one, "tuned", one.rig(one.autopilot), SAMPLES, **given)
 
 
 def test_the_vehicle_itself_and_the_drawn_ones_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    slow, fast, surge = judged(monkeypatch, responses=False).trials
+    slow, fast, surge = performance(monkeypatch, responses=False).trials
     # The largest of the vehicle's own noises; the largest of all; of the drawn ones the share that is inside.
     assert (slow.nominal_s, slow.worst_s, slow.held) == (0.4, 2.0, 0.75)
     assert (fast.nominal_s, fast.worst_s, fast.held) == (0.0, 5.0, 0.25)
     assert (surge.nominal_s, surge.worst_s, surge.held) == (0.0, 0.0, 1.0)
 
 
-def test_a_judgement_is_feasible_by_the_vehicle_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = judged(monkeypatch, responses=False)
+def test_an_assessment_is_feasible_by_the_vehicle_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = performance(monkeypatch, responses=False)
     assert one.samples == 4
     assert one.nominal_s == 0.4
     assert one.worst_s == 5.0
     assert not one.feasible
     monkeypatch.setitem(OUTSIDE, "heading", np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]] * 2))
-    assert judged(monkeypatch, responses=False).feasible
+    assert performance(monkeypatch, responses=False).feasible
 
 
 def test_only_the_groups_that_are_asked_for_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     for group in made().groups:
-        found = judged(monkeypatch, responses=False, only=(group,)).trials
+        found = performance(monkeypatch, responses=False, only=(group,)).trials
         assert {trial.loop for trial in found} == {group.name}
 
 
@@ -89,7 +89,7 @@ def test_the_responses_that_are_kept_are_the_vehicle_s_own_and_then_the_worst(
         return t, {trials.names[0]: np.zeros((len(trials), len(samples), len(t)))}
 
     monkeypatch.setattr(Rig, "responses", responses)
-    judged(monkeypatch)
+    performance(monkeypatch)
     met = seen["heading"]
     assert met.seeds == (1, 6, 4, 5, 2, 3)
     # Vehicle, current and noise of a sample stay together.
