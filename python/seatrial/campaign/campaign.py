@@ -19,7 +19,7 @@ from seatrial.base.errors import CampaignError, VehicleError, nearest
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.campaign.file import CampaignFile, Environment, Input, Stage, TrialSource, in_order, parse
-from seatrial.campaign.parameters import Parameter, names, parameters
+from seatrial.campaign.parameters import Parameter, coefficient_names, parameters
 from seatrial.campaign.search_budget import Budget
 from seatrial.campaign.variants import LockedAxes, with_locked_axes, with_start_values
 from seatrial.trial.sensor_position import refuse_far
@@ -413,11 +413,12 @@ class Campaign:
         """Refuse two stages that set one coefficient with no order between them."""
         for i, stage in enumerate(self.stages):
             for other in self.stages[:i]:
-                shared = set(names(self.parameters[stage.name])) & set(names(self.parameters[other.name]))
+                own, others = (set(coefficient_names(self.parameters[s.name])) for s in (stage, other))
+                shared = own & others
                 if shared and other.name not in self.before(stage):
                     raise CampaignError(
                         f"{self.where(stage)}: coefficient {min(shared)!r} is also freed by stage"
-                        f" {other.name!r} and neither runs after the other; set after = [{other.name!r}]"
+                        f" {other.name!r}, and neither runs after the other; set after = [{other.name!r}]"
                     )
 
 

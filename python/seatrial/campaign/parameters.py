@@ -22,7 +22,7 @@ from seatrial.vehicle.actuators import actuator_groups
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Parameter", "coefficients", "names", "parameters", "spread"]
+__all__ = ["Parameter", "coefficient_names", "coefficients", "expansion_matrix", "parameters"]
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,12 @@ def parameters(stage: Stage, vehicle: Vehicle, where: str) -> tuple[Parameter, .
     return freed
 
 
-def names(chosen: Sequence[Parameter]) -> list[str]:
-    """Coefficients that the parameters set, in the order of `spread`."""
+def coefficient_names(chosen: Sequence[Parameter]) -> list[str]:
+    """Coefficients that the parameters set, in the order of `expansion_matrix`."""
     return [member for parameter in chosen for member, _ in parameter.members]
 
 
-def spread(chosen: Sequence[Parameter]) -> Array:
+def expansion_matrix(chosen: Sequence[Parameter]) -> Array:
     """Matrix ``(m, n)``: parameters ``(k, m)`` times it are coefficient values ``(k, n)``."""
     matrix = np.zeros((len(chosen), sum(len(parameter.members) for parameter in chosen)))
     column = 0

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.parameters import names
+from seatrial.campaign.parameters import coefficient_names
 from seatrial.diagnosis.missing_terms import (
     Candidate,
     Suggestion,
@@ -195,7 +195,7 @@ def analyse_joint(
     """
     info = joint.vehicle.coefficient_info()
     trials = {name: joint.campaign.trials[name] for name in joint.data.names}
-    tried = candidates(joint.vehicle, names(joint.parameters), free=joint.stage.axes.free)
+    tried = candidates(joint.vehicle, coefficient_names(joint.parameters), free=joint.stage.axes.free)
     held = strongest(joint, values, tried, initial=initial, noise=noise)
     lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
     first = _first(lin, held, info=info, tested=len(tried), level=level)

@@ -21,7 +21,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS, deviations
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.file import Stage
-from seatrial.campaign.parameters import Parameter, names, spread
+from seatrial.campaign.parameters import Parameter, coefficient_names, expansion_matrix
 from seatrial.trial.record import Record, Replay, Segment, cut_spans, restarted
 
 if TYPE_CHECKING:
@@ -246,7 +246,7 @@ class Problem:
     @cached_property
     def _spread(self) -> Array:
         """Matrix (m, coefficients): parameters times it are coefficients."""
-        return spread(self.parameters)
+        return expansion_matrix(self.parameters)
 
     def _replay(self, extra: tuple[str, ...] = ()) -> Replay:
         """The replay whose coefficients are the parameters' and the extra ones."""
@@ -255,7 +255,7 @@ class Problem:
                 self.vehicle,
                 self.data.records,
                 self.data.segments,
-                names=(*names(self.parameters), *extra),
+                names=(*coefficient_names(self.parameters), *extra),
                 free=self.stage.axes.free,
                 measured=self.stage.axes.measured,
                 substeps=self.substeps,

@@ -43,7 +43,7 @@ import numpy as np
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Anchor, Ballast, Bollard, DryMass
-from seatrial.campaign.parameters import names, parameters
+from seatrial.campaign.parameters import coefficient_names, parameters
 from seatrial.estimation.joint import joint_stage
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard, pushes
 
@@ -210,7 +210,7 @@ def homogeneity(campaign: Campaign) -> Homogeneity:
         The joint estimate names what is not there.
     """
     vehicle, stage = campaign.vehicle, joint_stage(campaign)
-    free = set(names(parameters(stage, vehicle, f"{campaign.source}: polish")))
+    free = set(coefficient_names(parameters(stage, vehicle, f"{campaign.source}: polish")))
     rows = stage.axes.free
     logged = all(campaign.input_of(name) == "tau" for name in stage.trials)
     found = [

@@ -29,7 +29,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError, nearest
 from seatrial.campaign.file import Axes, Coefficient, Stage
-from seatrial.campaign.parameters import Parameter, names, spread
+from seatrial.campaign.parameters import Parameter, coefficient_names, expansion_matrix
 from seatrial.campaign.parameters import parameters as parsed
 from seatrial.estimation.step import stage_step
 from seatrial.experiment.forecast import simulated
@@ -185,13 +185,13 @@ def information(
             )
         ],
         segments,
-        names=names(parameters),
+        names=coefficient_names(parameters),
         substeps=_substeps(vehicle, run, manoeuvre),
     )
     values = vehicle.coefficients()
-    matrix = spread(parameters)
+    matrix = expansion_matrix(parameters)
     shown = loop.sensitivities(
-        [values.get(name, 0.0) for name in names(parameters)],
+        [values.get(name, 0.0) for name in coefficient_names(parameters)],
         matrix,
         nuisances=currents,
         initials=_core.initial_names(),

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.campaign.parameters import names, spread
+from seatrial.campaign.parameters import coefficient_names, expansion_matrix
 from seatrial.estimation.scale import STATIC
 from seatrial.vehicle.actuators import actuator_groups
 
@@ -136,8 +136,8 @@ def coefficient_covariance(
     """
     parameters, own = assessment.parameters, vehicle.coefficients()
     matrix, notes = _bounded(assessment)
-    factors = spread(parameters)
-    found, among = names(parameters), factors.T @ matrix @ factors
+    factors = expansion_matrix(parameters)
+    found, among = coefficient_names(parameters), factors.T @ matrix @ factors
     notes += _beyond(assessment, scale)
     alone = [name for name in staged if name not in found]
     if alone:

@@ -90,7 +90,7 @@ def regression(information: Array, keep: Sequence[int], drop: Sequence[int]) -> 
 
 
 def _inverse(information: Array, determined: Callable[[Array, float], Array]) -> Array:
-    """Inverse (k, k) with the eigenvalues, at unit diagonal, that a rule makes of them and of rounding's size."""
+    """Inverse (k, k); `determined` maps the eigenvalues, and the size of rounding, to those that are used."""
     # A unit diagonal first, so that units decide nothing about which direction is null.
     diagonal = np.diag(information)
     blind = ~(diagonal > 0)
