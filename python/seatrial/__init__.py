@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.identification.identification import Identification
     from seatrial.identification.identify import identify
-    from seatrial.identification.restarts import Restarts, restarts
+    from seatrial.identification.restarts import restarts
+    from seatrial.identification.restarts_result import Restarts
     from seatrial.trial.comparison import Comparison, compare
     from seatrial.trial.score import Score, score
     from seatrial.trial.trial import Trial
@@ -59,7 +60,7 @@ _HOME = {
     "MissionLog": "seatrial.verification.mission_log.log",
     "Outage": "seatrial.flight.failures",
     "Requirement": "seatrial.verification.requirement",
-    "Restarts": "seatrial.identification.restarts",
+    "Restarts": "seatrial.identification.restarts_result",
     "Run": "seatrial._core",
     "Score": "seatrial.trial.score",
     "SeatrialError": "seatrial.base.errors",

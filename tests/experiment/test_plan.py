@@ -443,7 +443,7 @@ def test_the_verb_prints_the_plan_and_writes_it(tmp_path: Path, monkeypatch: pyt
     for words in (
         "2 trials planned",
         "Worst: ",
-        "Next: Run trial 1",
+        "Next: Run trial 1 (",
         "Next trials of 20 s",
         "staircases alone",
         "Trial 2",

@@ -19,7 +19,8 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
 from seatrial.cli import identify as verb
 from seatrial.estimation.stage import StageResult
-from seatrial.identification.restarts import StageRestarts, restarts, start_values
+from seatrial.identification.restarts import restarts, start_values
+from seatrial.identification.restarts_result import StageRestarts
 from seatrial.report.plot.restarts import random_starts
 from tests.identification.test_identify import HEAD, HEAVE, STERN, SURGE, TRIALS, TRUTH, VERTICAL, record
 

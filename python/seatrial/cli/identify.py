@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.campaign.variants import LockedAxes
     from seatrial.identification.identification import Identification
-    from seatrial.identification.restarts import Restarts
+    from seatrial.identification.restarts_result import Restarts
 
 __all__ = ["draw", "identify", "run_identification"]
 

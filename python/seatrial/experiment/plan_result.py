@@ -279,19 +279,19 @@ _UNKNOWN, _BETTER = 0.5, 0.9
 
 
 def _report(found: Plan) -> Report:
-    first = found.sequence[0].manoeuvre
+    first, count = found.sequence[0].manoeuvre, len(found.sequence)
     unknown = _still_unknown(found)
     basis = "bounds and recorded trials" if found.recorded else "the bounds only, nothing recorded"
     return Report(
         title=found.vehicle,
-        outcome=f"{len(found.sequence)} trials planned",
+        outcome=f"{count} {'trial' if count == 1 else 'trials'} planned",
         good=(
             f"they reduce the sum of the relative standard deviations of {len(found.coefficients)}"
             f" coefficients from {_number(found.score_before)} to {_number(found.score_after)}; known so far:"
             f" {basis}"
         ),
         worst=unknown[0] if unknown else f"no coefficient stays unknown to more than {100 * _UNKNOWN:.0f} %",
-        next_step=f"run trial 1, {first.name}, identify again, and plan again",
+        next_step=f"run trial 1 ({first.name}), identify again, and plan again",
         sections=(
             Section(tables=(_trials(found),), sentences=tuple(_sheets(found))),
             Section(tables=(_precision(found),), sentences=tuple(unknown)),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from seatrial.identification.restarts import Restarts, StageRestarts
+    from seatrial.identification.restarts_result import Restarts, StageRestarts
 
 __all__ = ["random_starts"]
 
