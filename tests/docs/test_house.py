@@ -52,7 +52,7 @@ def test_modules_that_are_named_exist() -> None:
         for name in MODULE.findall(path.read_text(encoding="utf-8"))
         if not _exists(name)
     }
-    assert not missing
+    assert not missing, "\n".join(sorted(missing))
 
 
 @cache
@@ -89,4 +89,4 @@ def test_files_that_are_named_exist() -> None:
         for name in FILE.findall(path.read_text(encoding="utf-8"))
         if not any(file.endswith(f"/{name}") for file in known)
     }
-    assert not missing
+    assert not missing, "\n".join(sorted(missing))

@@ -47,7 +47,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from seatrial import _core
+from seatrial._core import simd_level
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError
 from seatrial.base.progress import Clock
@@ -312,7 +312,7 @@ def run_facts(
         "interrupted": interrupted,
         "versions": {package: version(package) for package in _PACKAGES}
         | {"python": platform.python_version()},
-        "simd": _core.simd_level(),
+        "simd": simd_level(),
         "platform": platform.platform(),
         "sha256": dict(inputs),
     }

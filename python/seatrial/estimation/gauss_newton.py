@@ -16,14 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial import _core
+from seatrial._core import initial_names
 from seatrial.base.arrays import Array
 from seatrial.estimation.joint import Joint
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
 
 __all__ = ["INITIALS", "GaussNewton"]
 
-INITIALS: tuple[str, ...] = tuple(_core.initial_names())
+INITIALS: tuple[str, ...] = tuple(initial_names())
 """Initial conditions of a segment in the core's order."""
 
 _TRIALS = 6

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial import _core
+from seatrial._core import Vehicle, nuisance_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["NAMES", "Joint", "Nuisance", "joint_stage", "nuisances", "rows"]
 
-NAMES: tuple[str, ...] = tuple(_core.nuisance_names())
+NAMES: tuple[str, ...] = tuple(nuisance_names())
 """Names in the core's order."""
 
 _SPREAD = {
@@ -197,7 +197,7 @@ class Joint:
     """
 
     def __init__(
-        self, campaign: Campaign, vehicle: _core.Vehicle | None = None, *, threads: int | None = None
+        self, campaign: Campaign, vehicle: Vehicle | None = None, *, threads: int | None = None
     ) -> None:
         self.campaign, self.threads = campaign, threads
         self.vehicle = campaign.vehicle if vehicle is None else vehicle
@@ -245,7 +245,7 @@ class Joint:
         """Coefficients that the values (m,) of the unknowns set."""
         return coefficients(self.parameters, values[: len(self.parameters)])
 
-    def identified(self, values: Array) -> _core.Vehicle:
+    def identified(self, values: Array) -> Vehicle:
         """The vehicle with the values (m,) of the unknowns."""
         return self.vehicle.with_coefficients(self.coefficients(values))
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial import _core
+from seatrial._core import OpenLoop, Record, initial_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError, nearest
@@ -177,13 +177,9 @@ def information(
     channels = [channel for channel in CHANNELS if channel in instruments.noise]
     currents = _CURRENTS if instruments.current_m_s > 0.0 else ()
     segments = _segments(run, manoeuvre, instruments)
-    loop = _core.OpenLoop(
+    loop = OpenLoop(
         vehicle,
-        [
-            _core.Record(
-                manoeuvre.t, dict(manoeuvre.commands), voltage=voltage_for(vehicle, manoeuvre.t, voltage_v)
-            )
-        ],
+        [Record(manoeuvre.t, dict(manoeuvre.commands), voltage=voltage_for(vehicle, manoeuvre.t, voltage_v))],
         segments,
         names=coefficient_names(parameters),
         substeps=_substeps(vehicle, run, manoeuvre),
@@ -194,7 +190,7 @@ def information(
         [values.get(name, 0.0) for name in coefficient_names(parameters)],
         matrix,
         nuisances=currents,
-        initials=_core.initial_names(),
+        initials=initial_names(),
         channels=channels,
         threads=threads,
     )

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial import _core
 from seatrial._core import Autopilot, Flights, State, Vehicle
+from seatrial._core import fly as core_fly
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.base.toml_file import loaded
@@ -328,7 +328,7 @@ class Cases:
         """
         checked_threads(threads)
         around = self.circumstances
-        return _core.fly(
+        return core_fly(
             self.vehicle,
             self.autopilot,
             self.mission.core,

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial import _core
+from seatrial._core import Mission as CoreMission
 from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError
 from seatrial.base.frames import FARTHEST_M, LocalFrame
@@ -72,11 +72,11 @@ class Mission:
     (223.0, 148.7)
     """
 
-    core: _core.Mission  # what guidance flies, in metres; `Autopilot.engage` looks for it by this name
+    core: CoreMission  # what guidance flies, in metres; `Autopilot.engage` looks for it by this name
 
     def __post_init__(self) -> None:
         """Refuse what is no mission of the core."""
-        if not isinstance(self.core, _core.Mission):
+        if not isinstance(self.core, CoreMission):
             raise VehicleError(
                 f"Mission: expected a mission of the core, found {type(self.core).__name__}; use Mission.load"
                 " for a file, Mission.from_toml for text"
@@ -109,12 +109,12 @@ class Mission:
         except tomllib.TOMLDecodeError:
             data = {}  # the core says what is wrong
         if not any(_geographic(table) for _, table in _tables(data)):
-            return cls(_core.Mission.from_toml(text, source))
+            return cls(CoreMission.from_toml(text, source))
         import tomlkit
 
         _convert(data, source)
         try:
-            return cls(_core.Mission.from_toml(tomlkit.dumps(data), source))
+            return cls(CoreMission.from_toml(tomlkit.dumps(data), source))
         except VehicleError as error:  # its lines are not those of the file
             raise VehicleError(re.sub(r": line \d+: ", ": ", str(error), count=1)) from None
 

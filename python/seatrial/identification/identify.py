@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial import _core
+from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
@@ -194,7 +194,7 @@ class StageOrder:
         )
 
 
-def _inputs(campaign: Campaign, plan: StagePlan, vehicle: _core.Vehicle, found: Mapping[str, float]) -> str:
+def _inputs(campaign: Campaign, plan: StagePlan, vehicle: Vehicle, found: Mapping[str, float]) -> str:
     """SHA-256 of everything that the result of a stage depends on."""
     data = plan.data
     digest = hashlib.sha256()

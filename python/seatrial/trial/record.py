@@ -25,7 +25,8 @@ from seatrial.base.rotation import shorter
 from seatrial.trial.trial import Input, Trial
 
 if TYPE_CHECKING:
-    from seatrial import _core
+    from seatrial._core import OpenLoop, Vehicle
+    from seatrial._core import Record as CoreRecord
 
 __all__ = ["Record", "Replay", "Segment", "cut_spans", "restarted"]
 
@@ -40,7 +41,7 @@ class Record:
 
     def packed(
         self, *, substeps: int = 1, motion: bool = False, weight: ArrayLike | None = None
-    ) -> _core.Record:
+    ) -> CoreRecord:
         """The record as the core reads it.
 
         Parameters
@@ -138,7 +139,7 @@ class Replay:
         Whether the first sample of a segment counts; by default not, the smoothed start is made of it.
     """
 
-    vehicle: _core.Vehicle
+    vehicle: Vehicle
     records: tuple[Record, ...]
     segments: tuple[Segment, ...]
     names: tuple[str, ...] = ()
@@ -147,7 +148,7 @@ class Replay:
     substeps: int = 1
     threads: int | None = None
     starts_count: bool = False
-    _loops: dict[Any, _core.OpenLoop] = field(default_factory=dict, init=False, repr=False)
+    _loops: dict[Any, OpenLoop] = field(default_factory=dict, init=False, repr=False)
 
     def counted(self, index: int) -> Mask:
         """Samples (n, 12) of a segment that count."""
@@ -245,7 +246,7 @@ class Replay:
             error[:, 9:] = shorter(error[:, 9:])
         return error
 
-    def _loop(self, weight: Array | None = None, loss: str = "absolute", knee: float = 1.0) -> _core.OpenLoop:
+    def _loop(self, weight: Array | None = None, loss: str = "absolute", knee: float = 1.0) -> OpenLoop:
         """The core's batch for a weight and a loss; what it simulates depends on neither."""
         from seatrial._core import OpenLoop
 

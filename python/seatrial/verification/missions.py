@@ -25,8 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial import _core
-from seatrial._core import autopilot_names
+from seatrial._core import autopilot_names, error_edges, simd_level
 from seatrial.base.progress import Clock, Progress
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
@@ -133,7 +132,7 @@ class CampaignFlights:
         began = time.monotonic()
         drawn = self.draws(numbers)
         metrics: dict[str, Any] = {}
-        perceived, true = np.zeros((2, len(drawn), len(_core.error_edges()) + 1))
+        perceived, true = np.zeros((2, len(drawn), len(error_edges()) + 1))
         for index in np.unique(drawn.mission).tolist():
             rows = np.flatnonzero(drawn.mission == index)
             found, samples = metrics_for_requirements(
@@ -188,7 +187,7 @@ class CampaignFlights:
         what = [
             metadata.version("seatrial"),
             [*KNOWN, *KEPT, *self.draws([0]).causes],
-            _core.simd_level(),
+            simd_level(),
             self.seed,
             asked,
             [self.rho, self.g, around.sensors],

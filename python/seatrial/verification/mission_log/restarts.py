@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial import _core
+from seatrial._core import initial_names
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError
@@ -140,7 +140,7 @@ class PredictedLog:
             np.array([present.get(name, 0.0) for name in names]),
             rows.reshape(len(directions), len(names)),
             nuisances=nuisances,
-            initials=_core.initial_names(),
+            initials=initial_names(),
         )
         count = len(directions) + len(nuisances)
         return tuple(Slopes(slope[:, :, :count], slope[:, :, count:]) for _, slope in found)
