@@ -1,7 +1,7 @@
 """What the tables of an autopilot file say: modes, loops, guidance, safety, gains at a speed.
 
 The compiled core owns the file and its defaults; this is the one place above it that reads the tables it
-writes. Held by tests/control_design/test_operating_points.py.
+writes. Held by tests/control_design/test_margin_engine.py.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Metrics of a flight: of the whole, of its legs, of its control loops and actuators.
 
-The whole is summed by the core while it flies (`closed_loop/tally.rs`); names carry units. Errors of guidance
+The whole is summed by the core while it flies (`flight/tally.rs`); names carry units. Errors of guidance
 count on the second half of straight legs, where the vehicle has had time to settle, and are those that
 guidance perceived; ``true_...`` is where the vehicle really was. Without a settled sample there is none. The
 depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends. The quantiles

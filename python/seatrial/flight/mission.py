@@ -164,7 +164,7 @@ class Mission:
 
     @property
     def waypoints(self) -> dict[str, Any]:
-        """The waypoints as columns (n,), in the order of travel: see `_core.Mission.waypoints`."""
+        """The waypoints as columns (n,), in the order of travel: see `seatrial._core.Mission.waypoints`."""
         return dict(self._columns)
 
     @cached_property

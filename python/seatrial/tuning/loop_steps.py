@@ -12,7 +12,7 @@ mode under way, and one of the speed stays within reach against the current. Whe
 breakpoint does not use the loop, it is tried at the nearest speed where one does. A vehicle that cannot
 hover falls below its path when it is slower than level flight needs, whatever its gains.
 
-Held by tests/tuning/test_tuning_scope.py and tests/tuning/test_trial_speeds.py.
+Held by tests/tuning/test_tuning_plan.py and tests/tuning/test_trial_speeds.py.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ A trial is a flight at a speed: the loop settles at its set point, steps, and af
 back, so that it is assessed in both directions. Heading, speed and, where the loop is none of them, depth
 stay with guidance on a straight level leg north; what may happen to them meanwhile are corridors beside it.
 A path is stepped by moving the whole plan: guidance and the loop answer together. All candidates fly
-abreast with the same noise (`seatrial.flight.fly`; sums in the core's ``closed_loop/trial.rs``).
+abreast with the same noise (`seatrial.flight.fly`; sums in the core's ``flight/trial.rs``).
 
 Sensors have their noise, digits, rates and delays, but no offset, no drift and no drop-outs: an offset that
 is constant through a flight moves the answer, a log that falls silent in the middle of a step leaves any

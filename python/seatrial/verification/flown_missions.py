@@ -47,7 +47,7 @@ class FlownMissions:
     causes
         What was drawn, by readable names with units, (k,).
     perceived_counts, true_counts
-        Samples of the cross-track error on settled legs between the edges of ``_core.error_edges``,
+        Samples of the cross-track error on settled legs between the edges of `seatrial._core.error_edges`,
         (k, edges + 1): as guidance perceived it, and of where the vehicle really was.
     wall_s
         Time that they took, s.
