@@ -20,12 +20,22 @@ _RECORDS = {
 }
 
 
+_STEPS = (
+    "bench {0}/bench.toml",
+    "check {0}/campaign.toml",
+    "identify {0}/campaign.toml",
+    "autopilot {0}/vehicle.toml --out {0}/autopilot.toml",
+    "fly {0}/vehicle.toml {0}/autopilot.toml {0}/mission.toml",
+)
+
+
 def new(
     folder: Annotated[Path, typer.Argument(help="Folder to make; it must be empty or not exist.")],
 ) -> None:
     """Write a starter project: vehicle, bench, campaign and mission file, generated example records."""
     from seatrial.base.errors import SeatrialError
-    from seatrial.cli.console import output
+    from seatrial.base.report import Report, Section
+    from seatrial.cli.console import answer
     from seatrial.trial.generated import Recipe
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -43,18 +53,14 @@ def new(
     for records, names in _RECORDS.items():
         for name in names:
             Recipe.load(starter / records / f"{name}.toml").save(folder / records / f"{name}.csv")
-    console = output()
-    console.print(
-        f"Project in {folder}: {', '.join(_FILES)}; generated example records in {'/, '.join(_RECORDS)}/",
-        soft_wrap=True,
+    count = sum(map(len, _RECORDS.values()))
+    report = Report(
+        title=str(folder),
+        outcome="project written",
+        good=f"{len(_FILES)} commented files ({', '.join(_FILES)}) and {count} generated example records in"
+        f" {'/, '.join(_RECORDS)}/",
+        worst="the vehicle is an example; replace its measures, thrusters and records by your own",
+        next_step=f"seatrial check {folder}/vehicle.toml",
+        sections=(Section("Then", tuple(f"seatrial {step.format(folder)}" for step in _STEPS)),),
     )
-    console.print(f"Next:  seatrial check {folder}/vehicle.toml", soft_wrap=True, markup=False)
-    steps = (
-        "bench {0}/bench.toml",
-        "check {0}/campaign.toml",
-        "identify {0}/campaign.toml",
-        "autopilot {0}/vehicle.toml --out {0}/autopilot.toml",
-        "fly {0}/vehicle.toml {0}/autopilot.toml {0}/mission.toml",
-    )
-    for step in steps:
-        console.print(f"       seatrial {step.format(folder)}", soft_wrap=True, markup=False)
+    answer(report)

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from seatrial.cli.console import Json, Pdf, Verbose
+
 if TYPE_CHECKING:
+    from seatrial.base.report import Report
     from seatrial.trial.comparison import Comparison
     from seatrial.trial.score import Score
     from seatrial.trial.trial import Trial
@@ -33,17 +36,18 @@ def score(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for figures (PNG and PDF), a trial each.")
+        Path | None, typer.Option("--out", "-o", help="Folder for figures (PNG), a trial each.")
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    pdf: Pdf = False,
+    verbose: Verbose = False,
+    json: Json = False,
 ) -> None:
     """Score a vehicle on trials: R2 and errors per channel, some seconds ahead again and again.
 
     With --against, which vehicle predicts better, and whether these trials can tell.
     """
     from seatrial._core import Vehicle
-    from seatrial.cli.console import check_axes, list_figures, output, print_json
-    from seatrial.report.plot.trials import draw_variants
+    from seatrial.cli.console import answer, check_axes, formats, print_json
     from seatrial.trial.comparison import compare
     from seatrial.trial.score import score as scored
 
@@ -52,20 +56,26 @@ def score(
     chosen = _read(trials, columns_from)
     measured = "".join(axis for axis in "XYZKMN" if axis not in free)
     found: Score | Comparison
+    report: Report
     if len(vehicles) == 1:
         (single,) = vehicles.values()
         found = scored(single, chosen, ahead_s=ahead, free_run=free_run, free=free, measured=measured)
-        scores = dict.fromkeys(vehicles, found)
+        scores, report = dict.fromkeys(vehicles, found), found.report(next(iter(vehicles)))
     else:
         found = compare(vehicles, chosen, ahead_s=ahead, free_run=free_run, free=free, measured=measured)
-        scores = found.scores
-    written = [] if out is None else draw_variants(scores, out, free=free)
+        scores, report = found.scores, found.report()
+
+    def drawn() -> list[Path]:
+        if out is None:
+            return []
+        from seatrial.report.plot.trials import draw_variants
+
+        return draw_variants(scores, out, free=free, formats=formats(pdf))
+
     if json:
-        print_json(found.to_dict() | ({} if out is None else {"figures": [str(path) for path in written]}))
+        print_json(found.to_dict() | ({} if out is None else {"figures": [str(path) for path in drawn()]}))
     else:
-        console = output()
-        console.print(str(found), markup=False, soft_wrap=True)
-        list_figures(console, written)
+        answer(report, verbose=verbose, draw=drawn)
 
 
 def _labels(names: list[str]) -> dict[str, str]:

@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.cli.console import Json
+
 if TYPE_CHECKING:
     import numpy as np
     import polars as pl
     from numpy.typing import NDArray
 
     from seatrial._core import Run, State, Vehicle
+    from seatrial.base.report import Report
     from seatrial.sensors.sensor import Sensor
     from seatrial.trial.trial import Trial
 
@@ -66,14 +69,12 @@ def simulate(
     run: Annotated[
         Path | None, typer.Option("--run", help="Beside the sensors' log, write the true run here.")
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    json: Json = False,
 ) -> None:
     """Simulate a vehicle under commands; it starts from the first recorded state, else at rest in O."""
-    import numpy as np
-
     from seatrial._core import Vehicle
     from seatrial.base.errors import TrialError
-    from seatrial.cli.console import check_axes, output, print_json, table
+    from seatrial.cli.console import answer, check_axes, print_json
     from seatrial.sensors.ideal import ON_THE_TETHER, at_sea
     from seatrial.sensors.sensor import load_sensors
     from seatrial.trial.trial import Trial
@@ -114,24 +115,42 @@ def simulate(
     if json:
         print_json(summary)
         return
-    console = output()
-    rows = [[name, _cell(name, value)] for name, value in summary.items() if not isinstance(value, str)]
-    console.print(table(f"{loaded.name} under {commands.name}", ["quantity", "value"], rows))
     what = "Run" if fitted is None else f"Log of {', '.join(fitted)}"
-    console.print(f"{what} in {target}", soft_wrap=True, markup=False)
-    if run is not None:
-        console.print(f"Run in {run}", soft_wrap=True, markup=False)
-    if held and fitted is not None and "load_cell" not in fitted:
-        console.print(
-            "The pull of the tied vehicle is not in the log: these sensors have no load_cell", soft_wrap=True
-        )
-    rise = -float(np.asarray(made.run.position)[:, 2].min())
+    results = f"{what} in {target}" + ("" if run is None else f"\nRun in {run}")
+    unlogged = held and fitted is not None and "load_cell" not in fitted
+    after = (
+        f"seatrial score {vehicle} {target}" if fitted is None else "name this log as a trial in a campaign"
+    )
+    answer(
+        _report(f"{loaded.name} under {commands.name}", summary, made.run, unlogged, after), results=results
+    )
+
+
+def _report(title: str, summary: dict[str, Any], run: Run, unlogged: bool, after: str) -> Report:
+    """Three lines and a table of a simulated run."""
+    import numpy as np
+
+    from seatrial.base.report import Report, Section, Table
+
+    worst = "no problem found: the run is finite and stays below the surface"
+    rise = -float(np.asarray(run.position)[:, 2].min())
+    if unlogged:
+        worst = "The pull of the tied vehicle is not in the log: these sensors have no load_cell"
     if rise > _RISE_M:
-        console.print(
+        worst = (
             f"The vehicle rises {rise:.1f} m above the surface, which the model does not know; start deeper,"
-            " with a column z_m, or command otherwise",
-            soft_wrap=True,
+            " with a column z_m, or command otherwise"
         )
+    rows = [(name, _cell(name, value)) for name, value in summary.items() if not isinstance(value, str)]
+    return Report(
+        title=title,
+        outcome="simulated",
+        good=f"{summary['distance, m']:.1f} m in {summary['duration, s']:.1f} s, largest speed"
+        f" {summary['largest speed, m/s']:.3f} m/s",
+        worst=worst,
+        next_step=after,
+        sections=(Section(tables=(Table.of("Whole run", ("quantity", "value"), rows),)),),
+    )
 
 
 class _Simulation:

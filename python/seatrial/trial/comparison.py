@@ -46,6 +46,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.channels import readable
 from seatrial.base.errors import TrialError
+from seatrial.base.report import Report, Section, Table
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 from seatrial.trial.score import Score, channel_errors, kind, score
 from seatrial.trial.trial import Input, Trial
@@ -64,7 +65,6 @@ __all__ = [
     "log_errors",
     "ratio",
     "sentence",
-    "table",
     "typical",
     "window_sums",
 ]
@@ -287,9 +287,16 @@ class Comparison:
     def __repr__(self) -> str:
         return f"Comparison({', '.join(self.scores)} on {', '.join(self.trials)})"
 
-    def __str__(self) -> str:
+    def report(self) -> Report:
+        """Which vehicle predicts best, by how much, what to do next; then all channels."""
+        return _report(self)
 
-        return "\n".join([table(self), *self.sentences()])
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+    def __str__(self) -> str:
+        return self.summary()
 
 
 def compare(
@@ -431,31 +438,74 @@ SMALL = 0.02
 """A difference of R2 below this is small, even where it is told."""
 
 
-def table(comparison: Comparison) -> str:
-    """Text table: per channel a row per vehicle, with its difference from the reference."""
+def _report(comparison: Comparison) -> Report:
+    """Three lines, a sentence per further vehicle, a row per channel and vehicle."""
+    reference, overall = comparison.reference, comparison.overall
+    better = [one for one in overall if one.verdict == "better"]
+    told = [one for one in overall if one.verdict in ("better", "worse")]
+    first = min(told or overall, key=lambda one: one.error_ratio if np.isfinite(one.error_ratio) else np.inf)
+    size = f"{first.error_ratio:.2f} times" if np.isfinite(first.error_ratio) else "not comparable with"
+    good = (
+        f"{first.vehicle} has {size} the error of {reference} in a typical window ({first.windows} windows on"
+        f" {', '.join(comparison.trials)})"
+    )
+    worst = next_step = ""
+    if better:
+        worse = [d for d in comparison.of(first.vehicle).values() if d.verdict == "worse"]
+        worst = (
+            f"{first.vehicle} is worse in {_listed(worse)}"
+            if worse
+            else "no channel of the better one is worse"
+        )
+        next_step = f"use {first.vehicle}"
+    elif all(one.verdict == "worse" for one in overall):
+        worst, next_step = f"no other vehicle predicts better than {reference}", f"keep {reference}"
+    else:
+        worst = f"these windows do not tell {reference} and {first.vehicle} apart ({first.verdict})"
+        next_step = "add trials or restart more often (--ahead); until then either will do"
+    return Report(
+        title=", ".join(comparison.scores),
+        outcome=f"{len(better)} better, {sum(one.verdict == 'worse' for one in overall)} worse",
+        good=good,
+        worst=worst,
+        next_step=next_step,
+        sections=(Section(sentences=comparison.sentences(), tables=(_table(comparison),)),),
+    )
+
+
+def _table(comparison: Comparison) -> Table:
+    """Per channel a row per vehicle, with its difference from the reference."""
     scores, reference = comparison.scores, comparison.reference
-    wide = max([8, *(len(name) for name in scores)]) + 2
     differences = {name: comparison.of(name) for name in scores}
-    lines = [
-        f"{', '.join(comparison.trials)}: {kind(scores[reference])}; intervals against {reference},"
-        f" together {100 * comparison.level:g} %",
-        f"{'channel':<9}{'vehicle':<{wide}}{'R2':>8}{'MAE':>10} {'unit':<7}{'R2 difference':<28}"
-        f"{'error ratio':<23}verdict",
-    ]
+    rows = []
     for channel in scores[reference]:
         scale, unit = readable(channel)
         for name, by_channel in scores.items():
             one = by_channel[channel]
-            label = channel if name == reference else ""
-            line = f"{label:<9}{name:<{wide}}{one.r2:>8.3f}{one.mae * scale:>10.4g} {unit:<6} "
-            if (found := differences[name].get(channel)) is not None:
-                line += f"{_span(found.r2_difference, found.r2_interval, '+'):<27} "
-                line += f"{_span(found.error_ratio, found.error_interval, ''):<22} {found.verdict}"
-            lines.append(line.rstrip())
-    for whole in comparison.overall:
-        span = _span(whole.error_ratio, whole.error_interval, "")
-        lines.append(f"{'all':<9}{whole.vehicle:<{wide + 54}}{span:<22} {whole.verdict}")
-    return "\n".join(lines)
+            cells = [
+                channel if name == reference else "",
+                name,
+                f"{one.r2:.3f}",
+                f"{one.mae * scale:.4g}",
+                unit,
+            ]
+            if (own := differences[name].get(channel)) is not None:
+                cells += [
+                    _span(own.r2_difference, own.r2_interval, "+"),
+                    _span(own.error_ratio, own.error_interval, ""),
+                    own.verdict,
+                ]
+            rows.append((*cells, *[""] * (8 - len(cells))))
+    rows += [
+        ("all", one.vehicle, "", "", "", "", _span(one.error_ratio, one.error_interval, ""), one.verdict)
+        for one in comparison.overall
+    ]
+    title = (
+        f"{', '.join(comparison.trials)}: {kind(scores[reference])}; intervals against {reference}, together"
+        f" {100 * comparison.level:g} %"
+    )
+    head = ("channel", "vehicle", "R2", "MAE", "unit", "R2 difference", "error ratio", "verdict")
+    return Table.of(title, head, rows, left=2)
 
 
 def sentence(comparison: Comparison, name: str) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, deviations, difference, readable
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.report import Column, Report, Section, Table
 from seatrial.trial.record import Record, Replay, cut_spans, restarted
 from seatrial.trial.trial import Input, Trial
 
@@ -236,18 +237,60 @@ class Score(Mapping[str, ChannelScore]):
     def __repr__(self) -> str:
         return "Score(" + ", ".join(f"{name} {channel.r2:.3f}" for name, channel in self.items()) + ")"
 
-    def __str__(self) -> str:
-        lines = [
-            f"{', '.join(self.trials)}: {kind(self)} ({self.shifted} started late, {self.skipped} left out)",
-            f"{'channel':<8}{'R2':>8}{'MAE':>11}{'RMSE':>11}  {'unit':<6}{'samples':>8}",
-        ]
+    def report(self, vehicle: str = "") -> Report:
+        """R2 of the best and the worst channel, the worst problem, what to do next; then all channels.
+
+        Parameters
+        ----------
+        vehicle : str, optional
+            Name of the vehicle, for the title.
+        """
+        rows = []
         for name, channel in self.items():
             scale, unit = readable(name)
-            lines.append(
-                f"{name:<8}{channel.r2:>8.3f}{channel.mae * scale:>11.4g}{channel.rmse * scale:>11.4g}"
-                f"  {unit:<6}{channel.n:>8}"
-            )
-        return "\n".join(lines)
+            errors = (f"{scale * channel.mae:.4g}", f"{scale * channel.rmse:.4g}")
+            rows.append((name, f"{channel.r2:.3f}", *errors, unit, str(channel.n)))
+        head = ("channel", "R2", "MAE", "RMSE", Column("unit", align="left"), "samples")
+        trials = ", ".join(self.trials)
+        title = f"{trials}: {kind(self)} ({self.shifted} started late, {self.skipped} left out)"
+        good, worst, next_step = _verdict(self)
+        return Report(
+            title=vehicle or trials,
+            outcome="scored",
+            good=good,
+            worst=worst,
+            next_step=next_step,
+            sections=(Section(tables=(Table.of(title, head, rows),)),),
+        )
+
+    def __str__(self) -> str:
+        return self.report().sections[0].tables[0].text()
+
+
+def _verdict(score: Score) -> tuple[str, str, str]:
+    """How good, the worst problem and what to do next."""
+    r2 = {name: value for name, value in score.r2.items() if np.isfinite(value)}
+    diverged = [name for name in score.channels if np.isposinf(score.mae[name])]
+    ahead = f"{score.ahead_s:g} s ahead" if np.isfinite(score.ahead_s) else "in a free run"
+    if not r2:
+        return (
+            f"no channel of {', '.join(score.trials)} could be scored {ahead}",
+            (f"the simulation diverges in {', '.join(diverged)}" if diverged else "no channel moves"),
+            "check the vehicle (seatrial check) and the commands of the trial",
+        )
+    best, least = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
+    scale, unit = readable(least)
+    good = (
+        f"predicts {', '.join(score.trials)} {ahead} with R2 {r2[best]:.3f} in {best}, worst {r2[least]:.3f}"
+        f" in {least} (1 is perfect, 0 no better than the mean)"
+    )
+    worst = f"{least}: mean error {scale * score.mae[least]:.3g} {unit}, R2 {r2[least]:.3f}"
+    if r2[least] < _POOR:
+        return good, worst, f"identify with trials that excite {least}, or compare vehicles with --against"
+    return good, worst, "compare with another vehicle (--against) or go on to tune the autopilot"
+
+
+_POOR = 0.8  # R2 below which a channel is worth another identification
 
 
 def score(

@@ -193,7 +193,9 @@ _DEGREES = ("p", "q", "r", *_ANGLES)
 _VARIANTS_PANEL_IN, _VARIANTS_EDGES_IN = 1.45, 0.85
 
 
-def draw_variants(scores: Mapping[str, Score], folder: Path, *, free: str = AXES) -> list[Path]:
+def draw_variants(
+    scores: Mapping[str, Score], folder: Path, *, free: str = AXES, formats: tuple[str, ...] = ("png",)
+) -> list[Path]:
     """Paths of a figure per trial, of the velocities of the free axes, or of all channels without any.
 
     Parameters
@@ -221,7 +223,7 @@ def draw_variants(scores: Mapping[str, Score], folder: Path, *, free: str = AXES
         channels = channels or [c for c in one if c in trial.channels]
         figure = variants(trial, scores, channels=channels)
         safe = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
-        written += save(figure, folder / f"variants_{safe}")
+        written += save(figure, folder / f"variants_{safe}", formats=formats)
     return written
 
 
