@@ -21,7 +21,6 @@ Held by ``tests/flight/test_flight.py``; there ``test_figures_of_the_core_are_th
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -393,7 +392,7 @@ class ActuatorUse:
 
 def loops_of(flight: FlightLog) -> dict[str, Loop]:
     """Metrics of the loops that were at work, by name."""
-    tables = tomllib.loads(flight.autopilot.to_toml())["loops"]
+    tables = flight.autopilot.loops()
     found = {}
     for i, name in enumerate(autopilot_names()["loops"]):
         rows = flight.active[:, i]

@@ -188,6 +188,11 @@ class Mission:
         return np.asarray(self.core.fence).reshape(-1, 2)
 
     @property
+    def farms(self) -> list[dict[str, Any]]:
+        """Farms that the mission goes about: ``north_m``, ``east_m``, ``radius_m``, or ``corners_m`` each."""
+        return self.core.farms
+
+    @property
     def length(self) -> float:
         """Length of the path in m, from the start to the last waypoint, circles included."""
         return self.core.length

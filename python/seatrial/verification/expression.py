@@ -1,14 +1,11 @@
-"""Expressions over the metrics of a mission: which are allowed, what kind of value each part has.
+"""Expressions over the metrics of a mission: what is allowed, the kind of value of each part, and advice.
 
 Grammar: numbers, words in quotes, names of metrics, ``+ - * / **``, ``abs min max sqrt``, comparisons (also
 chained), ``and or not``. Python's own parser reads them; whatever is not on this list is refused before
-anything is evaluated, so that a campaign file of somebody else cannot run code.
+anything is evaluated, so that a campaign file of somebody else cannot run code. What cannot be read is
+answered with what to write instead.
 
-Held by `tests/verification/test_requirement.py`.
-
-What is wrong with an expression that cannot be read or names no metric, and what to write instead.
-
-Held by `tests/verification/test_requirement.py`.
+Held by ``tests/verification/test_requirement.py``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A requirement on missions: what must hold, in which share of them, and by how much a mission held it.
+"""Requirements on missions: what must hold, in which share of them, and by how much a mission held it.
 
 ``holds`` (k,) is three-valued inside (Kleene 1952, strong logic of three values): a comparison with a metric
 that is not a number, as a diverged flight has, is neither true nor false, its negation neither, and a mission
@@ -10,34 +10,24 @@ The reserve is the distance to the threshold, positive where the requirement is 
 truths are infinitely far. Where the comparisons have different units, each is divided by the size of its
 threshold. It ranks missions; it is no probability.
 
-Held by `tests/verification/test_requirement.py`.
+A campaign that states no requirements gets those that every mission is meant for, each in 95 % of the
+missions: to be complete without an abort; on settled legs to be truly no further from the path than the
+sphere of acceptance of the tightest waypoint in 95 % of the time, with what the position of the sensors is
+off by in 95 % of the missions (1.96 standard deviations) on top; to touch neither an obstacle nor the bottom,
+and to stay above the mission's depth limit, where there are such.
 
-Requirements of a campaign that states none: what every mission is meant to do.
+Obstacles are circles: those of the campaign, and the farms of the mission. Several cages within a polygon
+become circles of a metre (less in a narrow polygon) along the inside of its edges, close enough together that
+between two of them at most 5 cm of the farm lie open, and a point at every corner: clearances are those of
+the polygon to 5 cm along the edges, and contact cannot slip through.
 
-To be complete without an abort; on settled legs to be really no further from the path than the sphere of
-acceptance of the tightest waypoint in 95 % of the time; to touch neither an obstacle nor the bottom, and to
-stay above the mission's depth limit, where there are such. Each must hold in 95 % of the missions.
-
-No autopilot is nearer to its path than its sensors know: what their position is off by in 95 % of the
-missions, 1.96 standard deviations across the path, is allowed on top.
-
-Tests: ``tests/verification/test_verify.py``.
-
-What stands in the water of a mission, as circles: those of the campaign, and the farms of the mission.
-
-A net cage is a circle. Several cages within a polygon become circles of a metre (less in a narrow polygon)
-along the inside of its edges, close enough together that between two of them at most 5 cm of the farm lie
-open, and a point at every corner: clearances are those of the polygon to 5 cm along the edges, and contact
-cannot slip through.
-
-Tests: ``tests/verification/test_draws.py``.
+Held by ``test_requirement.py``, ``test_verify.py`` and ``test_draws.py`` in ``tests/verification/``.
 """
 
 from __future__ import annotations
 
 import ast
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -323,13 +313,11 @@ def obstacles(entries: Sequence[Obstacle], mission: Mission) -> list[Circle]:
 
 def _farms(mission: Mission) -> list[Circle]:
     found: list[Circle] = []
-    for leg in tomllib.loads(mission.to_toml()).get("legs", []):
-        if leg.get("kind") != "perimeter":
-            continue
-        if leg.get("corners_m"):
-            found += _along(np.asarray(leg["corners_m"], dtype=float))
+    for farm in mission.farms:
+        if "corners_m" in farm:
+            found += _along(np.asarray(farm["corners_m"], dtype=float))
         else:
-            found.append((float(leg["north_m"]), float(leg["east_m"]), float(leg["radius_m"])))
+            found.append((float(farm["north_m"]), float(farm["east_m"]), float(farm["radius_m"])))
     return found
 
 

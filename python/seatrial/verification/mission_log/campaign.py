@@ -1,20 +1,13 @@
-"""A log of a campaign: where it stands, what was flown, which part of it is judged.
+"""A verdict on a log by what a campaign asks for: its vehicle, trials, requirements and corridors.
 
 A log is the run directory of `seatrial fly`, whose autopilot and mission lie beside it; a trial of the
 campaign, by its name or its file, of which the part is judged that was held out of the fit; or a recording,
 read with the campaign's column map.
 
-Tests: ``tests/verification/test_recorded_campaign.py``.
-
-What the model leaves on recordings of a campaign: how far a valid model may miss a log.
-
-That is told by the campaign's own recordings: what the fitted vehicle leaves there, restarted as often and
-sampled no faster than the log. For a trial of the campaign that is the rest of the same trial, which is
-motion of the same kind, or all trials where the rest is short; for another log all trials.
-
-Tests: ``tests/verification/test_recorded_campaign.py``.
-
-A verdict on a log by what a campaign asks for: its vehicle, trials, requirements and corridors.
+How far a valid model may miss a log is told by the campaign's own recordings: what the fitted vehicle leaves
+there, restarted as often and sampled no faster than the log. For a trial of the campaign that is the rest of
+the same trial, which is motion of the same kind, or all trials where the rest is short; for another log all
+trials.
 
 Tests: ``tests/verification/test_recorded_campaign.py``.
 """

@@ -1,20 +1,16 @@
-"""Metrics of a recorded mission under the names that simulated flights have: requirements apply to both.
+"""Metrics of a recorded mission by the names of simulated flights, and its set-point steps in corridors.
 
-Errors of guidance count on the second half of straight legs (`seatrial.flight.metrics`). Where the
-log tells the autopilot's own errors, leg and distance, they are taken; otherwise they follow from the
-positions and the mission: a leg lasts until its waypoint's radius of acceptance is entered (and its time of
-keeping station is over), the cross-track error is the distance from the straight line of the leg, positive
-to starboard. Positions are those that were measured: the truth of a sea trial is not known.
-
-Tests: ``tests/verification/test_recorded_mission.py``.
-
-Steps of the set points in a log, held against the corridors of tuning.
+Errors of guidance count on the second half of straight legs (`seatrial.flight.metrics`). Where the log tells
+the autopilot's own errors, leg and distance, they are taken; otherwise they follow from the positions and the
+mission: a leg lasts until its waypoint's radius of acceptance is entered (and its time of keeping station is
+over), the cross-track error is the distance from the straight line of the leg, positive to starboard.
+Positions are those that were measured: the truth of a sea trial is not known.
 
 A step is a change of a logged set point that stood before and stands after it until the corridor ends. An
 autopilot ramps its set points: a change in one direction that is over within a quarter of the corridor is a
 step from where it begins, so that the corridor counts the ramp as well. The response is the smoothed channel
-as a share of the step (`seatrial.tuning.criterion`): one corridor judges a step at sea as it judged
-the simulated one, whose truth has no noise.
+as a share of the step (`seatrial.tuning.criterion`): one corridor judges a step at sea as it judged the
+simulated one, whose truth has no noise.
 
 Tests: ``tests/verification/test_recorded_mission.py``.
 """
