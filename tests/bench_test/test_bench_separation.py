@@ -10,7 +10,7 @@ import pytest
 
 from seatrial._core import Vehicle
 from seatrial.base.errors import TrialError
-from seatrial.bench_test.characteristic import unlike
+from seatrial.bench_test.characteristic import actuator_ratios
 from seatrial.bench_test.columns import unit_of
 from seatrial.bench_test.evaluate import bench
 from seatrial.bench_test.plateaus import Plateau
@@ -120,7 +120,7 @@ def test_actuators_that_pull_unlike_are_told_apart_when_driven_one_by_one(tmp_pa
     ]
     pl.DataFrame(rows).write_csv(tmp_path / "each.csv")
     found = bench(write_bench(tmp_path, pull("each"), more='[regression]\noutliers = "keep"\n'))
-    ratios = unlike(found.pulls["stern"])
+    ratios = actuator_ratios(found.pulls["stern"])
     for name, factor in zip(names, strength, strict=True):
         ratio, deviation = ratios[(name,)]
         # The common curve is the mean of the four, whose factors are one on average.

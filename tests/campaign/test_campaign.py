@@ -154,7 +154,7 @@ def test_stages_run_after_those_they_name() -> None:
     text += STAGE.replace('"surge"\n', '"drag"\n', 1) + "[stages.coefficients]\nX_u = [-9.0, -1.0]"
     found = campaign(text)
     assert [stage.name for stage in found.stages] == ["drag", "surge"]
-    assert found.before(found.stages[1]) == ["drag"]
+    assert found.stages_before(found.stages[1]) == ["drag"]
 
 
 def test_environment_of_a_trial_over_that_of_the_campaign() -> None:

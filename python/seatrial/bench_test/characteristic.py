@@ -39,7 +39,15 @@ if TYPE_CHECKING:
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.pulls import PullPoints
 
-__all__ = ["SIDES", "DirectionFit", "UnitFit", "fit_unit", "motor_warnings", "unlike", "warnings_of"]
+__all__ = [
+    "SIDES",
+    "DirectionFit",
+    "UnitFit",
+    "actuator_ratios",
+    "curve_warnings",
+    "fit_unit",
+    "motor_warnings",
+]
 
 SIDES = {"ahead": 1.0, "astern": -1.0}
 
@@ -159,7 +167,7 @@ class UnitFit:
         return result
 
 
-def unlike(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
+def actuator_ratios(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
     """Thrust over that of the group's curve and its standard deviation, per set of actuators that ran.
 
     Least squares over each set's points; empty where only one set ran, without those that ran where the
@@ -332,7 +340,7 @@ def motor_warnings(unit: str, motor: MotorEstimate) -> list[str]:
     ]
 
 
-def warnings_of(fit: UnitFit, vehicle: Vehicle) -> list[str]:
+def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
     """Sentences about what looks wrong in a group's characteristic."""
     facts = vehicle.actuator_info()[fit.unit.actuators[0]]
     unit = fit.unit.command

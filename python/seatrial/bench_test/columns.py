@@ -219,7 +219,7 @@ def unit_of(vehicle: Vehicle, group: str | None, actuators: Sequence[str] | None
     Raises
     ------
     CampaignError
-        The vehicle has no such group or actuator, or their commands have unlike units. The message begins
+        The vehicle has no such group or actuator, or their commands have different units. The message begins
         with `where`.
     """
     facts = vehicle.actuator_info()
@@ -243,7 +243,7 @@ def unit_of(vehicle: Vehicle, group: str | None, actuators: Sequence[str] | None
     units = {str(facts[name]["unit"]) for name in members}
     if len(units) > 1:
         raise CampaignError(
-            f"{where}: {', '.join(members)} are commanded in unlike units ({', '.join(sorted(units))});"
+            f"{where}: {', '.join(members)} are commanded in different units ({', '.join(sorted(units))});"
             " test those of each unit on their own"
         )
     whole = next((name for name, own in groups.items() if own == members), None)

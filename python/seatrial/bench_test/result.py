@@ -13,7 +13,7 @@ from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, to_json
-from seatrial.bench_test.characteristic import unlike
+from seatrial.bench_test.characteristic import actuator_ratios
 from seatrial.bench_test.vehicle_text import PER_MINUTE
 
 if TYPE_CHECKING:
@@ -46,7 +46,9 @@ def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> li
         said += [f"{unit} {side}: {text}" for text in _outliers(fit, one)]
     if fit.table is not None:
         said += [f"{unit}: {text}" for text in _table(fit)]
-    ratios = [f"{'+'.join(names)} {ratio:.3f} ± {sd:.2g}" for names, (ratio, sd) in unlike(fit).items()]
+    ratios = [
+        f"{'+'.join(names)} {ratio:.3f} ± {sd:.2g}" for names, (ratio, sd) in actuator_ratios(fit).items()
+    ]
     if ratios:
         said.append(f"{unit}: thrust over that of the common curve: {', '.join(ratios)}")
     return said

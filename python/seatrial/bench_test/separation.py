@@ -94,7 +94,7 @@ def separate(
     Raises
     ------
     TrialError
-        Another group pulled too, actuators ran with unlike signals, or what ran does not act on the cell.
+        Another group pulled too, actuators ran with different signals, or what ran does not act on the cell.
     """
     running = tuple(name for name in unit.actuators if abs(plateau.signal[name]) > zero)
     if not running:

@@ -235,9 +235,9 @@ class Campaign:
                 f"{self.source}: key autopilot: expected the autopilot that is tuned or verified, found none;"
                 " make one with `seatrial autopilot VEHICLE --out autopilot.toml` and name it here"
             )
-        return Autopilot.load(self.beside(named, "autopilot") if is_path(named) else named)
+        return Autopilot.load(self.resolve(named, "autopilot") if is_path(named) else named)
 
-    def beside(self, path: str, key: str) -> Path:
+    def resolve(self, path: str, key: str) -> Path:
         """Path of a file that the campaign names, which begins in the campaign's folder.
 
         Parameters
@@ -267,7 +267,7 @@ class Campaign:
         """File and stage, as messages begin."""
         return f"{self.source}: stage {stage.name!r}"
 
-    def before(self, stage: Stage) -> list[str]:
+    def stages_before(self, stage: Stage) -> list[str]:
         """Names of the stages that a stage runs after, directly or not, in the order of their run."""
         names = set(stage.after)
         for earlier in reversed(self.stages):
@@ -415,7 +415,7 @@ class Campaign:
             for other in self.stages[:i]:
                 own, others = (set(coefficient_names(self.parameters[s.name])) for s in (stage, other))
                 shared = own & others
-                if shared and other.name not in self.before(stage):
+                if shared and other.name not in self.stages_before(stage):
                     raise CampaignError(
                         f"{self.where(stage)}: coefficient {min(shared)!r} is also freed by stage"
                         f" {other.name!r}, and neither runs after the other; set after = [{other.name!r}]"

@@ -154,7 +154,7 @@ class StageOrder:
         name = plan.stage.name
         try:
             found: dict[str, float] = {}
-            for earlier in self.campaign.before(plan.stage):
+            for earlier in self.campaign.stages_before(plan.stage):
                 found |= self.results[earlier].coefficients
             vehicle = self.campaign.vehicle.with_coefficients(found)
             inputs = _inputs(self.campaign, plan, vehicle, found)

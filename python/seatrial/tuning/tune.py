@@ -203,7 +203,7 @@ def plan_of(
     fitted = Fitted.of(campaign.vehicle if fit is None else fit)
     sensors = table.sensors
     if sensors not in ("typical", "perfect"):
-        table = table.model_copy(update={"sensors": str(campaign.beside(sensors, "tuning.sensors"))})
+        table = table.model_copy(update={"sensors": str(campaign.resolve(sensors, "tuning.sensors"))})
     autopilot = campaign.autopilot
     here = set(fitted.vehicle.actuators)
     if here != set(campaign.vehicle.actuators):

@@ -24,11 +24,11 @@ __all__ = [
     "Push",
     "actuator_groups",
     "bollard",
+    "can_push",
     "command",
     "largest",
     "pushes",
     "settling_s",
-    "turns_that_way",
     "voltage_for",
 ]
 
@@ -111,7 +111,7 @@ def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...
     for name in vehicle.actuators:
         for sign in (1.0, -1.0):
             way = -sign if facts[name]["reversed"] else sign
-            if not turns_that_way(facts[name], way):
+            if not can_push(facts[name], way):
                 continue
             step = sign * half(facts[name], way)
             commands = {name: facts[name]["neutral"] + step}
@@ -176,7 +176,7 @@ def largest(facts: Mapping[str, Any], sign: float) -> float:
     return limit if np.isfinite(limit) and limit > 0.0 else _USUAL[str(facts["unit"])]
 
 
-def turns_that_way(facts: Mapping[str, Any], sign: float) -> bool:
+def can_push(facts: Mapping[str, Any], sign: float) -> bool:
     """Whether the actuator pushes along (sign > 0) or against its direction: its largest step is not zero."""
     return float(facts["maximum_ahead" if sign > 0.0 else "maximum_astern"]) > 0.0
 

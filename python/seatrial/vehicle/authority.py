@@ -15,7 +15,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
-from seatrial.vehicle.actuators import NOMINAL_V, bollard, command, turns_that_way
+from seatrial.vehicle.actuators import NOMINAL_V, bollard, can_push, command
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -64,7 +64,7 @@ def thrusts(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V)
         rest = idle[:3] if facts[name]["kind"] == "fin" else _others(vehicle, name, speed_m_s, voltage_v)
         reached = [0.0]
         for share in (-1.0, 1.0):
-            if turns_that_way(facts[name], share):
+            if can_push(facts[name], share):
                 commands = {name: command(facts[name], share)}
                 wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed_m_s)
                 reached.append(float(direction @ (wrench[:3] - rest)))

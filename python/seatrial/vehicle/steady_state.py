@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
-from seatrial.vehicle.actuators import NOMINAL_V, command, largest, settling_s, turns_that_way, voltage_for
+from seatrial.vehicle.actuators import NOMINAL_V, can_push, command, largest, settling_s, voltage_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -272,7 +272,7 @@ def turn_kinds(vehicle: Vehicle) -> dict[str, float]:
     if not turning_senses(vehicle):
         return {}
     facts = vehicle.actuator_info()
-    astern = all(turns_that_way(facts[name], -sense) for name, sense in drivers(vehicle).items())
+    astern = all(can_push(facts[name], -sense) for name, sense in drivers(vehicle).items())
     return {kind: ratio for kind, ratio in TURN_KINDS.items() if ratio >= 0.0 or astern}
 
 

@@ -103,7 +103,7 @@ def sensors_of_table(campaign: Campaign, sensors: str) -> str | Path | None:
     if sensors == _PERFECT:
         return None
     if is_path(sensors):
-        return campaign.beside(sensors, "verification.sensors")
+        return campaign.resolve(sensors, "verification.sensors")
     if sensors != TYPICAL:
         near = nearest(sensors, (TYPICAL, _PERFECT))
         raise SimulationError(
@@ -405,7 +405,7 @@ def _table(
 
 
 def _mission(campaign: Campaign, file: str) -> Mission:
-    path = campaign.beside(file, "verification.missions")
+    path = campaign.resolve(file, "verification.missions")
     if not path.is_file():
         raise CampaignError(
             f"{campaign.source}: verification, key missions: there is no file {path}; correct the path"

@@ -191,7 +191,7 @@ def _models(fit: Identification, result: StageResult) -> list[Vehicle]:
     """Vehicles to compare: at the stage's start, at its optimum, at the joint polish where there is one."""
     before: dict[str, float] = {}
     stage = next(one for one in fit.campaign.stages if one.name == result.name)
-    for name in fit.campaign.before(stage):
+    for name in fit.campaign.stages_before(stage):
         before |= next(one.coefficients for one in fit.stages if one.name == name)
     start = dict(before)
     for parameter in fit.campaign.parameters[result.name]:
