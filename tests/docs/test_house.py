@@ -19,9 +19,8 @@ PYTHON = sorted([
 ])
 PAGES = [*DOCUMENTATION, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 RUST = sorted((ROOT / "crates").rglob("*.rs"))
-CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
-    "contracts"
-]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+CONTRACTS = SETTINGS["contracts"]
 
 MODULE = re.compile(r"`(seatrial(?:\.\w+)+)")
 FILE = re.compile(r"(?<![\w/.<*-])(?!mod\.rs)((?:[\w-]+/)*[\w-]+\.(?:py|rs|md))\b(?![\w/])")
@@ -36,6 +35,13 @@ def test_rooms_of_the_page_are_those_of_the_contract_and_of_the_package() -> Non
     told = re.findall(r"^\| `(\w+)` \|", text("docs/house.md").split("\n## ")[1], re.MULTILINE)
     assert told == [room for room in reversed(layers) if room != "examples"]
     assert set(layers) == _room_folders()
+
+
+def test_contracts_have_no_exceptions_and_count_imports_for_type_checking() -> None:
+    assert SETTINGS["exclude_type_checking_imports"] is False
+    assert {contract["id"] for contract in CONTRACTS} == {"rooms", "cycles"}
+    for contract in CONTRACTS:
+        assert "ignore_imports" not in contract
 
 
 def test_tests_lie_in_the_room_that_they_test() -> None:
