@@ -8,9 +8,7 @@ Ctrl-C before any library is.
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 
 TYPE_CHECKING = False  # without `typing`, which takes longer than all else here
 if TYPE_CHECKING:
@@ -29,6 +27,7 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.flight.fly import fly, fly_batch
     from seatrial.flight.mission import Mission
+    from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.identification.identify import identify
     from seatrial.identification.restarts import restarts
@@ -52,6 +51,7 @@ _HOME = {
     "CampaignError": "seatrial.base.errors",
     "Comparison": "seatrial.trial.comparison",
     "Fault": "seatrial.flight.failures",
+    "Fitted": "seatrial.identification.fitted",
     "Flight": "seatrial.flight.flight",
     "Flights": "seatrial._core",
     "Identification": "seatrial.identification.identification",
@@ -93,6 +93,7 @@ __all__ = [
     "CampaignError",
     "Comparison",
     "Fault",
+    "Fitted",
     "Flight",
     "Flights",
     "Identification",
@@ -127,16 +128,6 @@ __all__ = [
     "verify_log",
 ]
 
-
-class _Package(ModuleType):
-    """The package, in which a public function keeps its name when the module of that name is imported."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _HOME and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import seatrial
+
 # Sends the signal of Ctrl-C to the process itself when it begins to load a module.
 FINGER = """
 import os, signal, sys
@@ -85,12 +87,19 @@ def test_the_package_loads_nothing_before_it_is_asked() -> None:
 
 def test_a_function_keeps_its_name_when_the_module_of_that_name_is_imported() -> None:
     names = ("identify", "score", "tune", "verify")
+    modules = ("identification.identify", "trial.score", "tuning.tune", "verification.verify")
     done = started(
         "import seatrial\n"
-        + "".join(f"import seatrial.{name}\n" for name in names)
+        + "".join(f"import seatrial.{name}\n" for name in modules)
         + f"print([callable(getattr(seatrial, name)) for name in {names}])"
     )
     assert done.stdout == "[True, True, True, True]\n"
+
+
+def test_no_public_name_is_that_of_a_room() -> None:
+    """An imported submodule becomes an attribute of the package and would hide a function of its name."""
+    rooms = {path.name.removesuffix(".py") for path in Path(seatrial.__file__).parent.iterdir()}
+    assert not rooms & set(seatrial.__all__)
 
 
 def test_the_script_of_the_package_starts_where_ctrl_c_is_answered() -> None:

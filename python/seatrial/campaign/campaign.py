@@ -47,9 +47,9 @@ class Campaign:
     folder : Path
         Where paths in the file begin.
     trials : mapping, optional
-        Trial name to path or frame, instead of the file's own.
-    vehicle : Vehicle, optional
-        Instead of the one that the file names.
+        Trial name to path, frame or `Trial`, instead of the file's own.
+    vehicle, bench : Vehicle, BenchTest, optional
+        Instead of those that the file names.
 
     Examples
     --------
@@ -80,12 +80,13 @@ class Campaign:
         folder: Path,
         trials: Mapping[str, Any] | None = None,
         vehicle: Vehicle | None = None,
+        bench: BenchTest | None = None,
     ) -> None:
         self.file = file
         self.text = text
         self.source = source
         self.folder = folder
-        self._given_vehicle = vehicle
+        self._given_vehicle, self._given_bench = vehicle, bench
         self.bench = self._bench_test()
         self.vehicle = self._load_vehicle() if self.bench is None else self.bench.vehicle
         self._sources, self._data = self._trial_sources(dict(trials or {}))
@@ -129,6 +130,7 @@ class Campaign:
         source: str = "<text>",
         trials: Mapping[str, Any] | None = None,
         vehicle: Vehicle | None = None,
+        bench: BenchTest | None = None,
     ) -> Campaign:
         """Campaign from TOML text; paths in it are relative to the folder.
 
@@ -142,6 +144,8 @@ class Campaign:
             As in `load`.
         vehicle : Vehicle, optional
             Instead of the one that the text names.
+        bench : BenchTest, optional
+            Whose vehicle is taken, instead of the bench test that the text names.
 
         Raises
         ------
@@ -149,7 +153,13 @@ class Campaign:
             As in `load`.
         """
         return cls(
-            parse(text, source), text=text, source=source, folder=Path(folder), trials=trials, vehicle=vehicle
+            parse(text, source),
+            text=text,
+            source=source,
+            folder=Path(folder),
+            trials=trials,
+            vehicle=vehicle,
+            bench=bench,
         )
 
     def with_locked_axes(self, mode: LockedAxes) -> Campaign:
@@ -210,6 +220,7 @@ class Campaign:
             folder=self.folder,
             trials=self._data,
             vehicle=self._given_vehicle,
+            bench=self._given_bench,
         )
         other.trials = self.trials
         return other
@@ -334,6 +345,8 @@ class Campaign:
         """
         from seatrial.trial.trial import Trial
 
+        if isinstance(given := self._data.get(trial), Trial):
+            return given
         source, environment = self._sources[trial], self.environment_of(trial)
         path = self.path_of(trial)
         if path is not None and not path.exists():
@@ -372,9 +385,8 @@ class Campaign:
 
     def _bench_test(self) -> BenchTest | None:
         """Bench test of the vehicle, where the file names one."""
-        if self.file.bench is None:
-            return None
-
+        if self._given_bench is not None or self.file.bench is None:
+            return self._given_bench
         path = self._path(self.file.bench, "key bench")
         return _bench_test(path, self._load_vehicle(), f"{self.source}: key bench")
 

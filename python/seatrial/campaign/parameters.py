@@ -7,6 +7,7 @@ A parameter is one number of the search. It sets one coefficient or several: tho
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,17 @@ from seatrial.vehicle.actuators import actuator_groups
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["Parameter", "coefficient_names", "coefficients", "expansion_matrix", "parameters"]
+__all__ = [
+    "OF_AN_AXIS",
+    "Parameter",
+    "coefficient_names",
+    "coefficients",
+    "expansion_matrix",
+    "parameters",
+]
+
+OF_AN_AXIS = re.compile(rf"([{AXES}])_(0|[{VELOCITIES}]dot|[{VELOCITIES}]{{1,2}})")
+"""A coefficient of a force: the force's letter, and what it is proportional to."""
 
 
 @dataclass(frozen=True)

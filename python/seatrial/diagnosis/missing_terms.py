@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.campaign.parameters import OF_AN_AXIS
 from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests, unexplained
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint
 
 __all__ = [
-    "OF_AN_AXIS",
     "Candidate",
     "Suggestion",
     "candidates",
@@ -43,9 +43,6 @@ __all__ = [
     "strongest",
     "worded",
 ]
-
-OF_AN_AXIS = re.compile(rf"([{AXES}])_(0|[{VELOCITIES}]dot|[{VELOCITIES}]{{1,2}})")
-"""A coefficient of a force: the force's letter, and what it is proportional to."""
 
 _AT_ONCE = 3e7
 

@@ -94,7 +94,8 @@ class Fitted:
 
     Examples
     --------
-    >>> fitted = Fitted.of("cwolf", percent={"X_uu": 10.0, "stern.gain": 5.0})
+    >>> import seatrial as st
+    >>> fitted = st.Fitted.of("cwolf", percent={"X_uu": 10.0, "stern.gain": 5.0})
     >>> drawn = fitted.draws(100, 7)
     >>> sorted(drawn), bool((drawn["X_uu"] < 0.0).all())
     (['PL.gain', 'PU.gain', 'SbL.gain', 'SbU.gain', 'X_uu'], True)

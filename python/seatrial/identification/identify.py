@@ -1,10 +1,10 @@
-"""Identification of a campaign: the public function.
+"""Identification: data judged, stages searched, result estimated jointly, assessed and kept.
 
-The work is in `seatrial.identification.identify`, loaded at the call: `import seatrial` stays light.
+`identify` is the public function, with a campaign or with a vehicle and its trials. `StageOrder` runs
+dependent stages one after the other and independent ones side by side; finished ones are kept, so that an
+interrupted run goes on where it stopped.
 
-The conduct of an identification: data judged, stages searched, result polished, judged and kept.
-
-The stages of an identification: dependent ones in order, independent ones side by side, resumable.
+Tests: ``tests/identification/test_identify.py``, ``tests/identification/test_identify_without_file.py``.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import contextlib
 import hashlib
 import queue
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
+from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
 from seatrial.diagnosis.assessment import Assessment, assess, conditioning
 from seatrial.estimation.frozen_motion import frozen_sentences
 from seatrial.estimation.scale import judge_scale
@@ -31,9 +33,14 @@ from seatrial.estimation.stage import StagePlan, StageResult, plan, run_stage
 from seatrial.identification.hold_out import part_scores
 from seatrial.identification.identification import Identification, estimates
 
-__all__ = ["StageOrder", "conduct", "identify"]
+if TYPE_CHECKING:
+    from seatrial.bench_test.result import BenchTest
+    from seatrial.trial.trial import Input
+
+__all__ = ["StageOrder", "identify", "run_identification"]
 
 
+@overload
 def identify(
     campaign: Campaign,
     *,
@@ -41,12 +48,80 @@ def identify(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+) -> Identification: ...
+
+
+@overload
+def identify(
+    vehicle: _core.Vehicle | str | Path,
+    trials: Trials,
+    /,
+    *,
+    free: str | Sequence[str] | Mapping[str, Bounds | None],
+    start: Mapping[str, float] | None = None,
+    hold_out: float | Trials = 0.2,
+    axes: str | None = None,
+    channels: Sequence[str] | Mapping[str, float] | None = None,
+    input: Input | None = None,
+    segment_s: float = 10.0,
+    joint: bool = True,
+    bench: BenchTest | None = None,
+    name: str | None = None,
+    seed: int = 0,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> Identification: ...
+
+
+def identify(
+    campaign: Campaign | _core.Vehicle | str | Path,
+    trials: Trials | None = None,
+    *,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+    **asked: Any,
 ) -> Identification:
-    """Identification of the campaign's vehicle from its trials.
+    """Identification of a vehicle from its trials.
+
+    ``identify(campaign)`` or, without a file, ``identify(vehicle, trials, free=...)``: one stage that frees
+    the coefficients on all trials, then the joint estimate. A campaign file can do more: stages in an order,
+    ties, anchors of the scale, nuisance parameters.
 
     Parameters
     ----------
-    campaign : Campaign
+    campaign : Campaign; or Vehicle, str or Path
+        Without a campaign: the vehicle, its built-in name or its file.
+    trials : Trial, str or Path, or several
+        A trial, a list, or a dict by name. A file needs canonical columns; read others with `Trial.read`.
+    free : str, sequence or mapping
+        Coefficients to identify: names (``"X_uu"``, ``"stern.gain"``) or patterns (``"N_*"``: those that are
+        not zero). As a dict with bounds ``(lower, upper)`` in SI, None for the vehicle's default bounds.
+    start : mapping, optional
+        Start values by coefficient; the vehicle's own otherwise.
+    hold_out : float, or trials
+        Share of every trial, at its end, that judges the result and is not fitted; or trials that only judge.
+    axes : str, optional
+        Letters among ``XYZKMN`` of the axes that are simulated; by default those on which the free
+        coefficients act. Others are replayed where all trials recorded them, else frozen.
+    channels : sequence or mapping, optional
+        Channels that are compared, or their weights; the velocities of the simulated axes by default.
+    input : "commands", "measured" or "tau", optional
+        What drives the model; the first of these that a trial has by default.
+    segment_s : float
+        The simulation restarts from the measured state after this time, s.
+    joint : bool
+        Whether the stage's result is estimated jointly once more, which refines it. Standard deviations are
+        given in any case.
+    bench : BenchTest, optional
+        Of `seatrial.bench`: its vehicle is taken, and its thrust anchors the scale of all forces.
+    name : str, optional
+        Of the campaign; the vehicle's by default.
+    seed : int
+        Of the search: the same seed gives the same result.
     run_dir : str or Path, optional
         Folder for the results. Finished stages are kept beside it while the run goes on.
     progress : callable, optional
@@ -64,7 +139,7 @@ def identify(
     Raises
     ------
     CampaignError, TrialError, VehicleError
-        The campaign asks for what cannot be done.
+        What is asked for cannot be done.
     SimulationError
         Every candidate of a stage diverged.
     SeatrialError
@@ -72,11 +147,33 @@ def identify(
 
     Examples
     --------
+    >>> import numpy as np
     >>> import seatrial as st
+    >>> t = np.arange(0.0, 60.0, 0.1)
+    >>> true = st.Vehicle.load("cwolf")
+    >>> commands = {name: 400.0 * np.sign(np.sin(0.2 * t)) + 500.0 for name in true.actuators}
+    >>> run = true.simulate(t, commands)
+    >>> logged = {f"cmd.{name}": signal for name, signal in commands.items()}
+    >>> trial = st.Trial.read({"t_s": t, "u_m_s": run.nu[:, 0]} | logged, name="straight")
+    >>> start = true.with_coefficients({"X_uu": 0.7 * true.coefficients()["X_uu"]})
+    >>> fit = st.identify(start, trial, free={"X_uu": (-40.0, -1.0)})
+    >>> round(fit.vehicle.coefficients()["X_uu"] / true.coefficients()["X_uu"], 2)
+    1.0
+
     >>> fit = st.identify(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
     >>> print(fit.summary())  # doctest: +SKIP
     """
-    return conduct(campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
+    if not isinstance(campaign, Campaign):
+        if trials is None or "free" not in asked:
+            raise CampaignError(
+                "identify: expected a campaign, or a vehicle, its trials and free=...: the coefficients to"
+                " identify"
+            )
+        campaign = campaign_from_trials(campaign, trials, **asked)
+    elif trials is not None or asked:
+        given = "trials" if trials is not None else next(iter(asked))
+        raise CampaignError(f"identify: {given}: the campaign says that itself; give it without a campaign")
+    return run_identification(campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
 
 
 class StageOrder:
@@ -233,7 +330,7 @@ def _inputs(campaign: Campaign, plan: StagePlan, vehicle: Vehicle, found: Mappin
     return digest.hexdigest()
 
 
-def conduct(
+def run_identification(
     campaign: Campaign,
     *,
     run_dir: str | Path | None,

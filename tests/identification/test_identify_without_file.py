@@ -1,0 +1,123 @@
+"""Identification of a vehicle and trials without a file: the same campaign, the same numbers as with one."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.campaign.from_trials import campaign_from_trials
+
+T = np.arange(0.0, 60.0, 0.1)
+TRUE = st.Vehicle.load("cwolf")
+START = TRUE.with_coefficients({"X_uu": 0.7 * TRUE.coefficients()["X_uu"]})
+
+
+def trial(name: str = "straight", level: float = 500.0) -> st.Trial:
+    """A straight run of the true vehicle, all axes logged."""
+    commands = {actuator: level + 300.0 * np.sign(np.sin(0.2 * T)) for actuator in TRUE.actuators}
+    run = TRUE.simulate(T, commands)
+    columns = dict(zip(("u_m_s", "v_m_s", "w_m_s"), run.nu[:, :3].T, strict=True))
+    rates = dict(zip(("p_deg_s", "q_deg_s", "r_deg_s"), np.rad2deg(run.nu[:, 3:]).T, strict=True))
+    logged = {f"cmd.{actuator}": signal for actuator, signal in commands.items()}
+    return st.Trial.read({"t_s": T} | columns | rates | logged, name=name)
+
+
+@pytest.fixture(scope="module")
+def fit() -> st.Identification:
+    return st.identify(START, [trial()], free={"X_uu": (-40.0, -1.0)}, seed=3, threads=1)
+
+
+def test_truth_is_found_and_the_end_of_every_trial_judges(fit: st.Identification) -> None:
+    assert fit.vehicle.coefficients()["X_uu"] == pytest.approx(TRUE.coefficients()["X_uu"], rel=1e-2)
+    assert set(fit.scores) == {"fit", "hold_out"}
+    assert fit.campaign.held_out("straight").mean() == pytest.approx(0.2, abs=0.01)
+    assert fit.sigma["X_uu"] > 0.0
+
+
+def test_a_file_with_the_same_content_gives_the_same_numbers(fit: st.Identification) -> None:
+    text = """
+format = 1
+name = "cwolf"
+vehicle = "cwolf"
+seed = 3
+trials.straight = { file = "straight.csv", hold_out_s = [[47.92, 60.0]] }
+polish = {}
+[[stages]]
+name = "all"
+trials = ["straight"]
+axes = { free = "X", measured = "YZKMN" }
+coefficients = { X_uu = [-40.0, -1.0] }
+"""
+    campaign = st.Campaign.from_toml(text, trials={"straight": trial()}, vehicle=START)
+    other = st.identify(campaign, threads=1)
+    assert other.vehicle.coefficients() == fit.vehicle.coefficients()
+    assert other.sigma == fit.sigma
+    again = st.Campaign.from_toml(fit.campaign.text, trials={"straight": trial()}, vehicle=START)
+    assert again.file.stages == fit.campaign.file.stages
+
+
+def test_patterns_groups_and_starts() -> None:
+    campaign = campaign_from_trials(
+        TRUE, {"a": trial()}, free=["X_u*", "stern.gain"], start={"X_uu": -9.0}, hold_out=0.0
+    )
+    stage = campaign.stages[0]
+    assert {"X_u", "X_uu", "stern.gain"} <= set(stage.coefficients)
+    assert stage.coefficients["X_uu"].start == -9.0
+    assert stage.axes.free == "X"
+    assert not campaign.held_out("a").any()
+
+
+def test_whole_trials_may_judge() -> None:
+    campaign = campaign_from_trials(TRUE, trial(), free="X_uu", hold_out=[trial("slow", 300.0)], joint=False)
+    assert campaign.stages[0].trials == ("straight",)
+    assert campaign.held_out("slow").all()
+    assert campaign.file.polish is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"free": "X_xx"}, "has no coefficient 'X_xx'"),
+        ({"free": "X_uu", "start": {"X_u": -3.0}}, "start: 'X_u' is not free"),
+        ({"free": "X_uu", "hold_out": 1.5}, "expected a share from 0 to below 1"),
+        ({"free": "X_uu", "hold_out": [trial()]}, "'straight' is fitted and held out"),
+        ({"free": "X_uu", "channels": ["speed"]}, "unknown channel 'speed'"),
+    ],
+)
+def test_messages_name_what_is_wrong(options: dict[str, object], message: str) -> None:
+    with pytest.raises(st.CampaignError, match=message):
+        campaign_from_trials(TRUE, trial(), **options)  # type: ignore[arg-type]
+
+
+def test_trials_of_one_name_are_refused() -> None:
+    with pytest.raises(st.CampaignError, match="two trials are named 'straight'"):
+        st.identify(TRUE, [trial(), trial()], free="X_uu")
+
+
+def test_a_campaign_takes_no_further_request(fit: st.Identification) -> None:
+    with pytest.raises(st.CampaignError, match="free: the campaign says that itself"):
+        st.identify(fit.campaign, free="X_uu")  # type: ignore[call-overload]
+    with pytest.raises(st.CampaignError, match="its trials and free="):
+        st.identify(TRUE)  # type: ignore[call-overload]
+
+
+def test_results_are_saved_pickled_and_copied(fit: st.Identification, tmp_path: Path) -> None:
+    fit.save(tmp_path / "run")
+    known = st.Fitted.of(tmp_path / "run")
+    np.testing.assert_array_equal(known.covariance, st.Fitted.of(fit).covariance)
+    score = st.score(fit.vehicle, trial())
+    compared = st.compare({"start": START, "fit": fit.vehicle}, trial())
+    for one in (fit, known, score, compared):
+        for other in (pickle.loads(pickle.dumps(one)), copy.deepcopy(one)):
+            assert type(other) is type(one)
+    other = pickle.loads(pickle.dumps(fit))
+    assert other.to_dict() == fit.to_dict()
+    assert other.summary() == fit.summary()
+    assert pickle.loads(pickle.dumps(score)).to_dict() == score.to_dict()
+    assert pickle.loads(pickle.dumps(compared)).to_dict() == compared.to_dict()
+    assert pickle.loads(pickle.dumps(known)).draws(3, 1).keys() == known.draws(3, 1).keys()
