@@ -150,7 +150,16 @@ class Fitted:
         return np.sqrt(np.diag(self.covariance))
 
     def draws(self, k: int | ArrayLike, seed: int, *, nominal_first: bool = False) -> dict[str, Array]:
-        """Coefficients of k drawn vehicles by name, (k,) each, SI; see `drawn`."""
+        """Coefficients of drawn vehicles by name, (k,) each, SI.
+
+        Parameters
+        ----------
+        k : int or (k,) array_like of int
+            How many, or the numbers of the draws.
+        seed : int
+        nominal_first : bool
+            Whether draw 0 is the vehicle itself.
+        """
         return self.drawn(k, seed, nominal_first=nominal_first).coefficients
 
     def drawn(self, k: int | ArrayLike, seed: int, *, nominal_first: bool = False) -> Drawn:
