@@ -63,9 +63,9 @@ def campaign_from_trials(
     TrialError, VehicleError
         A file cannot be read.
     """
-    from seatrial._core import Vehicle
-
     import tomlkit
+
+    from seatrial._core import Vehicle
 
     fitted = _named(trials)
     judging = {} if isinstance(hold_out, float | int) else _named(hold_out)
