@@ -42,7 +42,7 @@ channels = { u = 1.0, v = 1.0, p = 1.0, r = 1.0 }
 
 
 def analysed(folder: Path, seed: int, *, rho: float = 0.0, **truth: float) -> ResidualAnalysis:
-    """Analysis of the residuals of a joint estimate of CWolf without terms that the vehicle of the trial has."""
+    """Residual analysis of a joint estimate of CWolf without terms that the vehicle of the trial has."""
     vehicle = Vehicle.load("cwolf")
     (folder / "model.toml").write_text(vehicle.with_coefficients(dict.fromkeys(truth, 0.0)).to_toml())
     generator = np.random.default_rng(seed)

@@ -188,7 +188,8 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     weak = [name for name, one in zip(known, along, strict=True) if one]
     said = [
         f"{', '.join(weak)}: the data tell less than the campaign's bounds, and draws vary as a number"
-        " anywhere inside them (standard deviation 0.29 of their width); what hangs on that varies less with it."
+        " anywhere inside them (standard deviation 0.29 of their width); what hangs on that varies less"
+        " with it."
     ]
     return width[:, None] * bounded * width, said if weak else []
 

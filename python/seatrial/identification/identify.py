@@ -34,6 +34,7 @@ from seatrial.identification.hold_out import part_scores
 from seatrial.identification.identification import Identification, estimates
 
 if TYPE_CHECKING:
+    from seatrial._core import Vehicle
     from seatrial.bench_test.result import BenchTest
     from seatrial.trial.trial import Input
 
@@ -53,7 +54,7 @@ def identify(
 
 @overload
 def identify(
-    vehicle: _core.Vehicle | str | Path,
+    vehicle: Vehicle | str | Path,
     trials: Trials,
     /,
     *,
@@ -76,7 +77,7 @@ def identify(
 
 
 def identify(
-    campaign: Campaign | _core.Vehicle | str | Path,
+    campaign: Campaign | Vehicle | str | Path,
     trials: Trials | None = None,
     *,
     run_dir: str | Path | None = None,
