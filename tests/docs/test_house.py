@@ -8,8 +8,8 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
+from tests.docs.pages import NAMES, ROOT, blocks, text
 from tests.docs.pages import PAGES as DOCUMENTATION
-from tests.docs.pages import ROOT, text
 
 PACKAGE = ROOT / "python" / "seatrial"
 PYTHON = sorted([
@@ -85,6 +85,20 @@ def _names(file: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom | ast.Import):
             found |= {(alias.asname or alias.name) for alias in node.names}
     return found
+
+
+def test_names_that_examples_import_exist() -> None:
+    missing = [
+        f"{page}: {node.module}.{alias.name}"
+        for page in NAMES
+        for block in blocks(page)
+        if block.language == "python"
+        for node in ast.walk(ast.parse(block.text))
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("seatrial.")
+        for alias in node.names
+        if not _exists(f"{node.module}.{alias.name}")
+    ]
+    assert not missing
 
 
 def test_files_that_are_named_exist() -> None:
