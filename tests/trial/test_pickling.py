@@ -1,11 +1,9 @@
-"""Trials, campaigns and bench tests go through pickle, deep copies and the processes of a pool."""
+"""Trials, campaigns and bench tests are the same after pickle and deep copies."""
 
 from __future__ import annotations
 
 import copy
-import multiprocessing
 import pickle
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -79,15 +77,3 @@ def test_a_bench_test_is_the_same_after_a_round_trip(through: Any, tmp_path: Pat
     again = through(bench)
     assert to_json(again.to_dict()) == to_json(bench.to_dict())
     assert again.vehicle.to_toml() == bench.vehicle.to_toml()
-
-
-def test_a_trial_reaches_the_processes_of_a_pool() -> None:
-    campaign = _campaign()
-    trial = campaign.trials["surge"]
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        assert pool.submit(_state, trial).result() == _state(trial)
-        assert pool.submit(_coefficient, campaign).result() == campaign.vehicle.coefficients()["X_uu"]
-
-
-def _coefficient(campaign: st.Campaign) -> float:
-    return campaign.vehicle.coefficients()["X_uu"]

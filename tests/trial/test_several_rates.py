@@ -112,7 +112,7 @@ def test_sensors_all_over_the_vehicle_come_to_o() -> None:
     # Nobody tells the places: a sway against the pose's, which no sign cures.
     left = Trial.read(log)
     assert "v: runs opposite to the recorded pose" in str(left.report)
-    assert "Give the place of the sensor" in str(left.report)
+    assert "Give the position of the sensor" in str(left.report)
     assert "sign reversed" not in str(left.report)
     assert np.abs(left.nu[inside, 1] - v).max() > 0.05
 

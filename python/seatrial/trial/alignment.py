@@ -74,8 +74,8 @@ def align(
 ) -> dict[str, Signal]:
     """The same signals with clearly opposite signs reversed and trusted latencies removed, all reported.
 
-    `sources` is the column map, by which the report can say how to state a sign; without `remove` latencies
-    stay. `names` are the sensors to look at.
+    `sources` is the column map, from which the report quotes the entry with the right sign; without `remove`
+    latencies stay. `names` are the sensors to look at.
     """
     aligned = dict(signals)
     for name in names:
@@ -218,8 +218,8 @@ def _correct_signs(
                 report.add(
                     "warning",
                     channel,
-                    f"runs opposite to the recorded pose (correlation {strongest:.2f}), as it would at a"
-                    " place away from O; left as recorded. Give the place of the sensor",
+                    f"runs opposite to the recorded pose (correlation {strongest:.2f}), as a sensor with a"
+                    " lever arm does; left as recorded. Give the position of the sensor",
                 )
                 continue
             signs[k] = -1.0
@@ -235,7 +235,7 @@ def _correct_signs(
             report.add(
                 "warning",
                 channel,
-                f"does not follow the recorded pose (correlation {strongest:.2f}); is the column map right?",
+                f"does not follow the recorded pose (correlation {strongest:.2f}); check the column map",
             )
     return replace(sensor, y=sensor.y * signs)
 
