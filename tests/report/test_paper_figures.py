@@ -23,6 +23,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import Axes as Modes
 from seatrial.campaign.file import Stage
 from seatrial.cli import app
+from seatrial.examples.paper.__main__ import app as paper
 from seatrial.examples.paper.gallery import FORMATS, paper_figures
 from seatrial.examples.paper.model import columns_of_stages, optimisation_diagram
 from seatrial.examples.paper.plates import bench_plates, campaign_plates, is_generated
@@ -94,6 +95,10 @@ def record(seed: int) -> pl.DataFrame:
 
 def call(*arguments: str | Path) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def paper_verb(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(paper, [str(argument) for argument in arguments])
 
 
 def refused(result: Result, *words: str) -> None:
@@ -222,7 +227,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     assert result.exit_code == 0, result.output
     before = (earlier / "identification.json").read_bytes()
     options = ("--out", folder / "figures", "--run", earlier, "--formats", "pdf", "--threads", "1", "--json")
-    result = call("gallery", campaign, *options)
+    result = paper_verb(campaign, *options)
     assert result.exit_code == 0, result.output
     assert (earlier / "identification.json").read_bytes() == before
     return folder / "figures", json.loads(result.stdout)
@@ -323,7 +328,7 @@ def test_a_bench_test_gives_a_plate_per_group() -> None:
 
 
 def test_the_verb_draws_a_vehicle_and_prints_the_list(tmp_path: Path) -> None:
-    result = call("gallery", "beluga", "--out", tmp_path, "--formats", "svg, svg")
+    result = paper_verb("beluga", "--out", tmp_path, "--formats", "svg, svg")
     assert result.exit_code == 0, result.output
     assert "Fig.  2  Block diagram of the model of beluga" in result.stdout
     assert "not drawn: every motor of beluga follows its command at once" in result.stdout
@@ -333,13 +338,13 @@ def test_the_verb_draws_a_vehicle_and_prints_the_list(tmp_path: Path) -> None:
 
 def test_the_verb_refuses_what_cannot_be_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    refused(call("gallery", "cwolf", "--formats", "png,gif"), "expected some of png, pdf, svg", "'gif'")
-    refused(call("gallery", "cwolf", "--formats", ""), "found none")
-    refused(call("gallery", "cwolff"), "cwolff")
-    refused(call("gallery", "missing.toml"), "missing.toml")
-    refused(call("gallery", "cwolf", "--bench", "missing.toml"), "missing.toml")
+    refused(paper_verb("cwolf", "--formats", "png,gif"), "expected some of png, pdf, svg", "'gif'")
+    refused(paper_verb("cwolf", "--formats", ""), "found none")
+    refused(paper_verb("cwolff"), "cwolff")
+    refused(paper_verb("missing.toml"), "missing.toml")
+    refused(paper_verb("cwolf", "--bench", "missing.toml"), "missing.toml")
     Path("broken.toml").write_text("format = 1\nstages = 3\n")
-    refused(call("gallery", "broken.toml"), "broken.toml")
+    refused(paper_verb("broken.toml"), "broken.toml")
     Path("file").write_text("")
-    refused(call("gallery", "cwolf", "--out", "file"), "cannot be written")
+    refused(paper_verb("cwolf", "--out", "file"), "cannot be written")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.toml", "file"]

@@ -6,15 +6,12 @@ needs them.
 
 from __future__ import annotations
 
-import errno
 import inspect
 from collections.abc import Callable
-from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
-from seatrial.base.errors import SeatrialError
 from seatrial.cli import (
     autopilot,
     bench,
@@ -22,7 +19,6 @@ from seatrial.cli import (
     coverage,
     demo,
     fly,
-    gallery,
     identify,
     new,
     plan,
@@ -31,36 +27,13 @@ from seatrial.cli import (
     tune,
     verify,
 )
-from seatrial.cli.console import complain
+from seatrial.cli.console import ExitCodes
 
 __all__ = ["app", "main"]
 
-BAD_INPUT, INTERRUPTED = 2, 130
 
-
-class _Verbs(TyperGroup):
+class _Verbs(ExitCodes, TyperGroup):
     """The verbs; what they raise on purpose becomes one message and an exit code."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Result of the verb that was called."""
-        if ctx.obj is not None:
-            ctx.obj()
-        try:
-            return super().invoke(ctx)
-        except SeatrialError as error:
-            complain(str(error))
-        except OSError as error:
-            if error.errno == errno.EPIPE:
-                ctx.exit(0)
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-            place = f"{error.filename}: " if error.filename else ""
-            advice = "free some space and run again" if full else "check the path and its permissions"
-            complain(f"{place}{error.strerror or error}; {advice}")
-        except KeyboardInterrupt:
-            complain("interrupted")
-            ctx.exit(INTERRUPTED)
-        ctx.exit(BAD_INPUT)
-        return None
 
 
 app = typer.Typer(
@@ -105,7 +78,6 @@ _VERBS: tuple[Callable[..., None], ...] = (
     fly.fly,
     tune.tune,
     verify.verify,
-    gallery.gallery,
     coverage.coverage,
 )
 

@@ -5,26 +5,29 @@ A verb prints its answer first (`answer`) and draws afterwards. Options that sev
 
 from __future__ import annotations
 
+import errno
 import math
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.base.errors import SeatrialError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rich.console import Console
-    from rich.table import Table
 
     from seatrial.base.progress import Progress as State
     from seatrial.base.report import Report
 
 __all__ = [
+    "ExitCodes",
     "Figures",
     "Json",
     "Pdf",
@@ -40,7 +43,6 @@ __all__ = [
     "print_json",
     "say",
     "search_progress",
-    "table",
 ]
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
@@ -56,6 +58,34 @@ _PIPED_WIDTH = 118
 _LINE_EVERY_S = 5.0
 
 _TELLING_GENERATIONS = 5
+
+
+BAD_INPUT, INTERRUPTED = 2, 130
+
+
+class ExitCodes:
+    """Mixin of a command or a group: what is raised on purpose becomes one message and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Result of what was called."""
+        if callable(ctx.obj):
+            ctx.obj()
+        try:
+            return super().invoke(ctx)  # type: ignore[misc]
+        except SeatrialError as error:
+            complain(str(error))
+        except OSError as error:
+            if error.errno == errno.EPIPE:
+                ctx.exit(0)
+            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+            where = f"{error.filename}: " if error.filename else ""
+            advice = "free some space and run again" if full else "check the path and its permissions"
+            complain(f"{where}{error.strerror or error}; {advice}")
+        except KeyboardInterrupt:
+            complain("interrupted")
+            ctx.exit(INTERRUPTED)
+        ctx.exit(BAD_INPUT)
+        return None
 
 
 def output() -> Console:
@@ -128,21 +158,6 @@ def print_json(value: Any) -> None:
     from seatrial.base.run import to_json
 
     sys.stdout.write(to_json(value))
-
-
-def table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]], *, left: int = 1) -> Table:
-    """Table with the first `left` columns, and one of stages, aligned to the left."""
-    from rich import box
-    from rich.table import Table
-
-    made = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
-    for number, name in enumerate(head):
-        made.add_column(
-            name, justify="left" if number < left or name == "stage" else "right", no_wrap=number < left
-        )
-    for row in rows:
-        made.add_row(*row)
-    return made
 
 
 def list_figures(console: Console, written: Sequence[Path]) -> None:

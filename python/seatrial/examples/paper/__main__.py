@@ -1,4 +1,4 @@
-"""`seatrial gallery`: the figures of a paper about a vehicle, from one command."""
+"""`python -m seatrial.examples.paper`: the figures of a paper about a vehicle, from one command."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.core import TyperCommand
+
+from seatrial.cli.console import ExitCodes
 
 if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
@@ -14,7 +17,7 @@ if TYPE_CHECKING:
     from seatrial.examples.paper.gallery import PaperGallery
     from seatrial.identification.identification import Identification
 
-__all__ = ["gallery"]
+__all__ = ["app", "gallery"]
 
 
 def gallery(
@@ -140,3 +143,15 @@ def _print(made: PaperGallery) -> None:
 def _short(caption: str) -> str:
     """First part of a caption, up to its first colon, comma or full stop."""
     return re.split(r"[:.;,] ", caption, maxsplit=1)[0]
+
+
+class _Command(ExitCodes, TyperCommand):
+    """The gallery with the exit codes of the verbs."""
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+app.command(cls=_Command)(gallery)
+
+if __name__ == "__main__":
+    app(prog_name="python -m seatrial.examples.paper")
