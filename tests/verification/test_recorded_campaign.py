@@ -198,6 +198,20 @@ def test_a_fit_of_another_vehicle_is_refused() -> None:
 
 
 @pytest.mark.usefixtures("here")
+def test_the_public_function_takes_a_campaign_as_the_verb_does() -> None:
+    campaign = st.Campaign.load("campaign.toml")
+    found = st.verify_log(campaign, "cwolf", "today", draws=1200, flights=40)
+    same, _ = verify_campaign_log(campaign, "cwolf", "today", draws=1200, flights=40)
+    np.testing.assert_equal(found.to_dict(), same.to_dict())
+    with pytest.raises(CampaignError, match="requirements: expected only without a campaign"):
+        st.verify_log(campaign, "cwolf", "today", requirements=[])  # type: ignore[call-overload]
+    with pytest.raises(CampaignError, match="found no log"):
+        st.verify_log(campaign, "cwolf")  # type: ignore[call-overload]
+    with pytest.raises(CampaignError, match="expected a Campaign before a vehicle and a log"):
+        st.verify_log("cwolf", "cwolf", "today")  # type: ignore[call-overload]
+
+
+@pytest.mark.usefixtures("here")
 def test_the_file_of_a_trial_is_judged_as_that_trial() -> None:
     judged = campaign_log(st.Campaign.load("campaign.toml"), "box.parquet")
     assert judged.trial == "box"

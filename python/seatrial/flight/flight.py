@@ -56,6 +56,12 @@ class Flight(FlightLog):
 
     Attributes
     ----------
+    vehicle, autopilot, mission, route, circumstances, period_s, t, position, euler, nu, altitude, water
+        Log of the flight, see `seatrial.flight.log.FlightLog`, and what it rests on.
+    measured, desired, errors, distance, leg, holding, done, mode, modes, alert, cause
+        What the autopilot was told, and what guidance and safety made of it.
+    commands, actuators, demanded, achieved, power, battery
+        What was asked of the actuators, and what became of it.
     outcome
         "complete", "surfaced", "aborted", "out of time" or "diverged".
     metrics

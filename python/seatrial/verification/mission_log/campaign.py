@@ -26,11 +26,11 @@ from seatrial.identification.fitted import Fitted
 from seatrial.sensors.sensor import TYPICAL
 from seatrial.trial.score import default_input
 from seatrial.verification.campaign import requirement_of, sensors_of_table
+from seatrial.verification.mission_log.judge_log import judge_log
 from seatrial.verification.mission_log.log import MissionLog, thinned
 from seatrial.verification.mission_log.restarts import PredictedLog, check_usable, restarts
 from seatrial.verification.mission_log.spread import Spread, spread_of_reference
 from seatrial.verification.mission_log.validity import FEWEST_WINDOWS
-from seatrial.verification.mission_log.verify_log import verify_log
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
@@ -308,7 +308,7 @@ def verify_campaign_log(
     ahead_s : float, optional
         Time after which the prediction restarts from the log, s.
     options
-        Further keywords of `seatrial.verification.mission_log.verify_log.verify_log`.
+        Further keywords of `seatrial.verify_log`.
 
     Raises
     ------
@@ -326,7 +326,7 @@ def verify_campaign_log(
     table = campaign.file.verification
     asked = () if table is None else table.requirements
     start, stop = (None, None) if judged.span is None else judged.span
-    found = verify_log(
+    found = judge_log(
         known,
         judged.log,
         reference=campaign_reference(campaign, known, judged, ahead_s=ahead_s, names=references),

@@ -1,0 +1,330 @@
+"""`judge_log`: does a model still hold on the log of a mission, and did the mission do what it had to.
+
+A current that was not recorded is no change of the vehicle: where it explains the log best, it is fitted to
+the log (`seatrial.verification.mission_log.suspects`) and the model judged again in it. What such a fit could
+hide counts as not shown.
+
+Tests: ``test_recorded_verdict.py``, ``test_recorded_validity.py`` and ``test_recorded_current.py`` in
+``tests/verification/``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.channels import CHANNELS
+from seatrial.base.errors import SimulationError
+from seatrial.base.progress import Clock
+from seatrial.identification.fitted import Fitted
+from seatrial.trial.trial import Trial
+from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
+from seatrial.verification.mission_log.log import MissionLog, offsets_of
+from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
+from seatrial.verification.mission_log.restarts import PredictedLog, restarts
+from seatrial.verification.mission_log.spread import (
+    Spread,
+    spread_of_errors,
+    spread_of_noise,
+    spread_of_reference,
+)
+from seatrial.verification.mission_log.suspects import current_words, in_current, suspects
+from seatrial.verification.mission_log.validity import FEWEST_WINDOWS, LEVEL, Validity, validity
+from seatrial.verification.mission_log.verdict import (
+    Detectable,
+    JudgedRequirement,
+    LogVerdict,
+    ModelState,
+    detectable_changes,
+)
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.campaign.corridor import Corridor
+    from seatrial.campaign.verification_table import Obstacle
+    from seatrial.flight.mission import Mission
+    from seatrial.identification.identification import Identification
+    from seatrial.trial.trial import Input
+    from seatrial.verification.requirement import Requirement
+
+__all__ = ["ModelJudgement", "judge_log", "judge_model"]
+
+_TOLD = 0.5
+"""A log that would show none of the usual changes with this chance is too quiet."""
+
+_MUCH, _MOST_OF_IT = 2.0, 0.9
+"""More than twice the usual error left, and no nine tenths explained, is no single change of the vehicle."""
+
+_QUIET: ModelState = "log too short or too quiet to tell"
+
+
+@dataclass(frozen=True, eq=False)
+class ModelJudgement:
+    """What a log says of the model; attributes as those of `LogVerdict`."""
+
+    model: ModelState
+    reason: str
+    validity: Validity | None = None
+    suspects: tuple[Suspect, ...] = ()
+    detectable: tuple[Detectable, ...] = ()
+    notes: tuple[str, ...] = ()
+    current: tuple[float, float] | None = None
+
+
+def judge_model(
+    known: Fitted,
+    windows: PredictedLog,
+    reference: Any,
+    *,
+    draws: int,
+    seed: int,
+    level: float,
+    payload_density: float,
+    ahead_s: float,
+    offsets: Mapping[str, float],
+) -> ModelJudgement:
+    """Judgement of a model by a log, as `seatrial.verify_log` explains its parameters.
+
+    Raises
+    ------
+    TrialError
+        The reference cannot be used.
+    """
+    count = len(windows.spans)
+    if not all(np.isfinite(one).all() for one in windows.predicted):
+        reason = "The prediction diverges: the model cannot be this vehicle's, or its step is too long."
+        return ModelJudgement("re-identify", reason)
+    if count < FEWEST_WINDOWS:
+        many = (
+            f"{count} windows of {ahead_s:g} s are too few"
+            if count > 1
+            else f"One window of {ahead_s:g} s is too few"
+        )
+        reason = f"{many}; fly at least {2 * FEWEST_WINDOWS} of them, {2 * FEWEST_WINDOWS * ahead_s:g} s."
+        return ModelJudgement(_QUIET, reason)
+    spread, notes = _spread(reference, windows, ahead_s), []
+    if reference is None:
+        notes.append(
+            "No reference was given: the band holds the log's own noise and the coefficients' spread, but not"
+            " what every model leaves out; give a log on which the model is known to hold."
+        )
+    if not known.names:
+        notes.append("The coefficients' covariance is not known: they count as exact.")
+    notes.extend(known.notes)
+    drawn = known.draws(draws, seed) if known.names else None
+    judged = validity(windows, spread, draws=drawn, offsets=offsets, level=level)
+    if not judged.failing:
+        return _not_failing(judged, detectable_changes(judged, level=level), tuple(notes))
+    sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
+    tried = candidates(known.vehicle, identified=known.names, payload_density=payload_density)
+    guilty, current, lead = suspects(windows, spread, tried, sigma=sigma), None, ""
+    if windows.trial.current is None:
+        calm, fitted = in_current(windows, spread)
+        in_it = validity(calm, spread, draws=drawn, offsets=offsets, level=level)
+        first = guilty[0] if guilty else None
+        if first is not None and first.kind == "surroundings":
+            windows, judged, current = calm, in_it, fitted
+            lead = f"In {current_words(current)}, which was not recorded and is fitted to this log: "
+            if not judged.failing:
+                shown = detectable_changes(judged, level=level, current=True)
+                return _not_failing(judged, shown, tuple(notes), current, lead)
+            guilty = suspects(windows, spread, tried, sigma=sigma, current=False)
+        elif not in_it.failing:
+            other = "" if first is None else f" as well as this change: {first.change}"
+            reason = (
+                f"The log cannot tell a changed vehicle from the water: {current_words(fitted)}, which"
+                f" was not recorded, explains it{other}. Log the current (zero in a tank), or fly more than"
+                " one heading."
+            )
+            shown = detectable_changes(in_it, level=level, current=True)
+            return ModelJudgement(_QUIET, reason, judged, guilty, shown, tuple(notes))
+    failing = judged.failing
+    listed = "; ".join(one.sentence() for one in failing[:3])
+    text = f"{lead}{'t' if lead else 'T'}he log leaves the model's band in {_some(len(failing))}: {listed}."
+    unexplained = not guilty or (guilty[0].left > _MUCH and guilty[0].gain < _MOST_OF_IT)
+    text += f" {_NOTHING_EXPLAINS}" if unexplained else f" Suspected first: {guilty[0].change}."
+    shown = detectable_changes(judged, level=level, current=current is not None)
+    return ModelJudgement("re-identify", text, judged, guilty, shown, tuple(notes), current)
+
+
+_NOTHING_EXPLAINS = (
+    "No single change of the vehicle explains this log: check units, signs and the column map, the water's"
+    " density and the supply, and that this vehicle flew it, before you identify anew."
+)
+
+
+def _not_failing(
+    judged: Validity,
+    shown: tuple[Detectable, ...],
+    notes: tuple[str, ...],
+    current: tuple[float, float] | None = None,
+    lead: str = "",
+) -> ModelJudgement:
+    """Valid, or not told where the log would have shown nothing or leaves a doubt."""
+    if max((one.power for one in shown), default=0.0) < _TOLD:
+        best = max(shown, key=lambda one: one.power)
+        reason = (
+            f"{lead}{'t' if lead else 'T'}he log stays inside the band, but it would hardly have shown any"
+            f" change ({best.change} with a chance of {100.0 * best.power:.0f} %): fly longer and faster, and"
+            " change speed and depth."
+        )
+        return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
+    if doubtful := [one.sentence() for one in judged.channels.values() if one.doubtful]:
+        reason = (
+            f"{lead}{'m' if lead else 'M'}ore of the log is outside the band than a valid model should leave,"
+            f" and less than would refute it: {'; '.join(doubtful[:3])}. Fly longer, or give longer"
+            " references."
+        )
+        return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
+    blind = [one.change for one in shown if one.power < _TOLD]
+    reason = (
+        f"{lead}{100.0 * judged.outside:.1f} % of the log is outside the model's 95 % band,"
+        " no channel by more than chance."
+    )
+    if blind:
+        reason += f" It says nothing of {', '.join(blind)}."
+    return ModelJudgement("model still valid", reason, judged, (), shown, notes, current)
+
+
+def _spread(reference: Any, windows: PredictedLog, ahead_s: float) -> Spread:
+    if reference is None:
+        return spread_of_noise(windows)
+    if isinstance(reference, Spread):
+        return reference
+    if isinstance(reference, Mapping):
+        return spread_of_errors(reference, windows)
+    given = [reference] if isinstance(reference, Trial) else list(reference)
+    return spread_of_reference([
+        restarts(windows.vehicle, one, ahead_s=ahead_s, input=windows.input) for one in given
+    ])
+
+
+def _some(count: int) -> str:
+    return "one channel" if count == 1 else f"{count} channels"
+
+
+def judge_log(
+    fitted: Fitted | Identification | Vehicle | str | Path,
+    log: MissionLog | Trial | str | Path,
+    *,
+    reference: Trial | Sequence[Trial] | Spread | Mapping[str, float] | None = None,
+    autopilot: Autopilot | str | Path | None = None,
+    mission: Mission | str | Path | None = None,
+    requirements: Sequence[Requirement] = (),
+    corridors: Mapping[str, Corridor] | None = None,
+    obstacles: Sequence[Obstacle] | None = None,
+    sensors: Any = None,
+    current: ArrayLike | None = None,
+    ahead_s: float = 10.0,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    input: Input | None = None,
+    draws: int = 4096,
+    flights: int = 64,
+    seed: int = 0,
+    level: float = LEVEL,
+    payload_density: float = PAYLOAD_DENSITY,
+) -> LogVerdict:
+    """Verdict on a log, as `seatrial.verify_log` explains its parameters and errors."""
+    if draws < len(CHANNELS) / level:
+        raise SimulationError(
+            f"draws: expected at least {len(CHANNELS) / level:.0f}, for a p-value of {level:g} over"
+            f" {len(CHANNELS)} channels, found {draws}; draw more"
+        )
+    clock = Clock()
+    known = Fitted.of(fitted)
+    record = _log(log)
+    windows = restarts(
+        known.vehicle, record.trial, ahead_s=ahead_s, start_s=start_s, stop_s=stop_s, input=input
+    )
+    flown = _loaded(mission)
+    metrics = log_metrics(record, flown, known.vehicle, obstacles=obstacles)
+    judged = judge_model(
+        known,
+        windows,
+        reference,
+        draws=draws,
+        seed=seed,
+        level=level,
+        payload_density=payload_density,
+        ahead_s=ahead_s,
+        offsets=offsets_of("typical" if sensors is None else sensors, known.vehicle),
+    )
+    steps = logged_steps(record, corridors or {})
+    notes = [*judged.notes, *_without_steps(corridors or {}, [step.loop for step in steps])]
+    envelope, pilot = None, _pilot(autopilot)
+    if pilot is not None and flown is not None:
+        from seatrial.verification.mission_log.envelope import mission_envelope
+
+        if current is None and judged.current is not None:
+            current = [*judged.current, 0.0]
+        envelope = mission_envelope(
+            known, record, pilot, flown, flights=flights, seed=seed, sensors=sensors, current=current
+        )
+    return LogVerdict(
+        log=record,
+        model=judged.model,
+        reason=judged.reason,
+        validity=judged.validity,
+        suspects=judged.suspects,
+        detectable=judged.detectable,
+        metrics=metrics,
+        requirements=tuple(_required(one, metrics) for one in requirements),
+        steps=steps,
+        envelope=envelope,
+        notes=tuple(notes),
+        current=judged.current,
+        vehicle=known.vehicle,
+        autopilot=pilot,
+        mission=flown,
+        clock=clock.stop(),
+    )
+
+
+def _required(requirement: Requirement, metrics: Mapping[str, Any]) -> JudgedRequirement:
+    """A requirement on the one mission of the log."""
+    requirement.check()
+    missing = tuple(name for name in requirement.metrics if name not in metrics)
+    if missing:
+        return JudgedRequirement(requirement.name, requirement.holds, None, float("nan"), "", missing)
+    found = requirement.judge({name: [metrics[name]] for name in requirement.metrics})
+    reserve = float(found.reserve[0])
+    return JudgedRequirement(requirement.name, requirement.holds, bool(found.held[0]), reserve, found.unit)
+
+
+def _log(source: Any) -> MissionLog:
+    if isinstance(source, MissionLog):
+        return source
+    return MissionLog.of(source) if isinstance(source, Trial) else MissionLog.read(source)
+
+
+def _loaded(mission: Any) -> Mission | None:
+    if mission is None:
+        return None
+    from seatrial.base.toml_file import loaded
+    from seatrial.flight.mission import Mission
+
+    found: Mission = loaded(Mission, mission)
+    return found
+
+
+def _pilot(autopilot: Any) -> Autopilot | None:
+    if autopilot is None:
+        return None
+    from seatrial.verification.campaign import autopilot_of
+
+    return autopilot_of(autopilot)
+
+
+def _without_steps(corridors: Mapping[str, Corridor], seen: Sequence[str]) -> list[str]:
+    """A sentence on corridors for which the log holds no step."""
+    least = {name: one.until_s for name, one in corridors.items() if name not in seen}
+    if not least:
+        return []
+    listed = ", ".join(f"{name} ({until:g} s)" for name, until in least.items())
+    return [f"The log holds no set-point step that stands until its corridor ends: {listed}."]
