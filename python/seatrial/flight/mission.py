@@ -44,7 +44,12 @@ _DIGITS = 4  # tenths of a millimetre: the file stays readable
 
 @dataclass(frozen=True)
 class Mission:
-    """A mission: waypoints, where it starts and what it may not leave. Immutable.
+    """A mission: waypoints, where it starts and what it may not leave. Made by `load`, immutable.
+
+    Attributes
+    ----------
+    core
+        The same in metres for the compiled core; nobody else needs it.
 
     Raises
     ------
