@@ -18,15 +18,9 @@ from seatrial.campaign.tuning_table import TuningTable
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.tuning import tuning_run
 from seatrial.tuning.performance import assess
-from seatrial.tuning.result import (
-    comparison_head,
-    comparison_rows,
-    gain_rows,
-    sentences,
-    trial_rows,
-    tuned_autopilot,
-)
+from seatrial.tuning.result import sentences, tuned_autopilot
 from seatrial.tuning.search import GroupResult, search_group, search_margins
+from seatrial.tuning.tables import comparison_head, comparison_rows, gain_rows, trial_rows
 from seatrial.tuning.tune import plan_of, tune
 from tests.base.killed import kill
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, start, tuned
@@ -285,10 +279,14 @@ def test_summary_and_tables_tell_verdict_gains_and_margins() -> None:
     tuned = one.of("tuned")
     assert tuned is not None
     assert trial_rows(tuned)[0][:3] == ("heading", "3.00", "+20 deg")
-    (row,) = comparison_rows(one)
-    assert len(row) == len(comparison_head(one))
+    (row,) = comparison_rows(one.performance)
+    assert len(row) == len(comparison_head(one.performance))
     assert row[0] == "heading"
-    assert {row[0] for row in gain_rows(one)} >= {"heading K_P", "heading K_I", "heading K_D"}
+    assert {row[0] for row in gain_rows(one.start, one.autopilot, one.plan.places)} >= {
+        "heading K_P",
+        "heading K_I",
+        "heading K_D",
+    }
 
 
 def test_a_response_outside_its_corridor_is_named() -> None:
@@ -343,7 +341,7 @@ def test_a_relay_autotuning_is_assessed_beside() -> None:
     beside = one.of("relay")
     assert beside is not None
     assert beside.autopilot.gains() == one.relay.autopilot.gains()
-    assert "relay" in " ".join(comparison_head(one))
+    assert "relay" in " ".join(comparison_head(one.performance))
 
 
 def test_a_refused_tuning_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial._core import Mission
-from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode
+from seatrial.control_design.autopilot_facts import AutopilotFacts, AutopilotMode, refuse_misfit
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.vehicle.authority import LOOPS, ROWS, reach, thrusts
 from seatrial.vehicle.stability import statics
@@ -26,16 +25,6 @@ _RANK = 1e-2  # of the largest singular value: what cannot be used in practice
 
 _LOITER = 1.2  # of the tightest circle: room for control
 
-_ANY_MISSION = """
-format = 1
-name = "fit"
-speed_m_s = 1.0
-acceptance_radius_m = 1.0
-[[legs]]
-north_m = 100.0
-east_m = 0.0
-"""
-
 
 def on_vehicle(
     autopilot: Autopilot, facts: AutopilotFacts, vehicle: Vehicle, *, voltage_v: float
@@ -47,7 +36,7 @@ def on_vehicle(
     VehicleError
         The autopilot does not fit the vehicle.
     """
-    autopilot.engage(vehicle, Mission.from_toml(_ANY_MISSION))
+    refuse_misfit(autopilot, vehicle)
     astern, top = top_speeds(vehicle, voltage_v=voltage_v)
     notes, warnings = _points(list(autopilot.speeds_m_s), astern, top)
     fastest = facts.guidance["speed_max_m_s"]

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial._core import Mission
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot
+    from seatrial._core import Autopilot, Vehicle
 
 __all__ = [
     "AutopilotFacts",
@@ -147,3 +148,25 @@ def refuse_other_laws(autopilot: Autopilot) -> None:
             f'{autopilot.name}: expected control = "pid", whose gains can be tuned, found "{control}";'
             " begin with an autopilot of PID loops"
         )
+
+
+_ANY_MISSION = """
+format = 1
+name = "fit"
+speed_m_s = 1.0
+acceptance_radius_m = 1.0
+[[legs]]
+north_m = 100.0
+east_m = 0.0
+"""
+
+
+def refuse_misfit(autopilot: Autopilot, vehicle: Vehicle) -> None:
+    """Refuse an autopilot that cannot steer a vehicle.
+
+    Raises
+    ------
+    VehicleError
+        A loop, an actuator or a limit of the autopilot does not fit.
+    """
+    autopilot.engage(vehicle, Mission.from_toml(_ANY_MISSION))

@@ -5,7 +5,6 @@ Held by tests/tuning/test_tune.py.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,10 +15,19 @@ import numpy as np
 from seatrial.base.atomic_write import parquet
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, to_json
-from seatrial.tuning.objective import GAINS
 from seatrial.tuning.performance import Performance
 from seatrial.tuning.search import GroupResult
-from seatrial.vehicle.authority import LOOPS
+from seatrial.tuning.tables import (
+    COMPARISON_TITLE,
+    GAIN_HEAD,
+    TRIAL_HEAD,
+    comparison_head,
+    comparison_rows,
+    gain_rows,
+    named_step,
+    seconds,
+    trial_rows,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,21 +39,7 @@ if TYPE_CHECKING:
     from seatrial.tuning.plan import TuningPlan
     from seatrial.tuning.relay import RelayTuning
 
-__all__ = [
-    "COMPARISON_TITLE",
-    "GAIN_HEAD",
-    "TRIAL_HEAD",
-    "Tuning",
-    "comparison_head",
-    "comparison_rows",
-    "gain_rows",
-    "on_another_vehicle",
-    "report",
-    "sentences",
-    "trial_rows",
-    "tuned_autopilot",
-    "without_table",
-]
+__all__ = ["Tuning", "report", "sentences", "tuned_autopilot", "without_table"]
 
 _DIGITS = 4
 
@@ -121,6 +115,13 @@ class Tuning:
     def held(self) -> bool:
         """Whether corridors and margins are held: by the vehicle itself, and by its linear loops."""
         return self.feasible and not self.short_margins
+
+    @property
+    def outcome(self) -> str:
+        """In a word or two: tuned, requirements not met, or interrupted."""
+        if self.interrupted:
+            return "interrupted"
+        return "tuned" if self.held else "tuned, requirements not met"
 
     @cached_property
     def margins(self) -> Mapping[str, list[ReportedMargins]]:
@@ -284,28 +285,7 @@ def _below(value: float, limit: float) -> str:
     return told
 
 
-TRIAL_HEAD = ("loop", "m/s", "step", "outside", "worst", "held", "rise", "over", "settled")
-
-GAIN_HEAD = ("gain", "unit", "m/s", "start", "tuned")
-
-_UNITS = {
-    "surge": "N s/m",
-    "sway": "N s/m",
-    "heave": "N/m",
-    "roll": "N m/rad",
-    "pitch": "N m/rad",
-    "heading": "N m/rad",
-}
-
-_OF_GAIN = {"K_P": "", "K_I": " per s", "K_D": " s"}
-
-_ENDINGS = {"_rad_s": "rad/s", "_m_s": "m/s", "_m": "m"}  # units of numbers that are no gains
-
 _MARGINS = "margins"
-
-_LEAST_S = 0.001  # a violation below is told as less than that
-
-COMPARISON_TITLE = "Side by side: outside in all, samples held"
 
 
 def report(tuning: Tuning) -> Report:
@@ -322,13 +302,18 @@ def report(tuning: Tuning) -> Report:
     ]
     tables = responses[:1]
     if len(tuning.performance) > 1:
-        tables.append(Table.of(COMPARISON_TITLE, comparison_head(tuning), comparison_rows(tuning)))
-    tables.append(Table.of("Gains at the breakpoints that are reached", GAIN_HEAD, gain_rows(tuning), left=2))
+        tables.append(
+            Table.of(
+                COMPARISON_TITLE, comparison_head(tuning.performance), comparison_rows(tuning.performance)
+            )
+        )
+    gains = gain_rows(tuning.start, tuning.autopilot, tuning.plan.places)
+    tables.append(Table.of("Gains at the breakpoints that are reached", GAIN_HEAD, gains, left=2))
     if not tuning.interrupted:
         tables.append(margin_table(tuning.margins["tuned"], title="Margins with the tuned gains"))
     return Report(
         title=tuning.plan.name,
-        outcome=_outcome(tuning),
+        outcome=tuning.outcome,
         good=_how_good(tuning),
         worst=worst,
         next_step=next_step,
@@ -337,12 +322,6 @@ def report(tuning: Tuning) -> Report:
             Section("Remarks", (*said, _effort(tuning)), tuple(responses[1:]), details=True),
         ),
     )
-
-
-def _outcome(tuning: Tuning) -> str:
-    if tuning.interrupted:
-        return "interrupted"
-    return "tuned" if tuning.held else "tuned, requirements not met"
 
 
 def _how_good(tuning: Tuning) -> str:
@@ -379,7 +358,7 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
     if out:
         trial = max(out, key=lambda one: one.nominal_s)
         return (
-            f"{_of(trial)}: outside its corridor by {_seconds(trial.nominal_s)} s{_why(tuning, trial)}",
+            f"{named_step(trial)}: outside its corridor by {seconds(trial.nominal_s)} s{_why(tuning, trial)}",
             f"widen the corridor of {trial.loop} if it asks too much, or give the search more room under"
             " [tuning] (bounds, budget)",
         )
@@ -391,8 +370,8 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
     loosest = min(tuned.trials, key=lambda one: (one.held, -one.worst_s), default=None)
     if loosest is not None and loosest.held < 1.0:
         return (
-            f"{_of(loosest)}: {1.0 - loosest.held:.0%} of the drawn vehicles leave the corridor, by up to"
-            f" {_seconds(loosest.worst_s)} s",
+            f"{named_step(loosest)}: {1.0 - loosest.held:.0%} of the drawn vehicles leave the corridor,"
+            f" by up to {seconds(loosest.worst_s)} s",
             verify,
         )
     if tuning.reverted:
@@ -427,8 +406,8 @@ def sentences(tuning: Tuning) -> list[str]:
         for trial in tuned.trials:
             if trial.held < 1.0:
                 lines.append(
-                    f"{_of(trial)}: within the corridor with {trial.held:.0%} of the samples, else outside by"
-                    f" up to {_seconds(trial.worst_s)} s of a step."
+                    f"{named_step(trial)}: within the corridor with {trial.held:.0%} of the samples, else"
+                    f" outside by up to {seconds(trial.worst_s)} s of a step."
                 )
     else:
         out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
@@ -438,7 +417,7 @@ def sentences(tuning: Tuning) -> list[str]:
             " narrow, or give the search more room under [tuning] (bounds, budget)."
         )
         lines += [
-            f"{_of(trial)}: outside by {_seconds(trial.nominal_s)} s of a step{_why(tuning, trial)}."
+            f"{named_step(trial)}: outside by {seconds(trial.nominal_s)} s of a step{_why(tuning, trial)}."
             for trial in out
         ]
     lines += _worse_than_start(tuning)
@@ -504,93 +483,13 @@ def _worse_than_start(tuning: Tuning) -> list[str]:
             sum(t.nominal_s for t in performance.trials if t.loop == loop) for performance in (start, tuned)
         )
         if now > was:
-            worse.append(f"{loop} {_seconds(now)} s, before {_seconds(was)} s")
+            worse.append(f"{loop} {seconds(now)} s, before {seconds(was)} s")
     if not worse:
         return []
     return [
         f"Further outside than with the start gains: {'; '.join(worse)}. What another loop or the margins"
         " need was bought with it: widen that loop's corridor, or ask for less margin."
     ]
-
-
-def on_another_vehicle(performance: Performance) -> str:
-    """Whether the responses keep to their corridors on a vehicle that the autopilot does not know."""
-    out = [trial for trial in performance.trials if trial.nominal_s > 0.0]
-    if not out:
-        return f"all {len(performance.trials)} responses stay within their corridors."
-    listed = "; ".join(f"{_of(trial)} by {_seconds(trial.nominal_s)} s" for trial in out)
-    return f"{len(out)} of {len(performance.trials)} responses leave their corridors: {listed}."
-
-
-def trial_rows(performance: Performance) -> list[tuple[str, ...]]:
-    """A row per trial, in the order of `TRIAL_HEAD`: violations in s, times in s, shares in per cent."""
-    return [
-        (
-            trial.loop,
-            f"{trial.speed_m_s:.2f}",
-            f"{trial.step:+.3g} {trial.unit}",
-            _seconds(trial.nominal_s),
-            _seconds(trial.worst_s),
-            f"{trial.held:.0%}",
-            _time(trial.rise_s),
-            f"{trial.overshoot:.0%}" if math.isfinite(trial.overshoot) else "-",
-            _time(trial.settling_s),
-        )
-        for trial in performance.trials
-    ]
-
-
-def comparison_head(tuning: Tuning) -> tuple[str, ...]:
-    """Head of `comparison_rows`."""
-    return (
-        "loop",
-        *(what for performance in tuning.performance for what in (f"{performance.name}, s", "held")),
-    )
-
-
-def comparison_rows(tuning: Tuning) -> list[tuple[str, ...]]:
-    """A row per loop: per autopilot the sum of the nominal violations, s, and the share of samples within."""
-    loops = list(
-        dict.fromkeys(trial.loop for performance in tuning.performance for trial in performance.trials)
-    )
-    rows = []
-    for loop in loops:
-        cells = [loop]
-        for performance in tuning.performance:
-            own = [trial for trial in performance.trials if trial.loop == loop]
-            cells += [
-                _seconds(sum(trial.nominal_s for trial in own)),
-                f"{sum(trial.held for trial in own) / len(own):.0%}",
-            ]
-        rows.append(tuple(cells))
-    return rows
-
-
-def gain_rows(tuning: Tuning) -> list[tuple[str, ...]]:
-    """A row per gain and breakpoint that is reached, and per other number that changed."""
-    start, tuned = tuning.start.gains(), tuning.autopilot.gains()
-    rows: list[tuple[str, ...]] = []
-    for loop in LOOPS:
-        for gain in GAINS:
-            for point in tuning.plan.places:
-                name = f"{loop}.{gain}.{point + 1}"
-                if name in start and (start[name] or tuned[name]):
-                    rows.append((
-                        f"{loop} {gain}",
-                        _UNITS[loop] + _OF_GAIN[gain],
-                        f"{tuning.start.speeds_m_s[point]:.2f}",
-                        f"{start[name]:.4g}",
-                        f"{tuned[name]:.4g}",
-                    ))
-    for name, value in tuned.items():
-        if not name.rpartition(".")[2].isdigit() and value != start[name]:
-            unit = next((unit for ending, unit in _ENDINGS.items() if name.endswith(ending)), "")
-            rows.append((name, unit, "", f"{start[name]:.4g}", f"{value:.4g}"))
-    return rows
-
-
-def _of(trial: StepPerformance) -> str:
-    return f"{trial.loop} at {trial.speed_m_s:.2f} m/s, step of {trial.step:+.3g} {trial.unit}"
 
 
 def _all_inside(count: int, whole: int, samples: int, *, drawn: bool) -> str:
@@ -606,15 +505,3 @@ def _all_inside(count: int, whole: int, samples: int, *, drawn: bool) -> str:
         f"All {count} responses of the vehicle itself stay within their corridors, there and back, and"
         f" {also} with {every}, too."
     )
-
-
-def _seconds(value: float) -> str:
-    if not math.isfinite(value):
-        return "diverged"
-    if 0.0 < value < _LEAST_S:
-        return f"<{_LEAST_S:g}"
-    return "0" if value == 0.0 else f"{value:.0f}" if value >= 100.0 else f"{value:.2g}"
-
-
-def _time(value: float) -> str:
-    return f"{value:.1f}" if math.isfinite(value) else "-"

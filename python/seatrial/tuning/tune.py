@@ -16,14 +16,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from seatrial._core import Autopilot, Mission
+from seatrial._core import Autopilot
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError
 from seatrial.base.progress import Progress
 from seatrial.base.run import RunDirectory, sha256
 from seatrial.base.toml_file import checked, loaded
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.tuning_table import TuningTable
-from seatrial.control_design.autopilot_facts import refuse_other_laws
+from seatrial.control_design.autopilot_facts import refuse_misfit, refuse_other_laws
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.plan import TuningPlan
@@ -184,17 +184,6 @@ def tune(
     return found
 
 
-_ANY_MISSION = """
-format = 1
-name = "fit"
-speed_m_s = 1.0
-acceptance_radius_m = 1.0
-[[legs]]
-north_m = 100.0
-east_m = 0.0
-"""
-
-
 def plan_of(
     campaign: Campaign, fit: Identification | Fitted | Vehicle | str | Path | None = None
 ) -> TuningPlan:
@@ -236,7 +225,7 @@ def _plan_without_file(
 def _refuse_what_cannot_fly(plan: TuningPlan, where: str) -> None:
     """Refuse before the search, and before a directory is made, what its first flight would refuse."""
     refuse_other_laws(plan.autopilot)
-    plan.autopilot.engage(plan.vehicle, Mission.from_toml(_ANY_MISSION))
+    refuse_misfit(plan.autopilot, plan.vehicle)
     try:
         sensors_of(plan.sensors, plan.vehicle)
     except TrialError as error:
