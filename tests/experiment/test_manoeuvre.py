@@ -231,7 +231,7 @@ def test_a_spiral_turns_tighter_and_then_the_other_way() -> None:
 @pytest.mark.parametrize("of", [1, 2, 4, 6])
 def test_multisines_have_a_low_crest_their_band_and_nothing_in_common(duration_s: float, of: int) -> None:
     t = np.arange(0.0, duration_s - 0.05, 0.1)
-    signals = [shapes.multisine_levels(t, duration_s, of=of, place=place) for place in range(of)]
+    signals = [shapes.multisine_levels(t, duration_s, of=of, index=index) for index in range(of)]
     for signal in signals:
         # The levels are searched on a finer grid than the samples, so the peak may lie between two of them.
         assert 0.98 < np.abs(signal).max() <= 1.0 + 1e-9
@@ -297,12 +297,12 @@ def test_the_forecast_is_deep_and_wide_enough_for_both_runs() -> None:
     turning = spiral(THRUSTERS, yaw, duration_s=60.0, ahead="half")
     other = uneven(CWOLF)
     seen = forecast(turning, CWOLF, other)
-    place = np.asarray(simulated(CWOLF, turning).position)
-    assert seen.along_m >= np.ptp(place[:, 0]) + 2.5  # the hull's length on top
-    assert seen.across_m >= np.ptp(place[:, 1]) + 2.5
+    position = np.asarray(simulated(CWOLF, turning).position)
+    assert seen.along_m >= np.ptp(position[:, 0]) + 2.5  # the hull's length on top
+    assert seen.across_m >= np.ptp(position[:, 1]) + 2.5
     # Least depth: two diameters of 0.3 m below the surface at the highest point.
-    assert seen.start_depth_m + place[:, 2].min() >= 0.6
-    assert seen.deepest_m >= seen.start_depth_m + place[:, 2].max()
+    assert seen.start_depth_m + position[:, 2].min() >= 0.6
+    assert seen.deepest_m >= seen.start_depth_m + position[:, 2].max()
     assert seen.excess is None
 
 

@@ -323,15 +323,15 @@ def recorded_information(
         total += rows.T @ rows
     total *= min(recorded.dt / instruments.correlation_s, 1.0)
     total += np.diag([unknown.prior_sd**-2.0 for unknown in recorded.unknowns])
-    places = {unknown.name: place for place, unknown in enumerate(recorded.unknowns)}
-    shared = [index for index, parameter in enumerate(parameters) if parameter.name in places]
-    keep = [places[parameters[index].name] for index in shared]
+    rows_of = {unknown.name: row for row, unknown in enumerate(recorded.unknowns)}
+    shared = [index for index, parameter in enumerate(parameters) if parameter.name in rows_of]
+    keep = [rows_of[parameters[index].name] for index in shared]
     # Coefficients that were estimated but are not sought stay unknown; their bounds hold for them too.
-    drop = [place for place in range(size) if place not in keep]
-    for place in drop:
-        unknown = recorded.unknowns[place]
+    drop = [row for row in range(size) if row not in keep]
+    for row in drop:
+        unknown = recorded.unknowns[row]
         if unknown.kind == "coefficient" and math.isfinite(unknown.scale):
-            total[place, place] += 12.0 / unknown.scale**2
+            total[row, row] += 12.0 / unknown.scale**2
     found = np.zeros((len(parameters), len(parameters)))
     found[np.ix_(shared, shared)] = eliminate(total, keep, drop)
     return found

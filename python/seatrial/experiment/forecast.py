@@ -305,9 +305,9 @@ def _fitted(
         low, high = 1, len(_AMPLITUDES)
         while fits.forecast.excess and low < high:  # bisection: what is smaller fits better
             middle = (low + high) // 2
-            one = tried(span, _AMPLITUDES[middle])
-            reason = one.forecast.excess or reason
-            low, high = (middle + 1, high) if one.forecast.excess else (low, middle)
+            smaller = tried(span, _AMPLITUDES[middle])
+            reason = smaller.forecast.excess or reason
+            low, high = (middle + 1, high) if smaller.forecast.excess else (low, middle)
             if low == high < len(_AMPLITUDES):
                 fits = tried(span, _AMPLITUDES[low])
         # What is shorter is only better where it can be larger.

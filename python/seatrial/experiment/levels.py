@@ -57,8 +57,8 @@ def held_levels(t: Array, levels: Sequence[float], ends: Sequence[float]) -> Arr
     >>> held_levels(np.arange(5.0), [1.0, -1.0], [2.0, 4.0])
     array([ 1.,  1., -1., -1.,  0.])
     """
-    place = np.searchsorted(np.asarray(ends) - 1e-9, t, side="right")
-    return np.append(np.asarray(levels, dtype=float), 0.0)[place]
+    index = np.searchsorted(np.asarray(ends) - 1e-9, t, side="right")
+    return np.append(np.asarray(levels, dtype=float), 0.0)[index]
 
 
 def staircase_levels(t: Array, duration_s: float, *, steps: int = 4, both: bool = True) -> Array:
@@ -98,12 +98,12 @@ def spiral_levels(t: Array, duration_s: float, *, steps: int = 3) -> Array:
 
 
 def multisine_levels(
-    t: Array, duration_s: float, *, band_hz: tuple[float, float] = (0.02, 0.25), of: int = 1, place: int = 0
+    t: Array, duration_s: float, *, band_hz: tuple[float, float] = (0.02, 0.25), of: int = 1, index: int = 0
 ) -> Array:
     """Levels (n,) of a sum of sines between two frequencies, largest level one, amplitude as 1/sqrt(f).
 
     Schroeder's phases, then a few rounds of clipping, keep the crest low. Of several signals at once (`of`)
-    each has its own harmonics of the duration (`place`), so that no two are correlated.
+    each has its own harmonics of the duration (`index`), so that no two are correlated.
 
     Parameters
     ----------
@@ -112,12 +112,12 @@ def multisine_levels(
         The signal repeats after this time.
     band_hz : tuple of float
         Lowest and highest frequency.
-    of, place : int
+    of, index : int
         Number of signals that act together, and the index of this one.
     """
     lowest = max(int(np.ceil(band_hz[0] * duration_s)), 1)
     highest = max(int(band_hz[1] * duration_s), lowest + 2 * of)
-    lines = np.arange(lowest + place, highest + 1, of)
+    lines = np.arange(lowest + index, highest + 1, of)
     power = 1.0 / lines
     power = power / power.sum()
     phases = -2.0 * np.pi * (np.cumsum(np.cumsum(power)) - np.cumsum(power))

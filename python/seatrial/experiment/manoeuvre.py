@@ -343,8 +343,8 @@ def multisine(
 ) -> Manoeuvre:
     """Sums of sines with low crest on one combination or several at once, each with its own frequencies."""
 
-    def part(place: int) -> Level:
-        return lambda t, span: multisine_levels(t, span, band_hz=band_hz, of=len(combinations), place=place)
+    def part(index: int) -> Level:
+        return lambda t, span: multisine_levels(t, span, band_hz=band_hz, of=len(combinations), index=index)
 
     which = _called(thrusters, combinations[0]) if len(combinations) == 1 else "all axes"
     way = f", {ahead} ahead" if ahead else ""
@@ -359,7 +359,7 @@ def multisine(
             f"{begun}{spoken} excited from {band_hz[0]:g} to {band_hz[1]:g} Hz with"
             f" {100 * amplitude:.0f} % of the thrust",
         ),
-        [(combination, part(place)) for place, combination in enumerate(combinations)],
+        [(combination, part(index)) for index, combination in enumerate(combinations)],
         duration_s=duration_s,
         amplitude=amplitude,
         ahead=ahead,

@@ -138,19 +138,19 @@ def plan(
             f"{vehicle.name}: no manoeuvre fits into the limits ({reasons}); give more room or time"
         )
     informations: list[Array] = []
-    for index, one in enumerate(fitting):
-        tell(0.2 + 0.8 * index / len(fitting), one.manoeuvre.name, index, len(fitting))
-        run = information(vehicle, one.manoeuvre, sought, given, voltage_v=voltage_v, threads=threads)
-        informations.append(one.manoeuvre.repeats(budget_s) * run)
+    for index, proposal in enumerate(fitting):
+        tell(0.2 + 0.8 * index / len(fitting), proposal.manoeuvre.name, index, len(fitting))
+        run = information(vehicle, proposal.manoeuvre, sought, given, voltage_v=voltage_v, threads=threads)
+        informations.append(proposal.manoeuvre.repeats(budget_s) * run)
 
     values = np.array([_value(vehicle, parameter) for parameter in sought])
     size = np.array([_size(parameter, value) for parameter, value in zip(sought, values, strict=True)])
     judge = _Judge(sought, values, size, counting, budget_s)
     sequence, after = judge.greedy(prior, fitting, informations, count)
-    stairs = [k for k, one in enumerate(fitting) if one.manoeuvre.kind == "staircase"]
+    stairs = [k for k, proposal in enumerate(fitting) if proposal.manoeuvre.kind == "staircase"]
     climbed, _ = judge.greedy(prior, [fitting[k] for k in stairs], [informations[k] for k in stairs], count)
     ranking = sorted(
-        (judge.ranked(prior, one, own) for one, own in zip(fitting, informations, strict=True)),
+        (judge.ranked(prior, proposal, own) for proposal, own in zip(fitting, informations, strict=True)),
         key=lambda r: r.score,
     )
     return Plan(
@@ -206,16 +206,16 @@ class _Judge:
             after=float(self.sigma(after)[index]),
         )
 
-    def ranked(self, before: Array, one: Proposal, own: Array) -> Ranked:
+    def ranked(self, before: Array, proposal: Proposal, own: Array) -> Ranked:
         """A trial with what it leaves and the coefficients that gain, the greatest gain first."""
         after = before + own
         gain = (self.sigma(before) - self.sigma(after)) / self.size
         order = [int(i) for i in np.argsort(-gain, kind="stable") if self.counting[i]]
         return Ranked(
-            manoeuvre=one.manoeuvre,
-            forecast=one.forecast,
-            amplitude=one.amplitude,
-            repeats=one.manoeuvre.repeats(self.budget_s),
+            manoeuvre=proposal.manoeuvre,
+            forecast=proposal.forecast,
+            amplitude=proposal.amplitude,
+            repeats=proposal.manoeuvre.repeats(self.budget_s),
             score=self.score(after),
             gains=tuple(self.change(i, before, after) for i in order),
         )
@@ -227,6 +227,7 @@ class _Judge:
         chosen: list[Ranked] = []
         total = prior
         for _ in range(count if fitting else 0):
+            # Of trials that are about as good, the one that needs the least area.
             scores = np.array([self.score(total + own) for own in informations])
             alike = np.flatnonzero(scores <= _ALIKE * scores.min())
             best = min(map(int, alike), key=lambda k: _area(fitting[k]))
@@ -292,8 +293,8 @@ def _linearised(
         ) from None
 
 
-def _area(one: Proposal) -> float:
-    return one.forecast.along_m * one.forecast.across_m
+def _area(proposal: Proposal) -> float:
+    return proposal.forecast.along_m * proposal.forecast.across_m
 
 
 def _value(vehicle: Vehicle, parameter: Parameter) -> float:

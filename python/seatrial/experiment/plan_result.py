@@ -153,8 +153,8 @@ class Plan:
                 "current_m_s": self.instruments.current_m_s,
             },
             "coefficients": [change.to_dict() for change in self.coefficients],
-            "sequence": [one.to_dict() for one in self.sequence],
-            "ranking": [one.to_dict() for one in self.ranking],
+            "sequence": [ranked.to_dict() for ranked in self.sequence],
+            "ranking": [ranked.to_dict() for ranked in self.ranking],
             "refused": dict(self.refused),
         }
 
@@ -180,10 +180,10 @@ class Plan:
             "plan.json": to_json(self.to_dict()),
             "summary.txt": self.summary() + "\n",
         }
-        for number, one in enumerate(self.sequence, 1):
+        for number, ranked in enumerate(self.sequence, 1):
             name = "trial" if number == 1 else f"trial-{number}"
-            files[f"{name}.csv"] = one.manoeuvre.table().write_csv()
-            files[f"{name}.toml"] = self.sheet(one, f"{name}.csv", number)
+            files[f"{name}.csv"] = ranked.manoeuvre.table().write_csv()
+            files[f"{name}.toml"] = self.sheet(ranked, f"{name}.csv", number)
         return files
 
     def report(self) -> Report:
@@ -217,21 +217,21 @@ class Plan:
             raise TrialError(f'{target}: expected the ending .csv, found "{target.suffix}"')
         if not 1 <= trial <= len(self.sequence):
             raise TrialError(f"trial {trial}: the plan has trials 1 to {len(self.sequence)}")
-        one = self.sequence[trial - 1]
+        ranked = self.sequence[trial - 1]
         sheet = target.with_suffix(".toml")
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            one.manoeuvre.write_csv(target)
-            sheet.write_text(self.sheet(one, target.name, trial), encoding="utf-8")
+            ranked.manoeuvre.write_csv(target)
+            sheet.write_text(self.sheet(ranked, target.name, trial), encoding="utf-8")
         except OSError as error:
             raise TrialError(
                 f"{target}: cannot be written ({error.strerror}); choose a folder that you may write to"
             ) from None
         return [target, sheet]
 
-    def sheet(self, one: Ranked, commands: str, trial: int) -> str:
+    def sheet(self, ranked: Ranked, commands: str, trial: int) -> str:
         """TOML text for the operator of a trial: manoeuvre, times, room, warnings, standard deviations."""
-        manoeuvre, seen = one.manoeuvre, one.forecast
+        manoeuvre, seen = ranked.manoeuvre, ranked.forecast
         depth = f"{seen.start_depth_m:.1f} m deep or deeper"
         lines = [
             f"# Trial {trial} of {len(self.sequence)} for {self.vehicle}. Depths are those of O.",
@@ -241,7 +241,7 @@ class Plan:
             f"what = {_text(manoeuvre.words)}",
             f"start = {_text(f'{manoeuvre.start.words}, {depth}')}",
             f"duration_s = {manoeuvre.duration_s:.1f}",
-            f"repeats = {one.repeats}",
+            f"repeats = {ranked.repeats}",
             f"pause_s = {manoeuvre.pause_s:.1f} # between repeats",
             f"area_m = [{seen.along_m:.0f}, {seen.across_m:.0f}] # along the course at the start, across it",
             f"start_depth_m = {seen.start_depth_m:.1f}",
@@ -257,7 +257,7 @@ class Plan:
         lines += [
             f"{_text(change.name)} = {{ before = {100 * change.relative_before:.1f},"
             f" after = {100 * change.relative_after:.1f} }}"
-            for change in one.gains[:_SHEET_ROWS]
+            for change in ranked.gains[:_SHEET_ROWS]
         ]
         return "\n".join(lines) + "\n"
 
@@ -302,7 +302,7 @@ def _report(found: Plan) -> Report:
 
 def _trials(found: Plan) -> Table:
     rows = [["", "so far", "", "", "", "", _number(found.score_before), ""]]
-    rows += [[str(number), *_cells(one)] for number, one in enumerate(found.sequence, 1)]
+    rows += [[str(number), *_cells(ranked)] for number, ranked in enumerate(found.sequence, 1)]
     title = (
         f"Next trials of {found.budget_s:g} s, in this order (score: sum of relative std. deviations left)"
     )
@@ -311,26 +311,28 @@ def _trials(found: Plan) -> Table:
 
 def _sheets(found: Plan) -> Iterator[str]:
     """How each trial is run, and what it may bring about."""
-    for number, one in enumerate(found.sequence, 1):
-        start = f"start {one.manoeuvre.start.words}, O {one.forecast.start_depth_m:.1f} m deep or deeper"
-        yield (
-            f"Trial {number}: {one.manoeuvre.words}; {start}; {_times(one)}; speed to"
-            f" {one.forecast.speed_m_s:.1f} m/s, heel to {one.forecast.roll_deg:.0f}, trim to"
-            f" {one.forecast.pitch_deg:.0f} deg."
+    for number, ranked in enumerate(found.sequence, 1):
+        start = (
+            f"start {ranked.manoeuvre.start.words}, O {ranked.forecast.start_depth_m:.1f} m deep or deeper"
         )
-        yield from (f"WARNING: trial {number}: {warning}" for warning in one.forecast.warnings)
+        yield (
+            f"Trial {number}: {ranked.manoeuvre.words}; {start}; {_times(ranked)}; speed to"
+            f" {ranked.forecast.speed_m_s:.1f} m/s, heel to {ranked.forecast.roll_deg:.0f}, trim to"
+            f" {ranked.forecast.pitch_deg:.0f} deg."
+        )
+        yield from (f"WARNING: trial {number}: {warning}" for warning in ranked.forecast.warnings)
 
 
 def _precision(found: Plan) -> Table:
     """Relative standard deviation of every coefficient, before and after each trial."""
-    after = [{change.name: change for change in one.gains} for one in found.sequence]
+    after = [{change.name: change for change in ranked.gains} for ranked in found.sequence]
     rows = [
         [
             change.name,
             change.unit,
             f"{change.value:.4g}",
             _percent(change.relative_before),
-            *(_percent(one[change.name].relative_after) for one in after),
+            *(_percent(changes[change.name].relative_after) for changes in after),
         ]
         for change in found.coefficients
     ]
@@ -342,10 +344,10 @@ def _precision(found: Plan) -> Table:
 def _others(found: Plan) -> Table:
     """The best manoeuvres instead of the first one, those that leave less than what is known already."""
     others, seen = [], {found.sequence[0].manoeuvre.name}
-    for one in found.ranking:
-        if one.manoeuvre.name not in seen and one.score < _WORTH * found.score_before:
-            seen.add(one.manoeuvre.name)
-            others.append(_cells(one, names=2))
+    for ranked in found.ranking:
+        if ranked.manoeuvre.name not in seen and ranked.score < _WORTH * found.score_before:
+            seen.add(ranked.manoeuvre.name)
+            others.append(_cells(ranked, names=2))
     title = f"The best of {len(others)} others"
     return Table.of(title, ["instead of trial 1", *_HEAD], others[:_OTHERS])
 
@@ -381,10 +383,10 @@ def _still_unknown(found: Plan) -> list[str]:
         if change.relative_after <= _UNKNOWN:
             continue
         best, left = "", change.relative_after
-        for one in found.ranking:
-            after = next(gain.relative_after for gain in one.gains if gain.name == change.name)
+        for ranked in found.ranking:
+            after = next(gain.relative_after for gain in ranked.gains if gain.name == change.name)
             if after < _BETTER * left:
-                best, left = one.manoeuvre.name, after
+                best, left = ranked.manoeuvre.name, after
         groups.setdefault(best, []).append(f"{change.name} ({_percent(left)} %)" if best else change.name)
     return [
         f"Still unknown to more than {100 * _UNKNOWN:.0f} %, "
@@ -394,23 +396,23 @@ def _still_unknown(found: Plan) -> list[str]:
     ]
 
 
-def _cells(one: Ranked, *, names: int = 3) -> list[str]:
+def _cells(ranked: Ranked, *, names: int = 3) -> list[str]:
     """Cells of a trial: name, thrust, times, area, depth, score, what it determines best."""
-    seen = one.forecast
+    seen = ranked.forecast
     return [
-        one.manoeuvre.name,
-        f"{100 * one.amplitude:.0f} %" if one.amplitude else "none",
-        _times(one),
+        ranked.manoeuvre.name,
+        f"{100 * ranked.amplitude:.0f} %" if ranked.amplitude else "none",
+        _times(ranked),
         f"{seen.along_m:.0f} x {seen.across_m:.0f}",
         f"{seen.deepest_m:.0f}",
-        _number(one.score),
-        ", ".join(change.name for change in one.gains[:names]),
+        _number(ranked.score),
+        ", ".join(change.name for change in ranked.gains[:names]),
     ]
 
 
-def _times(one: Ranked) -> str:
-    duration = f"{one.manoeuvre.duration_s:.0f} s"
-    return f"{one.repeats} x {duration}" if one.repeats > 1 else duration
+def _times(ranked: Ranked) -> str:
+    duration = f"{ranked.manoeuvre.duration_s:.0f} s"
+    return f"{ranked.repeats} x {duration}" if ranked.repeats > 1 else duration
 
 
 def _percent(share: float) -> str:
