@@ -1,10 +1,9 @@
-"""What can be said about a vehicle before it is believed: signs, speeds, stability, implausible numbers.
+"""A vehicle before its model is trusted: signs, speeds, stability, implausible numbers.
 
-What to say about course and pitch stability: a warning where a value is doubtful, a note where usual.
-
-A slender hull without enough lift behind is driven round by the Munk moment (Fossen 2011, chapter 12), which
+On course and pitch stability there is a warning where a value is doubtful, and a note where it is usual. A
+slender hull without enough lift behind is driven round by the Munk moment (Fossen 2011, chapter 12), which
 is a warning. A vehicle that is hardly longer than wide has no stable course either, and thrusters hold it.
-Held by tests/check/test_check_fins.py.
+Held by tests/check/test_check.py and tests/check/test_check_fins.py.
 """
 
 from __future__ import annotations

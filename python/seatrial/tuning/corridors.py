@@ -5,24 +5,15 @@ sqrt(s/a)`` for a position, speeding up and slowing down; half of the demand is 
 Dead time, lag and reference filter come on top, and the rise time is twice as much: ``rise = 2 (t + 3 late
 + 3/omega)``. Water that damps the motion, and guidance's own limits of rates, slow it further.
 
+The loop with its start gains, flown in still water, corrects that (`start_metrics`). Where it is slower or
+overshoots further, the corridor asks for 5 % less of it: what makes it so, such as fins in slow water,
+stays with other gains. Its noise at rest is what sensors, dead band and least thrust leave of a straight
+line: the standard deviation over the second half of the time before the step, its trend taken out. No
+corridor is narrower than five of them (the share of all instants beyond, were they independent and normal:
+6e-7), and no step so small that this would be wider than its band.
+
 Source: bang-bang control of a double integrator, e.g. Bryson and Ho, *Applied Optimal Control* (1975),
-section 3.9.
-
-Where the loop with its start gains, in still water, is slower or overshoots further than that, the corridor
-asks for 5 % less of it: what makes it so, such as fins in slow water, stays with other gains. Nor is it
-narrower than five standard deviations of what the loop does at rest (the share of all instants beyond, were
-they independent and normal: 6e-7), nor a step by default smaller than that asks for.
-Held by tests/tuning/test_tuning_plan.py.
-
-What a loop does with the gains that it has, flown in still water: noise at rest, and figures of a step.
-
-The noise at rest is what sensors, dead band and least thrust leave of a straight line: the standard deviation
-of the answer over the second half of the time before the step, its trend taken out. No corridor is narrower
-than five of them, and no step so small that this would be wider than its band. The figures of the step
-(`seatrial.tuning.criterion.step_metrics`) keep a default corridor from asking for more than the
-vehicle can do.
-
-Held by tests/tuning/test_tuning_plan.py.
+section 3.9. Held by tests/tuning/test_tuning_plan.py.
 """
 
 from __future__ import annotations

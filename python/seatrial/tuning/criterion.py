@@ -1,4 +1,4 @@
-"""Constraint criterion of a set-point response: the area outside its corridor, and figures of the response.
+"""Constraint criterion of a set-point response: the area outside its corridor, and metrics of the response.
 
 ``Q = WI_u * under + WI_o * over`` with ``under = sum max(C_u - y, 0) dt`` and ``over = sum max(y - C_o, 0)
 dt`` over the control periods of the corridor, in s (Taubert et al. 2014, (55)-(57), with ``y - C_o`` in the

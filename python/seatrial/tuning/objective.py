@@ -1,35 +1,31 @@
-"""Gains as parameters of a search: one factor on a start gain for each breakpoint that the trials move.
-
-A factor is searched by its logarithm, between the logarithms of its bounds. A point that no trial comes near
-goes with the nearest one that a trial does; a point that the vehicle never reaches takes its value from the
-nearest one that it does. A gain that starts at zero stays there. Held by
-tests/tuning/test_gain_parameters.py.
-
-Smoothness of gains along the breakpoints.
-
-Over each three neighbouring points the divided second difference of ln g with the speed x, in units of the
-mean spacing h of the points:
-
-    d_i = 2 h^2 [(ln g_{i+1} - ln g_i)/(x_{i+1} - x_i) - (ln g_i - ln g_{i-1})/(x_i - x_{i-1})]
-          / (x_{i+1} - x_{i-1})
-
-The penalty is the sum of d_i^2 over all gains: 0 where a gain grows by equal factors, and for the ratio of
-two neighbours it is the same whether the gain is in N or kN. Three neighbours of which one is zero (no
-integral there) stand aside, and so do points that are not reached. Source: Whittaker (1923), *On a new method
-of graduation*, for the sum of squared differences. Held by tests/tuning/test_gain_smoothness.py.
-
-The cost of a set of gains: what its responses violate, what its margins lack, what orders the feasible.
+"""The cost of a set of gains, and gains as parameters of a search.
 
     J = 10 Q + 30 M + 0.05 T + s S + 0.1 E
 
 Q is the constraint criterion in s (eq. 55-57 of Taubert et al., 2014, (57) corrected), the mean over
 trials, and of the samples the worst or a quantile; M is the shortfall of the margins; both are zero for
 feasible gains. T, the time-weighted error over the time, and E, the rate at which commands move, break the
-tie, and S, the roughness along the breakpoints, keeps a schedule from jumping. An integral of
-violations grows with the square of how far a response leaves its corridor, so that a search would settle a
-little outside: it is held against a corridor that is narrower by a headroom.
+tie. An integral of violations grows with the square of how far a response leaves its corridor, so that a
+search would settle a little outside: the search sees corridors that are narrower by a headroom.
 
-Held by tests/tuning/test_tuning_objective.py.
+S, the roughness along the breakpoints, keeps a schedule from jumping. Over each three neighbouring points the
+divided second difference of ln g with the speed x, in units of the mean spacing h of the points:
+
+    d_i = 2 h^2 [(ln g_{i+1} - ln g_i)/(x_{i+1} - x_i) - (ln g_i - ln g_{i-1})/(x_i - x_{i-1})]
+          / (x_{i+1} - x_{i-1})
+
+S is the sum of d_i^2 over all gains: 0 where a gain grows by equal factors, and for the ratio of two
+neighbours it is the same whether the gain is in N or kN. Three neighbours of which one is zero (no integral
+there) stand aside, and so do points that are not reached. Source: Whittaker (1923), *On a new method of
+graduation*, for the sum of squared differences.
+
+A parameter is one factor on a start gain for each breakpoint that the trials move, searched by its
+logarithm. A point that no trial comes near goes with the nearest one that a trial does; a point that the
+vehicle never reaches takes its value from the nearest one that it does. A gain that starts at zero stays
+there.
+
+Held by tests/tuning/test_tuning_objective.py, tests/tuning/test_gain_smoothness.py and
+tests/tuning/test_gain_parameters.py.
 """
 
 from __future__ import annotations

@@ -1,13 +1,10 @@
-"""How an autopilot's responses keep to their corridors: every trial, nominal and over samples.
+"""How an autopilot's responses keep to their corridors: every trial, nominal and over samples, and why not.
 
-Held by tests/tuning/test_tune.py.
+Why a response leaves its corridor tells the same step with perfect sensors, in still water: where it stays
+inside, noise or latency is what is left; where not, its metrics tell which bound the loop cannot keep to.
 
-Why a response of the vehicle itself leaves its corridor with the tuned gains, in words.
-
-The same step is flown with perfect sensors, in still water. Where it stays inside, noise or latency is what
-is left; where not, its figures tell which bound it is that the loop cannot keep to.
-
-Held by tests/tuning/test_tune.py and tests/tuning/test_tuning_words.py.
+Held by tests/tuning/test_tune.py, tests/tuning/test_performance_claims.py and
+tests/tuning/test_tuning_words.py.
 """
 
 from __future__ import annotations

@@ -5,18 +5,15 @@ concerned are first brought to where all margins hold, as near to the start as t
 tried while another one lets the vehicle tumble. Then the groups take their turn, each with the gains that
 the others have found; those that violate a corridor after all had their turn are searched again.
 
-Held by tests/tuning/test_tune.py.
+At last groups of gains are reverted to their start values where the search made a loop worse
+(`revert_gains`): a group is searched beside the gains of the others, which may move afterwards, and its
+margins may have cost it more than they are worth. Each time the group that improves most is reverted, until
+no loop is further outside than with the start gains. What no group owns and the search of the margins has
+moved is one more of them; all start gains are the last resort. What the vehicle itself keeps to, corridors
+and margins in the weights of the search, is not given up: neither for one loop nor for the worst of the
+drawn vehicles.
 
-Start gains that are better than what a search found: a tuning hands out nothing worse than what there was.
-
-A group is searched beside the gains of the others, which may move afterwards, and its margins may have cost
-it more than they are worth. Where a loop leaves its corridors further than with the start gains, or where
-everything together is worse, groups get their start gains again, each time the one that mends most, until no
-loop is worse. What no group owns and the search of the margins has moved is one more of them; all start gains
-are the last resort. What the vehicle itself keeps to, corridors and margins in the weights of the search, is
-not given up: neither for one loop nor for the worst of the drawn vehicles.
-
-Held by tests/tuning/test_revert_gains.py.
+Held by tests/tuning/test_tune.py and tests/tuning/test_revert_gains.py.
 """
 
 from __future__ import annotations

@@ -1,14 +1,10 @@
-"""Set-point steps of a loop as data: what is stepped, how far, at which speeds, and what the answers meet.
-
-Held by tests/tuning/test_step_trial.py.
-
-Set-point steps of one loop on the full non-linear closed loop, held against their corridors.
+"""Set-point steps of one loop on the full non-linear closed loop, held against their corridors.
 
 A trial is a flight at a speed: the loop settles at its set point, steps, and after the corridor's end steps
-back, so that it is assessed in both directions. Heading, speed and, where the loop is none of them, depth
-stay with guidance on a straight level leg north; what may happen to them meanwhile are corridors beside it.
+back, so that it counts in both directions. Heading, speed and, where the loop is none of them, depth stay
+with guidance on a straight level leg north; what may happen to them meanwhile are corridors beside it.
 A path is stepped by moving the whole plan: guidance and the loop answer together. All candidates fly
-abreast with the same noise (`seatrial.flight.fly`; sums in the core's ``flight/trial.rs``).
+in lockstep with the same noise (`seatrial.flight.fly`; the core adds up the sums).
 
 Sensors have their noise, digits, rates and delays, but no offset, no drift and no drop-outs: an offset that
 is constant through a flight moves the answer, a log that falls silent in the middle of a step leaves any
