@@ -19,7 +19,7 @@ import numpy as np
 from seatrial.base import frames, units
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, TrialError, nearest
-from seatrial.trial.columns import Source, source_of
+from seatrial.trial.columns import Source, mapped
 from seatrial.trial.readers import read_table
 from seatrial.trial.table import numbers, time_base
 from seatrial.vehicle.actuators import actuator_groups
@@ -122,13 +122,7 @@ def _sources(
             raise TrialError(
                 f'{file}: column map: "{canonical}" is no column of a bench test{nearest(canonical, known)}'
             )
-        source = source_of(entry, f"{file}: column map, {canonical}")
-        if source.column not in present:
-            raise TrialError(
-                f'{file}: column map, {canonical}: there is no column "{source.column}" in the recording'
-                f"{nearest(source.column, present)}"
-            )
-        given[canonical] = source
+        given[canonical] = mapped(canonical, entry, present, file)
     sources: dict[str, Source] = {}
     for canonical, source in given.items():
         kind, dot, name = canonical.partition(".")

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError, nearest
 
-__all__ = ["CANONICAL", "GROUPS", "Group", "Source", "parse", "source_of"]
+__all__ = ["CANONICAL", "GROUPS", "Group", "Source", "mapped", "parse"]
 
 
 @dataclass(frozen=True)
@@ -95,13 +95,7 @@ def parse(columns: Mapping[str, Any] | None, present: Sequence[str], file: str) 
     sources: dict[str, Source] = {}
     for canonical, given in (columns or {}).items():
         _check_canonical(canonical, file)
-        source = source_of(given, f"{file}: column map, {canonical}")
-        if source.column not in present:
-            raise TrialError(
-                f'{file}: column map, {canonical}: there is no column "{source.column}" in the recording'
-                f"{_near_or_listed(source.column, present)}"
-            )
-        sources[canonical] = source
+        sources[canonical] = mapped(canonical, given, present, file)
     for name in present:
         if name not in sources and (name in CANONICAL or _actuator(name)):
             sources[name] = Source(name)
@@ -129,18 +123,35 @@ def _check_canonical(name: str, file: str) -> None:
         raise TrialError(f'{file}: column map: "{name}" is no canonical column{nearest(name, known)}')
 
 
-def source_of(given: Any, where: str) -> Source:
+def mapped(canonical: str, given: Any, present: Sequence[str], file: str) -> Source:
+    """Source of a canonical column from its entry in a column map, which the recording must have.
+
+    Raises
+    ------
+    TrialError
+        The entry is wrong, or the recording has no such column.
+
+    Examples
+    --------
+    >>> mapped("u_m_s", {"from": "speed", "unit": "cm/s"}, ["speed"], "log.csv").unit
+    'cm/s'
+    """
+    source = _source_of(given, f"{file}: column map, {canonical}")
+    if source.column not in present:
+        raise TrialError(
+            f'{file}: column map, {canonical}: there is no column "{source.column}" in the recording'
+            f"{_near_or_listed(source.column, present)}"
+        )
+    return source
+
+
+def _source_of(given: Any, where: str) -> Source:
     """Source of a canonical column from its entry in a column map: the column's name, or a table.
 
     Raises
     ------
     TrialError
         An unknown key or a value of the wrong type; the message begins with `where`.
-
-    Examples
-    --------
-    >>> source_of({"from": "speed", "unit": "cm/s"}, "u_m_s").unit
-    'cm/s'
     """
     if isinstance(given, str):
         return Source(given)
