@@ -196,7 +196,7 @@ def current_words(current: Sequence[float]) -> str:
 
     Examples
     --------
-    >>> words((0.3, 0.3))
+    >>> current_words((0.3, 0.3))
     'a steady current of 0.42 m/s towards 45 deg'
     """
     north, east = current
@@ -237,7 +237,7 @@ def offset_words(channel: str, offset: float) -> str:
 
     Examples
     --------
-    >>> words("pitch", 0.01745)
+    >>> offset_words("pitch", 0.01745)
     'the sensor of pitch reads +1 deg too much'
     """
     scale, unit = readable(channel)
