@@ -40,16 +40,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.flight.mission import Mission
 
-__all__ = [
-    "FAULT_WIDTH",
-    "OUTAGE_WIDTH",
-    "Draws",
-    "cause_columns",
-    "draw_missions",
-    "fault_draws",
-    "outage_draws",
-    "targets",
-]
+__all__ = ["Draws", "draw_missions", "targets"]
 
 FaultRow = tuple[int, str, float, float]
 
@@ -101,16 +92,6 @@ class Draws:
     def __len__(self) -> int:
         """Number of cases."""
         return len(self.numbers)
-
-    def of_mission(self, index: int) -> Draws:
-        """Those that fly one mission, in order.
-
-        Parameters
-        ----------
-        index : int
-            Its place in the list of missions.
-        """
-        return self.take(np.flatnonzero(self.mission == index))
 
     def take(self, places: ArrayLike) -> Draws:
         """Some of the cases, in the order given; rows of faults and outages count within them.

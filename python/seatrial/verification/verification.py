@@ -32,16 +32,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.flight.flight import Flight
 
-__all__ = [
-    "Verification",
-    "again",
-    "input_files",
-    "junit",
-    "report",
-    "requirement_lines",
-    "reserve",
-    "time_sentence",
-]
+__all__ = ["WITHOUT_FILE", "Verification", "input_files", "reserve"]
 
 
 @dataclass(frozen=True, eq=False)
