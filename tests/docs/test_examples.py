@@ -118,11 +118,3 @@ def test_every_theory_page_says_source_validity_and_tests() -> None:
             assert "**Validity**" in page, name
             assert "**Held by** `" in page, name
             assert "$" in page, name
-
-
-def test_files_of_the_index_exist() -> None:
-    sources = [*(ROOT / "crates").rglob("*.rs"), *(ROOT / "python").rglob("*.py")]
-    files = re.findall(r"`([\w/]+\.(?:rs|py))`", text("docs/index.md"))
-    assert files
-    for file in files:
-        assert any(path.as_posix().endswith(f"/{file}") for path in sources), file

@@ -120,7 +120,7 @@ def test_defaults_of_the_campaign_file_are_those_of_its_page() -> None:
 def test_keys_of_the_vehicle_file_are_those_of_its_page() -> None:
     known: set[str] = set()
     for source in ("vehicle_file.rs", "vehicle_file/fin_table.rs", "geometry.rs"):
-        code = (ROOT / "crates" / "seatrial" / "src" / source).read_text(encoding="utf-8")
+        code = (ROOT / "crates" / "seatrial" / "src" / "description" / source).read_text(encoding="utf-8")
         code = re.sub(r"//.*", "", code)
         for body in re.findall(r"^pub (?:struct|enum) \w+ \{\n(.*?)^\}", code, re.MULTILINE | re.DOTALL):
             known |= {renamed or field for renamed, field in FIELD.findall(body)}
@@ -146,7 +146,7 @@ def test_keys_of_the_mission_file_are_those_of_its_page() -> None:
 
 def test_keys_of_the_autopilot_file_are_those_of_its_page() -> None:
     files = ("autopilot/file", "guidance/table", "allocation/table", "safety", "lqr/table")
-    known = _keys_of_rust(*(f"{file}.rs" for file in files))
+    known = _keys_of_rust(*(f"control/{file}.rs" for file in files))
     assert {"format", "K_I_per_s", "lookahead_m", "fin_inflow", "after_s", "tracking_s"} <= known
     assert set(ROW.findall(text("docs/autopilot-file.md"))) == known
 
