@@ -15,8 +15,7 @@ from seatrial._core import Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
-from seatrial.estimation.frozen_motion import frozen_motion, frozen_sentences
-from seatrial.estimation.stage import plan
+from seatrial.estimation.stage import frozen_motion, frozen_sentences, plan
 from seatrial.identification.identify import identify
 from tests.identification.test_identify import HEAD
 

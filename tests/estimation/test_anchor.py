@@ -16,15 +16,8 @@ from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import Anchor
-from seatrial.estimation.scale import (
-    added_mass_factor,
-    homogeneity,
-    homogeneous_direction,
-    implied,
-    judge_scale,
-    ratios,
-    scaled,
-)
+from seatrial.estimation.homogeneity import homogeneity, homogeneous_direction, ratios, scaled
+from seatrial.estimation.scale import added_mass_factor, implied, judge_scale
 from seatrial.vehicle.actuators import bollard
 
 VEHICLES = [*Vehicle.names(), str(Path(__file__).parents[1] / "core" / "every_term.toml")]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seatrial._core import Vehicle
 from seatrial.campaign.parameters import Parameter
-from seatrial.estimation.scale import STATIC, THRUST, Held, Homogeneity
+from seatrial.estimation.homogeneity import STATIC, THRUST, Held, Homogeneity
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 
 Array = NDArray[np.float64]

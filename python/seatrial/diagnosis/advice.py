@@ -6,10 +6,8 @@ moment that needs forward and sideways speed, ``K_pdot`` a roll moment that need
 of a group of actuators as campaigns free them. The manoeuvres are those of sea trials (ITTC 7.5-04-02-01,
 full-scale manoeuvring trials) and of the tank: free decay, bollard pull, inclining test.
 
-Sentences about what the data cannot tell, and the manoeuvre or measurement that would tell it.
-
-What `seatrial.diagnosis.identifiability` finds as numbers is said here in words, by physics alone: from the
-coefficients' names (`seatrial.diagnosis.advice`), for any vehicle.
+From the names alone, for any vehicle, follow the sentences about what the data cannot tell
+(`seatrial.diagnosis.identifiability`) and the manoeuvre or measurement that would tell it.
 """
 
 from __future__ import annotations

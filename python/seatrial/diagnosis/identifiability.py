@@ -13,10 +13,8 @@ less add nothing. With a standard deviation above `WEAK` of it a coefficient is 
 identifiable.
 
 What is not identifiable is described by its smallest combinations (`seatrial.diagnosis.weak_combination`)
-in one sentence each (`seatrial.diagnosis.identifiability`). All of it is local: it holds for the linearised
-model at one point, and for a model of the right structure.
-
-What a linearised estimate leaves undetermined, and the sentence that says what would determine it.
+in one sentence each, with what would determine it. All of it is local: it holds for the linearised model at
+one point, and for a model of the right structure.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
-"""Candidates of missing terms: coefficients that an estimate holds and that act on a free axis.
+"""Missing terms: coefficients that the campaign holds and the residuals ask for, ranked, with alternatives.
 
-Missing terms: coefficients that the campaign holds and the residuals ask for, ranked, with alternatives.
+Candidates are the coefficients that an estimate holds and that act on a free axis. Each is tried by an exact
+score test (`seatrial.statistics.score_test`), at a false discovery rate over all that are tried. Among the
+significant ones that of the largest gain leads; one that adds nothing beside it, and beside which it adds
+nothing, is an alternative that these data cannot tell from it ("free Y_ur or Y_rdot"). Then the leader counts
+as fitted and the rest is tried again.
 
-Every coefficient that is not estimated is tried by an exact score test (`seatrial.statistics.score_test`),
-at a false discovery rate over all that are tried. Among the significant ones that of the largest gain
-leads; one that adds nothing beside it, and beside which it adds nothing, is an alternative that these data
-cannot tell from it ("free Y_ur or Y_rdot"). Then the leader counts as fitted and the rest is tried again.
+Tests: ``tests/diagnosis/test_residual_analysis.py``.
 """
 
 from __future__ import annotations

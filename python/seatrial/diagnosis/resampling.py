@@ -1,17 +1,16 @@
-"""Profile of the criterion: its smallest value with some unknowns held along a line and the rest refitted.
+"""Checks of a joint estimate's covariance: the profile of the criterion and the block bootstrap.
 
-Where the curve leaves the parabola of the linearisation, standard deviations mislead and the profile's own
-interval holds (Bates and Watts 1988, section 6.1). Correlated errors raise the threshold by the ratio of the
-sandwich variance to the naive one.
+*Profile*: the criterion's smallest value with some unknowns held along a line and the rest refitted. Where it
+leaves the parabola of the linearisation, standard deviations mislead and the profile's own interval holds
+(Bates and Watts 1988, section 6.1). Correlated errors raise the threshold by the ratio of the sandwich
+variance to the naive one.
 
-Block bootstrap of a joint estimate: a check of its covariance that assumes no distribution.
-
-Blocks are weighted with exponential numbers (Bayesian bootstrap, Rubin 1981, Ann. Stat. 9:130): like drawing
-them with replacement, but the only block that tells of an unknown is never lost. Each draw is one
-Gauss-Newton step from the estimate. The centre of each prior is drawn from the prior.
-
-With few blocks its intervals are too narrow, as those of every bootstrap of blocks (in the cases of
-`seatrial.statistics.uncertainty` they cover 78 to 90 %): they check those intervals and do not replace them.
+*Block bootstrap*: no distribution is assumed. Blocks are weighted with exponential numbers (Bayesian
+bootstrap, Rubin 1981, Ann. Stat. 9:130): like drawing them with replacement, but the only block that tells of
+an unknown is never lost. Each draw is one Gauss-Newton step from the estimate. The centre of each prior is
+drawn from the prior. With few blocks its intervals are too narrow, as those of every bootstrap of blocks (in
+the cases of `seatrial.statistics.uncertainty` they cover 78 to 90 %): they check those intervals and do not
+replace them.
 """
 
 from __future__ import annotations

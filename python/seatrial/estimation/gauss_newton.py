@@ -70,12 +70,16 @@ class GaussNewton:
         from scipy.linalg import cholesky, solve_triangular
         from scipy.optimize import least_squares
 
+        # One differentiated flight per round; the steps within it reuse derivatives and weights.
         locals_, information, gradient = self.differentiated(values, initial)
         precision = self.prior_sd**-2.0
         information = information + np.diag(precision)
         gradient = gradient - precision * (values - centre)
+        # The solver sees unknowns in widths of their bounds, so that one trust region fits all.
         free = self.free
         scaled = information[np.ix_(free, free)] * np.outer(self.scale[free], self.scale[free])
+        # Its Jacobian is a Cholesky factor of the reduced information: m rows stand for all samples. On a unit
+        # diagonal the small ridge keeps a factor where the data leave a direction undetermined.
         size = np.sqrt(np.diag(scaled))
         factor = cholesky(scaled / np.outer(size, size) + 1e-12 * np.eye(len(free)), lower=False) * size
         at = values.copy()
@@ -93,6 +97,8 @@ class GaussNewton:
             twice = 2.0 * self.cost(new, begun, centre, residuals)
             if not math.isfinite(twice):
                 return np.full(len(free) + 1, np.inf)
+            # The head has the model's gradient, the last entry fills up to the true cost: the solver accepts
+            # a step by what the simulation says and not by the linearisation.
             pull = self.pull(locals_, residuals) - precision * (new - centre)
             head = -solve_triangular(factor, pull[free] * self.scale[free], trans="T")
             return np.append(head, math.sqrt(max(twice - head @ head, 0.0)))
@@ -136,13 +142,17 @@ class GaussNewton:
         rows = (by_unknown / self.noise[:, None]).reshape(len(flat), -1)
         own = (by_initial / self.noise[:, None]).reshape(len(flat), -1)
         weighted = weight[:, None] * own
+        # The block of the segment's own initial conditions, with their prior: small, and solved here.
         inside = initial[self.initial_places]
         precision = self.joint.initial_sd**-2.0
         normal = own.T @ weighted + np.diag(precision)
+        # Initial conditions follow a step of the unknowns linearly, about where they move without one.
         follow: Array = np.asarray(np.linalg.solve(normal, weighted.T @ rows), dtype=float)
         toward: Array = np.asarray(
             np.linalg.solve(normal, weighted.T @ flat - precision * inside), dtype=float
         )
+        # Schur complement: what of the unknowns' columns the initial conditions cannot imitate. Information
+        # and gradient of all segments then add up in the unknowns alone.
         left = rows - own @ follow
         weighted_rows = weight[:, None] * rows
         downhill = weighted_rows.T @ flat - (weighted_rows.T @ own) @ toward

@@ -2,25 +2,17 @@
 
 The thrust f_k(t) of every actuator without inflow, behind limits and lag, over what the campaign fits. Its
 columns about their means (a constant thrust cannot be told from a bias force), each over its own root mean
-square, have singular values: a small one is a combination ``sum c_k f_k`` that never changes.
+square, have singular values: a small one is a combination ``sum c_k f_k`` that never changes, shown in
+readable form.
 
 A gain error dg makes the wrench error ``sum b_k dg_k f_k``, b_k being the wrench of actuator k per newton.
 Where the f_k are independent, every row of the wrench by itself tells every gain that acts in it. Where they
 are not, gains differ only by what they couple into other axes, and an offset centre, a lever or off-diagonal
-damping of the hull says that as well. So then: one gain per group and direction, or one per axis.
+damping of the hull says that as well. So then: one gain per group and direction, whose input is the wrench of
+all its actuators, or one per axis: a force is scaled by the gain of the group that makes most of it, a moment
+by a group's levers.
 
 Source: Golub & Van Loan, *Matrix Computations* (2013), section 2.4 (singular values), 5.5 (rank deficiency).
-Tests: ``tests/estimation/test_inputs.py``.
-
-Combinations of signals that are hardly driven: the null space of their matrix, in readable form.
-
-Tests: ``tests/estimation/test_inputs.py``.
-
-Thrust gains that a campaign may free: single ones, one per group and direction, or one per axis.
-
-A group's gain multiplies the thrust of all its actuators, so its input is the wrench of them all. Of the rows
-of the wrench, a force is scaled by the gain of the group that makes most of it, a moment by a group's levers.
-
 Tests: ``tests/estimation/test_inputs.py``.
 """
 

@@ -1,9 +1,10 @@
-"""Joint polish: Gauss-Newton on all coefficients, nuisance parameters and initial conditions at once.
+"""Joint estimate: Gauss-Newton on all coefficients, nuisance parameters and initial conditions at once.
 
-The rounds are those of `seatrial.estimation.gauss_newton`; here stands how they follow one another, from
-one start or
+The rounds are those of `seatrial.estimation.gauss_newton`. Here they follow one another, from one start or
 several, until a round promises nothing more. The loss is squared or Huber's, its knee in standard deviations
 of the channel's residual, which are estimated on the way.
+
+Tests: ``tests/estimation/test_polish.py``.
 """
 
 from __future__ import annotations

@@ -1,23 +1,7 @@
-"""The homogeneous direction: mass, damping, restoring and thrust scaled together change no motion.
+"""Absolute scale of an identified vehicle: what an anchor implies, and how it compares with what was held.
 
-Both sides of ``M nu' = tau - C(nu) nu - D nu + tau_L - g + bias`` are of the first degree in mass, inertia,
-added mass, damping, lift, weight, buoyancy, bias and thrust; centres, lags and dead times stay. Trials
-therefore tell ratios only, and what a campaign holds decides the scale of all that it frees. Of mass and
-added mass, of weight and buoyancy only the sums act: a mass held beside a free added mass holds nothing.
-
-Source: Fossen (2011), equation 7.9, linear in its coefficients.
-Tests: ``tests/estimation/test_anchor.py``.
-
-What an absolute anchor implies for an identified vehicle: a sanity check, printed.
-
-An identified vehicle is right up to one factor on all forces (`seatrial.estimation.scale`). The factor of
-an anchor (`seatrial.estimation.scale`) turns it into true values: thrust gains, added masses, net
-weight, height of the centre of gravity. What cannot be is said. Without an anchor one is asked for.
-
-Source: Fossen (2011), section 4.1.2 (righting moment), equation 7.9.
-Tests: ``tests/estimation/test_anchor.py``.
-
-Scale by an absolute anchor: one known force or mass over the same one in an identified vehicle.
+An identified vehicle is right up to one factor on all forces (`seatrial.estimation.homogeneity`). An anchor
+is one known force or mass; over the same one in the identified vehicle it gives the factor:
 
 * bollard: force measured at rest over that of the model's thrusters under the same commands;
 * ballast: its weight in water over the force that the model needs for the answer that was seen: a steady
@@ -26,26 +10,28 @@ Scale by an absolute anchor: one known force or mass over the same one in an ide
   an assumption: by default between Lamb's factor k times the water that the mass itself displaces and k times
   the water in the ellipsoid of the hull's measures, for water inside an open frame moves along or does not.
 
+The factor turns the vehicle into true values: thrust gains, added masses, net weight, height of the centre of
+gravity. Values that cannot be are named. Without an anchor one is asked for.
+
 Source: Lamb, *Hydrodynamics* (1932), sections 114 and 121a: ``k = alpha_0/(2 - alpha_0)``, the integral
-alpha_0 by Carlson's R_D (Carlson, *Numerical Algorithms* 10, 1995, 13).
+alpha_0 by Carlson's R_D (Carlson, *Numerical Algorithms* 10, 1995, 13); Fossen (2011), section 4.1.2
+(righting moment), equation 7.9.
 Tests: ``tests/estimation/test_anchor.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Anchor, Ballast, Bollard, DryMass
-from seatrial.campaign.parameters import coefficient_names, parameters
-from seatrial.estimation.joint import joint_stage
-from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard, pushes
+from seatrial.estimation.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
+from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -54,248 +40,15 @@ if TYPE_CHECKING:
 __all__ = [
     "MOTIONS",
     "Factor",
-    "Held",
-    "Homogeneity",
     "Implied",
     "ScaleReport",
     "added_mass_factor",
     "ballast_factor",
     "bollard_factor",
     "dry_mass_factor",
-    "homogeneity",
-    "homogeneous_direction",
     "implied",
     "judge_scale",
-    "ratios",
-    "scaled",
-    "thrust_factors",
 ]
-
-_CENTRES = frozenset(f"{axis}_{centre}" for axis in "xyz" for centre in "gb")
-
-_CURVE = (
-    *("p1_ahead", "p1_astern", "p2", "q1", "q2"),
-    *(f"{name}_{side}" for name in ("a0", "a1", "a11") for side in ("ahead", "astern")),
-)
-
-_LEVER = 1e-9  # kg m, N m: a product smaller than this is zero
-
-WRENCH, THRUST, MASS, NET = "wrench", "thrust", "mass and inertia", "net weight"
-
-RIGHTING, FORCES, STATIC = "righting moment", "damping, lift and bias", "static moment"
-
-
-@dataclass(frozen=True)
-class Held:
-    """What a campaign holds of the homogeneous direction: its kind and its members as people write them."""
-
-    kind: str
-    members: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Homogeneity:
-    """The homogeneous direction of a campaign: its members, which of them are free, what holds the scale.
-
-    Attributes
-    ----------
-    members
-        Coefficients that scaled together change no motion.
-    free
-        Those of them that the campaign frees.
-    held
-        What is held and acts in the free axes, the most telling first; empty: the scale is arbitrary.
-    """
-
-    members: tuple[str, ...]
-    free: tuple[str, ...]
-    held: tuple[Held, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The direction as plain data for JSON."""
-        return asdict(self) | {"sentences": self.sentences()}
-
-    def sentences(self) -> list[str]:
-        """Name of the direction, and what the scale rests on."""
-        said = [
-            "Scaled together, mass and added mass, damping, lift, weight in water, bias and thrust change no"
-            " motion: trials tell ratios, and the scale rests on what is held"
-        ]
-        found = {one.kind: ", ".join(one.members) for one in self.held}
-        strong = [kind for kind in found if kind != STATIC]
-        if not strong:
-            weak = f" but {found[STATIC]}, which tell little" if found else ""
-            return [
-                *said,
-                f"Nothing is held{weak}: the estimates may grow or shrink together until one meets a bound."
-                " Hold a thrust gain, or mass and added mass of one axis",
-            ]
-        first = strong[0]
-        words = f"the thrust of {found[first]} as in the vehicle file" if first == THRUST else found[first]
-        said.append(f"The scale rests on {words}")
-        if beside := [found[kind] for kind in strong[1:]]:
-            said.append(
-                f"Held at the vehicle file's values beside it: {'; '.join(beside)}. If the scale is wrong, so"
-                " is their share: free them or scale them too"
-            )
-        return said
-
-
-def homogeneous_direction(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the coefficients that scaled together change no motion under the same commands.
-
-    A thruster's thrust and torque are scaled by its gain; `scaled` divides its loss per newton.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> direction = homogeneous_direction(st.Vehicle.load("cwolf"))
-    >>> "X_uu" in direction, "PL.gain" in direction, "z_b" in direction
-    (True, True, False)
-    """
-    values = vehicle.coefficients()
-    hull = [name for name, value in values.items() if "." not in name and name not in _CENTRES and value]
-    return (*hull, *(f"{name}.gain" for name in vehicle.actuators))
-
-
-def scaled(vehicle: Vehicle, factor: float) -> Vehicle:
-    """Vehicle with the homogeneous direction scaled: it moves alike under the same commands."""
-    values = vehicle.coefficients()
-    together = {name: factor * values[name] for name in homogeneous_direction(vehicle) if name in values}
-    per_newton = {name: value / factor for name, value in values.items() if name.endswith(".loss")}
-    return vehicle.with_coefficients(together | per_newton)
-
-
-def thrust_factors(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
-    """Thrust at rest of every actuator over that of a reference vehicle, mean of ahead and astern."""
-    factors: dict[str, list[float]] = {}
-    for one, other in zip(pushes(vehicle), pushes(reference), strict=True):
-        size = float(np.linalg.norm(other.wrench))
-        if size > 0.0:
-            factors.setdefault(one.actuator, []).append(float(np.linalg.norm(one.wrench)) / size)
-    return {name: float(np.mean(found)) for name, found in factors.items()}
-
-
-def ratios(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
-    """What trials tell of the hull whatever the scale: its sums and coefficients over the mean thrust factor.
-
-    Apparent masses and inertias, damping, lift and bias, net weight and the moments of weight and buoyancy,
-    in SI per unit of thrust; zeros are left out.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The identified one.
-    reference : Vehicle
-        That of the campaign, whose thrust is the unit.
-    """
-    thrust = float(np.mean(list(thrust_factors(vehicle, reference).values()) or [1.0]))
-    values, mass = vehicle.coefficients(), np.asarray(vehicle.mass_matrix())
-    weight, buoyancy = values["m"] * vehicle.environment()["g"], values.get("B", 0.0)
-    found = {f"{_own(axis)} - {_added(axis)}": float(mass[axis, axis]) for axis in range(6)}
-    found |= {name: values[name] for name in _coupling(vehicle)}
-    found["m g - B"] = weight - buoyancy
-    for axis in "xyz":
-        moment = weight * values.get(f"{axis}_g", 0.0) - buoyancy * values.get(f"{axis}_b", 0.0)
-        found[f"{axis}_g m g - {axis}_b B"] = moment
-    return {name: value / thrust for name, value in found.items() if value}
-
-
-def homogeneity(campaign: Campaign) -> Homogeneity:
-    """Homogeneous direction of a campaign, all of its stages taken together.
-
-    Raises
-    ------
-    CampaignError
-        The joint estimate names what is not there.
-    """
-    vehicle, stage = campaign.vehicle, joint_stage(campaign)
-    free = set(coefficient_names(parameters(stage, vehicle, f"{campaign.source}: polish")))
-    rows = stage.axes.free
-    logged = all(campaign.input_of(name) == "tau" for name in stage.trials)
-    found = [
-        Held(WRENCH, ("the logged wrench",)) if logged else Held(THRUST, tuple(_thrust(vehicle, free, rows))),
-        Held(MASS, tuple(_masses(free, rows))),
-        Held(NET, tuple(_net_weight(vehicle, free, rows))),
-        Held(RIGHTING, tuple(_righting(vehicle, free, rows))),
-        Held(FORCES, tuple(name for name in _coupling(vehicle) if name[0] in rows and name not in free)),
-        Held(STATIC, tuple(_static(vehicle, free, rows))),
-    ]
-    members = homogeneous_direction(vehicle)
-    gains = [f"{name}.{key}" for name in vehicle.actuators for key in _CURVE]
-    return Homogeneity(
-        members=members,
-        free=tuple(name for name in (*members, *gains) if name in free),
-        held=tuple(one for one in found if one.members),
-    )
-
-
-def _thrust(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
-    """Groups, or actuators of a group, whose thrust is held and acts in the free rows."""
-    values, matrix = vehicle.coefficients(), np.asarray(vehicle.allocation_matrix())
-    acting = [AXES.index(row) for row in rows]
-    held = []
-    for k, name in enumerate(vehicle.actuators):
-        curve = {f"{name}.{key}" for key in _CURVE if values.get(f"{name}.{key}")}
-        if f"{name}.gain" in free or (curve & free) or not np.any(np.abs(matrix[acting, k]) > _LEVER):
-            continue
-        held.append(name)
-    for group, members in actuator_groups(vehicle).items():
-        own = [name for name in members if name in held]
-        yield from [group] if len(own) == len(members) else own
-
-
-def _masses(free: set[str], rows: str) -> Iterator[str]:
-    """Diagonal of M: mass or inertia and added mass, both held."""
-    for axis, row in enumerate(AXES):
-        if row in rows and not {_own(axis), _added(axis)} & free:
-            yield f"{_own(axis)} - {_added(axis)}"
-
-
-def _net_weight(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
-    values = vehicle.coefficients()
-    net = values["m"] * vehicle.environment()["g"] - values.get("B", 0.0)
-    if "Z" in rows and abs(net) > _LEVER and not {"m", "B"} & free:
-        yield "m g - B"
-
-
-def _righting(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
-    """Moments of weight and buoyancy about O: ``r_g W - r_b B`` by component."""
-    values = vehicle.coefficients()
-    weight, buoyancy = values["m"] * vehicle.environment()["g"], values.get("B", 0.0)
-    for axis, turned in (("x", "MN"), ("y", "KN"), ("z", "KM")):
-        centres = {f"{axis}_g", f"{axis}_b"}
-        moment = weight * values.get(f"{axis}_g", 0.0) - buoyancy * values.get(f"{axis}_b", 0.0)
-        if set(turned) & set(rows) and abs(moment) > _LEVER and not ({"m", "B"} | centres) & free:
-            yield f"{axis}_g m g - {axis}_b B"
-
-
-def _coupling(vehicle: Vehicle) -> list[str]:
-    """Names of damping, lift, bias and off-diagonal added mass: ``X_u``, ``Y_ur``, ``N_0``, ``Y_rdot``."""
-    diagonal = {_added(axis) for axis in range(6)}
-    forces = tuple(f"{row}_" for row in AXES)
-    return [
-        name
-        for name, value in vehicle.coefficients().items()
-        if "." not in name and name.startswith(forces) and value and name not in diagonal
-    ]
-
-
-def _own(axis: int) -> str:
-    return "m" if axis < 3 else f"I_{'xyz'[axis - 3]}"
-
-
-def _added(axis: int) -> str:
-    return f"{AXES[axis]}_{VELOCITIES[axis]}dot"
-
-
-def _static(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
-    """Products of mass and centre of gravity, which couple translation and rotation."""
-    values = vehicle.coefficients()
-    for axis in "xyz":
-        if abs(values.get(f"{axis}_g", 0.0)) > _LEVER and not {"m", f"{axis}_g"} & free and rows:
-            yield f"m {axis}_g"
-
 
 MOTIONS = {"X": "surge", "Y": "sway", "Z": "heave"}
 

@@ -1,6 +1,4 @@
-"""What a bounded search keeps: candidates and costs, the best distinct ones, history and elapsed time.
-
-Bounded minimisation of a batch criterion: evolution strategy, then simplexes abreast.
+"""Bounded minimisation of a batch criterion: evolution strategy, then simplexes in lockstep.
 
 The objective takes a whole batch of candidates ``(k, m)`` and gives ``(k,)`` costs, because the core
 integrates eight candidates for the price of one. The evolution strategy (Hansen 2016, arXiv:1604.00772,
@@ -9,11 +7,11 @@ package ``cma``) asks for its population at once; simplexes start from its best 
 Candidates are searched in the unit box: bounds map to 0 and 1. A cost that is not finite is a diverged
 candidate; it ranks last and never stops the search. Ctrl-C ends the search and keeps the best candidate.
 
-Simplex searches (Nelder & Mead 1965, ``scipy``) abreast: one candidate of each in every batch.
+A simplex (Nelder & Mead 1965, ``scipy``) is sequential by nature. Each search runs in its own thread and
+waits there for the cost of its candidate, while the caller's thread gathers one request of each into a batch.
+A round answers every living search once, so that the course of a search depends on its start alone.
 
-A simplex is sequential by nature. Each search runs in its own thread and waits there for the cost of its
-candidate, while the caller's thread gathers one request of each into a batch. A round answers every living
-search once, so that the course of a search depends on its start alone.
+Tests: ``tests/estimation``.
 """
 
 from __future__ import annotations

@@ -1,17 +1,27 @@
-"""One stage of an identification: its plan, its search, its result."""
+"""One stage of an identification: its plan, its search, its result.
+
+A global search ranks candidates with a coarse step; where the campaign asks for it the segments' initial
+velocities are estimated; a descent and simplexes with a fine step find the floor of the valley.
+
+A frozen axis keeps the velocity that it has at the start of a segment (V_const = 0: Taubert et al. 2014,
+equation 6). Where the vehicle changes it within the segment, the damping, lift and inflow that it causes are
+wrong, and a frozen rate turns the attitude away, weight and buoyancy with it. The stage's coefficients absorb
+the difference, so that such an axis is named (`test_frozen_axis_that_moves_is_named`).
+"""
 
 from __future__ import annotations
 
 import math
 import time
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES, CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.progress import Step
 from seatrial.campaign.file import Stage
@@ -26,7 +36,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["StagePlan", "StageResult", "plan", "run_stage"]
+__all__ = ["StagePlan", "StageResult", "frozen_motion", "frozen_sentences", "plan", "run_stage"]
 
 _TOLERANCE = 1e-4
 
@@ -286,3 +296,51 @@ def _start(parameter: Parameter, found: Mapping[str, float]) -> float:
     if parameter.start_given or member not in found:
         return parameter.start
     return min(max(found[member] / factor, parameter.lower), parameter.upper)
+
+
+_PART = 0.1
+"""Part of the largest speed of all trials by which a frozen velocity may move without a word."""
+
+_ANGLE = 3.0 * DEGREE
+"""Angle by which a frozen rate may turn the attitude away without a word, rad."""
+
+
+def frozen_motion(plan: StagePlan) -> dict[str, float]:
+    """Motion that a stage's frozen axes miss, by letter: rms over its segments.
+
+    Of a velocity its change since the start of the segment, m/s; of a rate the integral of that, rad. Axes
+    whose velocity is not recorded are left out.
+    """
+    axes, trials = plan.stage.axes, plan.data.trials
+    squares, samples = np.zeros(6), 0
+    for piece in plan.data.segments:
+        trial = trials[piece.record]
+        away = trial.smooth_nu(trial.t[piece.start : piece.stop])[0] - np.asarray(piece.nu)
+        away[:, 3:] = np.cumsum(away[:, 3:], axis=0) * trial.dt
+        squares += np.nansum(away**2, axis=0)
+        samples += len(away)
+    return {
+        axis: float(np.sqrt(squares[k] / samples))
+        for k, axis in enumerate(AXES)
+        if axis not in axes.free + axes.measured and all(CHANNELS[k] in trial.channels for trial in trials)
+    }
+
+
+def frozen_sentences(plans: Sequence[StagePlan]) -> tuple[str, ...]:
+    """A sentence per stage whose frozen axes move noticeably in its recordings."""
+    largest = max((float(plan.data.largest_speeds()[:3].max()) for plan in plans), default=0.0)
+    lines = []
+    for plan in plans:
+        named = []
+        for axis, moved in frozen_motion(plan).items():
+            channel = CHANNELS[AXES.index(axis)]
+            if axis in "XYZ" and moved > _PART * largest:
+                named.append(f"{axis} ({channel} changes by {moved:.2g} m/s)")
+            elif axis in "KMN" and moved > _ANGLE:
+                named.append(f"{axis} (the attitude is turned by {moved / DEGREE:.2g} deg)")
+        if named:
+            lines.append(
+                f"stage {plan.stage.name!r} freezes axes that move within its segments: {', '.join(named)};"
+                " its coefficients absorb that. Replay them (measured) or shorten segment_s"
+            )
+    return tuple(lines)

@@ -16,7 +16,8 @@ other than they need to be.
 
 It is the covariance of the best model in the class. Where the truth lies outside
 (`seatrial.diagnosis.residual_analysis`), it may be many of these standard deviations away; nor does it hold
-the common factor of all forces, which trials do not tell (`seatrial.estimation.scale`). The notes say both.
+the common factor of all forces, which trials do not tell (`seatrial.estimation.homogeneity`). The notes say
+both.
 
 Further standard deviations in percent, by name, pattern or group, are added by `widened`.
 
@@ -36,7 +37,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.parameters import coefficient_names, expansion_matrix
-from seatrial.estimation.scale import STATIC
+from seatrial.estimation.homogeneity import STATIC
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:

@@ -27,9 +27,8 @@ from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
 from seatrial.diagnosis.assessment import Assessment, assess, conditioning
-from seatrial.estimation.frozen_motion import frozen_sentences
 from seatrial.estimation.scale import judge_scale
-from seatrial.estimation.stage import StagePlan, StageResult, plan, run_stage
+from seatrial.estimation.stage import StagePlan, StageResult, frozen_sentences, plan, run_stage
 from seatrial.identification.hold_out import part_scores
 from seatrial.identification.identification import Identification, estimates
 

@@ -1,7 +1,7 @@
 """Which of several vehicles predicts the same trials better, and whether the trials can tell.
 
 Every vehicle is simulated in the same windows, each restarted from the measured state, so that the windows
-pair the vehicles. `seatrial.trial.comparison` judges two measures: the difference of R2, which a few bad
+pair the vehicles. Two measures are judged: the difference of R2, which a few bad
 windows decide, and the ratio of the mean errors in a typical window. The question which vehicle is better has
 one answer, the error ratio over all channels alike; the channels say where. The channels' intervals hold
 jointly, for both measures and all vehicles (Bonferroni): one that leaves "no difference" out is a difference
@@ -9,10 +9,6 @@ that the windows tell.
 
 Held by `test_difference_is_that_of_the_scores`, `test_two_names_of_one_vehicle_are_not_told_apart` and
 `test_the_better_vehicle_is_named`.
-
-A comparison of vehicles in words: the table and the sentences that `Comparison` prints.
-
-Difference of two scores whose windows are pairs, and how sure it is.
 
 Two measures, because they answer two questions.
 

@@ -1,8 +1,4 @@
-"""A suspect: one change of the vehicle, or of its surroundings, and how much of a misfit it explains.
-
-Tests: ``tests/verification/test_recorded_suspects.py``.
-
-What may have changed on a vehicle since its model was identified: single coefficients and linked groups.
+"""What may have changed on a vehicle since its model was identified: single coefficients and linked groups.
 
 A change at sea rarely moves one coefficient. A payload of wet mass m_w at r_p and of density rho_p has the
 dry mass ``m_d = m_w / (1 - rho/rho_p)`` and moves mass, buoyancy, both centres and the inertias about O
@@ -13,13 +9,11 @@ dry mass ``m_d = m_w / (1 - rho/rho_p)`` and moves mass, buoyancy, both centres 
 
 Its unknowns are m_w and ``m_w x_p``, in which it is linear but for the inertias.
 
-Tests: ``tests/verification/test_recorded_suspects.py``.
-
-Residuals of a log in units of a valid model's errors, without what the state at a restart explains.
-
-Per window the residual r, in units of a valid model's spread, is ``r = J_theta theta + J_0 x_0 + e``: J exact
-derivatives, x_0 the error of the state at the restart, known to within the noise. With ``J_0 S_0`` = U D V'
-the whitening ``I - U (1 - (1 + D^2)^-1/2) U'`` leaves unit noise (variable projection with a prior).
+Candidates are tried on whitened residuals: in units of a valid model's errors, without what the state at a
+restart explains. Per window the residual r, in units of a valid model's spread, is ``r = J_theta theta + J_0
+x_0 + e``: J exact derivatives, x_0 the error of the state at the restart, known to within the noise. With
+``J_0 S_0`` = U D V' the whitening ``I - U (1 - (1 + D^2)^-1/2) U'`` leaves unit noise (variable projection
+with a prior).
 
 Tests: ``tests/verification/test_recorded_suspects.py``.
 """

@@ -12,26 +12,20 @@ with them, the water moves, and every model leaves something out. Where that is 
 it is that; in the last case ``s^2 = n^2 + sum_k (dy/dx0_k n_k)^2`` has no room for what every model leaves
 out, so that it suits generated logs and very good models, and says so.
 
-Tests: ``tests/verification/test_recorded_validity.py``.
-
-A share of samples that come in windows, and how many independent samples it is worth.
-
-Neighbouring samples err alike, so a window is a cluster. The share x of all samples has the variance of the
-windows' sums (ratio estimator), widened where neighbouring windows correlate by r > 0, and is worth
+*Worth of a share.* Neighbouring samples err alike, so a window is a cluster. The share x of all samples has
+the variance of the windows' sums (ratio estimator), widened where neighbouring windows correlate by r > 0,
+and is worth
 
     n* = x (1 - x) / var(x) (t_{n-1} / t_{B-1})^2
 
 independent samples: at least one per window (fewer where they correlate), at most n. The interval of 95 % is
-Clopper and Pearson's with these. Source: Korn & Graubard
-(1998), Survey Methodology 24:193; the ratio estimator as in Cochran, *Sampling Techniques* (1977), chapter 9.
+Clopper and Pearson's with these. Source: Korn & Graubard (1998), Survey Methodology 24:193; the ratio
+estimator as in Cochran, *Sampling Techniques* (1977), chapter 9.
 
-Tests: ``tests/verification/test_recorded_validity.py``.
-
-How large a share outside its band a valid model may leave, and when a share is larger than chance.
-
-Of a valid model a share x of the samples lies outside the 95 % band: 5 % of them, or more where the vehicle
-has coefficients, or the sensors offsets, that their covariance allows. With x_j the share of draw j of K, a
-share of h/n* of n* independent samples has the predictive p-value (Box 1980, JRSS A 143:383)
+*Chance of a share.* Of a valid model a share x of the samples lies outside the 95 % band: 5 % of them, or
+more where the vehicle has coefficients, or the sensors offsets, that their covariance allows. With x_j the
+share of draw j of K, a share of h/n* of n* independent samples has the predictive p-value (Box 1980, JRSS A
+143:383)
 
     p = (1 + sum_j P(X >= h | n*, x_j)) / (1 + K),
 

@@ -1,50 +1,33 @@
-"""Actuators that did not do what their commands say: a thrust of one of them that no command told.
+"""Suspects: which change of the vehicle or its surroundings explains the misfit of a log, sorted by how much.
 
-A jam, a lost propeller or a command that was not logged is no change of a coefficient: where the command
-says nothing, no gain explains a thrust. So each actuator in turn is given a steady thrust of its own in each
-window. With c_w the whitened derivative of window w by that thrust (a constant wrench along the actuator's,
-`X_0` ... `N_0`) and r_w its residual,
-
-    f_w = c_w'r_w / c_w'c_w,   gain = sum_w (c_w'r_w)^2 / c_w'c_w
-
-(structured residuals with one unknown input, Isermann, *Fault-Diagnosis Systems* (2006), chapter 10). It has
-as many unknowns as windows and pays for them (`seatrial.verification.mission_log.suspects`).
-
-Tests: ``tests/verification/test_recorded_suspects.py``.
-
-A steady current that a log does not tell, fitted to it.
-
-North and east by Gauss-Newton steps on the whitened residuals, with the exact derivatives of the non-linear
-model. On one heading a current cannot be told from thrust or drag; what it could hide is taken out of the
-chance that the log would have shown it (`seatrial.verification.mission_log.verdict`).
-
-Tests: ``tests/verification/test_recorded_current.py``.
-
-Derivatives by an offset that a sensor has throughout a log: a suspect that is no change of the vehicle.
-
-A sensor that reads d too much shows d more and starts every window d away, so that measured less predicted
-moves by ``(e - dy/dx_0) d``, e one in its own channel.
-
-Tests: ``tests/verification/test_recorded_suspects.py``.
-
-Suspects: which change of the vehicle explains the misfit of a log, sorted by how much of it.
-
-Residuals and exact derivatives J are in units of a valid model's spread, without what the state at a restart
-explains (`seatrial.verification.mission_log.candidates`). For every candidate
-(`seatrial.verification.mission_log.candidates`) alone
+Residuals r and exact derivatives J are in units of a valid model's spread, without what the state at a
+restart explains (`seatrial.verification.mission_log.candidates`). For every candidate alone
 
     theta = (J'J)^-1 J'r,   gain = (J'r)' (J'J)^-1 (J'r) / r'r,
 
 its scatter by the jackknife over windows (`seatrial.statistics.score_test`). The best ones are then followed
 by Gauss-Newton steps with J held and the non-linear model simulated, and sorted by what they truly explain,
-less Akaike's share for each unknown. Beside them stand offsets of sensors
-(`seatrial.verification.mission_log.suspects`)
-and actuators that pushed otherwise than their commands say (`seatrial.verification.mission_log.suspects`),
-with an
-unknown for each window. Candidates whose columns run alike (90 % of one's square lies in the span of the
-other's) cannot be told apart by the log and are named beside it.
+less Akaike's share for each unknown. Candidates whose columns run alike (90 % of one's square lies in the
+span of the other's) cannot be told apart by the log and are named beside it. Beside the coefficients stand:
 
-Tests: ``tests/verification/test_recorded_suspects.py``.
+*An actuator that did not do what its commands say*: a jam, a lost propeller or a command that was not logged
+is no change of a coefficient; where the command says nothing, no gain explains a thrust. Each actuator in
+turn is given a steady thrust of its own in each window. With c_w the whitened derivative of window w by that
+thrust (a constant wrench along the actuator's, `X_0` ... `N_0`) and r_w its residual,
+
+    f_w = c_w'r_w / c_w'c_w,   gain = sum_w (c_w'r_w)^2 / c_w'c_w
+
+(structured residuals with one unknown input, Isermann, *Fault-Diagnosis Systems* (2006), chapter 10). It has
+as many unknowns as windows and pays for them.
+
+*An offset that a sensor has throughout the log*: it shows d more and starts every window d away, so that
+measured less predicted moves by ``(e - dy/dx_0) d``, e one in its own channel.
+
+*A steady current that was not logged*: north and east by Gauss-Newton steps on the whitened residuals. On one
+heading a current cannot be told from thrust or drag; what it could hide is taken out of the chance that the
+log would have shown it (`seatrial.verification.mission_log.verdict`).
+
+Tests: ``tests/verification/test_recorded_suspects.py``, ``tests/verification/test_recorded_current.py``.
 """
 
 from __future__ import annotations

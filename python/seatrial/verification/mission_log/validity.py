@@ -5,20 +5,18 @@ In windows restarted every few seconds the band about the prediction is
     b(t) = f sqrt( var_draws(t) + s(t)^2 ),
 
 var_draws the variance of the predictions for draws of the coefficients from their covariance and of the
-sensors' offsets, which err all windows alike, s the spread of
-a valid model's errors (`seatrial.verification.mission_log.spread`), f Student's factor for the windows
-that s rests on. A
-valid model has 5 % of the samples outside. Neighbouring samples err alike, so a sample is no observation:
-the windows are clusters, and the share has the variance of their means, which makes n samples worth
+sensors' offsets, which err all windows alike, s the spread of a valid model's errors
+(`seatrial.verification.mission_log.spread`), f Student's factor for the windows that s rests on. A valid
+model has 5 % of the samples outside. Neighbouring samples err alike, so a sample is no observation: the
+windows are clusters, and the share has the variance of their means, which makes n samples worth
 
     n* = x (1 - x) / var(x) (t_{n-1} / t_{B-1})^2
 
-independent ones (Korn & Graubard 1998, Survey Methodology 24:193), at least one per window and at most n.
-All windows share one vehicle: had it the coefficients of draw j, its share outside would be x_j, and what is
-within the covariance is no reason to doubt the model (`seatrial.verification.mission_log.spread`). A
-p-value of a
-thousandth takes thousands of draws: they move the predictions by exact derivatives, to first order. Over the
-channels Holm's step-down holds the chance of any false alarm at the level.
+independent ones (Korn & Graubard 1998, Survey Methodology 24:193), at least one per window and at most n. All
+windows share one vehicle: had it the coefficients of draw j, its share outside would be x_j, and what is
+within the covariance is no reason to doubt the model. A p-value of a thousandth takes thousands of draws:
+they move the predictions by exact derivatives, to first order. Over the channels Holm's step-down holds the
+chance of any false alarm at the level.
 
 Between the level and a p-value of 5 % a log neither refutes the model nor speaks for it.
 
