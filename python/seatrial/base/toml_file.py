@@ -239,7 +239,7 @@ def file_path(text: str, folder: Path, where: str) -> Path:
 
 CAMPAIGN, MISSION, AUTOPILOT, VEHICLE = "a campaign", "a mission", "an autopilot", "a vehicle"
 
-EMPTY = "an empty file"
+_EMPTY = "an empty file"
 
 _KEYS = {
     "a bench file": ("pulls", "steps"),
@@ -267,7 +267,7 @@ def file_kind(path: str | Path) -> str | None:
     except (OSError, ValueError):
         return None
     if not text.strip():
-        return EMPTY
+        return _EMPTY
     for kind, keys in _KEYS.items():
         if any(key in data for key in keys):
             return kind

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 __all__ = ["BenchTable", "Unit", "listed", "read_bench_table", "unit_of"]
 
-LOADS = ("load.X_n", "load.Y_n", "load.Z_n")
+_LOADS = ("load.X_n", "load.Y_n", "load.Z_n")
 
-SINGLE = "load_n"
+_SINGLE = "load_n"
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def _sources(
     present: list[str], columns: Mapping[str, Any], vehicle: Vehicle, file: str
 ) -> dict[str, Source]:
     """Source by canonical name; groups resolved to their actuators."""
-    known = ["t_s", "voltage_v", SINGLE, *LOADS]
+    known = ["t_s", "voltage_v", _SINGLE, *_LOADS]
     members = actuator_groups(vehicle) | {name: [name] for name in vehicle.actuators}
     known += [f"{kind}.{name}" for kind in ("cmd", "meas") for name in members]
     given = {name: Source(name) for name in present if name in known}
@@ -169,12 +169,12 @@ def _scaled(table: pl.DataFrame, source: Source, canonical: str, unit: str, file
 def _loads(table: pl.DataFrame, sources: Mapping[str, Source], file: str) -> dict[str, Array]:
     """Loads by axis; a frame may turn signs of single axes (FLU), mixing axes is refused."""
     loads: dict[str, Array] = {}
-    for row, canonical in enumerate(LOADS):
+    for row, canonical in enumerate(_LOADS):
         if canonical in sources:
             source = sources[canonical]
             turn = frames.body_matrix(source.frame or "FRD", f"{file}: {canonical}")
             loads["XYZ"[row]] = _scaled(table, source, canonical, "N", file) * turn[row, row]
-    single = _scalar(table, sources, SINGLE, "N", file)
+    single = _scalar(table, sources, _SINGLE, "N", file)
     return loads | ({} if single is None else {"": single})
 
 

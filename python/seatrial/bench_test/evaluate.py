@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["bench", "fingerprint", "vehicle_of"]
 
 
-def read_steps(
+def _read_steps(
     steps: Steps,
     unit: Unit,
     vehicle: Vehicle,
@@ -297,7 +297,7 @@ def _motors(
         source = _file(steps.file, path, where, hashes)
         units[unit.name] = unit
         records.setdefault(unit.name, []).extend(
-            read_steps(
+            _read_steps(
                 steps, unit, vehicle, source, where=where, reader=file.reader, columns=dict(file.columns)
             )
         )

@@ -121,7 +121,7 @@ class Steps(_Driven):
     """A record of commanded and measured revolutions, for the motor's dynamics."""
 
 
-DEFAULT = Regression(
+_DEFAULT = Regression(
     order=2, through_origin=False, inputs=("signal",), outliers="drop", knots=25, tolerance_n=None
 )
 """What holds where a bench file says nothing."""
@@ -155,7 +155,7 @@ class BenchFile(Section):
 
     def regression_of(self, unit: str) -> Regression:
         """Regression of a group, or of actuators tested alone, by name; nothing is None but ``kind``."""
-        return self.regressions.get(unit, Regression()).over(self.regression.over(DEFAULT))
+        return self.regressions.get(unit, Regression()).over(self.regression.over(_DEFAULT))
 
 
 def parse(text: str, source: str) -> BenchFile:

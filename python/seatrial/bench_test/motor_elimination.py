@@ -51,7 +51,7 @@ _MOST = 24
 _FIRST = NAMES.index("n_min_ahead")
 
 
-def edges(problem: Problem, x: Array) -> Array:
+def _edges(problem: Problem, x: Array) -> Array:
     """Coordinates (11,) with the edges of the dead band (ahead, astern) that cost least."""
     best = x.copy()
     problem = replace(problem, dead_band=True)
@@ -127,7 +127,7 @@ def readings(
         return Readings(_cleaned(lift, noise), None)
     free = free.copy()
     free[_MINIMUM] = False
-    problem = replace(problem, base=edges(problem, lift.best.x), free=free, dead_band=True)
+    problem = replace(problem, base=_edges(problem, lift.best.x), free=free, dead_band=True)
     best = fit(problem, [np.where(free, x, problem.base) for x in (lift.best.x, *points[:1])])
     drop = Reading(problem, best, reachable(records, settled, shown, dead_band=True))
     better, other = sorted([lift, drop], key=lambda one: one.best.cost)

@@ -241,7 +241,7 @@ _KEYS |= {"n_min_astern": "minimum_astern", "K_V": "K_V", "T_1": "T_1_s", "T_t":
 _PARTNER = {"n_acc": "n_dec", "n_dec": "n_acc"}
 
 
-def vehicle_keys(
+def _vehicle_keys(
     parameters: Mapping[str, MotorParameter], directions: Sequence[Directions], below_minimum: str | None
 ) -> dict[str, float | str]:
     """Keys with their values, rounded to their precision."""
@@ -255,14 +255,14 @@ def vehicle_keys(
         missing = f"{limit}_ahead" in table and f"{limit}_astern" not in table
         if missing and kept is not None and math.isfinite(kept):
             table[f"{limit}_astern"] = kept
-    for limit, (rate, _) in rates(parameters, directions).items():
+    for limit, (rate, _) in _rates(parameters, directions).items():
         table[f"{limit}_per_s"] = rate
     if below_minimum is not None:
         table["below_minimum"] = below_minimum
     return table
 
 
-def rates(
+def _rates(
     parameters: Mapping[str, MotorParameter], directions: Sequence[Directions]
 ) -> dict[str, tuple[float, str]]:
     """Rate limits of the file by name, each with where it comes from: "found", "kept" or "least"."""
@@ -426,7 +426,7 @@ class MotorEstimate:
         Keys of the other parameters are left out, so that merging keeps the vehicle's, but for those that the
         file would derive from a key that is written. The rate limits are those of both directions together.
         """
-        return vehicle_keys(self.parameters, self.directions, self.below_minimum)
+        return _vehicle_keys(self.parameters, self.directions, self.below_minimum)
 
     def sentences(self) -> tuple[str, ...]:
         """What is known of each parameter, what differs, how well it fits; one sentence each."""
@@ -451,7 +451,7 @@ class MotorEstimate:
                     f"{pair.name} differs between the directions: {pair.ahead:.4g} ahead, {pair.astern:.4g}"
                     f" astern (p = {pair.p:.2g}){pooled}."
                 )
-        for limit, (rate, origin) in rates(self.parameters, self.directions).items():
+        for limit, (rate, origin) in _rates(self.parameters, self.directions).items():
             if origin == "least":
                 said.append(
                     f"{limit}_per_s is written as {rate:g}, the least that the records allow: the vehicle"

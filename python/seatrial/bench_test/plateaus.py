@@ -27,7 +27,7 @@ from seatrial.statistics.autocorrelation import lag_one_correlation, variance_in
 
 __all__ = ["Plateau", "held", "plateaus", "rows_as_plateaus", "standard_error"]
 
-LEAST_SAMPLES = 5
+_LEAST_SAMPLES = 5
 """Fewer steady samples of the load are too few for a mean."""
 
 _COMMAND_SHARE = 0.002
@@ -131,7 +131,7 @@ def plateaus(
             steady_parts.append(made)
     if not steady_parts:
         raise TrialError(
-            f"{where}: no steady part: {len(bounds) - 1} plateaus of the command, none with {LEAST_SAMPLES}"
+            f"{where}: no steady part: {len(bounds) - 1} plateaus of the command, none with {_LEAST_SAMPLES}"
             f" samples of the load after {settle_s:g} s; hold each command longer or lower settle_s"
         )
     return steady_parts, short
@@ -167,7 +167,7 @@ def _plateau(
         return None
     cells = load[steady]
     counts = np.isfinite(cells).sum(axis=0)
-    if counts.min() < LEAST_SAMPLES:
+    if counts.min() < _LEAST_SAMPLES:
         return None
     means = {name: _mean(held(x)[steady]) for name, x in signal.items()}
     load_mean, error, drifting = np.zeros(load.shape[1]), np.zeros(load.shape[1]), False

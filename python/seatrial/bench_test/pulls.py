@@ -73,7 +73,7 @@ def settled(vehicle: Vehicle, actuator: str, commands: ArrayLike) -> Array:
 _LOG = 5
 
 
-def signals_of(
+def _signals_of(
     pull: Pull, unit: Unit, vehicle: Vehicle, table: BenchTable, where: str
 ) -> tuple[dict[str, Array], list[str]]:
     """Per thruster its command or measured signal (n,), and the names of those that are commands yet.
@@ -109,7 +109,7 @@ def signals_of(
     return signals, commanded
 
 
-def behind_motors(steady: Sequence[Plateau], vehicle: Vehicle, commanded: Sequence[str]) -> list[Plateau]:
+def _behind_motors(steady: Sequence[Plateau], vehicle: Vehicle, commanded: Sequence[str]) -> list[Plateau]:
     """Plateaus whose commands are replaced by what the settled motors make of them, from neutral."""
     signals = [dict(plateau.signal) for plateau in steady]
     for name in commanded:
@@ -237,7 +237,7 @@ def read_pull(
         path, vehicle, reader=pull.reader or reader, columns=(columns or {}) | pull.columns
     )
     axes, load = _load(pull, table, where)
-    signal, commanded = signals_of(pull, unit, vehicle, table, where)
+    signal, commanded = _signals_of(pull, unit, vehicle, table, where)
     voltage_v = table.voltage_v
     if voltage_v is None and pull.voltage_v is not None:
         voltage_v = np.full(len(load), pull.voltage_v)
@@ -259,7 +259,7 @@ def read_pull(
             " err alike, to one point"
         ]
         notes += [f"{left} plateaus too short to be steady left out"] if left else []
-    steady = behind_motors(steady, vehicle, commanded)
+    steady = _behind_motors(steady, vehicle, commanded)
     notes += repeated(steady) if table.t is None else []
     limit = max(largest(vehicle.actuator_info()[name], 1.0) for name in unit.actuators)
     zero = (_ZERO_MEASURED if pull.use == "measured" and table.t is not None else _ZERO_SHARE) * limit

@@ -61,7 +61,7 @@ __all__ = [
 
 Term = tuple[int, ...]
 
-LEVEL = 0.95
+_LEVEL = 0.95
 """Probability of all intervals and bands."""
 
 
@@ -125,7 +125,7 @@ class LeastSquares:
     @property
     def quantile(self) -> float:
         """Student's t of the 95 % intervals."""
-        return student(self.dof)
+        return _student(self.dof)
 
     def intervals(self) -> Array:
         """95 % intervals (p, 2) of the coefficients."""
@@ -268,7 +268,7 @@ def paper_b(measured: ArrayLike, fitted: ArrayLike) -> float:
     return float((y @ estimate) ** 2 / power) if power > 0.0 else np.nan
 
 
-def student(dof: int, probability: float = 0.5 * (1.0 + LEVEL)) -> float:
+def _student(dof: int, probability: float = 0.5 * (1.0 + _LEVEL)) -> float:
     """Quantile of Student's distribution."""
     from scipy.stats import t
 
@@ -308,7 +308,7 @@ def outliers(inputs: Array, y: Array, terms: Sequence[Term]) -> NDArray[np.bool_
             return nobody if np.abs(residual).max() <= 1e-9 * np.abs(y).max() else suspect
         lever = (np.linalg.solve(r.T, matrix.T) ** 2).sum(axis=0)
         tests = np.abs(residual) / (sigma * np.sqrt(1.0 + lever))
-        limit = student(dof, 1.0 - 0.5 * _ALARM / n)
+        limit = _student(dof, 1.0 - 0.5 * _ALARM / n)
         honest = suspect & (tests <= limit)
         if not honest.any():
             return suspect

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PER_MINUTE", "write_results"]
 
-KEPT = ("p2", "alpha2", "diameter_m", "wake", "thrust_deduction", "q1", "q2", "power_w_s3")
+_KEPT = ("p2", "alpha2", "diameter_m", "wake", "thrust_deduction", "q1", "q2", "power_w_s3")
 """Keys that no bollard test measures."""
 
 PER_MINUTE = 3600.0
@@ -40,7 +40,7 @@ _SAME = 1e-9
 _UNREACHABLE = "the motor does not turn this way"
 
 
-def entry_of(
+def _entry_of(
     fit: UnitFit, old: Mapping[str, Any], users: Sequence[str], vehicle: Vehicle, rho: float | None
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Keys of the new entry, and remarks by key (standard deviations, what was kept).
@@ -67,7 +67,7 @@ def entry_of(
     factor /= 1.0 - vehicle.coefficients().get(f"{users[0]}.t", 0.0)
     if fit.kind == "table":
         return _table(fit, users, vehicle, factor)
-    kept = {key: old[key] for key in KEPT if key in old}
+    kept = {key: old[key] for key in _KEPT if key in old}
     if fit.kind == "quadratic":
         return _quadratic(fit, old, kept, users, vehicle, factor)
     return _polynomial(fit, old, kept, users, vehicle, factor)
@@ -103,7 +103,7 @@ def _quadratic(
             remarks[key] = "not tested, kept"
             continue
         scale = PER_MINUTE * factor / divisor
-        entry[key] = rounded(float(regression.fit.coefficients[0]) * scale)
+        entry[key] = _rounded(float(regression.fit.coefficients[0]) * scale)
         remarks[key] = f"+- {float(regression.fit.standard_deviations[0]) * scale:.2g}"
     return entry | kept, remarks
 
@@ -122,7 +122,7 @@ def _polynomial(
     for side in SIDES:
         regression = fit.directions.get(side)
         if regression is not None:
-            entry[side] = [rounded(factor * x) for x in _padded(regression, regression.fit.coefficients)]
+            entry[side] = [_rounded(factor * x) for x in _padded(regression, regression.fit.coefficients)]
             deviations = _padded(regression, regression.fit.standard_deviations)
             remarks[side] = "+- " + ", ".join(f"{factor * x:.2g}" for x in deviations)
         elif _unreachable(users, side, vehicle):
@@ -135,7 +135,7 @@ def _polynomial(
             remarks[side] = "not tested, kept"
         elif old.get("kind") == "quadratic":
             p1 = _old_thrust(users, "p1", side, vehicle)
-            entry[side], remarks[side] = [0.0, 0.0, rounded(p1 / PER_MINUTE)], "not tested, kept"
+            entry[side], remarks[side] = [0.0, 0.0, _rounded(p1 / PER_MINUTE)], "not tested, kept"
         else:
             raise VehicleError(
                 f'{side} was not tested and the old characteristic (kind = "{old.get("kind")}") has no'
@@ -177,7 +177,7 @@ def _unreachable(users: Sequence[str], side: str, vehicle: Vehicle) -> bool:
 
 def _unchanged(written: float, value: float) -> float:
     """A number as it was written, or another value where a correction changes it."""
-    return written if abs(value - written) <= _SAME * abs(written) else rounded(value)
+    return written if abs(value - written) <= _SAME * abs(written) else _rounded(value)
 
 
 def _table(
@@ -190,9 +190,9 @@ def _table(
         raise VehicleError(
             f"{missing[0]} was not tested, and a table holds both directions; pull {missing[0]} too"
         )
-    entry: dict[str, Any] = {"kind": "table", "signal": [rounded(x) for x in table.signal]}
+    entry: dict[str, Any] = {"kind": "table", "signal": [_rounded(x) for x in table.signal]}
     if len(table.voltage_v) > 1:
-        entry["voltage_v"] = [rounded(x) for x in table.voltage_v]
+        entry["voltage_v"] = [_rounded(x) for x in table.voltage_v]
     entry["force_n"] = [[round(float(x) * factor, 3) + 0.0 for x in row] for row in table.force]
     rms = float(np.sqrt(np.mean(table.residual**2)))
     return entry, {"kind": f"the points lie {rms:.2g} N (rms) from it"}
@@ -206,7 +206,7 @@ def _padded(regression: DirectionFit, values: np.typing.NDArray[np.float64]) -> 
     return row
 
 
-def rounded(value: float) -> float:
+def _rounded(value: float) -> float:
     """Six digits: far finer than any standard deviation, short enough to read."""
     return float(f"{float(value):.6g}")
 
@@ -258,7 +258,7 @@ def write_results(
         try:
             # All of the group's entries before the first one is put in: a refusal leaves none behind.
             made = [
-                (old_name, users, old, entry_of(fit, old, users, vehicle, rho))
+                (old_name, users, old, _entry_of(fit, old, users, vehicle, rho))
                 for old_name, users in _entries(document, "characteristic", members).items()
                 for old in (document["characteristics"][old_name].unwrap(),)
             ]

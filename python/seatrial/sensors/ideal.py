@@ -73,7 +73,7 @@ def at_sea(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
     return {kind: sensor for kind, sensor in sensors.items() if kind != "load_cell"}
 
 
-def tether_force(run: Run, conditions: Conditions) -> Array:
+def _tether_force(run: Run, conditions: Conditions) -> Array:
     """Force (n, 3) of a held vehicle on its tether at the rows of its run, body frame, N.
 
     Raises
@@ -147,7 +147,7 @@ class Ideal:
         if kind == "voltage":
             return self._voltage(t)
         if kind == "load_cell":
-            return self._at(tether_force(run, self._conditions), t)
+            return self._at(_tether_force(run, self._conditions), t)
         return self._at(np.stack(list(run.actuators.values()), axis=1), t)
 
     def _at(self, values: ArrayLike, t: Array) -> Array:

@@ -95,7 +95,7 @@ def rows(sensor: Sensor, t: Array) -> NDArray[np.bool_]:
     return np.concatenate([[True], np.diff(count) > 0.0])
 
 
-def own_stamps(sensor: Sensor, t: Array, random: np.random.Generator) -> tuple[Array, Array]:
+def _own_stamps(sensor: Sensor, t: Array, random: np.random.Generator) -> tuple[Array, Array]:
     """Stamps (m,) of a sensor with its own base within the log's times `t` (n,), and its regular times, s."""
     interval = _step(t) if sensor.rate_hz is None else 1.0 / sensor.rate_hz
     first = t[0] + sensor.phase_s
@@ -233,7 +233,7 @@ def _samples(kind: str, sensor: Sensor, log: Ideal, fine: Ideal, seed: int) -> t
     """Stamps (m,) and what the sensor logs at them (m, columns); NaN where it gave no sample."""
     random = _generator(kind, seed)
     if asynchronous(sensor, log.t):
-        stamps, regular = own_stamps(sensor, log.t, _generator(kind, seed, _JITTER))
+        stamps, regular = _own_stamps(sensor, log.t, _generator(kind, seed, _JITTER))
         truth = fine.values(kind, sensor, regular - sensor.latency_s)
     else:
         stamps = log.t

@@ -26,10 +26,10 @@ from seatrial.trial.signals import RecordingReport, Signal
 
 __all__ = ["align"]
 
-LARGEST_S = 1.0
+_LARGEST_S = 1.0
 """Latencies are searched within plus and minus this."""
 
-OPPOSITE = -0.6
+_OPPOSITE = -0.6
 """A sensor's sign is wrong if its correlation with the pose's motion is below this, and below half of it in
 three quarters of the record."""
 
@@ -91,10 +91,10 @@ def align(
                 "info", name, f"latency not estimated: a position every {step:.2g} s is too slow for it"
             )
             continue
-        reference, known = pose_motion(signals, t, name)
+        reference, known = _pose_motion(signals, t, name)
         columns = ["uvw".index(c) if name == "velocity" else "pqr".index(c) for c in signals[name].channels]
         reference = reference[:, columns]
-        turning = pose_motion(signals, t, "rates")[0] if name == "velocity" else None
+        turning = _pose_motion(signals, t, "rates")[0] if name == "velocity" else None
         sensor = _correct_signs(signals[name], t, reference, known, report, sources, turning)
         if name == "velocity" and "water velocity" in signals:
             water = _same_signs(signals["water velocity"], signals[name], sensor, report, sources)
@@ -102,7 +102,7 @@ def align(
         aligned[name] = sensor
         if not remove:
             continue
-        delay = latency(sensor, t, reference, known)
+        delay = _latency(sensor, t, reference, known)
         if delay is None:
             report.add("info", name, "latency not estimated: too little motion or too few valid samples")
         elif delay.trusted:
@@ -126,7 +126,7 @@ def align(
     return aligned
 
 
-def pose_motion(signals: Mapping[str, Signal], t: Array, name: str) -> tuple[Array, Mask]:
+def _pose_motion(signals: Mapping[str, Signal], t: Array, name: str) -> tuple[Array, Mask]:
     """Body velocity in m/s or rates in rad/s, shape (n, 3), that the pose implies, and where known (n,)."""
     step = float(t[1] - t[0])
     half = _half_width(step)
@@ -143,14 +143,14 @@ def pose_motion(signals: Mapping[str, Signal], t: Array, name: str) -> tuple[Arr
     return np.einsum("nji,nj->ni", matrix(q), _slope(full, half, step)), _all_around(known, half)
 
 
-def latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency | None:
+def _latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency | None:
     """Delay of a sensor against `reference` (n, k), `known` (n,) at uniform times `t`; None if unclear."""
     from scipy.interpolate import CubicSpline
 
     step = float(t[1] - t[0])
     y, good = _filtered(sensor, t)
     curve = CubicSpline(t, y, axis=0)
-    margin = int(np.ceil(LARGEST_S / step))
+    margin = int(np.ceil(_LARGEST_S / step))
     usable = known & _all_around(good, margin // 2)
     usable[:margin] = usable[len(t) - margin :] = False
     index = np.flatnonzero(usable)
@@ -165,7 +165,7 @@ def latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency 
         ])
 
     # Coarse search over all shifts first: the error over the shift has several minima in a periodic motion.
-    coarse = np.arange(-LARGEST_S, LARGEST_S + 1e-9, 0.5 * min(step, 0.1))
+    coarse = np.arange(-_LARGEST_S, _LARGEST_S + 1e-9, 0.5 * min(step, 0.1))
     cost = errors(coarse)
     best = int(np.argmin(cost.sum(axis=1)))
     if best in (0, len(coarse) - 1):
@@ -195,7 +195,7 @@ def _correct_signs(
     """
     y, good = _filtered(sensor, t)
     step = float(t[1] - t[0])
-    reach = round(0.5 * LARGEST_S / step)
+    reach = round(0.5 * _LARGEST_S / step)
     usable = known & good
     usable[:reach] = usable[len(t) - reach :] = False
     index = np.flatnonzero(usable)
@@ -212,7 +212,7 @@ def _correct_signs(
         shift = max(shifts, key=lambda shift: abs(correlation(index, shift)))
         strongest = correlation(index, shift)
         third = sorted(correlation(part, shift) for part in quarters)[2]
-        if strongest < OPPOSITE and third < 0.5 * OPPOSITE:
+        if strongest < _OPPOSITE and third < 0.5 * _OPPOSITE:
             measured, rates = y[index + shift, k], None if turning is None else turning[index]
             if rates is not None and _on_an_arm(channel, measured, reference[index, k], rates):
                 report.add(

@@ -50,7 +50,7 @@ class WaterCurrent:
     steady: bool
 
 
-def add_current(
+def _add_current(
     parts: dict[str, object], t: Array, ground: Mask, water: Mask, report: RecordingReport
 ) -> None:
     """Fill ``parts["current"]`` from the velocities over ground and through water, in place, and report it.
@@ -189,7 +189,7 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         if all(whole) and "attitude" in signals:
             ground, water = (np.logical_and.reduce(k, axis=1) for k in known)
             upright = np.logical_and.reduce(valid[:, 9:], axis=1)
-            add_current(parts, t, np.asarray(ground & upright), np.asarray(water), report)
+            _add_current(parts, t, np.asarray(ground & upright), np.asarray(water), report)
     return parts
 
 

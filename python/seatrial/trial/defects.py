@@ -16,9 +16,9 @@ from seatrial.trial.signals import RecordingReport, Signal
 
 __all__ = ["mark"]
 
-MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
+_MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
 
-TRUSTED_AFTER_S = 5.0
+_TRUSTED_AFTER_S = 5.0
 """A pose between two jumps less than this apart is taken for a wrong solution of the positioning system."""
 
 _BELIEVED = 3.0  # a pose may move this many times faster than its speed sensor says
@@ -34,7 +34,7 @@ _HELD_SHARE, _HELD_RUNS = 0.05, 20
 def mark(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Signal]:
     """The same signals with bad samples marked, every kind of defect reported."""
     marked = dict(signals)
-    measured = [name for name in MEASURED if name in signals]
+    measured = [name for name in _MEASURED if name in signals]
     repeated = {name: _repeats(signals[name].y) for name in measured}
     frozen: dict[str, Mask] = {}
     for name in measured:
@@ -158,14 +158,14 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
     ends = np.concatenate([jump, [len(t) - 1]])
     for start, end in zip(starts, ends, strict=True):
         whole = start == 0 and end == len(t) - 1
-        if not whole and t[end] - t[start] < TRUSTED_AFTER_S:
+        if not whole and t[end] - t[start] < _TRUSTED_AFTER_S:
             result[good[start : end + 1]] = True
     result[good[jump]] = result[good[jump + 1]] = True
     report.add(
         "warning",
         signal.name,
         f"jumps faster than any ordinary motion; {int(result.sum())} samples beside them, "
-        f"or between two less than {TRUSTED_AFTER_S:g} s apart, masked",
+        f"or between two less than {_TRUSTED_AFTER_S:g} s apart, masked",
         len(jump),
     )
     return result

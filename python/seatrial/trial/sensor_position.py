@@ -22,7 +22,7 @@ __all__ = ["parse_positions", "refuse_far", "to_origin"]
 
 _FAR = 2.0  # of the hull's length; nothing is carried that far out
 
-SENSORS = ("velocity", "position", "depth")
+_SENSORS = ("velocity", "position", "depth")
 """Sensors that may sit elsewhere than in O: velocity (over ground and through water), position, depth."""
 
 
@@ -36,8 +36,10 @@ def parse_positions(positions: Mapping[str, Sequence[float]] | None, file: str) 
     """
     parsed: dict[str, Array] = {}
     for sensor, position in (positions or {}).items():
-        if sensor not in SENSORS:
-            raise TrialError(f'{file}: sensor positions: unknown sensor "{sensor}"{nearest(sensor, SENSORS)}')
+        if sensor not in _SENSORS:
+            raise TrialError(
+                f'{file}: sensor positions: unknown sensor "{sensor}"{nearest(sensor, _SENSORS)}'
+            )
         try:
             vector = np.asarray(position, float)
         except (TypeError, ValueError):

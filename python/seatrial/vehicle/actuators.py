@@ -35,7 +35,7 @@ __all__ = [
 NOMINAL_V = 14.8
 """Supply voltage at which tables of thrust are read: four lithium cells."""
 
-UNDER_WAY_M_S = 1.5
+_UNDER_WAY_M_S = 1.5
 """Speed ahead at which a fin is judged."""
 
 _USUAL = {"rpm": 2000.0, "us": 400.0, "N": 100.0, "rad": 0.35}
@@ -115,7 +115,7 @@ def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...
                 continue
             step = sign * half(facts[name], way)
             commands = {name: facts[name]["neutral"] + step}
-            speed = UNDER_WAY_M_S if facts[name]["kind"] == "fin" else 0.0
+            speed = _UNDER_WAY_M_S if facts[name]["kind"] == "fin" else 0.0
             wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed)
             if speed:
                 wrench = wrench - bollard(vehicle, {}, voltage_v=voltage_v, speed_m_s=speed)

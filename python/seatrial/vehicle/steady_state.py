@@ -110,7 +110,7 @@ def steady(
 
 KNOT_M_S = 1852.0 / 3600.0
 
-SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
+_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
 
 TURN_SHARES = (0.25, 0.5, 0.75, 1.0)
 
@@ -185,7 +185,7 @@ def drivers(vehicle: Vehicle) -> dict[str, float]:
 
 
 def speeds(
-    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = SHARES
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = _SHARES
 ) -> tuple[Speed, ...]:
     """Steady speeds at shares of the largest command, all that drive ahead together; empty if none does."""
     rows = []
