@@ -227,7 +227,7 @@ def test_a_battery_that_does_not_suffice_is_told() -> None:
     mission = made(at(900.0, 0.0), speed=1.5)
     full = check_mission(mission, vehicle=CWOLF).energy
     assert full is not None
-    for share, words in ((0.9, "does not suffice"), (1.1, "only 9 % of the battery are left"), (2.0, "")):
+    for share, words in ((0.9, "more than the battery"), (1.1, "only 9 % of the battery is left"), (2.0, "")):
         small = Vehicle.from_toml(text.format(share * full.total_wh))
         found = check_mission(mission, vehicle=small)
         assert warned(found, words) if words else not found.warnings, words
@@ -236,7 +236,7 @@ def test_a_battery_that_does_not_suffice_is_told() -> None:
 def test_no_power_is_said_and_not_made_up() -> None:
     found = check_mission(Mission.load(EXAMPLES / "hover.toml"), vehicle=ROV)
     assert found.energy is None
-    assert said(found, "Energy: not known")
+    assert said(found, "Energy: unknown")
 
 
 def test_a_speed_beyond_the_top_speed_is_told_with_its_leg() -> None:

@@ -43,13 +43,13 @@ def energy_sentences(
 ) -> tuple[list[str], list[str]]:
     """Notes and warnings about the energy of a mission."""
     if energy is None:
-        return [f"Energy: not known, {vehicle.name} tells neither power_w_s3 nor [power]"], []
+        return [f"Energy: unknown, as the file of {vehicle.name} gives neither power_w_s3 nor [power]"], []
     silent = sorted({row.speed_m_s for row in rows if row.power_w is None and row.time_s > row.hold_s})
     parts = f"{energy.driving_wh:.1f} W h driving, {energy.hotel_wh:.1f} W h hotel load"
     notes = [f"Energy: {energy.total_wh:.1f} W h ({parts})"]
     if silent:
         spoken = ", ".join(f"{speed:g}" for speed in silent)
-        notes.append(f"Energy: without driving at {spoken} m/s, of which the model tells no power")
+        notes.append(f"Energy: without the thrusters at {spoken} m/s, for which the model gives no power")
     if any(row.hold_s for row in rows):
         notes.append("Energy: station-keeping counts with the hotel load alone")
     if energy.battery_wh is None:
@@ -60,12 +60,15 @@ def energy_sentences(
     )
     if energy.total_wh > energy.battery_wh:
         return notes, [
-            f"the battery of {energy.battery_wh:g} W h does not suffice for {energy.total_wh:.0f} W h;"
+            f"the mission takes {energy.total_wh:.0f} W h, more than the battery holds"
+            f" ({energy.battery_wh:g} W h);"
             " shorten the mission or fly slower"
         ]
     if energy.total_wh > (1.0 - _LEFT) * energy.battery_wh:
         left = 100.0 * (1.0 - energy.total_wh / energy.battery_wh)
-        return notes, [f"only {left:.0f} % of the battery are left at the end, and a current takes more"]
+        return notes, [
+            f"only {left:.0f} % of the battery is left at the end in still water; a current takes more"
+        ]
     return notes, []
 
 
@@ -179,7 +182,7 @@ def _further(found: Any) -> str:
 class Energy:
     """Energy of a mission in W h: driving ahead at the speeds of its legs, hotel load over all of its time.
 
-    ``battery_wh`` is None where the vehicle file tells no battery.
+    ``battery_wh`` is None where the vehicle file gives no battery.
     """
 
     driving_wh: float
@@ -207,7 +210,7 @@ class MissionCheck:
     legs
         The legs of the file.
     energy
-        None without a vehicle, or where its file tells no power.
+        None without a vehicle, or where its file gives no power.
     turning_radius_m
         The tightest circle by speed in m/s; None where the vehicle cannot turn at that speed.
     notes, warnings
