@@ -45,7 +45,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from seatrial._core import simd_level
 from seatrial.base.atomic_write import write_atomic
@@ -55,6 +55,7 @@ from seatrial.base.progress import Clock
 __all__ = [
     "RUN_FILE",
     "RunDirectory",
+    "RunResult",
     "check_writable",
     "part_file",
     "run_facts",
@@ -265,6 +266,33 @@ class RunDirectory:
     def _unlock(self) -> None:
         if self._release is not None:
             self._release()
+
+
+class RunResult:
+    """A result of a run, with ``facts`` for ``run.json`` (`run_facts`) and `files` that `save` writes."""
+
+    if TYPE_CHECKING:
+        facts: Mapping[str, Any]
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        raise NotImplementedError
+
+    def save(self, run_dir: str | Path) -> Path:
+        """Path of a run directory with all results: tables, JSON, summary and inputs.
+
+        Parameters
+        ----------
+        run_dir : str or Path
+            Made when it does not exist; an earlier run's is replaced.
+
+        Raises
+        ------
+        SeatrialError
+            The directory cannot be written, or another process works in it; nothing is left half-written.
+        """
+        with RunDirectory(run_dir) as run:
+            return run.publish(self.facts, self.files())
 
 
 def check_writable(path: str | Path) -> None:

@@ -9,13 +9,12 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table
-from seatrial.base.run import RunDirectory, to_json
+from seatrial.base.run import RunResult, to_json
 from seatrial.experiment.generated_trials import unmodelled
 from seatrial.experiment.repetition import Held, Repetition
 
@@ -86,7 +85,7 @@ class CoverageRow:
 
 
 @dataclass(frozen=True)
-class Coverage:
+class Coverage(RunResult):
     """What a coverage run found; made by `coverage`.
 
     Attributes
@@ -178,22 +177,6 @@ class Coverage:
             "hold_out": self.hold_out(),
             "repetitions": [one.to_dict() for one in self.repetitions],
         }
-
-    def save(self, run_dir: str | Path) -> Path:
-        """Path of a run directory with the result; an earlier run's is replaced.
-
-        Parameters
-        ----------
-        run_dir : str or Path
-            Made when it does not exist.
-
-        Raises
-        ------
-        SeatrialError
-            The directory cannot be written; nothing is left half-written.
-        """
-        with RunDirectory(run_dir) as run:
-            return run.publish(self.facts, self.files())
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
-from seatrial.base.run import RunDirectory, to_json
+from seatrial.base.run import RunResult, to_json
 
 if TYPE_CHECKING:
     from seatrial.experiment.fisher import Instruments
@@ -93,7 +93,7 @@ class Ranked:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(RunResult):
     """The next trials.
 
     Attributes
@@ -157,22 +157,6 @@ class Plan:
             "ranking": [ranked.to_dict() for ranked in self.ranking],
             "refused": dict(self.refused),
         }
-
-    def save(self, run_dir: str | Path) -> Path:
-        """Path of a run directory with the plan, and the command file and sheet of every trial.
-
-        Parameters
-        ----------
-        run_dir : str or Path
-            Made when it does not exist; an earlier run's is replaced.
-
-        Raises
-        ------
-        SeatrialError
-            The directory cannot be written; nothing is left half-written.
-        """
-        with RunDirectory(run_dir) as run:
-            return run.publish(self.facts, self.files())
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

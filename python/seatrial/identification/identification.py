@@ -6,13 +6,12 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import CHANNELS, readable
 from seatrial.base.report import Column, Report, Section, Table
-from seatrial.base.run import RunDirectory, part_file, to_json
+from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
@@ -73,7 +72,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(RunResult):
     """The identified vehicle, its coefficients, stages and scores; made by `seatrial.identify`.
 
     Attributes
@@ -192,22 +191,6 @@ class Identification:
             "notes": list(self.notes),
             "facts": dict(self.facts),
         }
-
-    def save(self, run_dir: str | Path) -> Path:
-        """Path of a run directory with all results: vehicle file, JSON, Parquet, summary, campaign file.
-
-        Parameters
-        ----------
-        run_dir : str or Path
-            Made when it does not exist; an earlier run's is replaced.
-
-        Raises
-        ------
-        SeatrialError
-            The directory cannot be written; nothing is left half-written.
-        """
-        with RunDirectory(run_dir) as run:
-            return run.publish(self.facts, self.files())
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -28,7 +27,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import parquet
 from seatrial.base.progress import Step
 from seatrial.base.report import Report, Section, Table
-from seatrial.base.run import RunDirectory, to_json
+from seatrial.base.run import RunResult, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 
@@ -221,7 +220,7 @@ class StageRestarts:
 
 
 @dataclass(frozen=True, eq=False)
-class Restarts:
+class Restarts(RunResult):
     """Ends of all stages from random starts; printed, a sentence per stage.
 
     Attributes
@@ -282,22 +281,6 @@ class Restarts:
             "same_optimum": self.same_optimum,
             "stages": [stage.to_dict() for stage in self.stages],
         }
-
-    def save(self, run_dir: str | Path) -> Path:
-        """Path of a run directory with all results; an earlier run's is replaced.
-
-        Parameters
-        ----------
-        run_dir : str or Path
-            Made when it does not exist.
-
-        Raises
-        ------
-        SeatrialError
-            The directory cannot be written; nothing is left half-written.
-        """
-        with RunDirectory(run_dir) as run:
-            return run.publish(self.facts, self.files())
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from seatrial.base.atomic_write import parquet
 from seatrial.base.report import Report, Section, Table
-from seatrial.base.run import RunDirectory, to_json
+from seatrial.base.run import RunResult, to_json
 from seatrial.tuning.performance import Performance
 from seatrial.tuning.search import GroupResult
 from seatrial.tuning.tables import (
@@ -47,7 +47,7 @@ _ROUNDING = 0.01  # what the frequency grid and four digits of a gain leave
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tuning:
+class Tuning(RunResult):
     """What a tuning found; made by `seatrial.tune`.
 
     Attributes
@@ -215,22 +215,6 @@ class Tuning:
             "relay": None if self.relay is None else self.relay.to_dict(),
             "notes": list(self.plan.fitted.notes),
         }
-
-    def save(self, run_dir: str | Path) -> Path:
-        """Path of a run directory with all results; an earlier run's is replaced.
-
-        Parameters
-        ----------
-        run_dir : str or Path
-            Made when it does not exist.
-
-        Raises
-        ------
-        SeatrialError
-            The directory cannot be written; nothing is left half-written.
-        """
-        with RunDirectory(run_dir) as run:
-            return run.publish(self.facts, self.files())
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""

@@ -10,14 +10,13 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from itertools import count
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
 from seatrial.base.report import Report, Section, Table
-from seatrial.base.run import RunDirectory, to_json
+from seatrial.base.run import RunResult, to_json
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
 from seatrial.verification.comparison import AutopilotComparison
@@ -36,7 +35,7 @@ __all__ = ["WITHOUT_FILE", "Verification", "input_files", "reserve"]
 
 
 @dataclass(frozen=True, eq=False)
-class Verification:
+class Verification(RunResult):
     """What missions flown by drawn vehicles say of an autopilot; made by `seatrial.verify`.
 
     Attributes
@@ -152,22 +151,6 @@ class Verification:
     def junit(self) -> str:
         """JUnit XML with a case per requirement; undecided is a failure."""
         return junit(self)
-
-    def save(self, run_dir: str | Path) -> Path:
-        """Path of a run directory with JSON, Parquet, JUnit XML, summary, worst missions and inputs.
-
-        Parameters
-        ----------
-        run_dir : str or Path
-            Made when it does not exist; an earlier run's is replaced.
-
-        Raises
-        ------
-        SeatrialError
-            The directory cannot be written; nothing is left half-written.
-        """
-        with RunDirectory(run_dir) as run:
-            return run.publish(self.facts, self.files())
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
