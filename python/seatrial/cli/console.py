@@ -99,18 +99,18 @@ def answer(
     report: Report,
     *,
     verbose: bool = False,
-    results: str = "",
+    results: str | Callable[[], str] = "",
     draw: Callable[[], Sequence[Path]] | None = None,
 ) -> None:
-    """Print a report and where its files are; only then draw, and say where figures are.
+    """Print a report, then where its files are; only then draw, and say where figures are.
 
     Parameters
     ----------
     report : Report
     verbose : bool, optional
         Whether to print details, too.
-    results : str, optional
-        Sentence on the files that were written.
+    results : str or callable, optional
+        Sentence on the files that were written; a callable writes them after the report is shown.
     draw : callable, optional
         Writes the figures, gives their paths.
     """
@@ -118,6 +118,9 @@ def answer(
 
     console = output()
     show(report, console, verbose=verbose)
+    if callable(results):
+        sys.stdout.flush()
+        results = results()
     if results:
         say(results)
     if draw is not None:

@@ -105,18 +105,23 @@ def fly(
     flight = flown(*sources, seed=seed, **options)
     many = None if seeds is None else fly_seeds(*sources, count=seeds, first=seed, options=options)
     beside = {} if many is None else {"seeds.parquet": many.parquet()}
-    folder = flight.save(out or Path("runs") / _folder(flight), beside=beside)
+    folder = out or Path("runs") / _folder(flight)
+    check_writable(folder)
+
+    def saved() -> str:
+        flight.save(folder, beside=beside)
+        return f"Results in {folder}: flight.json, flight.parquet, summary.txt and the inputs"
 
     def drawn() -> list[Path]:
         return draw_flight(flight, folder, formats(pdf)) if figures else []
 
     if json:
+        saved()
         result = flight.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]}
         print_json(result if many is None else result | {"seeds": many.to_dict()})
     else:
-        results = f"Results in {folder}: flight.json, flight.parquet, summary.txt and the inputs"
         report = flight.report(sections=() if many is None else (many.section(),))
-        answer(report, verbose=verbose, results=results, draw=drawn)
+        answer(report, verbose=verbose, results=saved, draw=drawn)
     if not flight.complete or (many is not None and not many.all_complete):
         raise typer.Exit(1)
 
