@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from seatrial._core import Vehicle
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.estimation.inputs import dependence, judge_inputs, thrusts, trained
+from seatrial.estimation.dependence import dependence
+from seatrial.estimation.inputs import judge_inputs, thrusts, trained
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"

@@ -78,7 +78,7 @@ class GaussNewton:
         # The solver sees unknowns in widths of their bounds, so that one trust region fits all.
         free = self.free
         scaled = information[np.ix_(free, free)] * np.outer(self.scale[free], self.scale[free])
-        # Its Jacobian is a Cholesky factor of the reduced information: m rows stand for all samples. On a unit
+        # Its Jacobian is a Cholesky factor of the reduced information: m rows for all samples. On a unit
         # diagonal the small ridge keeps a factor where the data leave a direction undetermined.
         size = np.sqrt(np.diag(scaled))
         factor = cholesky(scaled / np.outer(size, size) + 1e-12 * np.eye(len(free)), lower=False) * size
