@@ -157,7 +157,7 @@ def test_a_cycle_of_the_sampling_is_flown_once(monkeypatch: pytest.MonkeyPatch) 
         flown.append(named["max_time"])
         return st.fly(*given, **named)
 
-    monkeypatch.setattr("seatrial.flight.fly.fly", counted)
+    monkeypatch.setattr("seatrial.tuning.relay_trial.fly", counted)
     vehicle, autopilot = st.Vehicle.load("bluerov2-heavy"), st.Autopilot.load("bluerov2-heavy")
     sampled = relay_trial(vehicle, autopilot, loop="surge", speed_m_s=0.165, share=0.3, voltage=14.8)
     assert "that of the sampling" in sampled.why
