@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
     from seatrial.campaign.campaign import Campaign
     from seatrial.control_design.start_autopilot import start_autopilot
+    from seatrial.experiment.coverage import coverage
+    from seatrial.experiment.coverage_result import Coverage
+    from seatrial.experiment.plan import plan
+    from seatrial.experiment.plan_result import Plan
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.flight import Flight
     from seatrial.flight.fly import fly, fly_batch
@@ -50,6 +54,7 @@ _HOME = {
     "Campaign": "seatrial.campaign.campaign",
     "CampaignError": "seatrial.base.errors",
     "Comparison": "seatrial.trial.comparison",
+    "Coverage": "seatrial.experiment.coverage_result",
     "Fault": "seatrial.flight.failures",
     "Fitted": "seatrial.identification.fitted",
     "Flight": "seatrial.flight.flight",
@@ -59,6 +64,7 @@ _HOME = {
     "Mission": "seatrial.flight.mission",
     "MissionLog": "seatrial.verification.mission_log.log",
     "Outage": "seatrial.flight.failures",
+    "Plan": "seatrial.experiment.plan_result",
     "Requirement": "seatrial.verification.requirement",
     "Restarts": "seatrial.identification.restarts_result",
     "Run": "seatrial._core",
@@ -74,9 +80,11 @@ _HOME = {
     "Verification": "seatrial.verification.verification",
     "bench": "seatrial.bench_test.evaluate",
     "compare": "seatrial.trial.comparison",
+    "coverage": "seatrial.experiment.coverage",
     "fly": "seatrial.flight.fly",
     "fly_batch": "seatrial.flight.fly",
     "identify": "seatrial.identification.identify",
+    "plan": "seatrial.experiment.plan",
     "restarts": "seatrial.identification.restarts",
     "score": "seatrial.trial.score",
     "simulate_batch": "seatrial._core",
@@ -92,6 +100,7 @@ __all__ = [
     "Campaign",
     "CampaignError",
     "Comparison",
+    "Coverage",
     "Fault",
     "Fitted",
     "Flight",
@@ -101,6 +110,7 @@ __all__ = [
     "Mission",
     "MissionLog",
     "Outage",
+    "Plan",
     "Requirement",
     "Restarts",
     "Run",
@@ -116,9 +126,11 @@ __all__ = [
     "Verification",
     "bench",
     "compare",
+    "coverage",
     "fly",
     "fly_batch",
     "identify",
+    "plan",
     "restarts",
     "score",
     "simulate_batch",

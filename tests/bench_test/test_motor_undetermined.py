@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from seatrial.base.errors import TrialError, VehicleError
-from seatrial.bench_test.identify_motor import identify_motor, recommended_steps
+from seatrial.bench_test.motor_identification import identify_motor, recommended_steps
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
 from tests.bench_test.motor_steps import TABLE, TRUTH, designed, held, measured, rng, steps_of, with_signal
 

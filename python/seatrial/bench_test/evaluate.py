@@ -287,7 +287,7 @@ def _motors(
     """Units with their motors, and the records behind each."""
     if not file.steps:
         return {}, {}
-    from seatrial.bench_test.identify_motor import identify_motor
+    from seatrial.bench_test.motor_identification import identify_motor
 
     units: dict[str, Unit] = {}
     records: dict[str, list[StepRecord]] = {}

@@ -1,1 +1,15 @@
 """Trials: recordings read, corrected, scored and compared."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from seatrial.base.front import front
+
+if TYPE_CHECKING:
+    from seatrial.trial.truth import Truth as Truth
+
+__all__ = ["Truth"]
+
+if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
+    __getattr__ = front(__name__, {"Truth": "truth"})

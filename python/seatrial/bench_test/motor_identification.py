@@ -82,7 +82,7 @@ def identify_motor(
     --------
     >>> import numpy as np
     >>> from seatrial.bench_test.motor_model import MotorModel
-    >>> from seatrial.bench_test.identify_motor import recommended_steps
+    >>> from seatrial.bench_test.motor_identification import recommended_steps
     >>> table = {"maximum_ahead": 2000.0, "minimum_ahead": 150.0, "n_acc_per_s": 2000.0,
     ...          "n_dec_per_s": 4000.0, "T_1_s": 0.15, "T_t_s": 0.137}
     >>> t, command = recommended_steps(table)
