@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.bench_test.motor_identification import recommended_steps
 from seatrial.bench_test.motor_estimate import MotorEstimate
+from seatrial.bench_test.motor_identification import recommended_steps
 from seatrial.bench_test.motor_model import MotorModel, StepRecord
 
 Array = NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.bench_test.motor_identification import identify_motor
 from seatrial.bench_test.motor_estimate import MotorEstimate
+from seatrial.bench_test.motor_identification import identify_motor
 from seatrial.bench_test.motor_model import NAMES, MotorModel
 from tests.bench_test.motor_steps import any_motor, designed, measured
 
