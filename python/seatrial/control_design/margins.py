@@ -11,8 +11,8 @@ constraint of a tuning and its report. One candidate or thousands, the steps are
    margin, and the negative real axis at a gain margin: upwards where |L| < 1, downwards where |L| > 1 (a
    conditionally stable loop).
 
-0.2 ms for one loop and 0.01 ms each in a batch. The report's margins (`law_margins(..., refine=True)`) divide
-each interval with a crossing further, until what is printed does not change.
+0.2 ms for one loop and 0.01 ms each in a batch. For a report `refined_margins` divides each interval with a
+crossing further, until what is printed does not change.
 
 Sources: Åström and Hägglund, *Advanced PID Control* (2006), section 4.4; Seiler, Packard and Gahinet (2020),
 *An introduction to disk margins*, IEEE Control Systems 40(5). Held against python-control by
@@ -41,6 +41,8 @@ __all__ = [
     "loop_margins",
     "neutral_radius",
     "open_each",
+    "refined_margins",
+    "spectral_radius",
 ]
 
 Complex = NDArray[np.complex128]
