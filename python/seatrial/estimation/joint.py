@@ -1,8 +1,9 @@
 """What is estimated jointly: coefficients and nuisance parameters over the segments of all trials.
 
 Nuisance parameters are what a trial adds to its record, estimated lest the coefficients absorb it: a current,
-a motion-capture frame that was not levelled, the position of the velocity sensor, a late channel, a
-biased one. The core applies them (``observation.rs``); here stands how far each may plausibly lie from zero, which trials it belongs to and whether they share it.
+a motion-capture frame that was not levelled, the position of the velocity sensor, a late channel, a biased
+one. The core applies them (``observation.rs``); here stands how far each may plausibly lie from zero, which
+trials it belongs to and whether they share it.
 
 Tests: ``tests/estimation/test_polish.py``.
 """
