@@ -80,8 +80,8 @@ def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> C
             errors=errors,
             timing=timing,
             feedback=False,
-            max_step=STEP_S,
-            max_time=duration,
+            max_step_s=STEP_S,
+            max_time_s=duration,
             logs=False,
             threads=1,
         )

@@ -97,7 +97,7 @@ def run_casadi(compiled: Compiled, work: Workload, values: np.ndarray) -> object
 
 def apart_casadi(compiled: Compiled, work: Workload) -> float:
     """Return the largest difference of any state (SI) between the core and the compiled CasADi model."""
-    run = work.vehicle.simulate(work.t, work.commands, max_step=STEP_S)
+    run = work.vehicle.simulate(work.t, work.commands, max_step_s=STEP_S)
     _, states = compiled.run(
         [compiled.expressions.values], work.t, work.commands, state=REST, trajectory=True
     )
@@ -107,7 +107,7 @@ def apart_casadi(compiled: Compiled, work: Workload) -> float:
 
 def apart_textbook(work: Workload) -> float:
     """Return the largest difference of any state (SI) between the core and the textbook model."""
-    run = work.vehicle.simulate(work.t, work.commands, max_step=STEP_S)
+    run = work.vehicle.simulate(work.t, work.commands, max_step_s=STEP_S)
     expected = textbook.simulate(build(work.parameters), work.t, work.commands, substeps=SUBSTEPS)
     found = np.hstack([run.position, run.attitude, run.nu])
     return float(np.abs(found - np.hstack([expected.position, expected.attitude, expected.nu])).max())

@@ -94,7 +94,7 @@ def hull(samples: int) -> Workload:
 
 def fitted(vehicle: st.Vehicle, t: Array, commands: dict[str, ArrayLike], tau: Array | None) -> Workload:
     """Return the workload of a record, its channels those of the vehicle with noise."""
-    run = vehicle.simulate(t, commands, tau=tau, max_step=STEP_S)
+    run = vehicle.simulate(t, commands, tau=tau, max_step_s=STEP_S)
     rng = np.random.default_rng(4)
     attitude = np.array([euler(q) for q in np.asarray(run.attitude)])
     clean = np.hstack([run.nu, run.position, attitude])

@@ -373,13 +373,13 @@ class Record:
     """
     One trial: inputs on a uniform time base, and measured channels with weights.
 
-    t (n,), s; commands {actuator: (n,)} in its own unit; voltage (n,), V; tau (n, 6), N and N m; current (n, 3),
+    t (n,), s; commands {actuator: (n,)} in its own unit; voltage_v (n,), V; tau (n, 6), N and N m; current (n, 3),
     NED, m/s; actuators {name: (n,)} measured signals that replace the motor; nu and nu_rate on the half-step
     grid, (2 substeps (n - 1) + 1, 6), for measured axes; observed and weight (n, 12), SI, in the order u v w p q
     r x y z roll pitch yaw, weight 0 = masked; rho, kg/m3; g, m/s2.
     """
     def __len__(self, /) -> int: ...
-    def __new__(cls, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, *, voltage: ArrayLike | None = None, tau: ArrayLike | None = None, current: ArrayLike | None = None, actuators: Mapping[str, ArrayLike] | None = None, nu: ArrayLike | None = None, nu_rate: ArrayLike | None = None, observed: ArrayLike | None = None, weight: ArrayLike | None = None, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Record: ...
+    def __new__(cls, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, *, voltage_v: ArrayLike | None = None, tau: ArrayLike | None = None, current: ArrayLike | None = None, actuators: Mapping[str, ArrayLike] | None = None, nu: ArrayLike | None = None, nu_rate: ArrayLike | None = None, observed: ArrayLike | None = None, weight: ArrayLike | None = None, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Record: ...
 
 @final
 class Run:
@@ -505,15 +505,15 @@ class Vehicle:
         """
         Wrench about O per newton of each actuator, shape (6, actuators).
         """
-    def authority(self, /, speed: SupportsFloat | SupportsIndex = 0.0) -> dict[str, dict[str, Any]]:
+    def authority(self, /, speed_m_s: SupportsFloat | SupportsIndex = 0.0) -> dict[str, dict[str, Any]]:
         """
-        Per row X Y Z K M N what the actuators can command at a speed in m/s, ahead through still water.
+        Per row X Y Z K M N what the actuators can command at speed_m_s, ahead through still water.
 
         controllable: whether the vehicle file lists the row; share: part of a unit demand in this row alone that can be
         produced with all six rows held; controlled_share: with the controllable ones held; reach: largest wrench in
         positive and negative direction, N or N m; size: the row's weight over the largest singular value.
         """
-    def authority_sentences(self, /, speed: SupportsFloat | SupportsIndex = 0.0) -> list[str]:
+    def authority_sentences(self, /, speed_m_s: SupportsFloat | SupportsIndex = 0.0) -> list[str]:
         """
         The same in sentences: what cannot be commanded, and what remains after the loss of each actuator.
         """
@@ -600,13 +600,13 @@ class Vehicle:
         """
         Hotel load in W and battery energy in W h; empty when the file has none.
         """
-    def simulate(self, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage: ArrayLike | None = None, max_step: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Run:
+    def simulate(self, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage_v: ArrayLike | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Run:
         """
         The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample.
 
         t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
         the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
-        actuators'; voltage (n,), V; max_step, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
+        actuators'; voltage_v (n,), V; max_step_s, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
         """
     def table_voltages(self, /) -> dict[str, tuple[float, float]]:
         """
@@ -667,7 +667,7 @@ def error_edges() -> NDArray[float64]:
     The thresholds of the counts of errors, m, shape (edges,).
     """
 
-def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step: SupportsFloat | SupportsIndex = 0.02, max_time: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ...) -> Flights:
+def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ...) -> Flights:
     """
     Flies k cases of a mission; see `seatrial.fly`, which says it in the words of a user.
 
@@ -677,9 +677,10 @@ def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: Support
     quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
     rows (group, from, until in s), case_outages: rows (case, group, from, until). seabed (3,): depth in m and slopes
     north and east; obstacles: rows (north, east, radius in m). turbulence (k, 3) or (3,): standard deviation of the
-    current about its mean, NED, m/s, with turbulence_times in s. set_points {"times": (S,), name: (k, S) or (S,)}:
-    speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its plan is moved, each from
-    its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target, clock (P,)), see `Flights.violations`.
+    current about its mean, NED, m/s, with the time constants turbulence_times_s. set_points {"times": (S,),
+    name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its
+    plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target,
+    clock (P,)), see `Flights.violations`.
     """
 
 def initial_names() -> list[str]:
@@ -733,7 +734,7 @@ def simd_level() -> str:
     The instruction set of the batches: avx512, avx2, sse4.2, neon or fallback.
     """
 
-def simulate_batch(vehicle: Vehicle, coefficients: Mapping[str, ArrayLike], t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage: ArrayLike | None = None, max_step: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, threads: SupportsIndex | None = None) -> Run:
+def simulate_batch(vehicle: Vehicle, coefficients: Mapping[str, ArrayLike], t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage_v: ArrayLike | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, threads: SupportsIndex | None = None) -> Run:
     """
     The runs of k candidates, coefficients {name: (k,)}, under the same commands; see Vehicle.simulate.
 

@@ -53,7 +53,7 @@ def turn() -> pl.DataFrame:
     turning = 250.0 * np.sign(np.sin(2.0 * np.pi * t / 34.0))
     signs = {"SbU": -1.0, "SbL": -1.0, "PU": 1.0, "PL": 1.0}
     commands = {n: speed + signs[n] * turning if n in signs else np.zeros(len(t)) for n in vehicle.actuators}
-    run = vehicle.simulate(t, commands, max_step=0.02)
+    run = vehicle.simulate(t, commands, max_step_s=0.02)
     nu = np.asarray(run.nu) + np.random.default_rng(3).normal(0.0, 1e-3, (len(t), 6))
     frame = {"t_s": t}
     frame |= {f"{c}_m_s": nu[:, i] for i, c in enumerate("uvw")}

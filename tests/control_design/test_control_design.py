@@ -47,7 +47,7 @@ def test_law_nothing_accelerates_at_a_trim(vehicle: Vehicle, speed: float, rows:
     assert np.abs(rest).max() < 2e-5
     t = np.array([0.0, 0.01])
     held = np.tile(at.tau, (2, 1)) - _neutral(vehicle, at.nu)
-    run = vehicle.simulate(t, {}, State(nu=at.nu, attitude=at.attitude), tau=held, voltage=np.full(2, 14.8))
+    run = vehicle.simulate(t, {}, State(nu=at.nu, attitude=at.attitude), tau=held, voltage_v=np.full(2, 14.8))
     assert np.abs(np.asarray(run.nu)[-1] - at.nu).max() < 1e-6
     # Straight and level: the velocity over ground has no component down.
     assert abs(np.asarray(run.position)[-1, 2]) < 1e-9

@@ -90,7 +90,7 @@ class Flights:
         return _core.Record(
             t,
             commands,
-            voltage=14.5 + np.sin(t),
+            voltage_v=14.5 + np.sin(t),
             current=np.column_stack([0.2 + 0.05 * t, -0.1 + 0.0 * t, 0.02 * t]),
             observed=0.3 * rng.normal(size=(n, 12)),
             weight=weight,

@@ -151,7 +151,7 @@ def test_law_the_tangent_predicts_the_motion_beside_a_run(name: str) -> None:
         roll, pitch, yaw = x[3:6]
         initial = st.State(x[:3], kin.quaternion(roll, pitch, yaw), x[6:])
         voltage = np.full(2, 15.0)
-        run = v.simulate([0.0, dt], idle, initial, tau=wrench, voltage=voltage, max_step=dt)
+        run = v.simulate([0.0, dt], idle, initial, tau=wrench, voltage_v=voltage, max_step_s=dt)
         return np.concatenate([run.position[-1], kin.euler(run.attitude[-1]), run.nu[-1]])
 
     x_0 = np.concatenate([np.zeros(3), angles, nu])

@@ -108,7 +108,7 @@ def test_scalar_textbook_simulation_of_the_whole_chain(name: str, substeps: int)
     model, given = build(from_vehicle(v)), commands(v, len(t), 3)
     voltage = 14.0 + np.sin(t)
     expected = tb.simulate(model, t, given, voltage=voltage, substeps=substeps)
-    compare(v.simulate(t, given, voltage=voltage, max_step=dt / substeps), expected)
+    compare(v.simulate(t, given, voltage_v=voltage, max_step_s=dt / substeps), expected)
 
 
 @VEHICLES
@@ -137,7 +137,7 @@ def test_scalar_textbook_simulation_from_a_moving_start_in_a_changing_current(na
         substeps=2,
     )
     initial = st.State(position, q, nu, actuators)
-    run = v.simulate(t, given, initial, current, tau=wrench, voltage=voltage, max_step=dt / 2)
+    run = v.simulate(t, given, initial, current, tau=wrench, voltage_v=voltage, max_step_s=dt / 2)
     compare(run, expected)
 
 
@@ -151,7 +151,7 @@ def test_scalar_textbook_simulation_with_frozen_axes(name: str, free: str) -> No
     voltage, current = np.full(len(t), 14.8), (0.2, 0.1, 0.0)
     expected = tb.simulate(model, t, given, nu=nu, free=free, current=current, voltage=voltage, substeps=2)
     initial = st.State(nu=nu)
-    run = v.simulate(t, given, initial, current, free, voltage=voltage, max_step=dt / 2)
+    run = v.simulate(t, given, initial, current, free, voltage_v=voltage, max_step_s=dt / 2)
     compare(run, expected)
     frozen = [i for i in range(6) if "XYZKMN"[i] not in free]
     np.testing.assert_array_equal(
@@ -167,7 +167,7 @@ def test_scalar_textbook_simulation_in_other_water(name: str) -> None:
     voltage = np.full(len(t), 15.2)
     model = build(parameters, rho=998.0, g=9.79)
     expected = tb.simulate(model, t, given, voltage=voltage)
-    compare(v.simulate(t, given, voltage=voltage, max_step=dt, rho=998.0, g=9.79), expected)
+    compare(v.simulate(t, given, voltage_v=voltage, max_step_s=dt, rho=998.0, g=9.79), expected)
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_scalar_textbook_simulation_at_the_edges_of_the_chain(changed: dict[str,
     v, dt = vehicle("every_term").with_coefficients(changed), 0.05
     t = np.arange(60) * dt
     given = commands(v, len(t), 13)
-    compare(v.simulate(t, given, max_step=dt), tb.simulate(build(from_vehicle(v)), t, given))
+    compare(v.simulate(t, given, max_step_s=dt), tb.simulate(build(from_vehicle(v)), t, given))
 
 
 @VEHICLES
@@ -191,7 +191,7 @@ def test_scalar_textbook_batch_of_other_coefficients(name: str) -> None:
     rng = np.random.default_rng(9)
     varied = [k for k, value in own.items() if value != 0.0]
     values: dict[str, Any] = {k: own[k] * rng.uniform(0.9, 1.1, size=11) for k in varied}
-    run = st.simulate_batch(v, values, t, given, voltage=voltage, max_step=dt / 2)
+    run = st.simulate_batch(v, values, t, given, voltage_v=voltage, max_step_s=dt / 2)
     for i in (0, 7, 10):
         other = v.with_coefficients({k: float(x[i]) for k, x in values.items()})
         expected = tb.simulate(build(from_vehicle(other)), t, given, voltage=voltage, substeps=2)

@@ -58,7 +58,7 @@ def analysed(folder: Path, seed: int, *, rho: float = 0.0, **truth: float) -> Re
         name: ahead + side[name] * turn if name in STERN else np.zeros(len(t)) for name in vehicle.actuators
     }
     moved = vehicle.with_coefficients(truth | {"X_uu": -12.0, "Y_vv": -380.0, "N_rr": -180.0})
-    run = moved.simulate(t, dict(commands), State(), free="XYKN", max_step=0.02)
+    run = moved.simulate(t, dict(commands), State(), free="XYKN", max_step_s=0.02)
     noise = np.array([0.008, 0.008, 0.02, 0.02])  # m/s, deg/s
     seen = np.column_stack([run.nu[:, :2], np.rad2deg(run.nu[:, 3]), np.rad2deg(run.nu[:, 5])])
     seen = seen + noise * memory(generator.standard_normal(seen.shape), rho)

@@ -80,7 +80,7 @@ def test_law_the_scaled_vehicle_moves_alike_under_the_same_commands(name: str) -
     needs = any(facts["needs_voltage"] for facts in vehicle.actuator_info().values())
     voltage = np.full(len(t), 15.0) if needs else None
     start = State(nu=[0.5, 0.1, -0.1, 0.05, 0.02, -0.1])
-    runs = [one.simulate(t, commands, start, voltage=voltage) for one in (vehicle, scaled(vehicle, 0.29))]
+    runs = [one.simulate(t, commands, start, voltage_v=voltage) for one in (vehicle, scaled(vehicle, 0.29))]
     # Rounding, grown over 100 samples of a motion without exponential growth.
     np.testing.assert_allclose(runs[0].nu, runs[1].nu, atol=1e-9)
     np.testing.assert_allclose(runs[0].position, runs[1].position, atol=1e-8)
@@ -192,7 +192,7 @@ def test_law_a_ballast_that_sinks_gives_the_factor_back() -> None:
     weight = 7.0
     t = np.arange(0.0, 60.0, 0.1)
     tau = np.tile([0.0, 0.0, weight, 0.0, 0.0, 0.0], (len(t), 1))
-    run = scaled(BELUGA, TRUE).simulate(t, {}, free="Z", tau=tau, voltage=np.full(len(t), 15.0))
+    run = scaled(BELUGA, TRUE).simulate(t, {}, free="Z", tau=tau, voltage_v=np.full(len(t), 15.0))
     sink = float(np.asarray(run.nu)[-1, 2])
     ballast = {"mass_kg": weight / 9.81 + 0.2, "volume_m3": 2e-4, "sink_m_s": sink}
     # After 60 s, many time constants, the speed is steady to rounding.

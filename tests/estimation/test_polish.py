@@ -59,7 +59,7 @@ def recording(
     level = np.repeat(generator.uniform(300.0, 1500.0, 24), 100)
     turn = np.repeat(generator.uniform(-500.0, 500.0, 48), 50)
     sides = {"SbU": level - turn, "SbL": level - turn, "PU": level + turn, "PL": level + turn}
-    run = vehicle.simulate(t, sides, State(), CURRENT if current else None, free="XYN", max_step=0.02)
+    run = vehicle.simulate(t, sides, State(), CURRENT if current else None, free="XYN", max_step_s=0.02)
     nu, euler = np.asarray(run.nu), np.asarray(run.euler)
     motion = {"u": nu[:, 0], "v": nu[:, 1], "r": nu[:, 5], "yaw": np.unwrap(euler[:, 2])}
     if latency:

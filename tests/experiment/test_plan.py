@@ -83,7 +83,9 @@ def test_information_agrees_with_finite_differences_of_the_simulation() -> None:
 
     def shown(coefficients: dict[str, float], start: Array) -> Array:
         state = State(start[:3], start[3:6], start[6:], {k: float(y[0]) for k, y in one.commands.items()})
-        run = CWOLF.with_coefficients(coefficients).simulate(one.t, dict(one.commands), state, max_step=0.02)
+        run = CWOLF.with_coefficients(coefficients).simulate(
+            one.t, dict(one.commands), state, max_step_s=0.02
+        )
         every = np.hstack([run.nu, run.position, run.euler])
         return np.asarray(every[1:, columns] / np.array(list(noise.values()))).ravel()
 

@@ -109,7 +109,7 @@ def test_a_group_of_channels_that_there_is_not_is_refused_by_the_core() -> None:
             errors=np.zeros((16, 4)),
             timing=ideal,
             outages=[(7, 0.0, 1.0)],
-            max_time=1.0,
+            max_time_s=1.0,
         )
 
 

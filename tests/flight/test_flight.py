@@ -242,7 +242,7 @@ def test_law_the_commands_of_a_flight_replayed_make_the_same_motion() -> None:
     flight = flown()
     start = st.State(flight.position[0], flight.euler[0], flight.nu[0])
     run = flight.vehicle.simulate(
-        flight.t, flight.commands, start, flight.circumstances.current, max_step=0.02
+        flight.t, flight.commands, start, flight.circumstances.current, max_step_s=0.02
     )
     # One chain of actuators and one equation of motion, in the same steps: equal but for rounding.
     np.testing.assert_allclose(run.nu, flight.nu, atol=1e-9)

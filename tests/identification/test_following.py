@@ -161,7 +161,7 @@ def test_a_suggestion_that_is_true_is_kept(tmp_path: Path) -> None:
     steps = np.repeat(generator.uniform(-800.0, 800.0, 24), 50) * (t > 3.0)
     stern = ("SbU", "SbL", "PU", "PL")
     commands = {name: steps if name in stern else np.zeros(len(t)) for name in truth.actuators}
-    run = truth.simulate(t, dict(commands), State(), free="X", max_step=0.02)
+    run = truth.simulate(t, dict(commands), State(), free="X", max_step_s=0.02)
     speed = np.asarray(run.nu)[:, 0] + generator.normal(0.0, 0.004, len(t))
     frame = pl.DataFrame({"t_s": t, "u_m_s": speed, **{f"cmd.{name}": c for name, c in commands.items()}})
     budget = "[budget]\npopulation = 8\ngenerations = 10\nsimplex_rounds = 1\n"

@@ -64,7 +64,7 @@ def record(actuators: tuple[str, ...], axis: int, noise: float, seed: int) -> pl
     t = np.arange(0.0, 80.0, 0.1)
     steps = np.repeat(generator.uniform(-1500.0, 1500.0, 16), 50)
     commands = {name: steps if name in actuators else np.zeros(len(t)) for name in vehicle.actuators}
-    run = vehicle.simulate(t, commands, State(), free="XYZKMN"[axis], max_step=0.02)
+    run = vehicle.simulate(t, commands, State(), free="XYZKMN"[axis], max_step_s=0.02)
     speed = np.asarray(run.nu)[:, axis] + generator.normal(0.0, noise, len(t))
     column = ("u_m_s", "v_m_s", "w_m_s")[axis]
     return pl.DataFrame({"t_s": t, column: speed, **{f"cmd.{name}": c for name, c in commands.items()}})

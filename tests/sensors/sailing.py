@@ -18,4 +18,4 @@ def turning_dive(duration_s: float = 120.0, *, every: int = 1, depth_m: float = 
     commands |= dict.fromkeys(("PU", "PL"), held(1100.0 - side, every))
     commands |= {"VTB": held(down, every), "VTS": held(0.8 * down, every)}
     start = State(position=[0.0, 0.0, depth_m], attitude=[0.1, 0.0, 0.5])
-    return Vehicle.load("cwolf").simulate(times(t, every), commands, start, max_step=0.01)
+    return Vehicle.load("cwolf").simulate(times(t, every), commands, start, max_step_s=0.01)

@@ -30,7 +30,7 @@ def sailed(*, noise: float = 0.002, seed: int = 1, name: str = "run") -> Trial:
     steps = np.repeat(generator.uniform(300.0, 1500.0, 20), 100)
     commands = {n: steps if n in ("SbU", "SbL", "PU", "PL") else np.zeros(len(T)) for n in vehicle.actuators}
     commands["PU"] = 0.9 * commands["PU"]
-    run = vehicle.simulate(T, commands, max_step=0.02)
+    run = vehicle.simulate(T, commands, max_step_s=0.02)
     nu = np.asarray(run.nu) + generator.normal(0.0, noise, (len(T), 6))
     columns = {"t_s": T, "u_m_s": nu[:, 0], "r_deg_s": np.rad2deg(nu[:, 5])}
     columns |= {

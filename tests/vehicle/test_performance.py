@@ -81,7 +81,7 @@ def pushed(vehicle: Vehicle, share: float, speed: float, voltage: float = NOMINA
         name: np.full(len(t), command(facts[name], share * sense)) for name, sense in drivers(vehicle).items()
     }
     start = State(nu=[speed, 0, 0, 0, 0, 0])
-    run = vehicle.simulate(t, commands, start, free="", voltage=voltage_for(vehicle, t, voltage))
+    run = vehicle.simulate(t, commands, start, free="", voltage_v=voltage_for(vehicle, t, voltage))
     wrench: Array = run.tau[-1]
     return wrench
 

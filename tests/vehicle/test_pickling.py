@@ -79,7 +79,7 @@ def simulated(vehicle: st.Vehicle) -> Run:
     t = np.arange(50) * 0.1
     initial = State([1.0, 2.0, 3.0], [0.1, THIRD, -2.0], [0.5, 0.0, 0.0, 0.0, 0.0, THIRD])
     commands = {vehicle.actuators[0]: np.full(50, 600.0)}
-    return vehicle.simulate(t, commands, initial, voltage=np.full(50, 16.0))
+    return vehicle.simulate(t, commands, initial, voltage_v=np.full(50, 16.0))
 
 
 def flown(*, logs: bool = True) -> Flights:

@@ -43,7 +43,7 @@ def water(vehicle: Vehicle, nu: np.ndarray, commands: dict[str, float] | None = 
     """Wrench of the water on hull and actuators, (6,): everything but rigid body and restoring."""
     held = commands or {}
     run = vehicle.simulate(
-        [0.0, 1e-3], {k: [x, x] for k, x in held.items()}, State(nu=nu, actuators=held), max_step=1e-3
+        [0.0, 1e-3], {k: [x, x] for k, x in held.items()}, State(nu=nu, actuators=held), max_step_s=1e-3
     )
     forces = vehicle.forces(nu, [0.0, 0.0, 0.0])
     return np.asarray(run.tau[0] + forces["added_mass"] + forces["damping"] + forces["lift"])
@@ -60,7 +60,7 @@ def slopes(vehicle: Vehicle, speed: float) -> np.ndarray:
 def fly(
     vehicle: Vehicle, t: np.ndarray, commands: dict[str, np.ndarray], start: State, free: str = ROWS
 ) -> Run:
-    return vehicle.simulate(t, commands, start, free=free, voltage=np.full(len(t), 14.8), max_step=0.01)
+    return vehicle.simulate(t, commands, start, free=free, voltage_v=np.full(len(t), 14.8), max_step_s=0.01)
 
 
 def steered(

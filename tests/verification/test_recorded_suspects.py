@@ -60,7 +60,7 @@ def test_a_thrust_that_no_command_tells_names_its_actuator() -> None:
     model, trial = fitted().vehicle, log(4).trial
     pulses = np.where(np.sin(0.31 * trial.t) > 0.6, 300.0, 0.0)
     flown = model.simulate(
-        trial.t, trial.commands | {"VTB": pulses}, initial=st.State(*trial.state(10)), max_step=0.05
+        trial.t, trial.commands | {"VTB": pulses}, initial=st.State(*trial.state(10)), max_step_s=0.05
     )
     columns = {"t_s": trial.t} | {name: flown.nu[:, k] for k, name in enumerate(("u_m_s", "v_m_s", "w_m_s"))}
     columns |= {

@@ -209,11 +209,12 @@ pub fn error_edges() -> Array {
 /// quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
 /// rows (group, from, until in s), case_outages: rows (case, group, from, until). seabed (3,): depth in m and slopes
 /// north and east; obstacles: rows (north, east, radius in m). turbulence (k, 3) or (3,): standard deviation of the
-/// current about its mean, NED, m/s, with turbulence_times in s. set_points {"times": (S,), name: (k, S) or (S,)}:
-/// speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its plan is moved, each from
-/// its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target, clock (P,)), see `Flights.violations`.
+/// current about its mean, NED, m/s, with the time constants turbulence_times_s. set_points {"times": (S,),
+/// name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its
+/// plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target,
+/// clock (P,)), see `Flights.violations`.
 #[pyfunction]
-#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage = f64::NAN, rho = None, g = None, max_step = 0.02, max_time, logs = true, threads = None, turbulence = None, turbulence_times = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new()))]
+#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new()))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn fly(
     py: Python<'_>,
@@ -234,15 +235,15 @@ pub fn fly(
     outages: Vec<(usize, f64, f64)>,
     feedback: bool,
     seabed: Option<Numbers>,
-    voltage: f64,
+    voltage_v: f64,
     rho: Option<f64>,
     g: Option<f64>,
-    max_step: f64,
-    max_time: f64,
+    max_step_s: f64,
+    max_time_s: f64,
     logs: bool,
     threads: Option<usize>,
     turbulence: Option<Numbers>,
-    turbulence_times: (f64, f64),
+    turbulence_times_s: (f64, f64),
     obstacles: Vec<(f64, f64, f64)>,
     case_outages: Vec<(usize, usize, f64, f64)>,
     set_points: Option<Named>,
@@ -251,9 +252,9 @@ pub fn fly(
     let description = &vehicle.description;
     let settings = &autopilot.settings;
     let dt = settings.file.period_s;
-    let (tau, tau_2) = turbulence_times;
-    let times = [("turbulence_times", tau), ("turbulence_times", tau_2)];
-    for (name, x) in [("max_step", max_step), ("max_time", max_time)].into_iter().chain(times) {
+    let (tau, tau_2) = turbulence_times_s;
+    let times = [("turbulence_times_s", tau), ("turbulence_times_s", tau_2)];
+    for (name, x) in [("max_step_s", max_step_s), ("max_time_s", max_time_s)].into_iter().chain(times) {
         if !(x.is_finite() && x > 0.0) {
             return Err(refused(format!("{name}: expected a positive time in s, found {x}")));
         }
@@ -345,9 +346,9 @@ pub fn fly(
         trial: &trial,
         turbulence_times: [tau, tau_2],
         environment: Environment { rho_kg_m3: rho.unwrap_or(own.rho_kg_m3), g_m_s2: g.unwrap_or(own.g_m_s2) },
-        voltage,
-        substeps: whole(dt / max_step),
-        periods: whole(max_time / dt),
+        voltage: voltage_v,
+        substeps: whole(dt / max_step_s),
+        periods: whole(max_time_s / dt),
     };
     let cases = Cases { coefficients: &sought, tunables: &tuned, cases: &cases };
     let outcomes = interruptible(py, threads, |stop| flight.fly(&cases, logs, stop))?;

@@ -262,11 +262,11 @@ impl Simulation {
         inputs: &Inputs,
         initial: Option<&State>,
         free: &str,
-        max_step: f64,
+        max_step_s: f64,
     ) -> PyResult<Self> {
         let record = inputs.record(description, false, 1).map_err(raised)?;
-        if max_step.is_nan() || max_step <= 0.0 {
-            return Err(refused(format!("max_step: expected a positive time in s, found {max_step}")));
+        if max_step_s.is_nan() || max_step_s <= 0.0 {
+            return Err(refused(format!("max_step_s: expected a positive time in s, found {max_step_s}")));
         }
         let rest = integrate::State { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] };
         let state = initial.map_or(rest, |s| s.state);
@@ -278,7 +278,7 @@ impl Simulation {
         Ok(Self {
             description: description.clone(),
             segment: Segment::whole(0, record.len, state, signals),
-            substeps: (record.dt / max_step - 1e-9).ceil().max(1.0) as usize,
+            substeps: (record.dt / max_step_s - 1e-9).ceil().max(1.0) as usize,
             record,
             modes: modes(free, "").map_err(raised)?,
             start: inputs.t[0],
@@ -314,7 +314,7 @@ pub fn inputs(
     commands: Option<Named>,
     current: Option<Numbers>,
     tau: Option<Numbers>,
-    voltage: Option<Numbers>,
+    voltage_v: Option<Numbers>,
     rho: Option<f64>,
     g: Option<f64>,
 ) -> PyResult<Inputs> {
@@ -323,7 +323,7 @@ pub fn inputs(
         commands: Named::vectors(commands)?,
         current: optional_rows("current", current)?,
         tau: optional_rows("tau", tau)?,
-        voltage: voltage.map_or(Ok(Vec::new()), |v| v.vector("voltage"))?,
+        voltage: voltage_v.map_or(Ok(Vec::new()), |v| v.vector("voltage_v"))?,
         rho,
         g,
         ..Inputs::default()

@@ -12,7 +12,7 @@ use seatrial::fit::batch::Candidates;
 /// Every array of the Run has a leading dimension k. Candidates fly side by side in vector lanes and on
 /// `threads` threads (all when missing).
 #[pyfunction]
-#[pyo3(signature = (vehicle, coefficients, t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage = None, max_step = 0.02, rho = None, g = None, threads = None))]
+#[pyo3(signature = (vehicle, coefficients, t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage_v = None, max_step_s = 0.02, rho = None, g = None, threads = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
 pub fn simulate_batch(
     py: Python<'_>,
@@ -24,15 +24,15 @@ pub fn simulate_batch(
     current: Option<Numbers>,
     free: &str,
     tau: Option<Numbers>,
-    voltage: Option<Numbers>,
-    max_step: f64,
+    voltage_v: Option<Numbers>,
+    max_step_s: f64,
     rho: Option<f64>,
     g: Option<f64>,
     threads: Option<usize>,
 ) -> PyResult<Run> {
     let description = &vehicle.description;
-    let inputs = inputs(t, commands, current, tau, voltage, rho, g)?;
-    let simulation = Simulation::new(description, &inputs, initial.as_deref(), free, max_step)?;
+    let inputs = inputs(t, commands, current, tau, voltage_v, rho, g)?;
+    let simulation = Simulation::new(description, &inputs, initial.as_deref(), free, max_step_s)?;
     let mut sought = Vec::new();
     let mut columns: Vec<Vec<f64>> = Vec::new();
     for (name, values) in Named::vectors(Some(coefficients))? {

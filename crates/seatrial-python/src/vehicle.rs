@@ -205,14 +205,14 @@ impl Vehicle {
         Array::new(&[6, columns.len()], values)
     }
 
-    /// Per row X Y Z K M N what the actuators can command at a speed in m/s, ahead through still water.
+    /// Per row X Y Z K M N what the actuators can command at speed_m_s, ahead through still water.
     ///
     /// controllable: whether the vehicle file lists the row; share: part of a unit demand in this row alone that can be
     /// produced with all six rows held; controlled_share: with the controllable ones held; reach: largest wrench in
     /// positive and negative direction, N or N m; size: the row's weight over the largest singular value.
-    #[pyo3(signature = (speed = 0.0))]
-    fn authority(&self, speed: f64) -> BTreeMap<&'static str, BTreeMap<&'static str, Fact>> {
-        let found = authority(&self.description, speed);
+    #[pyo3(signature = (speed_m_s = 0.0))]
+    fn authority(&self, speed_m_s: f64) -> BTreeMap<&'static str, BTreeMap<&'static str, Fact>> {
+        let found = authority(&self.description, speed_m_s);
         let facts = |row: &RowAuthority| {
             fact_map(BTreeMap::from([
                 ("controllable", Value::Flag(row.controllable)),
@@ -226,9 +226,9 @@ impl Vehicle {
     }
 
     /// The same in sentences: what cannot be commanded, and what remains after the loss of each actuator.
-    #[pyo3(signature = (speed = 0.0))]
-    fn authority_sentences(&self, speed: f64) -> Vec<String> {
-        authority(&self.description, speed).sentences()
+    #[pyo3(signature = (speed_m_s = 0.0))]
+    fn authority_sentences(&self, speed_m_s: f64) -> Vec<String> {
+        authority(&self.description, speed_m_s).sentences()
     }
 
     /// The acceleration nu' under the wrench tau, body frame, m/s2 and rad/s2.
@@ -333,8 +333,8 @@ impl Vehicle {
     ///
     /// t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
     /// the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
-    /// actuators'; voltage (n,), V; max_step, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
-    #[pyo3(signature = (t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage = None, max_step = 0.02, rho = None, g = None))]
+    /// actuators'; voltage_v (n,), V; max_step_s, s; rho, kg/m3; g, m/s2. Runge-Kutta of fourth order.
+    #[pyo3(signature = (t, commands = None, initial = None, current = None, free = "XYZKMN", tau = None, *, voltage_v = None, max_step_s = 0.02, rho = None, g = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one public call")]
     fn simulate(
         &self,
@@ -345,13 +345,13 @@ impl Vehicle {
         current: Option<Numbers>,
         free: &str,
         tau: Option<Numbers>,
-        voltage: Option<Numbers>,
-        max_step: f64,
+        voltage_v: Option<Numbers>,
+        max_step_s: f64,
         rho: Option<f64>,
         g: Option<f64>,
     ) -> PyResult<Run> {
-        let inputs = inputs(t, commands, current, tau, voltage, rho, g)?;
-        Simulation::new(&self.description, &inputs, initial.as_deref(), free, max_step)?.run(py, None, None)
+        let inputs = inputs(t, commands, current, tau, voltage_v, rho, g)?;
+        Simulation::new(&self.description, &inputs, initial.as_deref(), free, max_step_s)?.run(py, None, None)
     }
 
     /// Itself: nothing of it can change.

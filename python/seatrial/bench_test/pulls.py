@@ -61,7 +61,7 @@ def settled(vehicle: Vehicle, actuator: str, commands: ArrayLike) -> Array:
     t: Array = _STEP_S * np.arange(steps * len(distinct), dtype=float)
     if len(distinct) == 0:
         return np.full(wanted.shape, np.nan)
-    run = vehicle.simulate(t, held, free="", voltage=voltage_for(vehicle, t, NOMINAL_V), max_step=_STEP_S)
+    run = vehicle.simulate(t, held, free="", voltage_v=voltage_for(vehicle, t, NOMINAL_V), max_step_s=_STEP_S)
     last = distance(vehicle, actuator, np.asarray(run.actuators[actuator])[steps - 1 :: steps])
     last[np.abs(last) < 1e-9 * largest(facts, 1.0)] = 0.0
     result = np.full(wanted.shape, np.nan)

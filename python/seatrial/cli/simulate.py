@@ -184,7 +184,7 @@ class _Simulation:
             self.current,
             "" if held else free,
             None if trial.tau is None else rows_held(trial.tau, self.every),
-            voltage=self.voltage,
+            voltage_v=self.voltage,
             rho=trial.rho,
             g=trial.g,
         )

@@ -357,8 +357,8 @@ def _flown(vehicle: Vehicle, trial: Trial, *, measured: bool) -> Array:
         trial.t,
         dict(trial.measured if measured else trial.commands),
         free="",
-        voltage=trial.voltage_v,
-        max_step=trial.dt,
+        voltage_v=trial.voltage_v,
+        max_step_s=trial.dt,
         rho=trial.rho,
         g=trial.g,
     )

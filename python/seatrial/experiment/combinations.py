@@ -181,8 +181,8 @@ class Thrusters:
             t,
             {name: np.repeat(commands, _PER_POINT)},
             free="",
-            voltage=voltage_for(self.vehicle, t, self.voltage_v),
-            max_step=hold,
+            voltage_v=voltage_for(self.vehicle, t, self.voltage_v),
+            max_step_s=hold,
         )
         force = np.asarray(run.tau)[_PER_POINT - 1 :: _PER_POINT, row] / wrench[row]
         keep = [_POINTS]

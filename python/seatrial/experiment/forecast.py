@@ -105,7 +105,11 @@ def simulated(
         actuators={name: float(values[0]) for name, values in manoeuvre.commands.items()},
     )
     return vehicle.simulate(
-        t, dict(manoeuvre.commands), state, voltage=voltage_for(vehicle, t, voltage_v), max_step=_MAX_STEP_S
+        t,
+        dict(manoeuvre.commands),
+        state,
+        voltage_v=voltage_for(vehicle, t, voltage_v),
+        max_step_s=_MAX_STEP_S,
     )
 
 

@@ -192,7 +192,7 @@ def steady_speed(thrusters: Thrusters, thrusts: Array) -> float:
     t = np.arange(0.0, _SPEEDS_UP_S, 0.25)
     commands = thrusters.commands(np.tile(thrusts, (len(t), 1)))
     voltage = voltage_for(thrusters.vehicle, t, thrusters.voltage_v)
-    run = thrusters.vehicle.simulate(t, dict(commands), free="X", voltage=voltage)
+    run = thrusters.vehicle.simulate(t, dict(commands), free="X", voltage_v=voltage)
     return float(np.asarray(run.nu)[-1, 0])
 
 

@@ -194,8 +194,8 @@ class Recipe:
             state,
             self.current,
             "" if self.held else "XYZKMN",
-            voltage=self._fine_voltage,
-            max_step=_STEP_S,
+            voltage_v=self._fine_voltage,
+            max_step_s=_STEP_S,
         )
         if not np.isfinite(np.asarray(run.nu)).all():
             raise TrialError(

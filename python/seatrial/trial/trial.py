@@ -341,7 +341,7 @@ class Trial:
         return Record(
             self.t,
             self.commands if input == "commands" else {},
-            voltage=self.voltage_v,
+            voltage_v=self.voltage_v,
             tau=self.tau if input == "tau" else None,
             current=self.current,
             actuators=self.measured if input == "measured" else None,

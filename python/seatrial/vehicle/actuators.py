@@ -135,7 +135,7 @@ def bollard(
     start = State(nu=[speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
     t = np.linspace(0.0, settling_s(vehicle), 101)
     held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
-    run = vehicle.simulate(t, held, start, free="", voltage=voltage_for(vehicle, t, voltage_v))
+    run = vehicle.simulate(t, held, start, free="", voltage_v=voltage_for(vehicle, t, voltage_v))
     wrench: Array = np.asarray(run.tau)[-1]
     return wrench
 

@@ -165,7 +165,7 @@ def neutral_fins(vehicle: Vehicle, nu: Array) -> Array:
         return np.zeros(nu.shape)
     t = np.array([0.0, 0.01])  # two samples, of which the first is taken: nothing moves
     voltage = voltage_for(vehicle, t, NOMINAL_V)
-    runs = [vehicle.simulate(t, {}, State(nu=row), free="", voltage=voltage) for row in nu]
+    runs = [vehicle.simulate(t, {}, State(nu=row), free="", voltage_v=voltage) for row in nu]
     return np.array([np.asarray(run.tau)[0] for run in runs]).reshape(nu.shape)
 
 

@@ -95,7 +95,7 @@ def steady(
     held: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
     state = State(nu=nu)
     for _ in range(_ROUNDS):
-        run = vehicle.simulate(t, held, state, free=free, voltage=voltage_for(vehicle, t, voltage_v))
+        run = vehicle.simulate(t, held, state, free=free, voltage_v=voltage_for(vehicle, t, voltage_v))
         last = np.asarray(run.nu)[-len(t) // 10 :]
         signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
         settled = bool(np.isfinite(last).all() and np.ptp(last, axis=0).max() < _CHANGE)
@@ -227,7 +227,7 @@ def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) 
             name: np.full(len(t), value) for name, value in _ahead(vehicle, share).items()
         }
         voltage = voltage_for(vehicle, t, voltage_v)
-        run = vehicle.simulate(t, commands, State(nu=nu), free="", voltage=voltage, max_step=0.05)
+        run = vehicle.simulate(t, commands, State(nu=nu), free="", voltage_v=voltage, max_step_s=0.05)
         signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
         return float(np.asarray(run.tau)[-1, 0]), signals
 

@@ -152,7 +152,7 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
         State(nu=nu),
         free="YN",
         tau=np.tile(wrench, (len(t), 1)),
-        voltage=voltage_for(vehicle, t, voltage_v),
+        voltage_v=voltage_for(vehicle, t, voltage_v),
     )
     u, v, *_, rate = np.asarray(run.nu)[-1]
     return float(np.hypot(u, v) / abs(rate)) if abs(rate) > _STRAIGHT else None

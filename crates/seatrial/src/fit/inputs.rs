@@ -58,7 +58,7 @@ impl Inputs {
             len: n,
             commands: vec![vec![0.0; n]; description.actuators.len()],
             signals: vec![None; description.actuators.len()],
-            voltage: series("voltage", &self.voltage, n, true)?,
+            voltage: series("voltage_v", &self.voltage, n, true)?,
             tau: if self.tau.len() == 1 { vec![self.tau[0]; n] } else { self.tau.clone() },
             current: self.current.clone(),
             measured: self.nu.iter().zip(&self.nu_rate).map(|(nu, rate)| [*nu, *rate]).collect(),
@@ -77,7 +77,7 @@ impl Inputs {
             record.commands[k] = values.iter().map(|&c| actuator.limits.apply(actuator.signal(c))).collect();
             if self.voltage.is_empty() && actuator.table().is_some_and(|t| t.needs_voltage()) {
                 return Err(Error::simulation(format!(
-                    "voltage: the thrust of {name} depends on the supply voltage; give it in V, shape ({n},)"
+                    "voltage_v: the thrust of {name} depends on the supply voltage; give it in V, shape ({n},)"
                 )));
             }
         }

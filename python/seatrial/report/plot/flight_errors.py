@@ -273,8 +273,8 @@ def behind_motor(
         times,
         {name: motor.neutral + sense * np.asarray(command, dtype=float)},
         free="",
-        voltage=voltage_for(vehicle, times, NOMINAL_V),
-        max_step=0.01,
+        voltage_v=voltage_for(vehicle, times, NOMINAL_V),
+        max_step_s=0.01,
     )
     return np.asarray(sense * (np.asarray(run.actuators[name]) - motor.neutral))
 

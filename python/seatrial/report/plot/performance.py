@@ -146,7 +146,7 @@ def track(vehicle: Vehicle, turn: Turn, *, voltage_v: float = NOMINAL_V) -> Arra
     after = turn_commands(vehicle, turn.share, TURN_KINDS[turn.kind] * turn.share)
     commands: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in after.items()}
     state = State(nu=begin.nu, actuators=dict(begin.actuators))
-    run = vehicle.simulate(t, commands, state, free="XYN", voltage=voltage_for(vehicle, t, voltage_v))
+    run = vehicle.simulate(t, commands, state, free="XYN", voltage_v=voltage_for(vehicle, t, voltage_v))
     place: Array = np.asarray(run.position)[:, :2]
     step = np.diff(place, axis=0)
     course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
@@ -360,7 +360,7 @@ def thrust(
         commands: dict[str, ArrayLike] = {name: np.full(len(t), facts["neutral"] + sense * step)}
         initial = State(nu=[speed_m_s, 0.0, 0.0, 0.0, 0.0, 0.0])
         run = vehicle.simulate(
-            t, commands, initial, free="", voltage=voltage_for(vehicle, t, voltage_v), max_step=0.05
+            t, commands, initial, free="", voltage_v=voltage_for(vehicle, t, voltage_v), max_step_s=0.05
         )
         found.append(float(np.asarray(run.tau)[-1, axis] / direction[axis]))
     return np.array(found)
