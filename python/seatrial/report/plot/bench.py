@@ -1,14 +1,10 @@
-"""Bollard test: measured thrust of a single actuator over its signal, the fitted curve and its 95 % band.
+"""Figures of a bench test: thrust over the signal with fit and 95 % band, and step responses of a motor.
 
-One panel per group with both directions in one pair of axes, as the paper shows the characteristics of stern
-propeller and vertical thruster. Outliers are ringed and named. A table over the supply voltage is a curve per
-voltage, each with its points.
-
-Step test of a motor: commanded, measured and modelled revolutions, their residual, and single steps.
-
-As the figure "Modelled and measured step response of revolution" of Taubert et al. (2014). In a single step
-the dashed line is what the lag follows: the command after limits, rate limit and dead time. At 63 % of the
-step the response lags behind it by T_1, exactly so after a jump and on a ramp that is long against T_1.
+Bollard test: one panel per group, both directions in one pair of axes; outliers are ringed and named; a
+table over the supply voltage is a curve per voltage. Step test: commanded, measured and modelled revolutions,
+their residual, and single steps, as in "Modelled and measured step response of revolution" of Taubert et al.
+(2014). In a single step the dashed line is the input of the lag: the command after limits, rate limit and
+dead time.
 Held by `tests/bench_test/test_motor_dynamics.py`.
 """
 

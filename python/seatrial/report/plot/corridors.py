@@ -1,20 +1,9 @@
-"""Set-point responses in their corridors, with the areas that the constraint criterion adds up.
+"""Step responses in their corridors: error areas, a staircase of set points, the speed through all modes.
 
-After the figure "Constraint criteria with error areas" of Taubert et al. (2014): response, both bounds, what
-lies below the lower and above the upper one filled. Of a bundle the worst response is drawn strongly and its
-areas are filled. Held by `tests/report/test_corridor_figures.py`.
-
-Responses of a loop to a staircase of set points before and after tuning, in one time course.
-
-After the figure "Speed control optimization with constraint criteria" of Taubert et al. (2014), for any loop
-and any number of vehicles: the first row is the nominal one, the others span a band. Held by
-`tests/report/test_corridor_figures.py`.
-
-The speed over a staircase of set points with the start gains and with the tuned ones.
-
-After the figure "Speed control optimization with constraint criteria" of Taubert et al. (2014): one time
-course in which the set point u_d changes several times, through all modes of the autopilot. Held by
-tests/report/test_tuning_gallery.py.
+After the figures "Constraint criteria with error areas" and "Speed control optimization with constraint
+criteria" of Taubert et al. (2014). Of a bundle of drawn vehicles the first row is the nominal one; the worst
+response is drawn strongly and its areas are filled, the others span a band. Held by
+`tests/report/test_corridor_figures.py` and `tests/report/test_tuning_gallery.py`.
 """
 
 from __future__ import annotations
@@ -285,7 +274,7 @@ _PAGE_IN = 9.8
 
 _CORRIDOR = "#DDEBDD"
 
-_STEP_RESPONSES_MARGIN, _STEP_RESPONSES_MOST = (
+_STEP_RESPONSES_MARGIN, _MOST_RESPONSES = (
     0.08,
     0.5,
 )  # around what is shown, and how far a wild response may widen it
@@ -441,8 +430,8 @@ def _step_responses_window(course: Course, edges: Sequence[float]) -> tuple[floa
     seen = seen[np.isfinite(seen)]
     kept, seen = (kept if len(kept) else seen), (seen if len(seen) else kept)
     span = float(np.ptp(kept)) or 1.0
-    low = max(min(kept.min(), seen.min()), kept.min() - _STEP_RESPONSES_MOST * span)
-    high = min(max(kept.max(), seen.max()), kept.max() + _STEP_RESPONSES_MOST * span)
+    low = max(min(kept.min(), seen.min()), kept.min() - _MOST_RESPONSES * span)
+    high = min(max(kept.max(), seen.max()), kept.max() + _MOST_RESPONSES * span)
     return float(low - _STEP_RESPONSES_MARGIN * span), float(high + _STEP_RESPONSES_MARGIN * span)
 
 

@@ -1,12 +1,7 @@
-"""Parts of figures over the time of a flight: thinned lines, legs, events, modes, what settled.
+"""A flight over time: track with the planned path and the depth, and the control loops with their modes.
 
-The track of a flight: from above with the planned path, and its depth over time.
-
-Held by `tests/report/test_flight_figures.py`.
-
-The control loops of a flight: what was desired and done, what was demanded and reached, and the modes.
-
-Held by `tests/report/test_flight_figures.py`.
+The parts that all time courses share come first: thinned lines, legs, events, modes, settled spans. Held by
+`tests/report/test_flight_figures.py`.
 """
 
 from __future__ import annotations

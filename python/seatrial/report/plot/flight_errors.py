@@ -1,12 +1,7 @@
-"""Errors of guidance over a flight: cross-track and vertical, and how they are distributed once settled.
+"""Errors and actuators of a flight, and the gallery of all its figures.
 
-Held by `tests/report/test_flight_figures.py`.
-
-The actuators of a flight: commands and what became of them, group by group, and the power.
-
-Held by `tests/report/test_flight_figures.py`.
-
-Motors as figures show them: groups of actuators that are driven alike, with the numbers of their chain.
+Errors: cross-track and vertical, over time and their distribution once settled. Actuators: commands and what
+became of them, by groups that are driven alike, and the power. Held by `tests/report/test_flight_figures.py`.
 """
 
 from __future__ import annotations

@@ -1,17 +1,9 @@
-"""The figures of an identification: vehicle, convergence, uncertainty, residual analysis, every trial.
+"""Figures of an identification: vehicle, convergence, uncertainty, residual analysis, every trial.
 
-How sure the coefficients are, on one page: relative standard deviations, verdicts, correlations.
-
-What the residuals say against the model: their autocorrelation, and the missing terms ranked by gain.
-
-Convergence of the search: how far the best cost lies above the optimum, over the candidates tried.
-
-A panel per stage; the searches (evolution strategy, descent, simplex) are told apart by colour, dashes and
-a line where one follows the other. What is drawn is ``100 (Q - Q*) / Q*`` on a logarithmic axis, Q* the
-stage's lowest cost: a fine search that gains a thousandth is seen as well as a global one that halves the
-cost.
-
-Where coefficients lie within their bounds: a bar per coefficient with start value, optimum and polish.
+Uncertainty: relative standard deviations, verdicts, correlations. Residual analysis: autocorrelation, and the
+missing terms ranked by gain. Convergence: a panel per stage with ``100 (Q - Q*) / Q*`` on a logarithmic axis,
+Q* the stage's lowest cost, over the candidates tried; colour and dashes tell the searches apart. Held by
+`tests/report/test_plot.py` and `tests/report/test_paper_figures.py`.
 """
 
 from __future__ import annotations
@@ -231,7 +223,7 @@ _PHASES = {
     "simplex": ("simplex", RESIDUAL, (0, (3, 1))),
 }
 
-_SEARCH_HISTORY_ROW_IN, _SEARCH_HISTORY_COLUMNS = 1.75, 3
+_CONVERGENCE_ROW_IN = 1.75
 
 _LEAST = 1e-4
 """Per cent above the optimum that are drawn at the foot: the budget's usual tolerance is a hundred times"
@@ -244,10 +236,10 @@ def convergence(stages: Sequence[StageResult]) -> Figure:
     The cost is the mean weighted error per sample in standard deviations of the channels; a panel's remark
     gives it at the start values and at the optimum.
     """
-    columns = min(_SEARCH_HISTORY_COLUMNS, max(len(stages), 1))
+    columns = min(_COLUMNS, max(len(stages), 1))
     rows = -(-max(len(stages), 1) // columns)
     with house_style():
-        figure = new_figure(0.45 + _SEARCH_HISTORY_ROW_IN * rows)
+        figure = new_figure(0.45 + _CONVERGENCE_ROW_IN * rows)
         grid = figure.subplots(rows, columns, squeeze=False)
         for axes, stage in zip(grid.flat, stages, strict=False):
             _panel(axes, stage)

@@ -1,10 +1,8 @@
-"""Performance: speed, power, endurance and range over revolutions, and turning circles.
+"""Performance and characteristic of a vehicle: speed, power and range over revolutions, turns, thrust.
 
-Steady motion from `seatrial.vehicle.steady_state`; tracks are runs of the whole chain in the horizontal
-plane.
-Held by tests/vehicle/test_performance.py.
-
-Characteristic: thrust over command, at rest and under way, one panel per group of like actuators.
+Steady motion is from `seatrial.vehicle.steady_state`; tracks are runs of the whole chain in the horizontal
+plane; thrust over command at rest and under way has a panel per group of like actuators. Held by
+`tests/vehicle/test_performance.py`.
 """
 
 from __future__ import annotations
@@ -256,14 +254,7 @@ def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v:
 
 _POINTS = 161
 
-_CHARACTERISTIC_CURVE_DASHES = (
-    "-",
-    (0, (5, 1.5)),
-    (0, (1.2, 1.2)),
-    (0, (5, 1.5, 1.2, 1.5)),
-    "-",
-    (0, (5, 1.5)),
-)
+_CURVE_DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), "-", (0, (5, 1.5)))
 
 
 def characteristic(
@@ -303,9 +294,7 @@ def characteristic(
         grid = figure.subplots(1, len(panels), squeeze=False)
         for axes, (name, (alike, steps, curves)) in zip(grid[0], panels.items(), strict=True):
             unit = str(facts[name]["unit"]).replace("us", "\N{MICRO SIGN}s")
-            for colour, dashes, (label, force) in zip(
-                CYCLE, _CHARACTERISTIC_CURVE_DASHES, curves, strict=False
-            ):
+            for colour, dashes, (label, force) in zip(CYCLE, _CURVE_DASHES, curves, strict=False):
                 axes.plot(steps, force, color=colour, linestyle=dashes, label=label)
             axes.axhline(0.0, color="#262626", linewidth=0.5)
             axes.axvline(0.0, color="#262626", linewidth=0.5)

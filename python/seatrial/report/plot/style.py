@@ -1,12 +1,8 @@
-"""House style of all figures: sizes, palette, saving.
+"""House style of all figures: sizes, palette, saving, symbols of coefficients, labels that do not overlap.
 
 The palette is that of Okabe and Ito (2008), which the common colour-vision deficiencies keep apart; measured
-and simulated differ in weight too, so that a grey print tells them. Widths are those of a page of two columns
-(IEEE: 88 and 180 mm); fonts are embedded in PDF as TrueType and drawn as outlines in SVG.
-
-Coefficient names as they are set in print: ``X_udot`` becomes X with the index of a dotted u.
-
-Labels of points in a drawing that do not overlap: in rows above and below, tied by thin lines.
+and simulated differ in weight too, so that a grey print shows the difference. Widths are those of a page of
+two columns (IEEE: 88 and 180 mm); fonts are embedded in PDF as TrueType and drawn as outlines in SVG.
 """
 
 from __future__ import annotations

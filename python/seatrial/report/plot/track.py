@@ -1,15 +1,8 @@
-"""Parts of a view from above: north up, east to the right, equal scale; waypoints, labels, current.
+"""A view from above and its page: north up, east to the right, equal scale; planned path, profile, legend.
 
-A plan has a known place and size on the page, so that what is drawn in it can be thinned to what a reader
-can tell apart. Held by `tests/report/test_flight_figures.py`.
-
-The page of a plan: view from above, profile and one legend, arranged by the shape of the track.
-
-Held by `tests/report/test_flight_figures.py`.
-
-The path that a mission plans, as it is drawn: straight legs, circles joined where the vehicle meets them.
-
-Held by `tests/report/test_mission_plan.py`.
+The planned path has straight legs, and circles joined where the vehicle meets them. A plan has a known place
+and size on the page, so that its lines can be thinned to what a reader can tell apart. Held by
+`tests/report/test_flight_figures.py` and `tests/report/test_mission_plan.py`.
 """
 
 from __future__ import annotations

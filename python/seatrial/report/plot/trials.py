@@ -1,8 +1,7 @@
-"""Measured against simulated: a panel per channel with its residual below, the held-out part shaded.
+"""Measured against simulated: one model with its residuals, or several variants with their errors.
 
-Variants of a model on one trial: measured and simulated over time, the errors of all below.
-
-Every vehicle keeps its colour and its dashes through all panels; the recorded line is broad and grey.
+A panel per channel, the held-out part shaded. Every vehicle keeps its colour and its dashes through all
+panels; the recorded line is broad and grey. Held by `tests/report/test_plot.py`.
 """
 
 from __future__ import annotations
@@ -190,7 +189,7 @@ _ANGLES = ("roll", "pitch", "yaw")
 
 _DEGREES = ("p", "q", "r", *_ANGLES)
 
-_VARIANTS_PANEL_IN, _VARIANTS_EDGES_IN = 1.45, 0.85
+_PANEL_HEIGHT_IN, _EDGES_HEIGHT_IN = 1.45, 0.85
 
 
 def draw_variants(
@@ -241,7 +240,7 @@ def variants(trial: Trial, scores: Mapping[str, Score], *, channels: Sequence[st
     first = next(iter(scores.values()))
     looks = {name: _LOOKS[i % len(_LOOKS)] for i, name in enumerate(scores)}
     with house_style():
-        figure = new_figure(_VARIANTS_EDGES_IN + _VARIANTS_PANEL_IN * len(channels))
+        figure = new_figure(_EDGES_HEIGHT_IN + _PANEL_HEIGHT_IN * len(channels))
         grid = figure.subplots(
             2 * len(channels), 1, sharex=True, squeeze=False, height_ratios=[3.0, 1.4] * len(channels)
         )

@@ -1,11 +1,8 @@
-"""The figures of a tuning: corridors with error areas, responses before and after, speeds, margins, relay.
+"""Figures of a tuning: corridors with error areas, responses before and after, speeds, margins, relay.
 
-Of the trials of a loop at a speed that one is drawn which the tuned gains hold least. Held by
-tests/cli/test_cli_tune.py and tests/report/test_tuning_gallery.py.
-
-The limit cycles of a relay tuning, a panel per loop and speed: what was measured and asked for.
-
-Held by tests/report/test_relay_figure.py.
+Of the trials of a loop at a speed the one is drawn that the tuned gains hold least; a relay trial shows what
+was measured and asked for. Held by `tests/report/test_tuning_gallery.py` and
+`tests/report/test_relay_figure.py`.
 """
 
 from __future__ import annotations

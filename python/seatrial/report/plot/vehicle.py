@@ -1,11 +1,9 @@
 """The vehicle from three sides: hull, centres of gravity and buoyancy, actuators with their thrust.
 
-Side and top have one scale; the front, seen from ahead, has its own where the vehicle is slender. The legend
-stands below the front where there is room, else at the foot.
-Actuators that lie behind one another share a label; labels stand in rows above and below the hull, each tied
-to its place by a thin line.
-
-What stands in a view of a vehicle: hull, centres of gravity and buoyancy, thrust, and a legend.
+Side and top have one scale; the front, seen from ahead, has its own where the vehicle is slender. Actuators
+that lie behind one another share a label; labels stand in rows above and below the hull, tied to their
+positions by thin lines; the legend stands where there is room. Held by
+`tests/report/test_vehicle_figures.py`.
 """
 
 from __future__ import annotations

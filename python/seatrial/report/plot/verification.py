@@ -1,14 +1,6 @@
-"""Verdicts of a verification: failure probabilities against what is allowed, and what drives the failures.
+"""Figures of a verification: failure probabilities, causes, cross-track error, the worst missions' tracks.
 
-Held by `tests/report/test_verification_figures.py`.
-
-The figures of a verification: requirements, causes, cross-track error, tracks of the worst missions.
-
-Held by tests/verification/test_verify.py.
-
-The worst missions of a verification over their plan: tracks from above, and the depth over time.
-
-Held by `tests/verification/test_verify.py`.
+Held by `tests/report/test_verification_figures.py` and `tests/verification/test_verify.py`.
 """
 
 from __future__ import annotations
@@ -335,7 +327,7 @@ _TRUE = "true_cross_track_p95_m"
 
 _MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4
 
-_VERIFICATION_GALLERY_LONGEST = 50  # letters of a requirement's name in that of a file
+_LONGEST_NAME = 50  # letters of a requirement's name in that of a file
 
 
 def verification_gallery(
@@ -400,7 +392,7 @@ def _worst(found: Verification, one: JudgedRequirement) -> Figure:
 
 def _safe(name: str) -> str:
     """Name for a file, short enough for any file system."""
-    return "".join(letter if letter.isalnum() else "_" for letter in name)[:_VERIFICATION_GALLERY_LONGEST]
+    return "".join(letter if letter.isalnum() else "_" for letter in name)[:_LONGEST_NAME]
 
 
 def _free(name: str, taken: Container[str]) -> str:
