@@ -179,7 +179,11 @@ def information(
     segments = _segments(run, manoeuvre, instruments)
     loop = OpenLoop(
         vehicle,
-        [Record(manoeuvre.t, dict(manoeuvre.commands), voltage_v=voltage_for(vehicle, manoeuvre.t, voltage_v))],
+        [
+            Record(
+                manoeuvre.t, dict(manoeuvre.commands), voltage_v=voltage_for(vehicle, manoeuvre.t, voltage_v)
+            )
+        ],
         segments,
         names=coefficient_names(parameters),
         substeps=_substeps(vehicle, run, manoeuvre),
