@@ -310,7 +310,7 @@ class Stop:
     speed: float
     acceptance: float
     task: str
-    radius: float = 0.0
+    radius: float
 
 
 @dataclass(frozen=True, eq=False)
