@@ -117,10 +117,12 @@ def answer(
     from seatrial.report.terminal import show
 
     console = output()
-    show(report, console, verbose=verbose)
-    if callable(results):
+    try:
+        show(report, console, verbose=verbose)
         sys.stdout.flush()
-        results = results()
+    finally:  # a reader that closes the pipe early loses no files
+        if callable(results):
+            results = results()
     if results:
         say(results)
     if draw is not None:
