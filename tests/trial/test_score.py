@@ -108,6 +108,18 @@ def test_masked_samples_do_not_count_and_starts_move_past_them(core: SimpleNames
     ]
 
 
+def test_windows_that_move_or_have_no_start_are_counted_over_all_trials(core: SimpleNamespace) -> None:
+    table = motion.columns(T)
+    table["u_m_s"][195:210] = np.nan
+    table["u_m_s"][300:] = np.nan
+    gaps = trial(u_m_s=table["u_m_s"])
+    alone = judged(Vehicle(), gaps, channels=["u"])
+    both = judged(Vehicle(), [gaps, gaps], channels=["u"])
+    assert alone.shifted > 0
+    assert alone.skipped > 0
+    assert (both.shifted, both.skipped) == (2 * alone.shifted, 2 * alone.skipped)
+
+
 def test_scores_of_several_trials_are_pooled_about_one_mean(core: SimpleNamespace) -> None:
     core.error[0] = 0.1
     both = judged(Vehicle(), [trial(), trial(u_m_s=motion.nu(T)[:, 0] + 5.0)])
