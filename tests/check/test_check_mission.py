@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
 from seatrial._core import Autopilot, Vehicle
-from seatrial.check.legs import clearance, leg_numbers, ways
+from seatrial.check.legs import clearance, ways
 from seatrial.check.mission import MissionCheck, check_mission
 from seatrial.check.turns import beyond, corners
 from seatrial.cli import app
@@ -114,7 +114,7 @@ def test_every_waypoint_knows_its_leg() -> None:
     spiral = 'kind = "spiral"\nnorth_m = 300.0\neast_m = 0.0\nspacing_m = 10.0\n'
     spiral += "start_radius_m = 0.0\nend_radius_m = 20.0"
     mission = made(at(10.0, 0.0), lawnmower(20.0), at(200.0, 0.0), spiral, at(0.0, 0.0))
-    numbers = leg_numbers(mission)
+    numbers = mission.core.leg_numbers
     labels = mission.waypoints["label"]
     assert [numbers[k] for k, label in enumerate(labels) if "lawnmower" in label] == [2] * 8
     assert {numbers[k] for k, label in enumerate(labels) if label.startswith("spiral")} == {4}

@@ -8,7 +8,6 @@ over command belong together. Held by ``tests/bench_test/test_bench.py`` and
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -142,7 +141,7 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
     _check_units(file, base, str(path))
     clock = Clock()
     hashes: dict[str, str] = {}
-    motors, steps = _motors(file, base, vehicle_text, path, hashes)
+    motors, steps = _motors(file, base, path, hashes)
     # Pulls are read behind the motors just found: thrust over signal and signal over command belong together.
     with_motors = write_results(
         vehicle_text,
@@ -282,7 +281,7 @@ def _pulls(
 
 
 def _motors(
-    file: BenchFile, vehicle: Vehicle, vehicle_text: str, path: Path, hashes: dict[str, str]
+    file: BenchFile, vehicle: Vehicle, path: Path, hashes: dict[str, str]
 ) -> tuple[dict[str, tuple[Unit, MotorEstimate]], dict[str, tuple[StepRecord, ...]]]:
     """Units with their motors, and the records behind each."""
     if not file.steps:
@@ -305,18 +304,11 @@ def _motors(
     for name, own in records.items():
         unit = units[name]
         try:
-            motor = identify_motor(own, start=_motor_table(vehicle_text, unit), unit=unit.command)
+            motor = identify_motor(own, start=vehicle.motors()[unit.actuators[0]], unit=unit.command)
         except TrialError as error:
             raise TrialError(f"{path}: steps of {name}: {error}") from None
         motors[name] = (unit, motor)
     return motors, {name: tuple(own) for name, own in records.items()}
-
-
-def _motor_table(vehicle_text: str, unit: Unit) -> dict[str, Any]:
-    """Keys of the motor that the unit's first actuator has in the vehicle file; empty for an ideal one."""
-    table = tomllib.loads(vehicle_text)
-    own = next(one for one in table["thrusters"] if one["name"] == unit.actuators[0])
-    return dict(table.get("motors", {}).get(own.get("motor", ""), {}))
 
 
 def _file(text: str, bench: Path, where: str, hashes: dict[str, Any]) -> Path:

@@ -6,11 +6,10 @@ nearest to where the vehicle comes from. Held by tests/check/test_check_mission.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,17 +19,7 @@ from seatrial.base.report import Table
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
 
-__all__ = [
-    "LegRow",
-    "Way",
-    "clearance",
-    "fence_sentences",
-    "file_legs",
-    "leg_numbers",
-    "leg_rows",
-    "legs_table",
-    "ways",
-]
+__all__ = ["LegRow", "Way", "clearance", "fence_sentences", "leg_rows", "legs_table", "ways"]
 
 
 @dataclass(frozen=True)
@@ -100,51 +89,19 @@ def _down(mission: Mission, k: int) -> float:
     return float(column[k] - (mission.start["depth_m"] if k == 0 else column[k - 1]))
 
 
-def _tables(mission: Mission) -> dict[str, Any]:
-    return tomllib.loads(mission.to_toml())
-
-
-def file_legs(mission: Mission) -> list[dict[str, Any]]:
-    """The legs as the file has them: patterns as written."""
-    legs: list[dict[str, Any]] = _tables(mission)["legs"]
-    return legs
-
-
-def leg_numbers(mission: Mission) -> list[int]:
-    """Number of the leg in the file, from 1, of every waypoint.
-
-    A leg that is a pattern says how many waypoints it has when the file ends with it.
-    """
-    from seatrial._core import Mission as Core
-
-    data = _tables(mission)
-    legs, total = data["legs"], len(mission.waypoints["label"])
-    patterns = [k for k, leg in enumerate(legs) if _kind(leg) != "waypoint"]
-    counts = [1] * len(legs)
-    for k in patterns:
-        if k == patterns[-1]:
-            counts[k] = total - (sum(counts) - 1)
-            continue
-        import tomlkit
-
-        beginning = Core.from_toml(tomlkit.dumps(data | {"legs": legs[: k + 1]}), mission.name)
-        counts[k] = len(beginning.waypoints["label"]) - sum(counts[:k])
-    return [k + 1 for k, count in enumerate(counts) for _ in range(count)]
-
-
 def leg_rows(mission: Mission, powers: dict[float, float | None]) -> tuple[LegRow, ...]:
     """The legs of the file; `powers` in W by speed."""
     points, way = mission.waypoints, ways(mission)
-    numbers = np.array(leg_numbers(mission))
+    numbers = np.array(mission.core.leg_numbers)
     rows = []
-    for number, leg in enumerate(file_legs(mission), start=1):
+    for number, leg in enumerate(mission.core.legs, start=1):
         chosen = np.flatnonzero(numbers == number)
         vertical = points["vertical"][chosen[0]]
         levels = np.asarray(points[f"{vertical}_m"])[chosen]
         slopes = np.rad2deg(np.asarray(points["slope"])[chosen])
         hold = np.asarray(points["hold_s"])[chosen]
         speed = float(points["speed_m_s"][chosen[0]])
-        kind = _kind(leg)
+        kind = leg["kind"]
         rows.append(
             LegRow(
                 number=number,
@@ -163,10 +120,6 @@ def leg_rows(mission: Mission, powers: dict[float, float | None]) -> tuple[LegRo
             )
         )
     return tuple(rows)
-
-
-def _kind(leg: dict[str, Any]) -> str:
-    return str(leg.get("kind", "waypoint"))
 
 
 def clearance(points: Array, fence: Array) -> tuple[float, int]:

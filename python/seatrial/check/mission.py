@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.report import Report, Section
-from seatrial.check.legs import LegRow, fence_sentences, file_legs, leg_rows, legs_table
+from seatrial.check.legs import LegRow, fence_sentences, leg_rows, legs_table
 from seatrial.check.turns import turn_sentences
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.vehicle.actuators import NOMINAL_V
@@ -408,7 +408,7 @@ def _notes(mission: Mission, rows: tuple[LegRow, ...]) -> list[str]:
 def _pattern_notes(mission: Mission) -> list[str]:
     """What a pattern became: lines and their distance."""
     notes = []
-    for number, leg in enumerate(file_legs(mission), start=1):
+    for number, leg in enumerate(mission.core.legs, start=1):
         if leg.get("kind") == "lawnmower":
             gaps = max(int(np.ceil(leg["width_m"] / leg["spacing_m"] - 1e-9)), 1)
             apart = leg["width_m"] / gaps

@@ -5,7 +5,6 @@ Held by ``tests/check/test_check.py``.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
@@ -124,10 +123,9 @@ def unused_rows(vehicle: Vehicle, able: Collection[str]) -> list[str]:
 
 def beyond_tables(vehicle: Vehicle, voltage_v: float) -> list[str]:
     """Sentence per table of thrust that does not reach to this supply voltage in V."""
-    tables = tomllib.loads(vehicle.to_toml()).get("characteristics", {})
     return [
-        f"Supply: {voltage_v:g} V lies outside the {min(known):g} to {max(known):g} V of the table {name},"
+        f"Supply: {voltage_v:g} V lies outside the {lowest:g} to {highest:g} V of the table {name},"
         " which is read at its edge"
-        for name, table in tables.items()
-        if (known := table.get("voltage_v")) and not min(known) <= voltage_v <= max(known)
+        for name, (lowest, highest) in vehicle.table_voltages().items()
+        if not lowest <= voltage_v <= highest
     ]

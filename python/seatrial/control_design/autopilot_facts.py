@@ -6,10 +6,8 @@ writes. Held by tests/control_design/test_margin_engine.py.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,14 +19,7 @@ from seatrial.base.errors import CampaignError
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
 
-__all__ = [
-    "AutopilotFacts",
-    "AutopilotMode",
-    "autopilot_facts",
-    "autopilot_tables",
-    "mode_at",
-    "refuse_other_laws",
-]
+__all__ = ["AutopilotFacts", "AutopilotMode", "autopilot_facts", "mode_at", "refuse_other_laws"]
 
 
 @dataclass(frozen=True)
@@ -85,11 +76,6 @@ class AutopilotFacts:
         ])
 
 
-def autopilot_tables(autopilot: Autopilot) -> dict[str, Any]:
-    """The autopilot's file as tables that may be changed and made into another autopilot."""
-    return tomllib.loads(autopilot.to_toml())
-
-
 def autopilot_facts(autopilot: Autopilot) -> AutopilotFacts:
     """What the tables of an autopilot say.
 
@@ -99,32 +85,27 @@ def autopilot_facts(autopilot: Autopilot) -> AutopilotFacts:
     >>> [(mode.name, mode.depth_by) for mode in autopilot_facts(st.Autopilot.load("cwolf")).modes]
     [('hover', 'heave'), ('cruise', 'pitch')]
     """
-    return _facts(autopilot.to_toml())
-
-
-@lru_cache(maxsize=16)
-def _facts(text: str) -> AutopilotFacts:
-    tables: dict[str, Any] = tomllib.loads(text)
+    regulators = autopilot.to_dict().get("lqr", ())
     return AutopilotFacts(
-        control=tables["control"],
-        period_s=float(tables["period_s"]),
-        speeds_m_s=tuple(map(float, tables["schedule"]["speeds_m_s"])),
+        control=autopilot.control,
+        period_s=autopilot.period_s,
+        speeds_m_s=tuple(autopilot.speeds_m_s),
         modes=tuple(
             AutopilotMode(
-                name=str(mode["name"]),
-                loops=tuple(mode["loops"]),
-                depth_by=str(mode["depth_by"]),
-                from_speed_m_s=float(mode.get("from_speed_m_s", 0.0)),
-                hysteresis_m_s=float(mode.get("hysteresis_m_s", 0.0)),
-                actuators=tuple(mode.get("actuators", ())),
+                name=mode["name"],
+                loops=tuple(mode["loop_names"]),
+                depth_by=mode["depth_by"],
+                from_speed_m_s=mode["from_speed_m_s"],
+                hysteresis_m_s=mode["hysteresis_m_s"],
+                actuators=tuple(mode["actuators"] or ()),
             )
-            for mode in tables["modes"]
+            for mode in autopilot.modes
         ),
-        loops=tables["loops"],
-        restoring=bool(tables["feed_forward"]["restoring"]),
-        guidance=tables["guidance"],
-        safety=tables["safety"],
-        regulators={table["mode"]: np.asarray(table["gain"], dtype=float) for table in tables.get("lqr", ())},
+        loops=autopilot.loops(),
+        restoring=autopilot.feed_forward()["restoring"],
+        guidance=autopilot.guidance(),
+        safety=autopilot.safety(),
+        regulators={table["mode"]: np.asarray(table["gain"], dtype=float) for table in regulators},
     )
 
 

@@ -25,7 +25,6 @@ excitation). Held by tests/control_design/test_control_design_lqr.py.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -347,24 +346,26 @@ def lqr_autopilot(
     """
     import tomlkit
 
-    file = tomllib.loads(text)
-    if "lqr" in file:
+    from seatrial._core import Autopilot
+
+    autopilot = Autopilot.from_toml(text)
+    if "lqr" in autopilot.to_dict():
         raise ValueError(
             "lqr: expected an autopilot file without gains of a regulator, found some; remove [[lqr]]"
         )
     gains = design_lqr(
         vehicle,
-        file["schedule"]["speeds_m_s"],
-        {mode["name"]: mode["loops"] for mode in file["modes"]},
+        autopilot.speeds_m_s,
+        {mode["name"]: mode["loop_names"] for mode in autopilot.modes},
         actuators={
             mode["name"]: _actuators(vehicle, mode["actuators"])
-            for mode in file["modes"]
-            if "actuators" in mode
+            for mode in autopilot.modes
+            if mode["actuators"] is not None
         },
-        tau_max={name: loop["tau_max"] for name, loop in file["loops"].items()},
+        tau_max={name: loop["tau_max"] for name, loop in autopilot.loops().items()},
         tolerances=tolerances,
-        restoring=file.get("feed_forward", {}).get("restoring", True),
-        period_s=file["period_s"],
+        restoring=autopilot.feed_forward()["restoring"],
+        period_s=autopilot.period_s,
     )
     switched, found = re.subn(r"(?m)^control\s*=.*$", 'control = "lqr"', text, count=1)
     if not found:

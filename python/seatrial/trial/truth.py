@@ -6,7 +6,6 @@ carries. Held by ``tests/sensors/test_sensors.py`` and ``tests/trial/test_truth.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,7 +97,7 @@ def _overlaid(vehicle: Vehicle, tables: Mapping[str, Any], where: str) -> Vehicl
             )
         return merged
 
-    below = tomllib.loads(vehicle.to_toml())
+    below = vehicle.to_dict()
     for kind in ("motors", "characteristics"):
         own, new = below.get(kind, {}), tables.get(kind)
         for name in new if isinstance(new, Mapping) else ():

@@ -52,7 +52,7 @@ from numpy.typing import NDArray
 
 from seatrial._core import Autopilot, State, Vehicle
 from seatrial.base.arrays import Array
-from seatrial.control_design.autopilot_facts import autopilot_facts, autopilot_tables, mode_at
+from seatrial.control_design.autopilot_facts import autopilot_facts, mode_at
 from seatrial.control_design.trim import trim
 from seatrial.flight.flight import Flight
 from seatrial.flight.fly import fly
@@ -446,7 +446,7 @@ def _with_relay(autopilot: Autopilot, loop: str, relay: tuple[float, float], spe
     """The autopilot with a relay (amplitude, lead in s) as a loop's controller; guidance stands still."""
     import tomlkit
 
-    tables = autopilot_tables(autopilot)
+    tables = autopilot.to_dict()
     table = tables["loops"][loop]
     d, k_p = float(relay[0]), _PAST_ALL_BOUNDS * float(relay[0])
     table |= {"K_P": k_p, "K_I_per_s": 0.0, "K_D_s": k_p * float(relay[1]), "tau_max": d}

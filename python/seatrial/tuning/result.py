@@ -246,15 +246,9 @@ class Tuning(RunResult):
 
 def tuned_autopilot(start: Autopilot, gains: Mapping[str, float], name: str, origin: str) -> Autopilot:
     """The autopilot with other gains, four digits each, under a name that says where they come from."""
-    import tomlkit
-
-    from seatrial._core import Autopilot
-
     rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in gains.items()}
-    text = tomlkit.parse(start.with_gains(rounded).to_toml() if rounded else start.to_toml())
-    text["name"] = f"{name} tuned"
-    text["description"] = f"Gains of {start.name} tuned on {origin} by constraint criteria"
-    return Autopilot.from_toml(tomlkit.dumps(text), "tuned")
+    tuned = start.with_gains(rounded) if rounded else start
+    return tuned.renamed(f"{name} tuned", f"Gains of {start.name} tuned on {origin} by constraint criteria")
 
 
 def _plain_margins(margins: Mapping[str, list[ReportedMargins]]) -> dict[str, list[dict[str, Any]]]:

@@ -7,7 +7,6 @@ The parts that all time courses share come first: thinned lines, legs, events, m
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -444,7 +443,7 @@ def shown_loops(flight: Flight) -> list[Shown]:
 def saturated(flight: Flight, index: int) -> Mask:
     """Rows in which the demand of a loop stands at its limit, or is reached in part only, (n,)."""
     name = autopilot_names()["loops"][index]
-    table = tomllib.loads(flight.autopilot.to_toml()).get("loops", {}).get(name, {})
+    table = flight.autopilot.loops().get(name, {})
     demand, reached = flight.demanded[:, index], flight.achieved[:, index]
     limit = float(table.get("tau_max", np.nanmax(np.abs(demand))))
     limited = np.abs(demand) >= _AT_LIMIT * limit

@@ -7,10 +7,9 @@ became of them, by groups that are driven alike, and the power. Held by `tests/r
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,8 +39,6 @@ from seatrial.report.plot.style import (
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -195,13 +192,10 @@ class Motor:
 def motors(vehicle: Vehicle) -> list[Motor]:
     """A `Motor` per group of actuators with equal numbers, in the vehicle's order."""
     facts, values = vehicle.actuator_info(), vehicle.coefficients()
-    described = tomllib.loads(vehicle.to_toml())
-    tables: Mapping[str, Any] = described.get("motors", {})
-    entries = (*described.get("thrusters", ()), *described.get("fins", ()))
-    table_of = {entry["name"]: entry.get("motor", "") for entry in entries}
+    tables = vehicle.motors()
     found: dict[Motor, list[str]] = {}
     for name in vehicle.actuators:
-        one, table = facts[name], tables.get(table_of.get(name, ""), {})
+        one, table = facts[name], tables[name]
         n_acc = values.get(f"{name}.n_acc", float(table.get("n_acc_per_s", math.inf)))
         key = Motor(
             group=str(one["group"]) or name,

@@ -6,7 +6,6 @@ Held by `tests/report/test_mission_plan.py`.
 from __future__ import annotations
 
 import math
-import tomllib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -122,15 +121,13 @@ def _extra(mission: Mission, farms: list[Array]) -> list[str]:
 def _farms(mission: Mission) -> list[Array]:
     """Outlines (n, 2) of the farms that a mission goes about, north and east in m."""
     found = []
-    for leg in tomllib.loads(mission.to_toml()).get("legs", []):
-        if leg.get("kind") != "perimeter":
-            continue
-        if leg.get("corners_m"):
-            found.append(np.asarray(leg["corners_m"], dtype=float))
+    for farm in mission.farms:
+        if "corners_m" in farm:
+            found.append(np.asarray(farm["corners_m"], dtype=float))
         else:
             angles = np.linspace(0.0, math.tau, 73)
             circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-            found.append(np.array([leg["north_m"], leg["east_m"]]) + leg["radius_m"] * circle)
+            found.append(np.array([farm["north_m"], farm["east_m"]]) + farm["radius_m"] * circle)
     return found
 
 

@@ -8,7 +8,6 @@ positions by thin lines; the legend stands where there is room. Held by
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -232,7 +231,7 @@ def three_views(vehicle: Vehicle) -> Figure:
             axes = figure.add_axes((box[0] / WIDTH_IN, box[1] / total, box[2] / WIDTH_IN, box[3] / total))
             _axes(axes, view, layout.window(view, _LABELS_IN / inch))
             if measures:
-                hull(axes, view, size, box_shaped=_is_box(vehicle))
+                hull(axes, view, size, box_shaped=vehicle.hull_shape == "box")
             centres(axes, view, vehicle)
             thrust(axes, view, places, directions, layout.arrow, inch)
             signs = np.array([view.right, view.up])
@@ -304,11 +303,6 @@ def _actuators(vehicle: Vehicle) -> tuple[list[str], Array, Array]:
     places = np.array([facts[name]["position"] for name in placed], dtype=float).reshape(-1, 3)
     directions = np.array([facts[name]["direction"] for name in placed], dtype=float).reshape(-1, 3)
     return placed, places, directions
-
-
-def _is_box(vehicle: Vehicle) -> bool:
-    geometry = tomllib.loads(vehicle.to_toml()).get("geometry", {})
-    return str(geometry.get("shape", "spheroid")) == "box"
 
 
 def _remark(vehicle: Vehicle, placed: list[str]) -> str:
