@@ -1,0 +1,195 @@
+"""A vehicle simulated under the commands of a file: the true run, its table, and what sensors log of it.
+
+`SimulatedTrial` takes commands, voltage, added forces and the current from a trial and runs the core with as
+many steps per row as the sensors need. Commands that do not fit the vehicle and diverging runs are refused.
+Held by ``tests/base/test_bad_input.py`` and ``tests/cli/test_cli_sensors.py``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import polars as pl
+
+from seatrial._core import State
+from seatrial.base.errors import SimulationError, TrialError, nearest
+from seatrial.base.report import Report, Section, Table
+from seatrial.sensors.ideal import Conditions
+from seatrial.sensors.log import finer, linear, measure, times
+from seatrial.sensors.log import held as rows_held
+from seatrial.trial.columns import GROUPS
+from seatrial.trial.generated import write_generated
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from seatrial._core import Run, Vehicle
+    from seatrial.sensors.sensor import Sensor
+    from seatrial.trial.trial import Trial
+
+__all__ = ["SimulatedTrial"]
+
+_DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
+
+_RISE_M = 1.0  # a vehicle with its centre higher than this has left the water
+
+
+class SimulatedTrial:
+    """A vehicle under the commands of a file, with as many rows per row of the file as its sensors need."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        trial: Trial,
+        free: str,
+        held: bool,
+        current: tuple[float, float, float] | None,
+        sensors: dict[str, Sensor] | None,
+    ) -> None:
+
+        _check(vehicle, trial, held, current)
+        self.vehicle, self.trial, self.held, self.sensors = vehicle, trial, held, sensors or {}
+        self.every = finer(self.sensors.values(), trial.t)
+        self.current: NDArray[np.float64] | None = None if current is None else np.array(current)
+        if current is None and trial.current is not None:
+            self.current = linear(trial.current, self.every)
+        self.voltage = None if trial.voltage_v is None else rows_held(trial.voltage_v, self.every)
+        self.run = vehicle.simulate(
+            times(trial.t, self.every),
+            {name: rows_held(values, self.every) for name, values in trial.commands.items()},
+            _start(trial),
+            self.current,
+            "" if held else free,
+            None if trial.tau is None else rows_held(trial.tau, self.every),
+            voltage_v=self.voltage,
+            rho=trial.rho,
+            g=trial.g,
+        )
+        _refuse_diverged(self.run, trial)
+
+    def write_log(self, path: Path, seed: int, bottom: float | None, label: str) -> None:
+        """Write what the sensors log, and the inputs of the run but for the current."""
+        inputs = {f"cmd.{name}": values for name, values in self.trial.commands.items()}
+        if self.trial.voltage_v is not None and "voltage" not in self.sensors:
+            inputs["voltage_v"] = self.trial.voltage_v
+        if self.trial.tau is not None:
+            names = [
+                column for group in GROUPS if group.name in ("force", "moment") for column in group.columns
+            ]
+            inputs |= dict(zip(names, self.trial.tau.T, strict=True))
+        around = Conditions(
+            vehicle=self.vehicle,
+            current=self.current,
+            voltage_v=self.voltage,
+            bottom_depth_m=bottom,
+            held=self.held,
+        )
+        log = measure(self.run, self.sensors, seed=seed, conditions=around, inputs=inputs, every=self.every)
+        write_generated(log, path, label)
+
+    def frame(self) -> pl.DataFrame:
+        """Table of a run with canonical columns, the commands and the actuators behind their motors."""
+        run, every = self.run, self.every
+        angles = np.rad2deg(run.euler)[::every]
+        nu, position = np.asarray(run.nu)[::every], np.asarray(run.position)[::every]
+        columns: dict[str, Any] = {"t_s": np.asarray(run.t)[::every]}
+        columns |= dict(zip(("x_m", "y_m", "z_m"), position.T, strict=True))
+        columns |= dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), angles.T, strict=True))
+        columns |= dict(zip(("u_m_s", "v_m_s", "w_m_s"), nu[:, :3].T, strict=True))
+        columns |= dict(zip(("p_deg_s", "q_deg_s", "r_deg_s"), np.rad2deg(nu[:, 3:]).T, strict=True))
+        columns |= {f"cmd.{name}": values for name, values in self.trial.commands.items()}
+        columns |= {f"meas.{name}": values[::every] for name, values in run.actuators.items()}
+        return pl.DataFrame(columns)
+
+    def summary(self) -> dict[str, Any]:
+        """Duration, distance, speeds and angles of the whole run, each key with its unit."""
+        run = self.run
+
+        speed = np.linalg.norm(np.asarray(run.nu)[:, :3], axis=1)
+        path = np.linalg.norm(np.diff(np.asarray(run.position), axis=0), axis=1).sum()
+        angles = np.rad2deg(run.euler)
+        return {
+            "duration, s": float(run.t[-1] - run.t[0]),
+            "distance, m": float(path),
+            "largest speed, m/s": float(speed.max()),
+            "last speed, m/s": float(speed[-1]),
+            "last depth, m": float(run.position[-1, 2]),
+            "largest heel, deg": float(np.abs(angles[:, 0]).max()),
+            "largest trim, deg": float(np.abs(angles[:, 1]).max()),
+            "last heading, deg": float(angles[-1, 2]),
+        }
+
+    def report(self, title: str, next_step: str) -> Report:
+        """Three lines and a table of a simulated run."""
+        run, summary = self.run, self.summary()
+        worst = "no problem found: the run is finite and stays below the surface"
+        rise = -float(np.asarray(run.position)[:, 2].min())
+        if self.held and self.sensors and "load_cell" not in self.sensors:
+            worst = "The pull of the tied vehicle is not in the log: these sensors have no load_cell"
+        if rise > _RISE_M:
+            worst = (
+                f"The vehicle rises {rise:.1f} m above the surface, which the model does not know; start"
+                " deeper, with a column z_m, or command otherwise"
+            )
+        rows = [(name, _cell(name, value)) for name, value in summary.items()]
+        return Report(
+            title=title,
+            outcome="simulated",
+            good=f"{summary['distance, m']:.1f} m in {summary['duration, s']:.1f} s, largest speed"
+            f" {summary['largest speed, m/s']:.3f} m/s",
+            worst=worst,
+            next_step=next_step,
+            sections=(Section(tables=(Table.of("Whole run", ("quantity", "value"), rows),)),),
+        )
+
+
+def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, float, float] | None) -> None:
+
+    for name in trial.commands:
+        if name not in vehicle.actuators:
+            raise TrialError(
+                f'{trial.source}: column "cmd.{name}": the vehicle {vehicle.name} has no such actuator'
+                + nearest(name, vehicle.actuators)
+            )
+    if not trial.commands and trial.tau is None:
+        raise TrialError(
+            f"{trial.source}: nothing drives the vehicle; expected columns cmd.{vehicle.actuators[0]} ..."
+            if vehicle.actuators
+            else f"{trial.source}: nothing drives the vehicle; expected columns tau.X_n ..."
+        )
+    if any(facts["needs_voltage"] for facts in vehicle.actuator_info().values()) and trial.voltage_v is None:
+        raise TrialError(
+            f"{trial.source}: the thrust of {vehicle.name} depends on the supply voltage; add a column"
+            " voltage_v"
+        )
+    if held and np.any(trial.nu[0]):
+        raise TrialError(
+            f"{trial.source}: --held: a tied vehicle is at rest, and these commands start with a velocity;"
+            " leave the columns of velocity out"
+        )
+    if current is not None and not np.isfinite(current).all():
+        raise TrialError(f"--current: expected three numbers in m/s, found {current}")
+
+
+def _start(trial: Trial) -> State:
+    """State of the first sample; zero where it was not recorded."""
+    return State(trial.position[0], trial.attitude[0], trial.nu[0])
+
+
+def _refuse_diverged(run: Run, trial: Trial) -> None:
+    """Refuse a run that diverged."""
+    good = np.isfinite(np.asarray(run.nu)).all(axis=1) & np.isfinite(np.asarray(run.position)).all(axis=1)
+    if not good.all():
+        t = float(np.asarray(run.t)[int(np.argmin(good))])
+        raise SimulationError(
+            f"{trial.source}: the simulation diverges at {t:.4g} s; check the vehicle (seatrial check), the"
+            " size of the commands and the current"
+        )
+
+
+def _cell(name: str, value: float) -> str:
+    """A quantity of the summary with the decimals that its unit deserves; no minus before zero."""
+    return f"{round(value, _DECIMALS[name.rsplit(', ', 1)[1]]) + 0.0:.{_DECIMALS[name.rsplit(', ', 1)[1]]}f}"
