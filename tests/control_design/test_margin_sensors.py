@@ -110,7 +110,7 @@ def test_a_flight_swings_for_ever_where_the_sensors_have_used_the_delay_margin_u
     def swings(latency_s: float) -> bool:
         """Whether heading still swings by half a small step in the last quarter of a minute."""
         sensors = late(latency_s, "attitude", "gyro", rate_hz=rate_hz)
-        rig = Rig(CWOLF, CWOLF, brisk(), sensors=sensors, max_step=0.05)
+        rig = Rig(CWOLF, CWOLF, brisk(), sensors=sensors, max_step_s=0.05)
         step = trials("heading", (1.0,), (0.01,), rise_s=8.0, until_s=60.0)
         t, y = rig.responses(step, still(), {})
         last = (t > step.settle_s + 45.0) & (t < step.settle_s + 60.0)

@@ -104,8 +104,8 @@ def flights(
         faults=faults,
         feedback=feedback,
         initial=start,
-        voltage=VOLTAGE.get(name),
-        max_step=0.05,
+        voltage_v=VOLTAGE.get(name),
+        max_step_s=0.05,
         logs=True,
     )
     return tuple(_figures(flown, case, name, vehicle) for case in range(len(CURRENTS)))
@@ -178,7 +178,14 @@ def station(
     )
     voltage = VOLTAGE.get(vehicle.name)
     flown = st.fly_batch(
-        vehicle, pilot, hold, seeds=list(seeds), sensors=sensors, voltage=voltage, max_time=600.0, logs=True
+        vehicle,
+        pilot,
+        hold,
+        seeds=list(seeds),
+        sensors=sensors,
+        voltage_v=voltage,
+        max_time_s=600.0,
+        logs=True,
     )
     found = []
     for case in range(len(seeds)):

@@ -104,8 +104,8 @@ def test_a_file_in_the_wrong_place_is_called_by_its_kind(
     [
         (["--current", "50", "0", "0"], "current: expected at most 15 m/s"),
         (["--current", "0", "1e300", "0"], "current: expected at most 15 m/s"),
-        (["--voltage", "14800000"], "voltage: expected at most 1000 V"),
-        (["--max-time", "1e9"], "max_time: expected at most 250000 s"),
+        (["--voltage", "14800000"], "voltage_v: expected at most 1000 V"),
+        (["--max-time", "1e9"], "max_time_s: expected at most 250000 s"),
         (["--model", "bluerov2-heavy"], "model: expected the actuators of cwolf, PL, PU"),
         (["--model", "autopilot.toml"], "expected a vehicle file, found an autopilot"),
         (["--outage", "position@1e9"], "outages: position: expected a beginning within the flight"),
@@ -155,7 +155,7 @@ FLY: list[tuple[dict[str, Any], str]] = [
     ({"seabed": "a"}, "seabed: expected its depth in m"),
     ({"seabed": [20.0, -0.5, 0.0]}, "seabed: expected below leg 1"),
     ({"feedback": "no"}, "feedback: expected True or False"),
-    ({"max_step": 1e-9}, "max_step: expected at least 1e-05 s"),
+    ({"max_step_s": 1e-9}, "max_step_s: expected at least 1e-05 s"),
     ({"rho": 1.025}, "rho: expected 500 to 2000 kg/m3, found 1.025"),
     ({"g": -9.81}, "g: expected 0.1 to 100 m/s2"),
     ({"sensors": [1]}, "sensors: expected {kind: sensor}"),
@@ -237,12 +237,12 @@ def test_a_long_name_of_a_mission_becomes_a_short_folder(here: Path) -> None:
 
 def test_speeds_that_guidance_does_not_give_are_said() -> None:
     text = OUT.replace("speed_m_s = 1.5", "speed_m_s = 1500.0")
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(text), max_time=30.0)
+    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(text), max_time_s=30.0)
     assert any("Legs ask for up to 1500 m/s, and guidance keeps to" in line for line in flight.sentences())
 
 
 def test_a_flight_of_a_second_says_nothing_of_starts_per_minute() -> None:
-    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), max_time=1.0)
+    flight = st.fly("cwolf", "cwolf", st.Mission.from_toml(OUT), max_time_s=1.0)
     assert not any("starts and stops" in line for line in flight.sentences())
 
 

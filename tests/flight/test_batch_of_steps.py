@@ -18,7 +18,7 @@ STILL = np.zeros(41)  # a value per control period
 
 
 def batch(**options: Any) -> st.Flights:
-    return st.fly_batch("cwolf", "cwolf", mission(OUT), max_time=SECONDS, **options)
+    return st.fly_batch("cwolf", "cwolf", mission(OUT), max_time_s=SECONDS, **options)
 
 
 def yaw(**parts: Any) -> list[Any]:
@@ -83,7 +83,9 @@ def test_a_flight_lasts_so_many_whole_periods_as_it_was_given(period_s: float, p
     autopilot = st.Autopilot.from_toml(text)
     assert autopilot.period_s == period_s
     # The quotient of the two is a rounding above a whole number: 2.1 s over 0.3 s.
-    flights = st.fly_batch("cwolf", autopilot, mission(OUT), max_time=round(periods * period_s, 6), logs=True)
+    flights = st.fly_batch(
+        "cwolf", autopilot, mission(OUT), max_time_s=round(periods * period_s, 6), logs=True
+    )
     assert len(flights.log(0)) == periods + 1
     assert flights.figures["duration"][0] == pytest.approx(periods * period_s)
 

@@ -27,6 +27,6 @@ def test_every_example_has_its_vehicle() -> None:
 @pytest.mark.parametrize("name", VEHICLES)
 def test_every_waypoint_is_reached(name: str, current: str) -> None:
     vehicle = VEHICLES[name]
-    flight = st.fly(vehicle, vehicle, MISSIONS / f"{name}.toml", current=CURRENTS[current], voltage=16.0)
+    flight = st.fly(vehicle, vehicle, MISSIONS / f"{name}.toml", current=CURRENTS[current], voltage_v=16.0)
     missed = [leg.label for leg in flight.legs if not leg.reached]
     assert flight.complete, f"{flight.outcome}, missed {missed}"

@@ -299,7 +299,7 @@ def test_a_waypoint_is_reached_as_the_sensors_show_it_and_truly_nearly_so() -> N
 
 
 def test_a_flight_that_ends_early_has_legs_that_were_never_begun() -> None:
-    flight = flown(BOX, max_time=20.0)
+    flight = flown(BOX, max_time_s=20.0)
     assert flight.outcome == "out of time"
     assert math.isnan(flight.legs[2].begin_s)
     assert not flight.legs[2].reached

@@ -41,7 +41,7 @@ def test_two_times_are_taken() -> None:
 
 @pytest.mark.parametrize("given_", [60.0, (60.0,), (60.0, 0.0), (60.0, float("inf")), ("60", 2.0), (1, 2, 3)])
 def test_times_that_are_none_are_refused(given_: Any) -> None:
-    with pytest.raises(SimulationError, match=r"turbulence_times: expected two times.*\(60\.0, 2\.0\)"):
+    with pytest.raises(SimulationError, match=r"turbulence_times_s: expected two times.*\(60\.0, 2\.0\)"):
         checked_times(given_)
 
 
@@ -59,7 +59,7 @@ def test_an_obstacle_that_is_none_is_named_by_its_place(row: Any) -> None:
 
 
 def test_eddies_move_about_the_mean_current_with_their_deviation() -> None:
-    flight = out(turbulence=(0.1, 0.05, 0.02), turbulence_times=(4.0, 0.5), seed=3)
+    flight = out(turbulence=(0.1, 0.05, 0.02), turbulence_times_s=(4.0, 0.5), seed=3)
     # Hull's velocity over ground minus through the water, turned into north, east, down.
     drift = flight.nu[:, :3] - flight.water
     roll, pitch, yaw = flight.euler.T
@@ -72,7 +72,7 @@ def test_eddies_move_about_the_mean_current_with_their_deviation() -> None:
     # Some ten independent values in 45 s: within half of its size.
     assert north.std() == pytest.approx(0.1, rel=0.5)
     assert north.mean() == pytest.approx(0.0, abs=0.08)
-    again, other = (out(turbulence=(0.1, 0.05, 0.02), turbulence_times=(4.0, 0.5), seed=k) for k in (3, 4))
+    again, other = (out(turbulence=(0.1, 0.05, 0.02), turbulence_times_s=(4.0, 0.5), seed=k) for k in (3, 4))
     np.testing.assert_array_equal(again.position, flight.position)
     assert not np.array_equal(other.position[:100], flight.position[:100])
 
@@ -96,7 +96,7 @@ def test_the_clearance_is_to_the_edge_of_the_nearest_obstacle() -> None:
     ("options", "says"),
     [
         ({"turbulence": -1.0}, "turbulence:"),
-        ({"turbulence_times": (0.0, 1.0)}, "turbulence_times:"),
+        ({"turbulence_times_s": (0.0, 1.0)}, "turbulence_times_s:"),
         ({"obstacles": [(1.0, 2.0)]}, r"obstacles\[0\]"),
     ],
 )

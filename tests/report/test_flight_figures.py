@@ -119,7 +119,7 @@ def test_the_word_leg_stands_before_the_first_number_clear_of_the_axis() -> None
 
 
 def test_a_flight_without_settled_legs_says_so() -> None:
-    flight = flown(OUT, max_time=10.0)
+    flight = flown(OUT, max_time_s=10.0)
     assert not settled(flight).any()
     assert "no leg settled" in texts(flight_errors(flight))
 

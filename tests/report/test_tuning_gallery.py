@@ -33,7 +33,9 @@ corridor = { rise_s = 2.0, overshoot = 0.02, settling_s = 9.0, settled = 0.02, u
 def performance(name: str, factor: float) -> Performance:
     one = plan(SURGE)
     gains = {key: factor * value for key, value in start().gains().items() if key.startswith("surge.K_P")}
-    return assess(one, name, one.rig(start().with_gains(gains), max_step=0.05, threads=1), one.samples(2, 1))
+    return assess(
+        one, name, one.rig(start().with_gains(gains), max_step_s=0.05, threads=1), one.samples(2, 1)
+    )
 
 
 def test_a_loop_s_corridors_show_start_beside_tuned_at_every_speed() -> None:
@@ -54,7 +56,7 @@ def test_a_loop_s_corridors_show_start_beside_tuned_at_every_speed() -> None:
 
 def test_corridors_at_many_speeds_take_several_pages() -> None:
     one = plan(SURGE.replace("[1.5, 2.5]", "[0.5, 1.0, 1.5, 2.5]"))
-    gains = one.rig(start(), max_step=0.05, threads=1)
+    gains = one.rig(start(), max_step_s=0.05, threads=1)
     found = assess(one, "start", gains, one.samples(1, 1))
     figures = list(corridors(found, found, "surge"))
     assert [len(figure.axes) for figure in figures] == [6, 2]
@@ -63,7 +65,7 @@ def test_corridors_at_many_speeds_take_several_pages() -> None:
 
 def test_titles_of_corridors_have_words_and_true_minus_signs() -> None:
     one = plan(SURGE.replace("loops.surge", "loops.cross_track").replace("[0.3, -0.3]", "[-3.0]"))
-    found = assess(one, "start", one.rig(start(), max_step=0.05, threads=1), one.samples(1, 1))
+    found = assess(one, "start", one.rig(start(), max_step_s=0.05, threads=1), one.samples(1, 1))
     (figure,) = corridors(found, found, "cross_track")
     assert figure.axes[0].get_title(loc="left") == "cross-track at 1.5 m/s, −3 m: start gains"
 
@@ -112,7 +114,7 @@ def test_a_hull_that_cannot_stop_keeps_to_its_breakpoints() -> None:
 
 def test_angles_that_jump_round_the_circle_leave_a_gap() -> None:
     one = plan(SURGE.replace("surge", "heading").replace("[0.3, -0.3]", "[20.0]"))
-    before = assess(one, "start", one.rig(start(), max_step=0.05, threads=1), one.samples(1, 1))
+    before = assess(one, "start", one.rig(start(), max_step_s=0.05, threads=1), one.samples(1, 1))
     turned = before.responses["heading"]
     spun = replace(
         before,

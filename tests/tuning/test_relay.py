@@ -254,10 +254,10 @@ def test_bad_input_is_answered_in_a_sentence() -> None:
     # A Python function has no command line.
     with pytest.raises(SimulationError, match=r"depends on the supply voltage; give voltage, in V$"):
         relay_autopilot("bluerov2-heavy", "bluerov2-heavy", speeds=[0.5])
-    with pytest.raises(SimulationError, match="voltage: expected a positive number in V, found -5"):
-        relay_autopilot(VEHICLE, AUTOPILOT, voltage=-5.0)
+    with pytest.raises(SimulationError, match="voltage_v: expected a positive number in V, found -5"):
+        relay_autopilot(VEHICLE, AUTOPILOT, voltage_v=-5.0)
 
 
 def test_the_speeds_go_with_the_supply() -> None:
     with pytest.raises(SimulationError, match=r"at most the top speed of bluerov2-heavy, 0\.67 m/s"):
-        relay_autopilot("bluerov2-heavy", "bluerov2-heavy", speeds=[0.8], voltage=10.0)
+        relay_autopilot("bluerov2-heavy", "bluerov2-heavy", speeds=[0.8], voltage_v=10.0)

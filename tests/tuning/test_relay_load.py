@@ -154,12 +154,12 @@ def test_a_cycle_of_the_sampling_is_flown_once(monkeypatch: pytest.MonkeyPatch) 
     flown = []
 
     def counted(*given: Any, **named: Any) -> st.Flight:
-        flown.append(named["max_time"])
+        flown.append(named["max_time_s"])
         return st.fly(*given, **named)
 
     monkeypatch.setattr("seatrial.tuning.relay_trial.fly", counted)
     vehicle, autopilot = st.Vehicle.load("bluerov2-heavy"), st.Autopilot.load("bluerov2-heavy")
-    sampled = relay_trial(vehicle, autopilot, loop="surge", speed_m_s=0.165, share=0.3, voltage=14.8)
+    sampled = relay_trial(vehicle, autopilot, loop="surge", speed_m_s=0.165, share=0.3, voltage_v=14.8)
     assert "that of the sampling" in sampled.why
     assert flown == [120.0]
 

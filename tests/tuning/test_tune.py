@@ -227,7 +227,7 @@ def test_a_search_goes_on_from_the_gains_so_far() -> None:
     one = plan()
     (group,) = one.groups
     gains = dict(found().groups[0].gains)
-    rig = one.rig(one.autopilot.with_gains(gains), max_step=0.04, threads=1)
+    rig = one.rig(one.autopilot.with_gains(gains), max_step_s=0.04, threads=1)
     again = search_group(one, group, rig, one.samples(1, 5), seed=1, start=gains)
     assert again.before["violation"] == 0.0
     assert again.after["violation"] == 0.0

@@ -30,7 +30,7 @@ def test_a_group_begins_with_the_gains_so_far_where_one_factor_moves_several_poi
     (group,) = one.groups
     start_gains = one.autopilot.gains()
     apart = {f"heading.K_P.{i}": (1.0 + 0.1 * i) * start_gains[f"heading.K_P.{i}"] for i in range(1, 6)}
-    rig = one.rig(one.autopilot.with_gains(apart), max_step=0.04, threads=1)
+    rig = one.rig(one.autopilot.with_gains(apart), max_step_s=0.04, threads=1)
     samples = one.samples(0, 1)
     found_ = search_group(one, group, rig, samples, seed=1, start=apart)
     sums, _ = rig.violations(group.trials[0], samples, {})

@@ -36,9 +36,9 @@ def test_responses_are_assessed_in_finer_steps_of_integration_than_they_are_sear
 ) -> None:
     told = Told()
     told.run(monkeypatch, *made())
-    finest = min(search.rig.max_step for search in told.searches)
+    finest = min(search.rig.max_step_s for search in told.searches)
     assert all(
-        performance.rig.max_step <= 0.5 * finest for performance in told.assessments if performance.name
+        performance.rig.max_step_s <= 0.5 * finest for performance in told.assessments if performance.name
     )
     assert [performance.name for performance in told.assessments if performance.name] == ["start", "tuned"]
 

@@ -91,7 +91,7 @@ def test_a_default_band_has_room_for_the_noise_of_the_loop_at_rest(name: str) ->
     one = built_in(name)
     for group in one.groups:
         for trials in group.trials:
-            noise = start_metrics(one.rig(one.autopilot, max_step=0.04), trials).noise
+            noise = start_metrics(one.rig(one.autopilot, max_step_s=0.04), trials).noise
             least = min(abs(size) for size in trials.sizes)
             usual = default_steps(trials.loop, top_m_s=one.top_m_s)[0] * to_si(trials.loop)
             if least == pytest.approx(2.5 * usual, rel=0.01):
@@ -104,7 +104,7 @@ def test_default_corridors_ask_for_a_little_less_than_the_start_gains_do() -> No
     # Roll and hull of REMUS let its pitch overshoot beyond 15 %, whatever the limits of its fins say.
     one = built_in("remus100")
     trials = one.trials("pitch")
-    figures = start_metrics(one.rig(one.autopilot, max_step=0.04), trials)
+    figures = start_metrics(one.rig(one.autopilot, max_step_s=0.04), trials)
     overshoot = trials.corridor.sampled([0.0])[1][0] - 1.0
     assert overshoot == pytest.approx(0.95 * figures.overshoot, abs=0.02)
     # CWolf's surge keeps to what its limits allow: those decide.
@@ -153,7 +153,7 @@ def test_the_built_in_autopilot_of_lauv_keeps_to_its_default_corridors_when_fast
     one = with_loops("lauv", loops={"surge": {"speeds_m_s": [1.593]}, "pitch": {"speeds_m_s": [1.593]}})
     for loop in one.loops:
         # Start values for water at rest: neither needs half of the time that the corridor gives.
-        sums, _ = one.rig(one.autopilot, max_step=0.05).violations(
+        sums, _ = one.rig(one.autopilot, max_step_s=0.05).violations(
             one.trials(loop), one.samples(0, 1), {}, headroom=0.0
         )
         assert sums[..., :2].sum() == 0.0, loop

@@ -67,7 +67,7 @@ def cwolf() -> st.Vehicle:
 
 
 def rig(sensors: str | None = None) -> Rig:
-    return Rig(cwolf(), cwolf(), start(), sensors=sensors, max_step=0.05)
+    return Rig(cwolf(), cwolf(), start(), sensors=sensors, max_step_s=0.05)
 
 
 def still(count: int = 1, **coefficients: list[float]) -> Samples:

@@ -135,8 +135,8 @@ def test_missions_fly_in_the_water_that_the_campaign_states(tmp_path: Path) -> N
     """
     found = verify(campaign(tmp_path, asked, vehicle="bluerov2-heavy"), runs=2)
     around = found.replay(1).circumstances
-    assert (around.voltage, around.rho, around.g, around.max_time) == (13.5, 1000.0, 9.78, 2.0)
-    assert (around.seabed, around.turbulence_times) == ((30.0, 0.0, 0.1), (30.0, 3.0))
+    assert (around.voltage_v, around.rho, around.g, around.max_time_s) == (13.5, 1000.0, 9.78, 2.0)
+    assert (around.seabed, around.turbulence_times_s) == ((30.0, 0.0, 0.1), (30.0, 3.0))
     assert around.obstacles == ((500.0, 0.0, 1.0),)
     assert {one.found.confidence for one in found.requirements} == {0.8}
 

@@ -98,9 +98,9 @@ def fly(
         "faults": [Fault.parse(text) for text in fault or []],
         "outages": [Outage.parse(text) for text in outage or []],
         "seabed": seabed,
-        "voltage": voltage,
+        "voltage_v": voltage,
         "feedback": feedback,
-        "max_time": max_time,
+        "max_time_s": max_time,
     }
     flight = flown(*sources, seed=seed, **options)
     many = None if seeds is None else fly_seeds(*sources, count=seeds, first=seed, options=options)

@@ -61,7 +61,7 @@ class Circumstances:
     ----------
     current
         Mean, north, east, down, m/s.
-    turbulence, turbulence_times
+    turbulence, turbulence_times_s
         Standard deviation of the current about its mean, m/s, and its two time constants, s.
     obstacles
         What stands in the water: north, east and radius of each cylinder, m.
@@ -77,13 +77,13 @@ class Circumstances:
         Of the sensors' noise.
     model
         The vehicle that the autopilot believes in.
-    voltage
+    voltage_v
         Supply, V; None where it does not matter.
     feedback
         Whether the autopilot sees what its actuators do.
     rho, g
         Density and gravity where they are not the vehicle file's.
-    max_step, max_time
+    max_step_s, max_time_s
         Largest step of the integration and longest duration, s.
     sources
         Names or paths that were asked for, by "vehicle", "autopilot", "mission".
@@ -91,10 +91,10 @@ class Circumstances:
 
     current: tuple[float, float, float]
     model: Vehicle
-    max_step: float
-    max_time: float
+    max_step_s: float
+    max_time_s: float
     turbulence: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S
+    turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S
     obstacles: tuple[tuple[float, float, float], ...] = ()
     sensors: dict[str, Any] = field(default_factory=dict)
     sensor_notes: tuple[str, ...] = ()
@@ -102,7 +102,7 @@ class Circumstances:
     outages: tuple[Outage, ...] = ()
     seabed: tuple[float, float, float] | None = None
     seed: int = 0
-    voltage: float | None = None
+    voltage_v: float | None = None
     feedback: bool = True
     rho: float | None = None
     g: float | None = None
@@ -115,7 +115,7 @@ class Circumstances:
             "model": self.model.name,
             "current_m_s": list(self.current),
             "turbulence_m_s": list(self.turbulence),
-            "turbulence_times_s": list(self.turbulence_times),
+            "turbulence_times_s": list(self.turbulence_times_s),
             "obstacles_m": [list(one) for one in self.obstacles],
             "sensors": self.sensors or "perfect",
             "sensor_notes": list(self.sensor_notes),
@@ -123,12 +123,12 @@ class Circumstances:
             "outages": [asdict(outage) for outage in self.outages],
             "seabed": None if self.seabed is None else list(self.seabed),
             "seed": self.seed,
-            "voltage_v": self.voltage,
+            "voltage_v": self.voltage_v,
             "feedback": self.feedback,
             "rho_kg_m3": self.rho,
             "g_m_s2": self.g,
-            "max_step_s": self.max_step,
-            "max_time_s": self.max_time,
+            "max_step_s": self.max_step_s,
+            "max_time_s": self.max_time_s,
         }
 
 
@@ -137,13 +137,13 @@ class Shared(TypedDict, total=False):
 
     model: Vehicle | str | Path | None
     sensors: Mapping[str, Sensor] | str | Path | None
-    turbulence_times: tuple[float, float]
+    turbulence_times_s: tuple[float, float]
     obstacles: Sequence[tuple[float, float, float]]
     seabed: ArrayLike | None
-    voltage: float | None
+    voltage_v: float | None
     feedback: bool
-    max_step: float
-    max_time: float | None
+    max_step_s: float
+    max_time_s: float | None
     rho: float | None
     g: float | None
 
@@ -276,7 +276,7 @@ class Cases:
             seed=checked_seed(listed[0]),
             **shared,
         )
-        until = around.max_time
+        until = around.max_time_s
         position, attitude, nu = _start(route, states, differs=starts_differ)
         return cls(
             *flown,
@@ -339,7 +339,7 @@ class Cases:
             nu=self.nu,
             current=self.current,
             turbulence=self.turbulence,
-            turbulence_times_s=around.turbulence_times,
+            turbulence_times_s=around.turbulence_times_s,
             obstacles=list(around.obstacles),
             coefficients=dict(self.coefficients),
             gains=dict(self.gains),
@@ -352,11 +352,11 @@ class Cases:
             corridors=list(self.corridors),
             feedback=around.feedback,
             seabed=around.seabed,
-            voltage_v=math.nan if around.voltage is None else around.voltage,
+            voltage_v=math.nan if around.voltage_v is None else around.voltage_v,
             rho=around.rho,
             g=around.g,
-            max_step_s=around.max_step,
-            max_time_s=around.max_time,
+            max_step_s=around.max_step_s,
+            max_time_s=around.max_time_s,
             logs=self.logs,
             threads=threads,
         )
@@ -386,21 +386,21 @@ def _circumstances(
     logs: bool,
     model: Vehicle | str | Path | None = None,
     sensors: Mapping[str, Sensor] | str | Path | None = None,
-    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S,
+    turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
     obstacles: Sequence[tuple[float, float, float]] = (),
     seabed: ArrayLike | None = None,
-    voltage: float | None = None,
+    voltage_v: float | None = None,
     feedback: bool = True,
-    max_step: float = 0.02,
-    max_time: float | None = None,
+    max_step_s: float = 0.02,
+    max_time_s: float | None = None,
     rho: float | None = None,
     g: float | None = None,
 ) -> tuple[Circumstances, SensorChannels]:
     """What all cases share, checked, and the sensors as the core takes them."""
     vehicle, autopilot = flown
-    until = longest(route, autopilot, max_time, logs=logs)
-    checked_step(max_step, autopilot)
-    checked_supply(voltage, vehicle)
+    until = longest(route, autopilot, max_time_s, logs=logs)
+    checked_step(max_step_s, autopilot)
+    checked_supply(voltage_v, vehicle)
     if rho is not None:
         within("rho", rho, (500.0, 2000.0), "kg/m3")
     if g is not None:
@@ -412,18 +412,18 @@ def _circumstances(
     around = Circumstances(
         current=current,
         turbulence=turbulence,
-        turbulence_times=checked_times(turbulence_times),
+        turbulence_times_s=checked_times(turbulence_times_s),
         obstacles=checked_obstacles(obstacles),
         model=vehicle if model is None else _model(model, vehicle),
-        max_step=max_step,
-        max_time=until,
+        max_step_s=max_step_s,
+        max_time_s=until,
         sensors={} if fitted is None else {kind: _stated(sensor) for kind, sensor in fitted.items()},
         sensor_notes=channels.sentences,
         faults=faults,
         outages=outages,
         seabed=checked_seabed(seabed, route),
         seed=seed,
-        voltage=voltage,
+        voltage_v=voltage_v,
         feedback=feedback,
         rho=rho,
         g=g,

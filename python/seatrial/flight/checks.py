@@ -103,30 +103,30 @@ def checked_threads(threads: Any) -> None:
         )
 
 
-def checked_step(max_step: Any, autopilot: Autopilot) -> None:
+def checked_step(max_step_s: Any, autopilot: Autopilot) -> None:
     """Refuse a step of the integration that is none, or so small that no flight would end."""
-    positive("max_step", max_step, "s")
-    if autopilot.period_s / max_step > _MOST_STEPS:
+    positive("max_step_s", max_step_s, "s")
+    if autopilot.period_s / max_step_s > _MOST_STEPS:
         raise SimulationError(
-            f"max_step: expected at least {autopilot.period_s / _MOST_STEPS:.2g} s, a {_MOST_STEPS}th of the"
-            f" control period of {autopilot.period_s:g} s, found {max_step:g}; 0.02 s is the usual one"
+            f"max_step_s: expected at least {autopilot.period_s / _MOST_STEPS:.2g} s, a {_MOST_STEPS}th of"
+            f" the control period of {autopilot.period_s:g} s, found {max_step_s:g}; 0.02 s is the usual one"
         )
 
 
-def checked_supply(voltage: Any, vehicle: Vehicle) -> None:
+def checked_supply(voltage_v: Any, vehicle: Vehicle) -> None:
     """Refuse a supply that is none, and its absence where thrust depends on it."""
     needed = [name for name, facts in vehicle.actuator_info().items() if facts["needs_voltage"]]
-    if voltage is None:
+    if voltage_v is None:
         if needed:
             raise SimulationError(
-                f"voltage: the thrust of {vehicle.name} ({needed[0]}) depends on the supply voltage; give it"
-                " in V, --voltage on the command line"
+                f"voltage_v: the thrust of {vehicle.name} ({needed[0]}) depends on the supply voltage; give"
+                " it in V, --voltage on the command line"
             )
         return
-    positive("voltage", voltage, "V")
-    if voltage > _LARGEST_SUPPLY_V:
+    positive("voltage_v", voltage_v, "V")
+    if voltage_v > _LARGEST_SUPPLY_V:
         raise SimulationError(
-            f"voltage: expected at most {_LARGEST_SUPPLY_V:g} V, found {voltage:g}; is it in V?"
+            f"voltage_v: expected at most {_LARGEST_SUPPLY_V:g} V, found {voltage_v:g}; is it in V?"
         )
 
 
@@ -200,20 +200,20 @@ def checked_seabed(value: ArrayLike | None, path: Route) -> tuple[float, float, 
     return depth, north, east
 
 
-def longest(path: Route, autopilot: Autopilot, max_time: float | None, *, logs: bool) -> float:
+def longest(path: Route, autopilot: Autopilot, max_time_s: float | None, *, logs: bool) -> float:
     """Duration at which a flight ends at the latest, s: well beyond the plan and the mission's own limit."""
-    if max_time is None:
+    if max_time_s is None:
         planned = _TIMES_PLANNED * path.planned_time + _MARGIN_S
         limit = path.longest + _MARGIN_S if math.isfinite(path.longest) else 0.0
-        max_time = max(planned, limit)
-    positive("max_time", max_time, "s")
+        max_time_s = max(planned, limit)
+    positive("max_time_s", max_time_s, "s")
     most = (_MOST_LOGGED if logs else _MOST_FLOWN) * autopilot.period_s
-    if max_time > most:
+    if max_time_s > most:
         raise SimulationError(
-            f"max_time: expected at most {most:g} s, {most / autopilot.period_s:.1e} control periods of"
-            f" {autopilot.period_s:g} s, found {max_time:g} s; give a shorter one, or split the mission"
+            f"max_time_s: expected at most {most:g} s, {most / autopilot.period_s:.1e} control periods of"
+            f" {autopilot.period_s:g} s, found {max_time_s:g} s; give a shorter one, or split the mission"
         )
-    return float(max_time)
+    return float(max_time_s)
 
 
 def checked_turbulence(given: Any) -> tuple[float, float, float]:
@@ -254,7 +254,7 @@ def checked_times(given: Any) -> tuple[float, float]:
     values = list(given) if isinstance(given, tuple | list) else []
     if len(values) != 2 or not all(is_number(x) and 0.01 <= x <= _LONGEST for x in values):
         raise SimulationError(
-            f"turbulence_times: expected two times from 0.01 to {_LONGEST:g} s, for example (60.0, 2.0),"
+            f"turbulence_times_s: expected two times from 0.01 to {_LONGEST:g} s, for example (60.0, 2.0),"
             f" found {given!r}"
         )
     return float(values[0]), float(values[1])

@@ -151,7 +151,7 @@ class Outage:
 
 
 def fault_rows(
-    faults: Sequence[Fault], vehicle: Vehicle, max_time: float, *, case: int = 0
+    faults: Sequence[Fault], vehicle: Vehicle, max_time_s: float, *, case: int = 0
 ) -> list[tuple[int, str, float, float]]:
     """Rows (case, actuator, time in s, command or nan) of a case, as the core takes them.
 
@@ -170,9 +170,9 @@ def fault_rows(
             )
         if any(name == other for _, other, _, _ in rows):
             raise SimulationError(f"faults: {name} fails twice; the first failure lasts, give one of them")
-        if not is_number(fault.at_s) or not 0.0 <= fault.at_s <= max_time:
+        if not is_number(fault.at_s) or not 0.0 <= fault.at_s <= max_time_s:
             raise SimulationError(
-                f"faults: {name}: expected a time within the flight, 0 to {max_time:.0f} s,"
+                f"faults: {name}: expected a time within the flight, 0 to {max_time_s:.0f} s,"
                 f" found {fault.at_s if is_number(fault.at_s) else repr(fault.at_s)}"
             )
         if fault.stuck and fault.stuck_at is not None:
@@ -199,7 +199,7 @@ def _command(fault: Fault, facts: dict[str, Any]) -> float:
     return float(fault.stuck_at)
 
 
-def outage_rows(outages: Sequence[Outage], max_time: float) -> list[tuple[int, float, float]]:
+def outage_rows(outages: Sequence[Outage], max_time_s: float) -> list[tuple[int, float, float]]:
     """Rows (group, from, until in s) as the core takes them.
 
     Raises
@@ -225,10 +225,10 @@ def outage_rows(outages: Sequence[Outage], max_time: float) -> list[tuple[int, f
                 f"outages: {outage.of}: expected a beginning from 0 on and a later end, found"
                 f" {outage.from_s:g} to {outage.until_s:g} s"
             )
-        if outage.from_s > max_time:
+        if outage.from_s > max_time_s:
             raise SimulationError(
-                f"outages: {outage.of}: expected a beginning within the flight, 0 to {max_time:.0f} s, found"
-                f" {outage.from_s:g}"
+                f"outages: {outage.of}: expected a beginning within the flight, 0 to {max_time_s:.0f} s,"
+                f" found {outage.from_s:g}"
             )
         rows.append((groups.index(name), float(outage.from_s), float(outage.until_s)))
     return rows

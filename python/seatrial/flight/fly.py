@@ -43,17 +43,17 @@ def fly(
     sensors: Mapping[str, Sensor] | str | Path | None = None,
     current: ArrayLike = (0.0, 0.0, 0.0),
     turbulence: ArrayLike = (0.0, 0.0, 0.0),
-    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S,
+    turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
     obstacles: Sequence[tuple[float, float, float]] = (),
     initial: State | None = None,
     faults: Sequence[Fault] = (),
     outages: Sequence[Outage] = (),
     seabed: ArrayLike | None = None,
     seed: int = 0,
-    voltage: float | None = None,
+    voltage_v: float | None = None,
     feedback: bool = True,
-    max_step: float = 0.02,
-    max_time: float | None = None,
+    max_step_s: float = 0.02,
+    max_time_s: float | None = None,
     rho: float | None = None,
     g: float | None = None,
 ) -> Flight:
@@ -79,7 +79,7 @@ def fly(
     turbulence : float or (3,) array_like, optional
         Standard deviation of the current about its mean, m/s: of both horizontal components, or of north,
         east and down; a second-order Gauss-Markov process that goes by the seed.
-    turbulence_times : (float, float), optional
+    turbulence_times_s : (float, float), optional
         Its correlation time, and the time in which eddies average out along the hull, s.
     obstacles : sequence of (north, east, radius), optional
         Cylinders in the water, m; the metric ``clearance_m`` is the smallest distance to an edge.
@@ -94,13 +94,13 @@ def fly(
         Depth of the bottom in m, and its slopes north and east; no bottom when omitted.
     seed : int, optional
         Of the sensors' errors; the same seed, the same flight.
-    voltage : float, optional
+    voltage_v : float, optional
         Supply, V, where thrust depends on it.
     feedback : bool, optional
         Whether the autopilot sees what its actuators do, and so finds a failed one.
-    max_step : float, optional
+    max_step_s : float, optional
         Largest step of the integration, s.
-    max_time : float, optional
+    max_time_s : float, optional
         Longest duration, s; by default three times the planned time and five minutes.
     rho, g : float, optional
         Density, kg/m3, and gravity, m/s2, instead of the vehicle file's.
@@ -141,16 +141,16 @@ def fly(
         sensors=sensors,
         current=checked_vector("current", current),
         turbulence=checked_turbulence(turbulence),
-        turbulence_times=turbulence_times,
+        turbulence_times_s=turbulence_times_s,
         obstacles=obstacles,
         initial=initial,
         faults=checked_failures("faults", faults, Fault, per_case=False),
         outages=checked_failures("outages", outages, Outage, per_case=False),
         seabed=seabed,
-        voltage=voltage,
+        voltage_v=voltage_v,
         feedback=feedback,
-        max_step=max_step,
-        max_time=max_time,
+        max_step_s=max_step_s,
+        max_time_s=max_time_s,
         rho=rho,
         g=g,
         logs=True,
@@ -167,7 +167,7 @@ def fly_batch(
     gains: Mapping[str, ArrayLike] | None = None,
     current: ArrayLike = (0.0, 0.0, 0.0),
     turbulence: ArrayLike = (0.0, 0.0, 0.0),
-    turbulence_times: tuple[float, float] = TURBULENCE_TIMES_S,
+    turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
     obstacles: Sequence[tuple[float, float, float]] = (),
     seeds: int | Sequence[int] = 0,
     faults: Sequence[Fault] | Sequence[Sequence[Fault]] = (),
@@ -178,10 +178,10 @@ def fly_batch(
     set_points: Mapping[str, ArrayLike] | None = None,
     corridors: Sequence[Corridor] = (),
     seabed: ArrayLike | None = None,
-    voltage: float | None = None,
+    voltage_v: float | None = None,
     feedback: bool = True,
-    max_step: float = 0.02,
-    max_time: float | None = None,
+    max_step_s: float = 0.02,
+    max_time_s: float | None = None,
     rho: float | None = None,
     g: float | None = None,
     logs: bool = False,
@@ -204,7 +204,7 @@ def fly_batch(
         Velocity of the water, north, east, down, m/s; its mean where it is turbulent.
     turbulence : float, (3,) or (k, 3) array_like, optional
         Standard deviation of the current about its mean, m/s, as for `seatrial.fly`.
-    turbulence_times, obstacles
+    turbulence_times_s, obstacles
         As for `seatrial.fly`, for all cases.
     seeds : int or sequence of int, optional
         Of the sensors' errors; one for all cases lets them meet the same noise.
@@ -220,7 +220,7 @@ def fly_batch(
         for; ``north``, ``east`` and ``down`` (m) move its plan instead.
     corridors : sequence of tuple, optional
         What the responses are held against, see `seatrial.tuning.step_trial`; sums in ``Flights.violations``.
-    model, sensors, seabed, voltage, feedback, max_step, max_time, rho, g
+    model, sensors, seabed, voltage_v, feedback, max_step_s, max_time_s, rho, g
         As for `seatrial.fly`, for all cases.
     logs : bool, optional
         Whether to keep the logs, some megabytes an hour of flight and case.
@@ -260,7 +260,7 @@ def fly_batch(
         gains=gains,
         current=current,
         turbulence=turbulence,
-        turbulence_times=turbulence_times,
+        turbulence_times_s=turbulence_times_s,
         obstacles=obstacles,
         seeds=seeds,
         faults=faults,
@@ -271,10 +271,10 @@ def fly_batch(
         set_points=set_points,
         corridors=corridors,
         seabed=seabed,
-        voltage=voltage,
+        voltage_v=voltage_v,
         feedback=feedback,
-        max_step=max_step,
-        max_time=max_time,
+        max_step_s=max_step_s,
+        max_time_s=max_time_s,
         rho=rho,
         g=g,
         logs=logs,

@@ -224,8 +224,8 @@ def _columns(flight: FlightLog) -> dict[str, Any]:
     around = flight.circumstances
     for axis, values in zip(("north", "east", "down"), _current(flight).T, strict=True):
         columns[f"current_{axis}_m_s"] = values
-    if around.voltage is not None:
-        columns["voltage_v"] = np.full(rows, around.voltage)
+    if around.voltage_v is not None:
+        columns["voltage_v"] = np.full(rows, around.voltage_v)
     if np.isfinite(flight.altitude).all():
         columns["altitude_m"] = flight.altitude
     for name, values in flight.measured.items():

@@ -190,7 +190,7 @@ def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
         )
 
     first = _stepped(scope, loop, table, speeds, usual, corridor(usual))
-    start = start_metrics(scope.rig(scope.autopilot, max_step=_START_STEP_S), first)
+    start = start_metrics(scope.rig(scope.autopilot, max_step_s=_START_STEP_S), first)
     steps = table.steps or steps_above_noise(loop, start.noise, top_m_s=scope.top_m_s)
     return _stepped(scope, loop, table, speeds, steps, corridor(steps, start))
 

@@ -196,7 +196,7 @@ def relay_autopilot(
     speeds: Sequence[float] | None = None,
     shares: Sequence[float] = SHARES,
     sensors: Sensors = None,
-    voltage: float | None = None,
+    voltage_v: float | None = None,
 ) -> RelayTuning:
     """Autopilot whose PID loops are tuned by relay trials on a vehicle, with the trials; gains in SI.
 
@@ -214,7 +214,7 @@ def relay_autopilot(
         Amplitudes of the relay over the reach of its row, each above 0 and up to 0.9.
     sensors : mapping of str to Sensor, str or Path, optional
         As for `seatrial.fly`; perfect when omitted. A relay has no hysteresis: on noise it chatters.
-    voltage : float, optional
+    voltage_v : float, optional
         Supply, V, where thrust depends on it.
 
     Raises
@@ -237,8 +237,8 @@ def relay_autopilot(
         pid_gains(rule, "PID", ultimate_gain=1.0, period_s=1.0)
     on, start = loaded(Vehicle, vehicle), loaded(Autopilot, autopilot)
     amplitudes = _positive("shares", shares, most=0.9)
-    _refuse_what_cannot_fly(on, start, voltage)
-    supply = NOMINAL_V if voltage is None else voltage
+    _refuse_what_cannot_fly(on, start, voltage_v)
+    supply = NOMINAL_V if voltage_v is None else voltage_v
     top = top_speeds(on, voltage_v=supply)[1]
     if speeds is None:
         tried = _reached(on, start, supply)
@@ -258,7 +258,13 @@ def relay_autopilot(
             if loop in mode_at(autopilot_facts(start), speed).loops:
                 each = [
                     relay_trial(
-                        on, start, loop=loop, speed_m_s=speed, share=share, sensors=sensors, voltage=voltage
+                        on,
+                        start,
+                        loop=loop,
+                        speed_m_s=speed,
+                        share=share,
+                        sensors=sensors,
+                        voltage_v=voltage_v,
                     )
                     for share in amplitudes
                 ]
@@ -302,17 +308,17 @@ def _scheduled(
     return gains, sources
 
 
-def _refuse_what_cannot_fly(vehicle: Vehicle, autopilot: Autopilot, voltage: float | None) -> None:
+def _refuse_what_cannot_fly(vehicle: Vehicle, autopilot: Autopilot, voltage_v: float | None) -> None:
     """Refuse before the first trial what its flight would refuse, or would fly for nothing."""
     refuse_other_laws(autopilot)
     autopilot.engage(vehicle, straight(1.0))
     needed = [name for name, facts in vehicle.actuator_info().items() if facts["needs_voltage"]]
-    if needed and voltage is None:
+    if needed and voltage_v is None:
         raise SimulationError(
-            f"voltage: the thrust of {vehicle.name} ({needed[0]}) depends on the supply voltage; give"
-            " voltage, in V"
+            f"voltage_v: the thrust of {vehicle.name} ({needed[0]}) depends on the supply voltage; give"
+            " voltage_v, in V"
         )
-    checked_supply(voltage, vehicle)
+    checked_supply(voltage_v, vehicle)
 
 
 def _reached(vehicle: Vehicle, autopilot: Autopilot, voltage_v: float) -> list[float]:

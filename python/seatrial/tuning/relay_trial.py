@@ -338,7 +338,7 @@ def relay_trial(
     speed_m_s: float,
     share: float,
     sensors: Sensors = None,
-    voltage: float | None = None,
+    voltage_v: float | None = None,
 ) -> RelayTrial:
     """Trial of a loop at a speed ahead with a relay of a share of its reach.
 
@@ -355,14 +355,14 @@ def relay_trial(
         Amplitude of the relay over the reach of the row.
     sensors : mapping of str to Sensor, str or Path, optional
         As for `seatrial.fly`; perfect when omitted.
-    voltage : float, optional
+    voltage_v : float, optional
         Supply, V, where thrust depends on it.
     """
-    supply = NOMINAL_V if voltage is None else voltage
+    supply = NOMINAL_V if voltage_v is None else voltage_v
     d, why = _amplitude(vehicle, autopilot, (loop, speed_m_s, share), supply)
     if why:
         return RelayTrial(d, None, None, why)
-    sea = _Sea(vehicle, autopilot, sensors, voltage)
+    sea = _Sea(vehicle, autopilot, sensors, voltage_v)
     cycle, trace, why = sea.cycle(loop, speed_m_s, d)
     if cycle is None or trace is None:
         return RelayTrial(d, None, None, why)
@@ -383,7 +383,7 @@ class _Sea:
     vehicle: Vehicle
     autopilot: Autopilot
     sensors: Sensors
-    voltage: float | None
+    voltage_v: float | None
 
     def cycle(
         self, loop: str, speed: float, d: float, lead_s: float = 0.0
@@ -398,8 +398,8 @@ class _Sea:
                 straight(speed),
                 sensors=self.sensors,
                 initial=start,
-                voltage=self.voltage,
-                max_time=duration,
+                voltage_v=self.voltage_v,
+                max_time_s=duration,
             )
             settled = flight.t > _SETTLED_FROM * duration
             if not (flight.outcome == "out of time" and np.isfinite(flight.nu).all()):
@@ -413,13 +413,13 @@ class _Sea:
 
 
 def _amplitude(
-    vehicle: Vehicle, autopilot: Autopilot, aim: tuple[str, float, float], voltage: float
+    vehicle: Vehicle, autopilot: Autopilot, aim: tuple[str, float, float], voltage_v: float
 ) -> tuple[float, str]:
     """Amplitude of the relay in N or N m for a loop, speed and share, and why it is no good."""
     loop, speed, share = aim
     # Of the rows of all modes: without the others held, a row would seem to reach further.
     every = _rows({loop for mode in autopilot_facts(autopilot).modes for loop in mode.loops})
-    low, high = reach(vehicle, speed, every, voltage_v=voltage)[ROWS[LOOPS.index(loop)]]
+    low, high = reach(vehicle, speed, every, voltage_v=voltage_v)[ROWS[LOOPS.index(loop)]]
     # A relay between nothing and ahead has a middle to swing about as well: half of d.
     within = float(high if loop == "surge" and low > -_NO_FORCE else min(high, -low))
     if within < _NO_FORCE:

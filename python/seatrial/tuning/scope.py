@@ -129,7 +129,7 @@ class TuningScope:
         autopilot: Autopilot,
         *,
         vehicle: Vehicle | None = None,
-        max_step: float = 0.02,
+        max_step_s: float = 0.02,
         threads: int | None = None,
     ) -> Rig:
         """The closed loop of an autopilot, with the sensors of the campaign.
@@ -139,7 +139,7 @@ class TuningScope:
         autopilot : Autopilot
         vehicle : Vehicle, optional
             That flies; by default the best values, which the autopilot takes it for.
-        max_step : float, optional
+        max_step_s : float, optional
             Of the integration, s.
         threads : int, optional
             All by default.
@@ -149,8 +149,8 @@ class TuningScope:
             self.vehicle,
             autopilot,
             sensors=self.sensors,
-            max_step=max_step,
-            voltage=self.table.voltage_v,
+            max_step_s=max_step_s,
+            voltage_v=self.table.voltage_v,
             threads=threads,
         )
 

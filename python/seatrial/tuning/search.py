@@ -412,7 +412,7 @@ def standing(
         All by default.
     """
     autopilot = plan.autopilot.with_gains(dict(gains))
-    rig = plan.rig(autopilot, max_step=_STEP_S, threads=threads)
+    rig = plan.rig(autopilot, max_step_s=_STEP_S, threads=threads)
     performance = assess(plan, "", rig, samples, responses=False)
     limits = constraint(plan, autopilot)
     lacking = 0.0 if limits is None else float(limits.shortfall({})[0])

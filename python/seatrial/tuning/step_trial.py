@@ -207,9 +207,9 @@ class Rig:
         Whose gains the candidates change.
     sensors
         By kind, "typical" or a file; None for perfect ones.
-    max_step
+    max_step_s
         Of the integration, s.
-    voltage
+    voltage_v
         Supply, V, where thrust depends on it.
     threads
         All by default.
@@ -219,8 +219,8 @@ class Rig:
     model: Vehicle
     autopilot: Autopilot
     sensors: Mapping[str, Sensor] | str | None = "typical"
-    max_step: float = 0.05
-    voltage: float | None = None
+    max_step_s: float = 0.05
+    voltage_v: float | None = None
     threads: int | None = None
 
     @cached_property
@@ -390,9 +390,9 @@ class Rig:
                 mission,
                 model=self.model,
                 sensors=self.sensors,
-                voltage=self.voltage,
-                max_step=self.max_step,
-                max_time=duration_s,
+                voltage_v=self.voltage_v,
+                max_step_s=self.max_step_s,
+                max_time_s=duration_s,
             )
             errors = ready.channels.errors.copy()
             errors[:, _OFFSETS] = 0.0

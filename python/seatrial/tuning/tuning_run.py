@@ -174,7 +174,7 @@ class TuningRun:
         relayed = None
         if relay:
             relayed = relay_autopilot(
-                plan.vehicle, plan.autopilot, sensors=plan.sensors, voltage=plan.table.voltage_v
+                plan.vehicle, plan.autopilot, sensors=plan.sensors, voltage_v=plan.table.voltage_v
             )
             autopilots["relay"] = relayed.autopilot
         autopilots["tuned"] = self._tuned()
@@ -239,8 +239,8 @@ class TuningRun:
         ])
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def _rig(self, autopilot: Autopilot, max_step: float) -> Rig:
-        return self.plan.rig(autopilot, max_step=max_step, threads=self.threads)
+    def _rig(self, autopilot: Autopilot, max_step_s: float) -> Rig:
+        return self.plan.rig(autopilot, max_step_s=max_step_s, threads=self.threads)
 
     def _spoils(self, place: int) -> bool:
         """Whether the search of a group gave margins away, caught between them and its corridors."""

@@ -148,7 +148,7 @@ def check_table(source: str, flights: CampaignFlights) -> tuple[str, ...]:
     notes = _check_supply(source, flights)
     with under(source, "sensors", said="sensors"):
         sensor_channels(sensors_of(flights.sensors, vehicle), flights.autopilot.period_s)
-    with under(source, "max_time_s", said="max_time"):
+    with under(source, "max_time_s", said="max_time_s"):
         ends = [longest(route, flights.autopilot, table.max_time_s, logs=False) for route in routes]
     bottom = table.seabed
     for route in routes:
@@ -181,7 +181,7 @@ def _check_supply(source: str, flights: CampaignFlights) -> tuple[str, ...]:
             f"{source}: verification, key voltage_v: the thrust of {vehicle.name} ({needed[0]}) depends on"
             " the supply voltage; add this key under [verification], in V"
         )
-    with under(source, "voltage_v", said="voltage"):
+    with under(source, "voltage_v", said="voltage_v"):
         checked_supply(given, vehicle)
     if given is None or needed:
         return ()
@@ -204,7 +204,7 @@ def _check_water(source: str, current: Current) -> None:
     if current.turbulence_m_s is not None:
         with under(source, "current", "turbulence_m_s", said="turbulence"):
             within("turbulence", fastest(current.turbulence_m_s), (0.0, _STRONGEST_M_S), "m/s")
-    with under(source, "current", "turbulence_times_s", said="turbulence_times"):
+    with under(source, "current", "turbulence_times_s", said="turbulence_times_s"):
         checked_times(current.turbulence_times_s)
 
 

@@ -515,7 +515,7 @@ def demonstration(vehicle: Vehicle) -> Flight:
         Autopilot.load(vehicle.name),
         Mission.from_toml(text),
         current=(0.0, current, 0.0),
-        voltage=NOMINAL_V if needed else None,
+        voltage_v=NOMINAL_V if needed else None,
     )
 
 

@@ -528,9 +528,9 @@ def _flown(plan: TuningPlan, autopilot: Autopilot, times: Array, levels: Array) 
         mission,
         sensors=None if sensors == "perfect" else sensors,
         set_points={"times": times[:-1], "speed": levels, "heading": np.zeros(len(levels))},
-        voltage=plan.table.voltage_v,
-        max_step=_MAX_STEP_S,
-        max_time=float(times[-1]),
+        voltage_v=plan.table.voltage_v,
+        max_step_s=_MAX_STEP_S,
+        max_time_s=float(times[-1]),
         logs=True,
     )
     log = np.asarray(flights.log(0))

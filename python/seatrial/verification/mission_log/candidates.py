@@ -166,7 +166,7 @@ class Candidate:
 
 
 def candidates(
-    vehicle: Vehicle, *, identified: Sequence[str] = (), payload_density: float = PAYLOAD_DENSITY
+    vehicle: Vehicle, *, identified: Sequence[str] = (), payload_density_kg_m3: float = PAYLOAD_DENSITY
 ) -> list[Candidate]:
     """Candidates of a vehicle: its coefficients and the identified ones, then groups that change together.
 
@@ -175,7 +175,7 @@ def candidates(
     vehicle : Vehicle
     identified : sequence of str, optional
         Coefficients that are tried even where they are zero.
-    payload_density : float, optional
+    payload_density_kg_m3 : float, optional
         Of a payload, kg/m3.
     """
     values = vehicle.coefficients()
@@ -212,7 +212,7 @@ def candidates(
     every = [name for members in gains.values() for name in members]
     if len(gains) > 1 and len(every) > 1:
         found.append(_thrust("all thrust (supply)", every, values))
-    found += [payload(vehicle, density=payload_density), _entrained(vehicle)]
+    found += [payload(vehicle, density=payload_density_kg_m3), _entrained(vehicle)]
     return found
 
 

@@ -125,7 +125,7 @@ def mission_envelope(
     seed: int = 0,
     sensors: Any = None,
     current: ArrayLike | None = None,
-    voltage: float | None = None,
+    voltage_v: float | None = None,
 ) -> Envelope:
     """Envelope of a mission with the log in it.
 
@@ -144,7 +144,7 @@ def mission_envelope(
         As for `seatrial.fly`.
     current : (3,) or (flights, 3) array_like, optional
         North, east, down, m/s; the mean of the recorded one when omitted.
-    voltage : float, optional
+    voltage_v : float, optional
         Supply, V; the mean of the recorded one when omitted.
 
     Raises
@@ -162,8 +162,8 @@ def mission_envelope(
     trial = log.trial
     if current is None:
         current = np.zeros(3) if trial.current is None else np.nanmean(trial.current, axis=0)
-    if voltage is None and trial.voltage_v is not None:
-        voltage = float(np.nanmean(trial.voltage_v))
+    if voltage_v is None and trial.voltage_v is not None:
+        voltage_v = float(np.nanmean(trial.voltage_v))
     first = int(np.flatnonzero(trial.startable)[0]) if trial.startable.any() else 0
     drawn = fitted.draws(flights, seed) if fitted.names else None
     flown = fly_batch(
@@ -176,7 +176,7 @@ def mission_envelope(
         current=current,
         seeds=[seed + 1 + k for k in range(flights)],
         initial=State(*trial.state(first)),
-        voltage=voltage,
+        voltage_v=voltage_v,
         rho=trial.rho,
         g=trial.g,
         logs=True,

@@ -84,7 +84,7 @@ def judge_model(
     draws: int,
     seed: int,
     level: float,
-    payload_density: float,
+    payload_density_kg_m3: float,
     ahead_s: float,
     offsets: Mapping[str, float],
 ) -> ModelJudgement:
@@ -121,7 +121,7 @@ def judge_model(
     if not judged.failing:
         return _not_failing(judged, detectable_changes(judged, level=level), tuple(notes))
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
-    tried = candidates(known.vehicle, identified=known.names, payload_density=payload_density)
+    tried = candidates(known.vehicle, identified=known.names, payload_density_kg_m3=payload_density_kg_m3)
     guilty, current, lead = suspects(windows, spread, tried, sigma=sigma), None, ""
     if windows.trial.current is None:
         calm, fitted = in_current(windows, spread)
@@ -228,7 +228,7 @@ def judge_log(
     flights: int = 64,
     seed: int = 0,
     level: float = LEVEL,
-    payload_density: float = PAYLOAD_DENSITY,
+    payload_density_kg_m3: float = PAYLOAD_DENSITY,
 ) -> LogVerdict:
     """Verdict on a log, as `seatrial.verify_log` explains its parameters and errors."""
     if draws < len(CHANNELS) / level:
@@ -251,7 +251,7 @@ def judge_log(
         draws=draws,
         seed=seed,
         level=level,
-        payload_density=payload_density,
+        payload_density_kg_m3=payload_density_kg_m3,
         ahead_s=ahead_s,
         offsets=offsets_of("typical" if sensors is None else sensors, known.vehicle),
     )

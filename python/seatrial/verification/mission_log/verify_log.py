@@ -61,7 +61,7 @@ def verify_log(
     flights: int = 64,
     seed: int = 0,
     level: float = LEVEL,
-    payload_density: float = PAYLOAD_DENSITY,
+    payload_density_kg_m3: float = PAYLOAD_DENSITY,
 ) -> LogVerdict: ...
 
 
@@ -80,7 +80,7 @@ def verify_log(
     draws: int = 4096,
     flights: int = 64,
     level: float = LEVEL,
-    payload_density: float = PAYLOAD_DENSITY,
+    payload_density_kg_m3: float = PAYLOAD_DENSITY,
 ) -> LogVerdict: ...
 
 
@@ -97,7 +97,7 @@ def verify_log(
     draws: int = 4096,
     flights: int = 64,
     level: float = LEVEL,
-    payload_density: float = PAYLOAD_DENSITY,
+    payload_density_kg_m3: float = PAYLOAD_DENSITY,
     **own: Any,
 ) -> LogVerdict:
     """Verdict on a log: is the model still valid, what is suspected, what did the mission hold.
@@ -140,7 +140,7 @@ def verify_log(
         Draws of the coefficients, at least 12 over the level; flights of the envelope.
     level : float, optional
         Chance of a false alarm, over all channels.
-    payload_density : float, optional
+    payload_density_kg_m3 : float, optional
         kg/m3, of a suspected payload.
 
     Raises
@@ -158,7 +158,7 @@ def verify_log(
         "draws": draws,
         "flights": flights,
         "level": level,
-        "payload_density": payload_density,
+        "payload_density_kg_m3": payload_density_kg_m3,
     }
     if not isinstance(fitted, Campaign):
         if recorded is not None or references:
