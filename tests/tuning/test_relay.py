@@ -252,7 +252,7 @@ def test_bad_input_is_answered_in_a_sentence() -> None:
     with pytest.raises(SimulationError, match=r"at most the top speed of cwolf, 3\.18 m/s, found 9"):
         relay_autopilot(VEHICLE, AUTOPILOT, speeds=[1.0, 9.0])
     # A Python function has no command line.
-    with pytest.raises(SimulationError, match=r"depends on the supply voltage; give voltage, in V$"):
+    with pytest.raises(SimulationError, match=r"depends on the supply voltage; give voltage_v, in V$"):
         relay_autopilot("bluerov2-heavy", "bluerov2-heavy", speeds=[0.5])
     with pytest.raises(SimulationError, match="voltage_v: expected a positive number in V, found -5"):
         relay_autopilot(VEHICLE, AUTOPILOT, voltage_v=-5.0)

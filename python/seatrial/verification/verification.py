@@ -225,11 +225,8 @@ def _how_good(found: Verification) -> str:
 
 def _worst(found: Verification) -> tuple[str, str]:
     """The worst problem of a verification, and what to do about it."""
-    verify = (
-        "seatrial verify CAMPAIGN"
-        if found.campaign.source == WITHOUT_FILE
-        else (f"seatrial verify {found.campaign.source}")
-    )
+    python = found.campaign.source == WITHOUT_FILE
+    verify = f"seatrial verify {found.campaign.source}"
     if found.interrupted:
         return (
             f"Ctrl-C ended the missions after {len(found.flown)} of {found.asked}",
@@ -240,8 +237,13 @@ def _worst(found: Verification) -> tuple[str, str]:
         one = max(failed, key=lambda each: each.found.failures)
         cause = f"; {one.named_causes[0]}" if one.named_causes else ""
         return f"{one.requirement.name} {one.sentence}{cause}", (
-            f"look at the worst mission ({verify} --replay {one.worst[0].number}), then tune or change what"
-            " it shows"
+            "look at the worst mission ("
+            + (
+                f"verification.replay({one.worst[0].number})"
+                if python
+                else f"{verify} --replay {one.worst[0].number}"
+            )
+            + "), then tune or change what it shows"
             if one.worst
             else "change the autopilot or the requirement"
         )
@@ -250,11 +252,14 @@ def _worst(found: Verification) -> tuple[str, str]:
         one = max(undecided, key=lambda each: each.further_runs or 0)
         more = one.further_runs
         return f"{one.requirement.name} {one.sentence}", (
-            f"fly more missions: {verify} --runs {found.asked + more}"
+            "fly more missions: "
+            + (f"runs={found.asked + more}" if python else f"{verify} --runs {found.asked + more}")
             if more
             else "relax the requirement or improve the autopilot; more missions will not decide it"
         )
-    after = f"fly the mission at sea and judge its log: {verify} --log LOG"
+    after = "fly the mission at sea and judge its log: " + (
+        "st.verify_log" if python else f"{verify} --log LOG"
+    )
     finite = [one for one in found.requirements if one.worst and math.isfinite(one.worst[0].reserve)]
     if not finite:
         return "no requirement failed", after
