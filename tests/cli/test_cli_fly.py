@@ -110,7 +110,7 @@ def test_the_exit_code_is_the_verdict() -> None:
     Path("sharp.toml").write_text(BOX.replace("acceptance_radius_m = 5.0", "acceptance_radius_m = 0.05"))
     missed = call("cwolf", "cwolf", "sharp.toml", "--no-figures")
     assert missed.exit_code == 1
-    assert "missed by" in missed.stdout
+    assert "not reached: the autopilot perceived it at" in missed.stdout
 
 
 @pytest.mark.usefixtures("here")

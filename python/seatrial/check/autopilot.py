@@ -203,7 +203,10 @@ def _report(check: AutopilotCheck, start: StartGains | None) -> Report:
     if start is not None:
         more, short = weak_points(start.margins, start.sound)
         notes, warnings = notes + more, warnings + short
-    worst, next_step = "no warning: limits, gains and safety fit each other", "fly a mission: seatrial fly"
+    worst, next_step = (
+        "nothing stands out: limits, gains and safety fit each other",
+        "fly a mission: seatrial fly",
+    )
     if warnings:
         worst, next_step = (
             warnings[0],

@@ -238,7 +238,7 @@ class MissionCheck:
 
     def report(self) -> Report:
         """Length and time, the worst problem, what to do next; then legs and notes."""
-        worst, next_step = "no warning: legs, limits and fence fit each other", "fly it: seatrial fly"
+        worst, next_step = "nothing stands out: legs, limits and fence fit each other", "fly it: seatrial fly"
         if self.warnings:
             worst, next_step = self.warnings[0], "change the mission or the vehicle's limits, and check again"
         count = len(self.warnings)

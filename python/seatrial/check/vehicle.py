@@ -205,7 +205,7 @@ class VehicleCheck:
 
 def _report(check: VehicleCheck) -> Report:
     """Three lines, what every actuator does, speeds and turns, notes."""
-    worst = "no warning: signs, buoyancy, damping and stability are plausible"
+    worst = "nothing stands out: signs, buoyancy, damping and stability are plausible"
     next_step = (
         "compare the force of each actuator below with the real vehicle; then write start gains (seatrial"
         " autopilot) or identify it from trials (seatrial identify)"

@@ -337,8 +337,7 @@ def _worst(flight: Flight) -> tuple[str, str]:
                 "give the flight more time (--max-time), or a speed that the vehicle can hold in this current"
             )
         return (
-            f"{first_missed.label} missed by {first_missed.smallest_m - first_missed.acceptance_m:.2f} m"
-            f" (radius {first_missed.acceptance_m:g} m)",
+            _not_reached(first_missed),
             "enlarge its acceptance radius, slow the leg down, or tune the heading loop (seatrial tune)",
         )
     if saturated := _loops(flight):
@@ -353,7 +352,15 @@ def _worst(flight: Flight) -> tuple[str, str]:
         return f"cross-track error of {widest.cross_track_largest_m:.2f} m towards {widest.label}", verify
     if held := _stations([leg for leg in flight.legs if not math.isnan(leg.begin_s)]):
         return held[0], verify
-    return "no problem found", verify
+    return "nothing stands out", verify
+
+
+def _not_reached(leg: Leg) -> str:
+    """How near it came, as perceived, which decides whether the waypoint counts as reached, and in truth."""
+    return (
+        f"{leg.label} not reached: the autopilot perceived it at {leg.perceived_m:.2f} m at the nearest"
+        f" (radius {leg.acceptance_m:g} m), the true distance was {leg.smallest_m:.2f} m"
+    )
 
 
 def _cause(watch: str) -> str:
@@ -365,7 +372,7 @@ def _ending(flight: Flight) -> str:
     behind = sum(leg.reached for leg in flight.legs)
     count = f"{behind} of {len(flight.legs)} waypoints reached"
     missed = [leg for leg in flight.legs if not leg.reached and not math.isnan(leg.begin_s)]
-    by = "".join(f"; {leg.label} missed by {leg.smallest_m - leg.acceptance_m:.2f} m" for leg in missed[:3])
+    by = "".join(f"; {_not_reached(leg)}" for leg in missed[:3])
     what = {
         "complete": "complete" if flight.complete else "flown to its end",
         "surfaced": "the vehicle surfaced before the end",

@@ -392,7 +392,7 @@ def _worst(fit: Identification) -> tuple[str, str]:
         return _problem_and_remedy(combinations[0].sentence, "weakly identifiable")
     if fit.notes:
         return fit.notes[0], verify
-    return "no problem found: all coefficients identifiable, none at a bound, residuals like noise", verify
+    return "nothing stands out: all coefficients identifiable, none at a bound, residuals like noise", verify
 
 
 def _problem_and_remedy(sentence: str, verdict: str) -> tuple[str, str]:

@@ -125,7 +125,7 @@ class SimulatedTrial:
     def report(self, title: str, next_step: str) -> Report:
         """Three lines and a table of a simulated run."""
         run, summary = self.run, self.summary()
-        worst = "no problem found: the run is finite and stays below the surface"
+        worst = "nothing stands out: the run is finite and stays below the surface"
         rise = -float(np.asarray(run.position)[:, 2].min())
         if self.held and self.sensors and "load_cell" not in self.sensors:
             worst = "The pull of the tied vehicle is not in the log: these sensors have no load_cell"
