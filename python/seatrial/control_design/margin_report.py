@@ -123,13 +123,15 @@ def sound_speeds(vehicle: Vehicle, autopilot: Autopilot) -> tuple[float, float] 
     They are looked for between the breakpoints, too, from the slowest sound one upwards.
     """
     points = autopilot.speeds_m_s
-    grid = np.linspace(max(points[0], 0.0), points[-1], _FINE)
-    rows = autopilot_margins(vehicle, autopilot, speeds_m_s=list(grid))
-    first = next((k for k, row in enumerate(rows) if row.sound), None)
-    if first is None:
-        return None
-    last = next((k for k in range(first, len(rows)) if not rows[k].sound), len(rows)) - 1
-    return float(grid[first]), float(grid[last])
+    facts = autopilot_facts(autopilot)
+    least = largest = None
+    for speed in np.linspace(max(points[0], 0.0), points[-1], _FINE):
+        if _at(vehicle, facts, mode_at(facts, speed).name, float(speed)).sound:
+            largest = float(speed)
+            least = largest if least is None else least
+        elif least is not None:  # speeds beyond the first weak one count no more
+            break
+    return None if least is None or largest is None else (least, largest)
 
 
 def _at(vehicle: Vehicle, facts: AutopilotFacts, mode: str, speed: float) -> MarginRow:
