@@ -4,7 +4,7 @@ In the order of Taubert et al. (2014): outline, block diagrams of model and actu
 characteristics, schema of the optimisation, its results stage by stage, convergence; what is known
 beyond: uncertainty, residual analysis, predictions of held-out trials; and the autopilot: structure, line of
 sight, a flight. Everything that the data at hand allow
-is drawn, the rest is named with the reason. Held by `tests/report/test_paper_figures.py`.
+is drawn, the rest is named with the reason. Held by `tests/examples/test_paper_figures.py`.
 """
 
 from __future__ import annotations

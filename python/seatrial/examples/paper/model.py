@@ -10,7 +10,7 @@ Schema of the parameter optimisation: the loop of a stage, and how the stages fo
 Above: recorded inputs drive vehicle and model, the criterion judges the error, evolution strategy and
 simplex move the coefficients within their bounds (Taubert et al. 2014, figure 12). Below: the stages of the
 campaign at hand; those in one column run side by side, an arrow says which one waits for which. Held by
-`tests/report/test_paper_figures.py`.
+`tests/examples/test_paper_figures.py`.
 """
 
 from __future__ import annotations

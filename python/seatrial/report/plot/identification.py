@@ -3,7 +3,7 @@
 Uncertainty: relative standard deviations, verdicts, correlations. Residual analysis: autocorrelation, and the
 missing terms ranked by gain. Convergence: a panel per stage with ``100 (Q - Q*) / Q*`` on a logarithmic axis,
 Q* the stage's lowest cost, over the candidates tried; colour and dashes tell the searches apart. Held by
-`tests/report/test_plot.py` and `tests/report/test_paper_figures.py`.
+`tests/report/test_plot.py` and `tests/examples/test_paper_figures.py`.
 """
 
 from __future__ import annotations
