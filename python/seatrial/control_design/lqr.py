@@ -338,9 +338,8 @@ def lqr_autopilot(
     Examples
     --------
     >>> import seatrial as st
-    >>> from seatrial.control_design import start_autopilot
     >>> lauv = st.Vehicle.load("lauv")
-    >>> autopilot = st.Autopilot.from_toml(lqr_autopilot(lauv, start_autopilot(lauv)))
+    >>> autopilot = st.Autopilot.from_toml(lqr_autopilot(lauv, st.start_autopilot(lauv)))
     >>> 'control = "lqr"' in autopilot.to_toml()
     True
     """

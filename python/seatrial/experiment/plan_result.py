@@ -214,7 +214,17 @@ class Plan(RunResult):
         return [target, sheet]
 
     def sheet(self, ranked: Ranked, commands: str, trial: int) -> str:
-        """TOML text for the operator of a trial: manoeuvre, times, room, warnings, standard deviations."""
+        """TOML text for the operator of a trial: manoeuvre, times, room, warnings, standard deviations.
+
+        Parameters
+        ----------
+        ranked : Ranked
+            The trial, one of `sequence` or `ranking`.
+        commands : str
+            Name of its command file.
+        trial : int
+            Its number in the sequence, from 1.
+        """
         manoeuvre, seen = ranked.manoeuvre, ranked.forecast
         depth = f"{seen.start_depth_m:.1f} m deep or deeper"
         lines = [
