@@ -42,7 +42,7 @@ pub fn noise(seed: usize) -> f64 {
 pub fn vehicle(name: &str) -> Description {
     match name {
         "every_term" => {
-            let text = include_str!("../../../../tests/every_term.toml");
+            let text = include_str!("../../../../tests/core/every_term.toml");
             Description::from_toml(text, name).expect("a valid file")
         }
         _ => load(name),
