@@ -45,7 +45,7 @@ def test_contracts_have_no_exceptions_and_count_imports_for_type_checking() -> N
 
 
 def test_tests_lie_in_the_room_that_they_test() -> None:
-    beside = {"benchmarks", "core", "docs", "freeze", "wheel"}
+    beside = {"benchmarks", "core", "docs", "wheel"}
     folders = {path.parent.name for path in (ROOT / "tests").glob("*/*.py")}
     assert folders - beside <= _room_folders()
     assert _room_folders() - folders == {"examples"}  # copied, run and drawn by the tests of cli and report
