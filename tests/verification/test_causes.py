@@ -134,7 +134,7 @@ def test_a_planted_speed_is_found_and_leads(spread: float, margin: float) -> Non
         assert str(found[0]).startswith("failures go with current speed: ")
     else:
         assert not found[0].by_failures
-        assert "reserve shrinks with current speed" in str(found[0])
+        assert "robustness shrinks with current speed" in str(found[0])
 
 
 @pytest.mark.parametrize("margin", [1.2, 9.0])

@@ -54,7 +54,7 @@ MET = "yes"
 """Category of what was met, where there is nothing but to be met or not."""
 
 FEW = 5
-"""Failed, or held, missions below which the reserve is asked instead."""
+"""Failed, or held, missions below which the robustness is asked instead."""
 
 _FROM_NORTH = "deg from north"
 
@@ -160,7 +160,7 @@ class Influence:
 
     @property
     def strength(self) -> float:
-        """How well it parts failed from held missions, or follows the reserve: 0 not at all, 1 fully."""
+        """How well it parts failed from held missions, or follows the robustness: 0 not at all, 1 fully."""
         return abs(2.0 * self.auc - 1.0) if self.by_failures else abs(self.correlation)
 
     @property
@@ -462,13 +462,13 @@ def _category(cause: Influence) -> str:
 
 def _by_reserve(cause: Influence) -> str:
     if cause.kind == "direction":
-        return f"the reserve varies with {cause.name} (circular rank correlation {cause.correlation:.2f})"
+        return f"the robustness varies with {cause.name} (circular rank correlation {cause.correlation:.2f})"
     verb = "shrinks" if cause.correlation < 0.0 else "grows"
     if cause.kind == "category":
         return (
-            f"the reserve {verb} with {cause.label.replace(': ', ' ')} (smaller than without it in"
+            f"the robustness {verb} with {cause.label.replace(': ', ' ')} (smaller than without it in"
             f" {share(0.5 * (1.0 - cause.correlation))} of the pairs)"
         )
     size = f"{cause.correlation:+.2f}".replace("-", "\N{MINUS SIGN}")
     what = f"the distance of {cause.name} from its median" if cause.where else cause.name
-    return f"the reserve {verb} with {what} (Spearman's rank correlation {size})"
+    return f"the robustness {verb} with {what} (Spearman's rank correlation {size})"

@@ -388,7 +388,7 @@ def requirement_lines(one: JudgedRequirement) -> list[str]:
     if one.worst:
         unit = one.judgement.unit
         numbers = ", ".join(f"{run.number} ({reserve(run.reserve, unit)})" for run in one.worst)
-        lines.append(f"  least reserve in missions {numbers}")
+        lines.append(f"  least robustness in missions {numbers}")
     return lines
 
 
@@ -412,7 +412,7 @@ def time_sentence(found: Verification) -> str:
 
 
 def reserve(value: float, unit: str) -> str:
-    """A reserve with its sign and unit; in words where it has no size."""
+    """A robustness with its sign and unit; in words where it has no size."""
     if math.isinf(value):
         return "failed" if value < 0.0 else "held"
     return f"{value:+.2g} {unit}".rstrip().replace("-", "\N{MINUS SIGN}")

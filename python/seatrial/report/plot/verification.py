@@ -387,7 +387,7 @@ def _worst(found: Verification, one: JudgedRequirement) -> Figure:
         )
         for run in same
     ]
-    return worst_missions(flights, heading=f"{same[0].mission}, {one.requirement.name}: least reserve")
+    return worst_missions(flights, heading=f"{same[0].mission}, {one.requirement.name}: smallest robustness")
 
 
 def _safe(name: str) -> str:
