@@ -38,7 +38,7 @@ $(SET_UP): constraints.txt
 
 build: $(BUILT) ## the Rust core, optimised, importable from .venv
 $(BUILT): $(SET_UP) $(CORE)
-	PIP_CONSTRAINT=constraints.txt $(BIN)/maturin develop --release --locked
+	env -u MAKEFLAGS PIP_CONSTRAINT=constraints.txt $(BIN)/maturin develop --release --locked
 	@touch $@
 
 demo: build ## from trials to a verdict in under two minutes: identify, tune, verify
@@ -52,7 +52,7 @@ test: $(SET_UP) ## everything that continuous integration runs
 	$(MAKE) test-wheel
 
 test-rust: ## laws, scalars, literature and golden numbers of the core
-	cargo test --locked --package seatrial --quiet
+	env -u MAKEFLAGS cargo test --locked --package seatrial --quiet
 
 # Two workers share the processors already: threads of the linear algebra would only wait for one another.
 test-python: export OPENBLAS_NUM_THREADS := 1

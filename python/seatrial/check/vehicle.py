@@ -251,7 +251,9 @@ def _how_good(check: VehicleCheck) -> str:
     able = (
         f"commands {' '.join(check.rows)} independently" if check.rows else "commands no axis independently"
     )
-    return f"{top}; {len(check.by_actuator())} actuators, {able}; net buoyancy {check.statics.net_n:+.3g} N"
+    count = len(check.by_actuator())
+    actuators = "1 actuator" if count == 1 else f"{count} actuators"
+    return f"{top}; {actuators}, {able}; net buoyancy {check.statics.net_n:+.3g} N"
 
 
 _TURN_HEADS = {
