@@ -40,6 +40,7 @@ import platform
 import shutil
 import socket
 import weakref
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
@@ -268,15 +269,15 @@ class RunDirectory:
             self._release()
 
 
-class RunResult:
+class RunResult(ABC):
     """A result of a run, with ``facts`` for ``run.json`` (`run_facts`) and `files` that `save` writes."""
 
     if TYPE_CHECKING:
         facts: Mapping[str, Any]
 
+    @abstractmethod
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
-        raise NotImplementedError
 
     def save(self, run_dir: str | Path) -> Path:
         """Path of a run directory with all results: tables, JSON, summary and inputs.
