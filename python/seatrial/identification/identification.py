@@ -344,6 +344,8 @@ def _how_good(fit: Identification) -> str:
     r2 = {} if score is None else {name: value for name, value in score.r2.items() if value == value}
     if score is None or not r2:
         return f"{len(fit.coefficients)} coefficients estimated; nothing could be scored"
+    # Positions and angles barely move in ten seconds and score well with any model: velocities tell.
+    r2 = {name: value for name, value in r2.items() if name in CHANNELS[:6]} or r2
     best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
     trials = len(score.trials)
     channels = f"{_r2(r2[best])} in {best}" + (f", worst {_r2(r2[worst])} in {worst}" if len(r2) > 1 else "")
