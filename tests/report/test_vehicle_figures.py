@@ -108,7 +108,7 @@ def test_static_transfer_is_the_papers(
     command, signal = np.concatenate(curves(panel)).T
     side = (command < 0.0).astype(int)
     top, low, size = np.array(maximum)[side], np.array(minimum)[side], np.abs(command)
-    # Taubert et al. (2014), the cases beside figure 6; or zero inside a dead band.
+    # Taubert et al. (2014), the cases beside figure 4; or zero inside a dead band.
     expected = np.where(size < low, low if lifts else 0.0, np.minimum(size, top))
     np.testing.assert_allclose(np.abs(signal), expected, rtol=1e-6)
     assert (signal * command >= 0.0).all()

@@ -11,8 +11,8 @@
 steps too small for the rate limit to matter (T_1, T_t), large steps to both sides (n_acc, n_dec), beyond the
 limits (n_max), and full reversals, each held until the motor has settled.
 
-Source: Taubert et al. (2014), figures 6-8 and equation 34. Held by
-``tests/bench_test/test_motor_dynamics.py`` and ``tests/bench_test/test_motor_coverage.py``.
+Source: Taubert et al. (2014), equation 34 and figures 4-6 (static behaviour, rate limits, step response).
+Held by ``tests/bench_test/test_motor_dynamics.py`` and ``tests/bench_test/test_motor_coverage.py``.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """A motor and the record of a step test: the chain of limits and lag, its coordinates, its response.
 
-``command -> static limits -> rate limit -> dead time T_t -> K_V / (T_1 s + 1)`` (Taubert et al. 2014, figures
-6-8 and equation 34). The response is exact in continuous time (`seatrial._core.motor_response`), so that
-neither dead time nor time constant is bound to the samples. Coordinates are the parameters themselves, but
-for the rate limits their reciprocals, in s per unit of the command: a ramp's length is proportional to them
-and no limit at all is zero, not infinity.
+``command -> static limits -> rate limit -> dead time T_t -> K_V / (T_1 s + 1)`` (Taubert et al. 2014,
+equation 34 and figures 4-6 (static behaviour, rate limits, step response)). The response is exact in
+continuous time (`seatrial._core.motor_response`), so that neither dead time nor time constant is bound to
+the samples. Coordinates are the parameters themselves, but for the rate limits their reciprocals, in s per
+unit of the command: a ramp's length is proportional to them and no limit at all is zero, not infinity.
 
 In a record a command is held from its stamp until the next (zero-order hold); the first one counts as held
 long before. Revolutions may be sampled at times of their own and may be missing (NaN). Unit: that of the

@@ -5,9 +5,9 @@ point, whatever the step's size and direction. Times are in s since the step, bo
 points at the same time are a jump, and the later one holds at that time; before its first point a side has
 no bound, after its last one it stays there until the corridor ends at ``until_s``.
 
-Source: Taubert et al. (2014), figure "Constraint criteria with error areas", (55)-(57); the staircase is that
-of the Nonlinear Control Design Blockset; rise, overshoot and settling as in Ogata, *Modern Control
-Engineering* (2010), section 5.3. Held by tests/campaign/test_corridor.py.
+Source: Taubert et al. (2014), figure 19 (corridor), (55)-(57); the staircase is that of the Nonlinear
+Control Design Blockset; rise, overshoot and settling as in Ogata, *Modern Control Engineering* (2010),
+section 5.3. Held by tests/campaign/test_corridor.py.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@
 //!    `n(t+h) = a n(t) + K_V [(1−a) u(t) + (1 − (T_1/h)(1−a)) (u(t+h) − u(t))]`, `a = e^(−h/T_1)`.
 //!    The motor advances by half steps, so that Runge–Kutta sees the signal at its midpoint.
 //!
-//! Source: Taubert et al. (2014), figures 6–8 and equation 34. Unit: the command's own (rpm, µs, N).
+//! Source: Taubert et al. (2014), equation 34 and figures 4–6 (static behaviour, rate limits, step response).
+//! Unit: the command's own (rpm, µs, N).
 //! Tests: `tests/laws.rs::law_motor_…`.
 
 use crate::number::real::Real;

@@ -8,7 +8,8 @@
 //! that advances step by step ([`super::motor`]) tends to it as the step goes to zero. The rate limits may
 //! differ by direction here.
 //!
-//! Source: Taubert et al. (2014), figures 6–8 and equation 34. Unit: the command's own (rpm, µs, N).
+//! Source: Taubert et al. (2014), equation 34 and figures 4–6 (static behaviour, rate limits, step response).
+//! Unit: the command's own (rpm, µs, N).
 //! Tests: `tests/laws.rs::law_response_…`.
 
 use super::motor::Limits;

@@ -16,7 +16,8 @@
 //! It must not begin while it waits for a first sample ([`Measurement::waiting_for`]), and no channel may be
 //! other than a number, the altitude apart.
 //!
-//! Source: Taubert et al. (2014), figures 13–15, equations 49–54, corrected; Fossen (2011), chapter 12.
+//! Source: Taubert et al. (2014), figures 16–18 (control loop, line of sight, PID controller), equations 49–54,
+//! corrected; Fossen (2011), chapter 12.
 //! Tests: `tests/control.rs`, `tests/closed_loop.rs`, `tests/fixed_memory.rs`.
 
 mod feed_forward;

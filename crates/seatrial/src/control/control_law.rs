@@ -4,7 +4,7 @@
 //! control a speed, heave the depth (a force along the earth's vertical), the others an angle. The laws behind the
 //! same interface are [`crate::control::pid`] and [`crate::control::lqr`].
 //!
-//! Source: Taubert et al. (2014), figure 13; Fossen (2011), section 12.2.
+//! Source: Taubert et al. (2014), figure 16 (control loop); Fossen (2011), section 12.2.
 //! Tests: `tests/control.rs`.
 
 use crate::number::algebra::{Vec3, Vec6};

@@ -14,8 +14,8 @@
 //!
 //! Gains are physical: K_P in N or N m per unit of error, K_I per s, K_D times s; they do not change with the period.
 //!
-//! Source: Taubert et al. (2014), equation 54 and figure 14, corrected; Åström and Hägglund, *Advanced PID Control*
-//! (2006), sections 3.3–3.5. Tests: `tests/control.rs::law_pid_…`.
+//! Source: Taubert et al. (2014), equation 54, corrected, and figure 18 (PID controller); Åström and Hägglund,
+//! *Advanced PID Control* (2006), sections 3.3–3.5. Tests: `tests/control.rs::law_pid_…`.
 
 use crate::control::control_law::{AntiWindup, Situation};
 use crate::control::schedule::{POINTS, interpolated};

@@ -1,20 +1,20 @@
 """Block diagram of the actuators: from the desired command to the wrench, a lane per group of like actuators.
 
 Command, static limits, rate limit, dead time and first-order lag, characteristic with inflow, geometry
-(Taubert et al. 2014, figure 5 and equations 34, 35, 39 to 47), with the numbers of the vehicle at hand.
-Held by `tests/report/test_vehicle_figures.py`.
+(Taubert et al. 2014, figure 3 (actuators) and equations 34, 35, 39 to 47), with the numbers of the vehicle
+at hand. Held by `tests/report/test_vehicle_figures.py`.
 
 Static transfer of the motor controller: settled signal over desired command, with its limits marked.
 
 Above ``n_max`` the command is clipped; between zero and ``n_min`` it is lifted to ``n_min`` or, with a dead
-band, dropped to zero (Taubert et al. 2014, figure 6). Drawn from the model's own chain. Held by
-`tests/report/test_vehicle_figures.py`.
+band, dropped to zero (Taubert et al. 2014, figure 4 (static behaviour)). Drawn from the model's own chain.
+Held by `tests/report/test_vehicle_figures.py`.
 
 Dynamic limiting of the revolutions: ramps of increase and decrease after steps of the command.
 
 ``n_acc`` holds while the magnitude grows, ``n_dec`` while it shrinks; a reversal first brakes to zero
-(Taubert et al. 2014, figure 7). Behind the ramps stand dead time and lag. Drawn from the model's own chain.
-Held by `tests/report/test_vehicle_figures.py`.
+(Taubert et al. 2014, figure 5 (rate limits)). Behind the ramps stand dead time and lag. Drawn from the
+model's own chain. Held by `tests/report/test_vehicle_figures.py`.
 """
 
 from __future__ import annotations

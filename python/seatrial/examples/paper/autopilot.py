@@ -1,17 +1,17 @@
 """Block diagrams of the autopilot: the control loop, and one of its adaptive PID controllers from inside.
 
-Above: from waypoints to commands and back over the sensors (Taubert et al. 2014, figure 13, with the parts
-that the core has: mode table, reference filters, safety, inverse characteristic). Below: a loop with its
-features: gains scheduled over the desired speed, derivative on the measurement, anti-windup and reset bias
-by what the allocation reached (figure 14, equation 54 corrected). Held by
+Above: from waypoints to commands and back over the sensors (Taubert et al. 2014, figure 16 (control loop),
+with the parts that the core has: mode table, reference filters, safety, inverse characteristic). Below: a
+loop with its features: gains scheduled over the desired speed, derivative on the measurement, anti-windup
+and reset bias by what the allocation reached (figure 18 (PID controller), equation 54 corrected). Held by
 `tests/examples/test_control_diagrams.py`.
 
 Sketch of the line of sight in both planes: errors, lookahead point and desired angles with their signs.
 
 Drawn from the formulas, so that the arrow of the line of sight ends at the lookahead point: `psi_d = pi_p -
-atan(y_e / Delta)` and `theta_d = gamma_p + atan(z_e / Delta_z)`, with `y_e` positive to starboard of the path
-and `z_e` positive below it (Taubert et al. 2014, figure 15 and equation 51 corrected; Fossen 2011, section
-10.3). Held by `tests/examples/test_control_diagrams.py`.
+atan(y_e / Delta)` and `theta_d = gamma_p + atan(z_e / Delta_z)`, with `y_e` positive to starboard of the
+path and `z_e` positive below it (Taubert et al. 2014, figure 17 (line of sight) and equation 51 corrected;
+Fossen 2011, section 10.3). Held by `tests/examples/test_control_diagrams.py`.
 
 Plates of the gallery on the autopilot: its structure, the line of sight, and a flight with its mission.
 

@@ -1,16 +1,16 @@
 """Block diagram of the model: the equation of motion with the terms that a vehicle has.
 
 ``M nu' = tau - C_RB(nu) nu - C_A(nu_r) nu_r + M_A nu_c' - D(nu_r) nu_r + tau_L(nu_r) - g(eta)``, solved for
-the free axes, and the kinematics (Taubert et al. 2014, figure 3 and equations 4 to 7 with the signs of the
-errata page; Fossen 2011, equation 7.9). A term without a coefficient is dashed. Held by
+the free axes, and the kinematics (Taubert et al. 2014, figure 2 (model) and equations 4 to 7 with the signs
+of the errata page; Fossen 2011, equation 7.9). A term without a coefficient is dashed. Held by
 `tests/report/test_vehicle_figures.py`.
 
 Schema of the parameter optimisation: the loop of a stage, and how the stages follow one another.
 
 Above: recorded inputs drive vehicle and model, the criterion judges the error, evolution strategy and
-simplex move the coefficients within their bounds (Taubert et al. 2014, figure 12). Below: the stages of the
-campaign at hand; those in one column run side by side, an arrow says which one waits for which. Held by
-`tests/examples/test_paper_figures.py`.
+simplex move the coefficients within their bounds (Taubert et al. 2014, figure 11 (optimisation)). Below: the
+stages of the campaign at hand; those in one column run side by side, an arrow says which one waits for
+which. Held by `tests/examples/test_paper_figures.py`.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Figures of a bench test: thrust over the signal with fit and 95 % band, and step responses of a motor.
 
 Bollard test: one panel per group, both directions in one pair of axes; outliers are ringed and named; a
-table over the supply voltage is a curve per voltage. Step test: commanded, measured and modelled revolutions,
-their residual, and single steps, as in "Modelled and measured step response of revolution" of Taubert et al.
-(2014). In a single step the dashed line is the input of the lag: the command after limits, rate limit and
-dead time.
-Held by `tests/bench_test/test_motor_dynamics.py`.
+table over the supply voltage is a curve per voltage. Step test: commanded, measured and modelled
+revolutions, their residual, and single steps (Taubert et al. 2014, figure 6 (step response)). In a single
+step the dashed line is the input of the lag: the command after limits, rate limit and dead time. Held by
+`tests/bench_test/test_motor_dynamics.py`.
 """
 
 from __future__ import annotations

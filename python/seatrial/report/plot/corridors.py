@@ -1,9 +1,9 @@
 """Step responses in their corridors: error areas, a staircase of set points, the speed through all modes.
 
-After the figures "Constraint criteria with error areas" and "Speed control optimization with constraint
-criteria" of Taubert et al. (2014). Of a bundle of drawn vehicles the first row is the nominal one; the worst
-response is drawn strongly and its areas are filled, the others span a band. Held by
-`tests/report/test_corridor_figures.py` and `tests/report/test_tuning_gallery.py`.
+After Taubert et al. (2014), figure 19 (corridor) and figure 20 (speed control). Of a bundle of drawn
+vehicles the first row is the nominal one; the worst response is drawn strongly and its areas are filled, the
+others span a band. Held by `tests/report/test_corridor_figures.py` and
+`tests/report/test_tuning_gallery.py`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """What a stage of an identification changed: measured signals, model before and after, inputs, coefficients.
 
 Left, over the time of the stage's trials: every fitted channel with the model at the start values, at the
-stage's optimum and, where there is one, at the joint estimate; the commands below, one trial after the other.
-Right: where each coefficient lies within its bounds. The model restarts with every segment from the smoothed
-measurement (Taubert et al. 2014, figures 13 to 16). Held by `tests/examples/test_paper_figures.py`.
+stage's optimum and, where there is one, at the joint estimate; the commands below, one trial after the
+other. Right: where each coefficient lies within its bounds. The model restarts with every segment from the
+smoothed measurement (Taubert et al. 2014, figures 12 to 15 (stage)). Held by
+`tests/examples/test_paper_figures.py`.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 //! vertical part); drag at the desired speeds and the rate of the filtered depth; inertia times the acceleration of the
 //! filtered references.
 //!
-//! Source: Fossen (2011), section 12.2; Taubert et al. (2014), equation 49 and figure 14.
+//! Source: Fossen (2011), section 12.2; Taubert et al. (2014), equation 49 and figure 18 (PID controller).
 //! Tests: `tests/closed_loop/flights.rs`.
 
 use super::state::Autopilot;

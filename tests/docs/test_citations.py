@@ -1,0 +1,47 @@
+"""Figures of the paper are cited by their numbers and subjects, in code and documentation alike.
+
+A citation reads "figure 16 (control loop)". The subjects are the captions of Taubert et al. (2014), in short,
+in the order in which the paper prints them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.docs.pages import ROOT
+
+CAPTIONS = """outline; model; actuators; static behaviour; rate limits; step response; surge test; stern propeller;
+vertical thruster; directions of thrust; optimisation; stage; stage; stage; stage; control loop; line of sight;
+PID controller; corridor; speed control"""
+SUBJECTS = dict(enumerate((caption.strip() for caption in CAPTIONS.split(";")), start=1))
+
+CITED = re.compile(r"[Ff]igures? (\d+)(?: ?(–|-|to|and) ?(\d+))?(?: \(([^)]*)\))?")
+
+
+def sources() -> Iterator[Path]:
+    for folder in ("crates/seatrial", "crates/seatrial-python/src", "python/seatrial", "docs", "benchmarks"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in (".rs", ".py", ".md", ".toml") and "target" not in path.parts:
+                yield path
+
+
+def prose(path: Path) -> str:
+    """Text of a file in one line, without the marks of its comments."""
+    words = re.sub(r"^\s*(//[/!]?|#)", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return " ".join(words.split())
+
+
+def test_every_cited_figure_of_the_paper_has_the_papers_number() -> None:
+    found, wrong = 0, []
+    for path in sources():
+        for cited in CITED.finditer(prose(path)):
+            first, last = int(cited[1]), int(cited[3] or cited[1])
+            found += 1
+            between = range(first, last + 1) if cited[2] != "and" else (first, last)
+            expected = ", ".join(dict.fromkeys(SUBJECTS.get(k, "?") for k in between))
+            if cited[4] != expected:
+                wrong.append(f"{path.relative_to(ROOT)}: {cited[0]}; expected ({expected})")
+    assert found >= 15
+    assert not wrong, "\n".join(wrong)
