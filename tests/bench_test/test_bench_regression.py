@@ -22,10 +22,10 @@ SIGNAL = np.linspace(150.0, 2000.0, 21)
 SECOND = terms_of(2, 1)
 
 
-def test_lit_taubert_normal_equations_on_rpm_have_condition_5e13_scaled_7e2_by_qr_26() -> None:
+def test_normal_equations_on_rpm_have_condition_5e13_scaled_7e2_by_qr_26() -> None:
     raw = design(SIGNAL[:, None], SECOND)
     scaled = design(SIGNAL[:, None] / 2000.0, SECOND)
-    # The errata's figures, to their one digit.
+    # The figures of docs/theory/bollard_test.md, to their one digit.
     assert np.linalg.cond(raw.T @ raw) == pytest.approx(5e13, rel=0.05)
     assert np.linalg.cond(scaled.T @ scaled) == pytest.approx(7e2, rel=0.05)
     fit = least_squares(SIGNAL[:, None], SIGNAL**2, SECOND)

@@ -32,10 +32,10 @@ def separated(
     return found
 
 
-def test_lit_taubert_stern_is_the_load_over_four_cosines_vertical_half_the_load() -> None:
+def test_stern_is_the_load_over_four_cosines_vertical_half_the_load() -> None:
     all_four = dict.fromkeys(("SbU", "SbL", "PU", "PL"), 1500.0)
     stern = separated("X", [100.0], all_four)
-    # The file's direction is rounded to 1e-6.
+    # (39) to (42) with the assumed 15 degrees; the file's direction is rounded to 1e-6.
     assert stern.factor == pytest.approx(4.0 * np.cos(ANGLE) * np.cos(ANGLE), rel=2e-6)
     assert stern.thrust == pytest.approx(100.0 / (4.0 * np.cos(ANGLE) ** 2), rel=2e-6)
     vertical = separated("Z", [-40.0], {"VTB": -900.0, "VTS": -900.0}, group="vertical")

@@ -21,7 +21,7 @@ def worst(motor: MotorModel, step: float) -> float:
 
 
 @pytest.mark.parametrize("motor", [TRUTH, replace(TRUTH, dead_band=True), replace(TRUTH, T_t=0.0, T_1=0.4)])
-def test_lit_response_agrees_with_small_steps(motor: MotorModel) -> None:
+def test_response_agrees_with_small_steps(motor: MotorModel) -> None:
     # The ramp of the reference is late by up to a step, 4200 rpm/s times 1 ms; Euler's lag and the delay line
     # add as much. At half the step everything is half as large: the difference is the reference's.
     coarse, fine = worst(motor, 1e-3), worst(motor, 5e-4)

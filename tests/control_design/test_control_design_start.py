@@ -116,15 +116,20 @@ def test_weak_points_are_told() -> None:
     assert "# Weak: hover at -2.33 m/s" in start_autopilot(Vehicle.load("cwolf"))
 
 
-def test_lit_taubert_start_gains_of_cwolf_are_of_the_papers_size() -> None:
-    """Per-sample gains at 0.1 s as physical ones, at the points next to 1 m/s: within a factor of three.
+def test_start_gains_of_cwolf_are_of_the_size_of_the_tuning_examples() -> None:
+    """The gains of examples/cwolf/start_autopilot.toml at 1 m/s, computed there: within a factor of three.
 
-    The integral gains are left out: the paper's take back an error over 40 times the loop's own time. The
+    The integral gains are left out: the example's take back an error over 40 times the loop's own time. The
     surge gain is held down by the noise of the velocity, to three tenths.
     """
-    paper = {"surge": (116.2, 0.0), "heave": (23.7, 153.6), "pitch": (47.3, 154.1), "heading": (32.8, 122.6)}
+    example = {
+        "surge": (116.2, 0.0),
+        "heave": (23.7, 153.6),
+        "pitch": (47.3, 154.1),
+        "heading": (32.8, 122.6),
+    }
     at = int(np.argmin(np.abs(np.array(start("cwolf").speeds_m_s) - 1.0)))
-    for loop, (k_p, k_d) in paper.items():
+    for loop, (k_p, k_d) in example.items():
         gain = start("cwolf").loops[loop].gains[at]
         assert (0.25 if loop == "surge" else 1.0 / 3.0) < gain.k_p / k_p < 3.0
         assert k_d == gain.k_d == 0.0 or 1.0 / 6.0 < gain.k_d / k_d < 3.0

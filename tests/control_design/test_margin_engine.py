@@ -105,7 +105,7 @@ def test_refining_moves_no_margin_by_more_than_half_a_per_cent() -> None:
         assert row.delay_s == pytest.approx(fine.delay_s[k], rel=0.005)
 
 
-def test_lit_disk_margin_bounds_the_classical_ones() -> None:
+def test_law_disk_margin_bounds_the_classical_ones() -> None:
     rows = report_margins(CWOLF, st.Autopilot.load("cwolf"), (0.881,))
     assert rows
     for row in rows:

@@ -12,10 +12,13 @@ from pathlib import Path
 
 from tests.docs.pages import ROOT
 
-CAPTIONS = """outline; model; actuators; static behaviour; rate limits; step response; surge test; stern propeller;
-vertical thruster; directions of thrust; optimisation; stage; stage; stage; stage; control loop; line of sight;
-PID controller; corridor; speed control"""
-SUBJECTS = dict(enumerate((caption.strip() for caption in CAPTIONS.split(";")), start=1))
+CAPTIONS = """
+outline; model; actuators; static behaviour; rate limits; step response; surge test; stern propeller; vertical
+thruster; directions of thrust; optimisation; stage; stage; stage; stage; control loop; line of sight; PID
+controller; corridor; speed control"""
+SUBJECTS = dict(enumerate((" ".join(caption.split()) for caption in CAPTIONS.split(";")), start=1))
+
+NAMED_AFTER_THE_PAPER = re.compile(r"\b(?:fn|def) \w*(lit_taubert\w*)\(")
 
 CITED = re.compile(r"[Ff]igures? (\d+)(?: ?(–|-|to|and) ?(\d+))?(?: \(([^)]*)\))?")
 
@@ -45,3 +48,12 @@ def test_every_cited_figure_of_the_paper_has_the_papers_number() -> None:
                 wrong.append(f"{path.relative_to(ROOT)}: {cited[0]}; expected ({expected})")
     assert found >= 15
     assert not wrong, "\n".join(wrong)
+
+
+def test_only_table_1_of_the_paper_has_numbers_of_its_vehicle() -> None:
+    """`lit_` means a published number; thrust, drag, lift and gains are computed or assumed."""
+    folders = (ROOT / "tests", ROOT / "crates" / "seatrial" / "tests")
+    files = [path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".rs")]
+    names = [name for path in files for name in NAMED_AFTER_THE_PAPER.findall(path.read_text("utf-8"))]
+    assert names
+    assert [name for name in names if not name.startswith("lit_taubert_2014_table_1")] == []

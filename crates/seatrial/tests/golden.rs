@@ -156,7 +156,7 @@ fn golden_cwolf_inertia_and_spheroid() {
 #[test]
 fn golden_cwolf_drag_coefficients() {
     let hull = geometry(2.5, 0.3);
-    // C_Dx = 0.181 at 3 kn with C_f = 0.00369; the lateral area is 0.75 m². Printed digits.
+    // (25), (26) by hand: C_Dx = 0.181 at 3 kn with C_f = 0.00369; the lateral area is 0.75 m². Their digits.
     assert!((hull.axial_drag() - 0.181).abs() < 5e-4, "{}", hull.axial_drag());
     let slenderness = 2.5 / 0.3;
     let friction =
@@ -170,7 +170,7 @@ fn golden_cwolf_drag_coefficients() {
 #[test]
 fn golden_cwolf_yaw_levers() {
     let vehicle = Vehicle::nominal(&load("cwolf"));
-    // Printed digits, of the propellers canted outward and of axial ones at the same place.
+    // By hand, of the propellers canted outward and of axial ones at the same (assumed) place; three digits.
     assert!((vehicle.actuators[0].wrench[5] + 0.395).abs() < 5e-4);
     assert!((vehicle.actuators[2].wrench[5] - 0.395).abs() < 5e-4);
     let axial = wrench_per_newton(&[-1.08, 0.134, -0.134], &[1.0, 0.0, 0.0]).unwrap();

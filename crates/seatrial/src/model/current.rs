@@ -1,11 +1,11 @@
 //! Ocean current: uniform and irrotational, given in NED.
 //!
 //! `ν_r = ν − [v_c; 0]` with `v_c = Rᵀ v_c,n`, and `ν_c' = [−S(ω) v_c + Rᵀ v_c,n'; 0]`. The force
-//! `M_A ν_c'` belongs to the equation of motion; the paper's (6) lacks it, which turns a vehicle in a
-//! 0.5 m/s current by 52° too far in a minute.
+//! `M_A ν_c'` belongs to the equation of motion; the paper's (6) lacks it, which puts a turning CWolf in a
+//! 0.5 m/s current off by 51° in a minute (`docs/errata.md`).
 //!
 //! Source: Fossen (2011), section 8.3; Taubert et al. (2014), equations 4–6, corrected.
-//! Tests: `tests/laws.rs` (Galilean invariance).
+//! Tests: `tests/laws.rs` (Galilean invariance), `tests/cwolf.rs::errata_6_…`.
 
 use crate::number::algebra::{Mat3, Vec3, Vec6, add_cross, transposed_product};
 use crate::number::real::Real;

@@ -4,13 +4,13 @@ use crate::vehicles::load;
 use seatrial::control::allocation::authority;
 
 #[test]
-fn lit_taubert_cwolf_cannot_command_roll_and_has_rank_four_in_practice() {
+fn cwolf_cannot_command_roll_and_has_rank_four_in_practice() {
     let cwolf = authority(&load("cwolf"), 0.0);
     assert_eq!((cwolf.rank, cwolf.numerical_rank), (4, 5));
     assert_eq!(cwolf.commanded(), ["X", "Z", "M", "N"]);
     let roll = &cwolf.rows[3];
     assert!(roll.size > 1e-3 && roll.size < 4e-3, "0.002 of the largest: {}", roll.size);
-    // 0.00118 m times what each stern propeller gives in the roll's direction: two ahead 82.7, two astern 59.0 N.
+    // All from assumed cant, places and propellers (vehicles/cwolf.toml). 0.00118 m times what each stern propeller gives in the roll's direction: two ahead 82.7, two astern 59.0 N.
     assert!((roll.reach[0] - 0.00118 * 2.0 * (82.7 + 59.0)).abs() < 2e-3, "{:?}", roll.reach);
     let said = cwolf.sentences().join(" ");
     assert!(said.contains("K cannot be commanded: singular value 0.00"), "{said}");
