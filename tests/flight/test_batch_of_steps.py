@@ -126,3 +126,26 @@ def test_the_number_of_threads_changes_no_bit() -> None:
     np.testing.assert_array_equal(one.violations, two.violations)
     for name, values in one.figures.items():
         np.testing.assert_array_equal(values, two.figures[name], err_msg=name)
+
+
+@pytest.mark.parametrize(("name", "speed"), [("remus100", 1.7), ("lauv", 1.3), ("cwolf", 1.8)])
+def test_a_depth_that_is_set_acts_over_pitch_and_counts_as_the_path(name: str, speed: float) -> None:
+    after_s, by_m = 20.0, 4.0
+    far = mission(OUT.replace("1.5", str(speed)).replace("60.0", "9000.0").replace("= 5.0\n[[", "= 20.0\n[["))
+    flights = st.fly_batch(
+        name,
+        name,
+        far,
+        initial=st.State([0.0, 0.0, 20.0], [0.0, 0.0, 0.0], [speed, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        set_points={"times": [0.0, after_s], "depth": [[20.0, 20.0], [20.0, 20.0 + by_m]]},
+        max_time_s=110.0,
+        logs=True,
+    )
+    level_z, stepped = (flights.log(case)[:, flights.columns.index("z")] for case in range(2))
+    assert abs(level_z[-1] - 20.0) < 0.1
+    assert abs(stepped[-1] - (20.0 + by_m)) < 0.1
+    # A step of the path is one cascade with the loop: no more than a quarter beyond, as of a path that moves.
+    assert stepped.max() < 20.0 + 1.25 * by_m
+    error = flights.log(1)[:, flights.columns.index("vertical_error")]
+    at = round(after_s / 0.1) + 1
+    assert error[at] == pytest.approx(stepped[at] - (20.0 + by_m), abs=0.05)

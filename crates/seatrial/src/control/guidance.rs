@@ -88,14 +88,32 @@ impl<T: Real> Guidance<T> {
         fix: &Fix<T>,
         dt: f64,
     ) -> Desired<T> {
+        self.step_at_depth(waypoints, progress, fix, (dt, None))
+    }
+
+    /// As [`step`](Self::step), on a level path at a given depth (m) where the mask holds, in place of the plan's.
+    #[inline(always)]
+    pub fn step_at_depth(
+        &self,
+        waypoints: &[Waypoint],
+        progress: &mut Progress<T>,
+        fix: &Fix<T>,
+        (dt, depth): (f64, Option<(T, T::Mask)>),
+    ) -> Desired<T> {
         if !progress.started {
             progress.measured(fix);
         }
-        self.at_speed(progress.leg.speed).go_on(waypoints, progress, fix, dt)
+        self.at_speed(progress.leg.speed).go_on(waypoints, progress, fix, (dt, depth))
     }
 
     #[inline(always)]
-    fn go_on(&self, waypoints: &[Waypoint], progress: &mut Progress<T>, fix: &Fix<T>, dt: f64) -> Desired<T> {
+    fn go_on(
+        &self,
+        waypoints: &[Waypoint],
+        progress: &mut Progress<T>,
+        fix: &Fix<T>,
+        (dt, depth): (f64, Option<(T, T::Mask)>),
+    ) -> Desired<T> {
         arrival::update(self, waypoints, progress, fix, dt);
 
         let work = arrival::Work::new(self, progress);
@@ -105,6 +123,9 @@ impl<T: Real> Guidance<T> {
         if T::any(holds(work.circling)) {
             let round = circle::path(&work, &place);
             path = path.select(holds(work.circling), &round);
+        }
+        if let Some((depth, at)) = depth {
+            path = path.select(at, &path.level_at(depth, fix.position[2]));
         }
         let under_way = law::follow(self, progress, &path, &place, fix);
         let asked = if T::any(holds(work.holding)) {

@@ -62,7 +62,10 @@ impl<T: Real> Autopilot<T> {
             state.heading = T::select(begins, fix.attitude[2], state.heading);
         }
         let dt = self.settings.file.period_s;
-        let mut desired = self.guidance.step(&self.mission.waypoints, &mut state.progress, &fix, dt);
+        // Guidance makes the pitch towards a depth: one that is set has to be told to it, in the moved plan's frame.
+        let depth = set_point.as_ref().and_then(|set| Some((set.depth()? - set.shift[2], calm)));
+        let waypoints = &self.mission.waypoints;
+        let mut desired = self.guidance.step_at_depth(waypoints, &mut state.progress, &fix, (dt, depth));
         if let Some(set_point) = set_point {
             set_point.over(&mut desired, calm);
         }

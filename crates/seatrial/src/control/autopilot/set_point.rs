@@ -1,7 +1,8 @@
 //! Set points in place of guidance: a trial of the loops, or steering by hand.
 //!
-//! What is given replaces what guidance asks for; the rest stays with guidance. A `shift` moves the whole plan instead:
-//! a step of the path, which guidance and the loops answer together. Limits, modes, safety and reactions are those
+//! What is given replaces what guidance asks for; the rest stays with guidance. A depth is a level path to guidance, so
+//! that it acts over pitch as well as by heave; a pitch that is given beside it counts instead. A `shift` moves the whole
+//! plan: a step of the path, which guidance and the loops answer together. Limits, modes, safety and reactions are those
 //! of a mission, but for the watch over progress: who is steered need not come nearer to a waypoint. From a reaction on,
 //! set points are not heeded: the vehicle holds where it is, or comes up.
 //!
@@ -17,6 +18,9 @@ pub const SET_POINTS: [&str; 8] = ["speed", "lateral", "heading", "pitch", "dept
 
 /// The place of the heading among them; any angle may be given, and is wrapped.
 const HEADING: usize = 2;
+
+/// The place of the depth.
+const DEPTH: usize = 4;
 
 /// Set points of one control period.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +44,12 @@ impl<T: Real> SetPoint<T> {
             }
         }
         set
+    }
+
+    /// The depth that is set, m.
+    #[inline(always)]
+    pub(super) fn depth(&self) -> Option<T> {
+        self.given[DEPTH]
     }
 
     /// The same, with the plan moved only where the mask holds.

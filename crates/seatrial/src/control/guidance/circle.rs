@@ -31,5 +31,6 @@ pub fn path<T: Real>(work: &Work<T>, place: &Place<T>) -> Path<T> {
         depth: place.target,
         circling: zero.splat(1.0),
         direct: zero,
+        set: zero,
     }
 }

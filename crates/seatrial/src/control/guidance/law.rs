@@ -7,7 +7,7 @@
 //! | integral | `π_p − atan((y_e + κ y_int)/Δ)` | `γ_p + atan((z_e + κ_z z_int)/Δ_z)` |
 //!
 //! `z_e` is positive below the path, so that it raises the bow: the sign is opposite to that of the heading. Pursuit
-//! knows no circle and no bottom; there it is lookahead. A vehicle that has never been before the plane through its
+//! knows no circle, no bottom and no depth that is set by hand; there it is lookahead. A vehicle that has never been before the plane through its
 //! waypoint goes straight to it. Towards a point that it will hold it slows down, `u_d = min(U, k r, √(a r))`, the
 //! root for a braking at half the largest rate of the speed.
 //!
@@ -72,7 +72,7 @@ pub fn follow<T: Real>(
     let direct = pursuit.max(path.direct * not(progress.armed));
     let bearing = place.to_end[1].atan2(place.to_end[0]);
     let heading = pick(direct, bearing, lookahead);
-    let to_point = pursuit * not(progress.leg.terrain);
+    let to_point = pursuit * not(progress.leg.terrain.max(path.set));
     let speed = progress.leg.speed;
     let slow = progress.leg.hold * not(progress.busy) * zero.splat(if guidance.hover { 1.0 } else { 0.0 });
     let braking = (guidance.acceleration_max * place.range).sqrt();

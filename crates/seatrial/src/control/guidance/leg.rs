@@ -207,6 +207,7 @@ impl<T: Real> Leg<T> {
             depth,
             circling: zero,
             direct: below(zero, place.along) * not(self.upright),
+            set: zero,
         }
     }
 }

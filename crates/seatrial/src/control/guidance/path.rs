@@ -21,6 +21,8 @@ pub struct Path<T> {
     pub circling: T,
     /// 1 beyond the end of a line.
     pub direct: T,
+    /// 1 where a depth is set in place of the plan's.
+    pub set: T,
 }
 
 impl<T: Real> Path<T> {
@@ -37,6 +39,13 @@ impl<T: Real> Path<T> {
             depth: f(self.depth, other.depth),
             circling: f(self.circling, other.circling),
             direct: f(self.direct, other.direct),
+            set: f(self.set, other.set),
         }
+    }
+
+    /// The same path, level at another depth, for a vehicle at the depth `z`, m.
+    #[inline(always)]
+    pub fn level_at(&self, depth: T, z: T) -> Self {
+        Self { slope: z.zero(), vertical: z - depth, depth, set: z.splat(1.0), ..*self }
     }
 }
