@@ -128,7 +128,7 @@ def test_weak_points_ahead_warn_and_those_astern_are_notes() -> None:
     from seatrial.control_design.margin_report import MarginRow
 
     def row(speed: float, doubles: float | None, phase: float = 60.0) -> MarginRow:
-        return MarginRow("hover", speed, phase, 3.0, 0.5, doubles, "pitch" if doubles else "", True)
+        return MarginRow("hover", speed, phase, 3.0, 0.5, 1.5, doubles, "pitch" if doubles else "", True)
 
     assert weak_points([row(-1.0, None), row(1.0, None)], (0.0, 1.0)) == ([], [])
     notes, warnings = weak_points([row(-1.0, 2.0), row(1.0, None)], (0.0, 1.0))

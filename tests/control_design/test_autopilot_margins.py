@@ -8,8 +8,15 @@ from pathlib import Path
 import pytest
 
 import seatrial as st
+from seatrial.campaign.tuning_table import (
+    ACCEPTED_GAIN_DB,
+    ACCEPTED_PHASE_DEG,
+    ACCEPTED_SENSITIVITY,
+    LeastMargins,
+)
 from seatrial.control_design.lqr import design_lqr
 from seatrial.control_design.margin_report import MarginRow, autopilot_margins, sound_speeds
+from seatrial.control_design.margins import small
 
 CWOLF = st.Vehicle.load("cwolf")
 STARTER = st.Vehicle.load(Path(__file__).parents[2] / "examples" / "starter" / "vehicle.toml")
@@ -109,11 +116,47 @@ def test_law_flights_are_level_at_sound_speeds_and_pitch_up_beyond() -> None:
     assert "x2 in" in row.verdict
 
 
+def test_accepted_margins_are_the_default_limits_of_a_tuning() -> None:
+    limits = LeastMargins()
+    assert (limits.phase_deg, limits.gain_db) == (ACCEPTED_PHASE_DEG, ACCEPTED_GAIN_DB)
+    gain = 10.0 ** (limits.gain_db / 20.0)
+    assert gain == pytest.approx(2.0, rel=0.01)
+    assert small(limits.phase_deg, limits.gain_db, ACCEPTED_SENSITIVITY) == ()
+    assert small(0.99 * limits.phase_deg, 0.99 * limits.gain_db, 1.01 * ACCEPTED_SENSITIVITY) == (
+        "phase",
+        "gain",
+        "sensitivity",
+    )
+
+
+@pytest.mark.parametrize("name", ["cwolf", "remus100", "lauv", "bluerov2-heavy", "beluga"])
+def test_sound_loops_bear_twice_their_gain(name: str) -> None:
+    vehicle, autopilot = st.Vehicle.load(name), st.Autopilot.load(name)
+    rows = [row for row in autopilot_margins(vehicle, autopilot) if row.sound]
+    assert rows
+    # Loud by ten per cent less than twice: nothing grows yet.
+    double = autopilot.with_gains({
+        key: 1.8 * value for key, value in autopilot.gains().items() if ".K_" in key
+    })
+    for row, loud in zip(
+        rows, autopilot_margins(vehicle, double, speeds_m_s=[row.speed_m_s for row in rows]), strict=True
+    ):
+        assert row.gain >= 1.99
+        assert row.sensitivity <= 2.0
+        assert loud.doubles_s is None
+
+
 def test_verdicts() -> None:
-    def row(phase: float, doubles: float | None) -> MarginRow:
-        return MarginRow("hover", 1.0, phase, 3.0, 0.5, doubles, "pitch" if doubles else "", True)
+    def row(phase: float, doubles: float | None, gain: float = 3.0, sensitivity: float = 1.5) -> MarginRow:
+        return MarginRow(
+            "hover", 1.0, phase, gain, 0.5, sensitivity, doubles, "pitch" if doubles else "", True
+        )
 
     assert row(40.0, None).verdict == "sound"
-    assert row(30.0, None).verdict == "little margin"
+    assert row(30.0, None, gain=2.0, sensitivity=2.0).sound
+    assert row(29.0, None).verdict == "little margin: phase"
+    # A loop that 30 % more gain makes unstable is not sound, whatever its phase.
+    assert row(61.0, None, gain=1.3, sensitivity=4.3).verdict == "little margin: gain, sensitivity"
+    assert not row(61.0, None, sensitivity=2.1).sound
     assert row(40.0, 2.0).verdict == "pitch: x2 in 2 s"
     assert not row(40.0, 2.0).sound

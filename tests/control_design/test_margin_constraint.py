@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -237,7 +238,9 @@ def test_bad_input_is_named() -> None:
 
 def test_the_table_of_the_report_says_what_is_unstable() -> None:
     row = ReportedMargins(
-        "hover", -1.0, "surge", False, None, None, 3.0, 1.0, 40.0, 1.0, 0.5, 1.0, 0.9, 8.0, 50.0
+        "hover", -1.0, "surge", False, None, None, 3.0, 1.0, 40.0, 1.0, 0.5, 1.0, 0.9, 8.0, 50.0, 1.4
     )
     (cells,) = margin_table([row]).rows
     assert cells == ("hover", "-1.00", "surge", "-", "3.0", "40", "0.50", "0.90", "unstable")
+    (cells,) = margin_table([replace(row, stable=True, gain_up_db=2.3)]).rows
+    assert cells[-1] == "little margin: gain"

@@ -84,7 +84,7 @@ def test_where_no_margin_is_asked_for_a_point_may_be_unstable() -> None:
 
 
 GOOD = ReportedMargins(
-    "hover", 1.0, "pitch", True, 20.0, 3.0, 20.0, 0.5, 80.0, 1.0, 5.0, 1.0, 1.0, 10.0, 50.0
+    "hover", 1.0, "pitch", True, 20.0, 3.0, 20.0, 0.5, 80.0, 1.0, 5.0, 1.0, 1.0, 10.0, 50.0, 1.3
 )  # fmt: skip
 ASKED = HEADING.replace(
     "margins = { phase_deg = 0.0, gain_db = 0.0, delay_s = 0.0 }",

@@ -18,6 +18,9 @@ from seatrial.campaign.corridor import Corridor
 from seatrial.campaign.search_budget import Budget
 
 __all__ = [
+    "ACCEPTED_GAIN_DB",
+    "ACCEPTED_PHASE_DEG",
+    "ACCEPTED_SENSITIVITY",
     "BESIDE",
     "LOOPS",
     "Beside",
@@ -261,11 +264,20 @@ class Loops(Section):
         return {name: table for name in LOOPS if (table := getattr(self, name)) is not None}
 
 
+ACCEPTED_PHASE_DEG, ACCEPTED_GAIN_DB, ACCEPTED_SENSITIVITY = 30.0, 6.0, 2.0
+"""Margins that a control loop is accepted by: at least 30 deg of phase and a factor of two in gain, and a
+largest sensitivity of at most 2. Every verdict on margins and the default limits of a tuning are these.
+
+Source: Åström and Murray, *Feedback Systems* (2008), section 9.3: phase margin 30 to 60 deg, gain margin 2 to
+5, stability margin (one over the largest sensitivity) 0.5 to 0.8.
+"""
+
+
 class LeastMargins(Section):
     """Least margins of the linearised loop; 0 requires none, but an unstable motion always falls short."""
 
-    phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = 30.0
-    gain_db: NotNegative = 6.0
+    phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = ACCEPTED_PHASE_DEG
+    gain_db: NotNegative = ACCEPTED_GAIN_DB
     delay_s: NotNegative = 0.2
 
     @property

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.report import Table
+from seatrial.base.report import Column, Table
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, closed
 from seatrial.control_design.lqr import Tolerances
@@ -26,6 +26,7 @@ from seatrial.control_design.margins import (
     least_margins,
     neutral_radius,
     refined_margins,
+    small,
     spectral_radius,
 )
 from seatrial.control_design.operating_points import (
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
 
 __all__ = [
-    "ENOUGH_DEG",
     "MarginRow",
     "ReportedMargins",
     "autopilot_margins",
@@ -49,9 +49,6 @@ __all__ = [
     "report_margins",
     "sound_speeds",
 ]
-
-ENOUGH_DEG = 35.0
-"""Phase margin in deg that start gains are made for."""
 
 _STATES = ("depth", "roll", "pitch", "heading", "speed", "sway", "heave", "roll", "pitch", "heading")
 """The first states of the closed loop in words, rates as what they move."""
@@ -66,8 +63,9 @@ class MarginRow:
     """Margins of a mode at a desired speed in m/s.
 
     ``phase_deg``, ``gain`` (a factor upwards) and ``delay_s`` are the least over the rows of the wrench,
-    each opened alone; ``doubles_s`` is the time in which a motion doubles, None where none grows, and
-    ``grows`` what moves most in it. ``trimmed`` says whether there is straight level motion at that speed.
+    each opened alone, ``sensitivity`` the largest |1/(1 + L)|; ``doubles_s`` is the time in which a motion
+    doubles, None where none grows, and ``grows`` what moves most in it. ``trimmed`` says whether there is
+    straight level motion at that speed.
     """
 
     mode: str
@@ -75,21 +73,31 @@ class MarginRow:
     phase_deg: float
     gain: float
     delay_s: float
+    sensitivity: float
     doubles_s: float | None
     grows: str
     trimmed: bool
 
     @property
     def sound(self) -> bool:
-        """Whether nothing grows and the phase margin is enough."""
-        return self.doubles_s is None and self.phase_deg >= ENOUGH_DEG
+        """Whether nothing grows and the margins are accepted."""
+        return self.doubles_s is None and not self._small
 
     @property
     def verdict(self) -> str:
         """In a word or two."""
         if self.doubles_s is not None:
             return f"{self.grows}: x2 in {self.doubles_s:.2g} s"
-        return "sound" if self.sound else "little margin"
+        return small_margins(self._small) or "sound"
+
+    @property
+    def _small(self) -> tuple[str, ...]:
+        return small(self.phase_deg, float(decibel(self.gain)), self.sensitivity)
+
+
+def small_margins(short: Sequence[str]) -> str:
+    """The margins that fall short in words; nothing where none does."""
+    return f"little margin: {', '.join(short)}" if short else ""
 
 
 def autopilot_margins(
@@ -148,6 +156,7 @@ def _at(vehicle: Vehicle, facts: AutopilotFacts, mode: str, speed: float) -> Mar
         phase_deg=reached.phase_deg,
         gain=reached.gain,
         delay_s=reached.delay_s,
+        sensitivity=reached.sensitivity,
         doubles_s=doubles,
         grows=grows,
         trimmed=at.trimmed,
@@ -192,6 +201,8 @@ class ReportedMargins:
         Balanced disk margin, at most 2.
     disk_gain_db, disk_phase_deg
         Gain (either way) and phase that it stands for; the gain is None where any is tolerated.
+    sensitivity
+        Largest |1/(1 + L)|.
     """
 
     mode: str
@@ -209,6 +220,15 @@ class ReportedMargins:
     disk: float
     disk_gain_db: float | None
     disk_phase_deg: float | None
+    sensitivity: float
+
+    @property
+    def verdict(self) -> str:
+        """Unstable, or which margins fall short of the accepted ones; nothing where all are accepted."""
+        if not self.stable:
+            return "unstable"
+        phase, gain = (np.inf if m is None else m for m in (self.phase_deg, self.gain_up_db))
+        return small_margins(small(phase, gain, self.sensitivity))
 
     def to_dict(self) -> dict[str, Any]:
         """The margins as plain data for JSON."""
@@ -273,6 +293,7 @@ def _reported(of: LoopMargins, disks: Array, row: int) -> dict[str, Any]:
         "disk": 2.0 * half,
         "disk_gain_db": float(decibel((1.0 + half) / (1.0 - half))) if half < 1.0 else None,
         "disk_phase_deg": float(np.rad2deg(2.0 * np.arctan(half))),
+        "sensitivity": float(of.sensitivity[row]),
     }
 
 
@@ -282,7 +303,7 @@ def margin_table(rows: Sequence[ReportedMargins], *, title: str = "Margins") -> 
     Examples
     --------
     >>> row = ReportedMargins("cruise", 2.0, "heading", True, 29.1, 2.8, None, None, 61.2, 0.35, 3.05, 0.35,
-    ...     1.16, 11.5, 60.3)
+    ...     1.16, 11.5, 60.3, 1.2)
     >>> margin_table([row]).rows
     (('cruise', '2.00', 'heading', '29.1', '-', '61', '3.05', '1.16', ''),)
     """
@@ -300,9 +321,19 @@ def margin_table(rows: Sequence[ReportedMargins], *, title: str = "Margins") -> 
             number(row.phase_deg, 0),
             number(row.delay_s, 2),
             number(row.disk, 2),
-            "" if row.stable else "unstable",
+            row.verdict,
         )
         for row in rows
     ]
-    head = ("mode", "m/s", "loop", "up, dB", "down, dB", "phase, deg", "delay, s", "disk", "")
+    head = (
+        "mode",
+        "m/s",
+        "loop",
+        "up, dB",
+        "down, dB",
+        "phase, deg",
+        "delay, s",
+        "disk",
+        Column("", align="left"),
+    )
     return Table.of(title, head, cells)

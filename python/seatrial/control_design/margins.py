@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
+from seatrial.campaign.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
 from seatrial.control_design.loops import Sampled, closed, feedback, responses
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "neutral_radius",
     "open_each",
     "refined_margins",
+    "small",
     "spectral_radius",
 ]
 
@@ -304,3 +306,23 @@ def neutral_radius(period_s: float) -> float:
 def decibel(factor: ArrayLike) -> Array:
     """A factor in dB, 20 log10; inf stays inf."""
     return np.asarray(20.0 * np.log10(factor), dtype=float)
+
+
+def small(phase_deg: float, gain_db: float, sensitivity: float) -> tuple[str, ...]:
+    """Which of a stable loop's margins fall short of the accepted ones.
+
+    A gain that may not fall much shows as sensitivity.
+
+    Source of the limits: `seatrial.campaign.tuning_table.ACCEPTED_PHASE_DEG`.
+
+    Examples
+    --------
+    >>> small(62.0, 2.3, 3.1)
+    ('gain', 'sensitivity')
+    """
+    short = {
+        "phase": phase_deg < ACCEPTED_PHASE_DEG,
+        "gain": gain_db < ACCEPTED_GAIN_DB,
+        "sensitivity": sensitivity > ACCEPTED_SENSITIVITY,
+    }
+    return tuple(name for name, falls in short.items() if falls)

@@ -3,7 +3,9 @@
 Which loops there are follows from the rows that the actuators can command. Each loop begins with the gains of
 `seatrial.control_design.pole_placement`; its bandwidth is then moved in a trial of all loops on the coupled
 motion behind lag and dead time, until the motion is stable with and without the restoring feed-forward, the
-phase margin is 35 deg, and the step response overshoots less than 24 % and settles.
+phase margin is 35 deg, gain margin and sensitivity are accepted
+(`seatrial.campaign.tuning_table.ACCEPTED_PHASE_DEG`), and the step response overshoots less than 24 % and
+settles.
 
 The largest demand of a row is 80 % of its reach, half of it where the actuators that give it also drive
 ahead. The reference filters are five times as fast as their position loops: they hold back a jump, not the
@@ -21,7 +23,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.control_design.loops import Plant, plant, restoring_law, sampled, step_response
-from seatrial.control_design.margins import least_margins, spectral_radius
+from seatrial.control_design.margins import decibel, least_margins, small, spectral_radius
 from seatrial.control_design.mode_table import (
     CRUISE,
     Mode,
@@ -337,7 +339,10 @@ class Trial:
         for k in (chosen, with_feed_forward):
             if spectral_radius(system, k) >= most:
                 return False
-        if least_margins(system, with_feed_forward).phase_deg < PHASE_DEG:
+        reached = least_margins(system, with_feed_forward)
+        if reached.phase_deg < PHASE_DEG or small(
+            reached.phase_deg, float(decibel(reached.gain)), reached.sensitivity
+        ):
             return False
         if loop in ("roll", "pitch") and mode.depth_by == "heave":
             return True  # held level: its reference does not move
