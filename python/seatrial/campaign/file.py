@@ -223,7 +223,7 @@ class Polish(Section):
     knee: Positive = 3.0
     start: Literal["smoothed", "estimated"] = "estimated"
     starts: Count = 1
-    rounds: Annotated[int, Field(strict=True, ge=0)] = 10
+    rounds: Annotated[int, Field(strict=True, ge=0)] = 20
 
     @model_validator(mode="after")
     def _known_channels(self) -> Polish:

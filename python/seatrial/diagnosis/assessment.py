@@ -1,23 +1,23 @@
 """Assessment of an identification: joint estimate, intervals, what the data tell and what the model lacks.
 
-With ``[polish]`` in the campaign the stages' result is polished first; without it, it is judged where it is.
+Of the joint estimate where the campaign asks for one (``[polish]``) and it predicts better than the stages
+(`seatrial.identification.choice`), else of the stages' result where it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.errors import CampaignError
-from seatrial.base.progress import Step
 from seatrial.campaign.parameters import Parameter
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
 from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import Polished, linearise, polish
+from seatrial.estimation.joint_estimate import Polished, linearise
 from seatrial.statistics.information import InformationCriteria, information_criteria
 from seatrial.statistics.linearisation import Unknown
 from seatrial.statistics.uncertainty import Uncertainty, covariance
@@ -91,11 +91,6 @@ class Assessment:
     def sentences(self) -> list[str]:
         """What to know before the numbers are used, the gravest first."""
         lines = []
-        if not self.polished.converged and self.polished.rounds:
-            lines.append(
-                f"the joint polish stopped after {self.polished.rounds} rounds before it had converged:"
-                " raise rounds under [polish]"
-            )
         if len(self.polished.costs) > 1:
             lines.append(self._starts())
         if self.residual_analysis.warning:
@@ -140,37 +135,24 @@ def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]
     return warnings_before(linearise(joint, joint.start))
 
 
-def assess(
-    campaign: Campaign,
-    vehicle: Vehicle,
-    *,
-    watch: Callable[[Step], None] | None = None,
-    threads: int | None = None,
-) -> Assessment:
-    """Assessment of the campaign's coefficients, polished jointly where the campaign asks for it.
+def assess(joint: Joint, polished: Polished) -> Assessment:
+    """Assessment of the coefficients of a joint estimate, or of a start that no round was taken from.
 
     Parameters
     ----------
-    campaign : Campaign
-    vehicle : Vehicle
-        With the stages' estimates.
-    watch : callable, optional
-        Called after every round of the polish; it may raise KeyboardInterrupt.
-    threads : int, optional
-        Threads of the core; the result does not depend on it.
+    joint : Joint
+    polished : Polished
+        Its estimate.
 
     Raises
     ------
-    CampaignError, TrialError
-        The joint estimate asks for what cannot be done, or a trial's channels do not move.
+    CampaignError
+        The model diverges on every segment.
     """
-    joint = Joint(campaign, vehicle, threads=threads)
-    rounds = None if campaign.file.polish is not None else 0
-    polished = polish(joint, rounds=rounds, watch=watch)
     lin = linearise(joint, polished.values, initial=polished.initial, noise=polished.noise)
     if not any(np.isfinite(piece.residual).all() for piece in lin.pieces):
         raise CampaignError(
-            f"{campaign.source}: polish: the model diverges on every segment; check the bounds"
+            f"{joint.campaign.source}: polish: the model diverges on every segment; check the bounds"
         )
     found = covariance(lin)
     sigma = dict(zip(found.names, found.sigma.tolist(), strict=True))

@@ -4,7 +4,8 @@ The initial conditions of a segment touch nothing else, so that they are elimina
 complement, as in bundle adjustment); what is left goes to SciPy's trust-region solver with the bounds. Within
 a round the derivatives are held: it costs one differentiated flight and a few plain ones.
 
-Source: Triggs et al., *Bundle Adjustment: A Modern Synthesis* (2000), section 6; Huber (1964).
+Source: Triggs et al., *Bundle Adjustment: A Modern Synthesis* (2000), section 6; Huber (1964); Yohai & Zamar,
+*JASA* 83 (1988) 406, for the robust scale.
 """
 
 from __future__ import annotations
@@ -189,14 +190,36 @@ class GaussNewton:
     ) -> float:
         """Half the robust sum of squares, priors included."""
         found = self.joint.residuals(values, initial) if residuals is None else residuals
+        return float(self._losses(found).sum()) + self._priors(values, initial, centre)
+
+    def merit(self, values: Array, initial: Array, centre: Array, residuals: Sequence[Array]) -> float:
+        """Negative log-likelihood with every channel's scale at its best: what may not rise.
+
+        ``sum_c w_c N_c ln tau_c`` and the priors, tau the scale of the residuals (Yohai & Zamar 1988): their
+        noise times the root of twice the mean loss in it. With the squared loss it is their root mean square,
+        and a noise that is estimated anew cannot raise it.
+        """
+        weights = self.joint.data.weights[self.joint.used]
+        counts = np.maximum([self.joint.data.counts[c] for c in self.joint.used], 1.0) * weights
+        mean = 2.0 * self._losses(residuals) / counts
+        tau = self.noise * np.sqrt(weights * np.maximum(mean, np.finfo(float).tiny))
+        found = float(counts @ (0.5 + np.log(tau))) + self._priors(values, initial, centre)
+        return found if math.isfinite(found) else math.inf
+
+    def _losses(self, residuals: Sequence[Array]) -> Array:
+        """Sum (C,) of the robust losses of each channel's residuals, in its noise."""
         knee = math.inf if self.joint.polish.loss == "squared" else self.joint.polish.knee
-        total = 0.0
-        for error in found:
+        total = np.zeros(len(self.noise))
+        for error in residuals:
             size = np.abs(error / self.noise)
             inner = np.minimum(size, knee)
-            total += float((inner * (size - 0.5 * inner)).sum())
+            total += (inner * (size - 0.5 * inner)).sum(axis=0)
+        return total
+
+    def _priors(self, values: Array, initial: Array, centre: Array) -> float:
+        """Half the squared distances from the priors' centres, in their standard deviations."""
         inside = initial[:, self.initial_places] / self.joint.initial_sd
-        return total + 0.5 * float((inside**2).sum() + (((values - centre) / self.prior_sd) ** 2).sum())
+        return 0.5 * float((inside**2).sum() + (((values - centre) / self.prior_sd) ** 2).sum())
 
     def estimate_noise(self, residuals: Sequence[Array]) -> None:
         """Set the noise to the residuals' standard deviation, with Huber's loss by their median size."""

@@ -242,6 +242,13 @@ class Joint:
             starts_count=bool(self.initials),
         )
 
+    @property
+    def unstaged(self) -> tuple[int, ...]:
+        """Places of the coefficients that no stage freed."""
+        staged = {name for stage in self.campaign.stages for name in stage.coefficients}
+        found = tuple(i for i, one in enumerate(self.parameters) if one.name not in staged)
+        return found if len(found) < len(self.parameters) else ()
+
     def coefficients(self, values: Array) -> dict[str, float]:
         """Coefficients that the values (m,) of the unknowns set."""
         return coefficients(self.parameters, values[: len(self.parameters)])
@@ -249,6 +256,20 @@ class Joint:
     def identified(self, values: Array) -> Vehicle:
         """The vehicle with the values (m,) of the unknowns."""
         return self.vehicle.with_coefficients(self.coefficients(values))
+
+    def records(self, values: Array) -> dict[str, dict[str, float]]:
+        """Nuisance parameters by trial and name, SI, that the values (m,) of the unknowns set.
+
+        What all trials of the estimate share (a sensor's place, a latency) holds for every other trial of the
+        campaign too.
+        """
+        found: dict[str, dict[str, float]] = {}
+        for nuisance, value in zip(self.nuisances, values[len(self.parameters) :].tolist(), strict=True):
+            whole = len(nuisance.trials) == len(self.data.names) and _prior(nuisance.key)[2]
+            names = self.campaign.trials if whole else [self.data.names[i] for i in nuisance.trials]
+            for name in names:
+                found.setdefault(name, {})[nuisance.key] = value
+        return found
 
     def residuals(self, values: Array, initial: Array) -> list[Array]:
         """Measured minus shown (n, C) per segment, SI, zero where not counted.

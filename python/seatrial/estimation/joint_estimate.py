@@ -4,6 +4,14 @@ The rounds are those of `seatrial.estimation.gauss_newton`. Here they follow one
 several, until a round promises nothing more. The loss is squared or Huber's, its knee in standard deviations
 of the channel's residual, which are estimated on the way.
 
+A round lowers the cost at the noise that it began with, and the noise is estimated anew after it; what must
+not rise is the negative log-likelihood with every channel's scale at its best (`GaussNewton.merit`). A round
+after which it is higher is taken back, shorter steps along it are tried, and the descent ends where none of
+them helps.
+
+A campaign may free coefficients here that no stage freed. The larger set may not end above the smaller one:
+it starts from the optimum of the staged coefficients too.
+
 Tests: ``tests/estimation/test_polish.py``.
 """
 
@@ -28,6 +36,12 @@ _CLOSE = 0.1
 """A round that gains less than this many units of twice the log-likelihood ends the polish: a step of a third
 of a standard deviation in all unknowns together."""
 
+_CLOSE_BY = 10.0
+"""Promise, in the same units, up to which an end without any lower neighbour counts as the optimum."""
+
+_PARTS = (1.0, 0.5, 0.2, 0.05)
+"""Parts of a round's step that are tried until one lowers the likelihood's cost."""
+
 _SETTLE = 3
 
 _SPREAD = 0.1
@@ -38,8 +52,9 @@ class Polished:
     """What the joint polish found.
 
     ``values`` (m,) of the unknowns, ``initial`` (segments, 12) initial conditions, ``noise`` (C,) standard
-    deviation of each channel's residual, ``cost`` and ``start_cost`` half the robust sum of squares and
-    priors in these units, at the end and at the start, over the ``samples`` that count in all channels.
+    deviation of each channel's residual, ``cost`` half the robust sum of squares and priors in these units
+    over the ``samples`` that count in all channels. ``start_cost`` is that of the start in the same noise, or
+    by how much its negative log-likelihood lies above where that is more: it never lies below ``cost``.
     ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
     """
 
@@ -81,6 +96,7 @@ def polish(
     start: Array | None = None,
     fixed: Sequence[int] = (),
     rounds: int | None = None,
+    also: Sequence[Array] = (),
     watch: Callable[[Step], None] | None = None,
 ) -> Polished:
     """Joint estimate from a start, and from others around it where the campaign asks for several.
@@ -94,6 +110,8 @@ def polish(
         Places of unknowns that keep their start value (for a profile).
     rounds : int, optional
         Rounds at most; by default the campaign's. None is taken with zero: the start is judged.
+    also : sequence of ndarray, shape (m,)
+        Further starts.
     watch : callable, optional
         Called after every round; it may raise KeyboardInterrupt.
     """
@@ -102,20 +120,28 @@ def polish(
     limit = joint.polish.rounds if rounds is None else rounds
     search = _Descent(joint, frozenset(fixed), limit, watch)
     found = [search.run(first)]
+    if start is None and not fixed and limit and joint.unstaged and not found[-1].interrupted:
+        smaller = _Descent(joint, frozenset(joint.unstaged), limit, watch).run(first)
+        if not smaller.interrupted:
+            found.append(search.run(smaller.values))
+    for other in also:
+        if not found[-1].interrupted:
+            found.append(search.run(np.asarray(other, dtype=float)))
     generator = np.random.default_rng(joint.campaign.seed)
     for _ in range(joint.polish.starts - 1):
         if found[-1].interrupted:
             break
         found.append(search.run(search.scattered(first, generator)))
-    best = min(found, key=lambda one: search.judge(one))
+    costs = np.array([float(one.costs[0]) for one in found])
+    best = found[int(costs.argmin())]
     return replace(
         best,
-        start_cost=found[0].start_cost,
+        start_cost=found[0].start_cost + float(costs[0] - costs.min()),
         evaluations=sum(one.evaluations for one in found),
         interrupted=found[-1].interrupted,
         wall_s=time.monotonic() - began,
         spread=np.array([one.values for one in found]),
-        costs=np.array([search.judge(one) for one in found]),
+        costs=costs,
     )
 
 
@@ -152,6 +178,17 @@ def linearise(
     return search.linearisation(values, initial, extra)
 
 
+@dataclass(frozen=True)
+class _Place:
+    """A point of a descent: its noise, the cost in that noise, the negative log-likelihood."""
+
+    values: Array
+    initial: Array
+    noise: Array
+    cost: float
+    merit: float
+
+
 class _Descent:
     """Workspace of one polish from one start or several."""
 
@@ -164,43 +201,72 @@ class _Descent:
 
     def run(self, start: Array) -> Polished:
         """The optimum that one start leads to."""
-        joint = self.joint
-        values, centre = start.copy(), start.copy()
+        joint, rounds = self.joint, self.rounds
+        centre = start.copy()
         centre[len(joint.parameters) :] = 0.0
-        self.rounds.noise = joint.noise.copy()
+        rounds.noise = joint.noise.copy()
         initial = np.zeros((len(joint.data.segments), len(INITIALS)))
-        self.rounds.estimate_noise(joint.residuals(values, initial))
+        rounds.estimate_noise(joint.residuals(start, initial))
         if joint.initials:
-            initial = initial + self.rounds.settled(values, initial)
-            self.rounds.estimate_noise(joint.residuals(values, initial))
-        before = initial
-        rounds, evaluations, converged, interrupted = 0, self.rounds.evaluations, False, False
+            initial = initial + rounds.settled(start, initial)
+        here = first = self._placed(start, initial, centre)
+        count, evaluations, converged, interrupted = 0, rounds.evaluations, False, False
         try:
-            while rounds < self.limit and not converged:
-                rounds += 1
-                values, initial, promised = self.rounds.round(values, initial, centre)
-                noise = self.rounds.noise.copy()
-                self.rounds.estimate_noise(joint.residuals(values, initial))
-                settled = bool(np.all(np.abs(self.rounds.noise / noise - 1) < _SPREAD))
-                converged = settled and promised < _CLOSE
-                self._show(rounds, values, initial, centre)
+            while count < self.limit and not converged:
+                count += 1
+                rounds.noise = here.noise.copy()
+                values, begun, promised = rounds.round(here.values, here.initial, centre)
+                before, here = here, self._lower(here, values, begun, centre)
+                if here is before:
+                    # Not even a short step along the round's direction lowers the likelihood's cost: the
+                    # noise that follows takes back what is left to gain.
+                    converged = promised < _CLOSE_BY
+                    break
+                settled = bool(np.all(np.abs(here.noise / before.noise - 1) < _SPREAD))
+                whole = np.array_equal(here.values, values)
+                gained = 2.0 * (before.merit - here.merit) if whole else np.inf
+                converged = settled and min(promised, gained) < _CLOSE
+                self._show(count, here)
         except KeyboardInterrupt:
             interrupted = True
+        rounds.noise = here.noise.copy()
         return Polished(
-            values=values,
-            initial=initial,
-            noise=self.rounds.noise.copy(),
-            cost=self.rounds.cost(values, initial, centre),
-            start_cost=self.rounds.cost(start, before, centre),
+            values=here.values,
+            initial=here.initial,
+            noise=here.noise,
+            cost=here.cost,
+            start_cost=max(
+                rounds.cost(first.values, first.initial, centre), here.cost + first.merit - here.merit
+            ),
             samples=sum(int(joint.counted(i).sum()) for i in range(len(joint.data.segments))),
-            rounds=rounds,
-            evaluations=self.rounds.evaluations - evaluations,
+            rounds=count,
+            evaluations=rounds.evaluations - evaluations,
             converged=converged,
             interrupted=interrupted,
             wall_s=time.monotonic() - self.began,
-            spread=values[None],
-            costs=np.zeros(1),
+            spread=here.values[None],
+            costs=np.array([here.merit]),
         )
+
+    def _placed(self, values: Array, initial: Array, centre: Array) -> _Place:
+        """A point with the noise of its own residuals."""
+        residuals = self.joint.residuals(values, initial)
+        self.rounds.estimate_noise(residuals)
+        noise = self.rounds.noise.copy()
+        cost = self.rounds.cost(values, initial, centre, residuals)
+        return _Place(values, initial, noise, cost, self.rounds.merit(values, initial, centre, residuals))
+
+    def _lower(self, here: _Place, values: Array, initial: Array, centre: Array) -> _Place:
+        """The first point on the way to new values that lies lower; the old one where none does."""
+        for part in _PARTS:
+            found = self._placed(
+                here.values + part * (values - here.values),
+                here.initial + part * (initial - here.initial),
+                centre,
+            )
+            if found.merit < here.merit:
+                return found
+        return here
 
     def scattered(self, start: Array, generator: np.random.Generator) -> Array:
         """Another start: coefficients anywhere in the middle half of their bounds."""
@@ -212,20 +278,8 @@ class _Descent:
         )
         return other
 
-    def judge(self, one: Polished) -> float:
-        """Cost of a result in the noise of the first one's channels, so that results compare."""
-        counts = [self.joint.data.counts[c] for c in self.joint.used]
-        return one.cost + float(np.asarray(counts) @ np.log(one.noise))
-
-    def _show(self, rounds: int, values: Array, initial: Array, centre: Array) -> None:
+    def _show(self, rounds: int, here: _Place) -> None:
         if self.watch is not None:
-            self.watch(
-                Step(
-                    "polish",
-                    rounds,
-                    self.limit,
-                    self.rounds.evaluations,
-                    self.rounds.cost(values, initial, centre),
-                    time.monotonic() - self.began,
-                )
-            )
+            elapsed = time.monotonic() - self.began
+            step = Step("polish", rounds, self.limit, self.rounds.evaluations, here.cost, elapsed)
+            self.watch(step)

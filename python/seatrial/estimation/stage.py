@@ -36,7 +36,15 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["StagePlan", "StageResult", "frozen_motion", "frozen_sentences", "plan", "run_stage"]
+__all__ = [
+    "StagePlan",
+    "StageResult",
+    "frozen_motion",
+    "frozen_sentences",
+    "plan",
+    "refitted_stage",
+    "run_stage",
+]
 
 _TOLERANCE = 1e-4
 
@@ -255,6 +263,37 @@ def run_stage(
         inputs=inputs,
         interrupted=best.interrupted,
     )
+
+
+def refitted_stage(
+    campaign: Campaign, plan: StagePlan, optimum: StageResult, *, vehicle: Vehicle, threads: int | None = None
+) -> dict[str, float]:
+    """Coefficients of a stage on other data, by a descent from its optimum.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        With the other data.
+    plan : StagePlan
+        Of the stage in that campaign.
+    optimum : StageResult
+        Of the stage on the data that it was searched with.
+    vehicle : Vehicle
+        With the estimates of the stages before.
+    threads : int, optional
+        Threads of the core.
+    """
+    start = np.array([optimum.estimates[parameter.name] for parameter in plan.parameters])
+    step = _fine_step(plan, vehicle, start[None, :], campaign.where(plan.stage))
+    problem = Problem(vehicle, plan.stage, plan.data, plan.parameters, step.substeps, threads)
+    criterion = Criterion(problem)
+    if plan.stage.start == "estimated":
+        criterion = with_initial_velocities(criterion, start, criterion.nu)
+    lower, upper = ([getattr(p, end) for p in plan.parameters] for end in ("lower", "upper"))
+    found = descend(
+        criterion, criterion.linearised, start, lower=lower, upper=upper, tolerance=plan.tolerance
+    )
+    return coefficients(plan.parameters, found.x)
 
 
 def _fine_step(plan: StagePlan, vehicle: Vehicle, elite: Array, where: str) -> StageStep:

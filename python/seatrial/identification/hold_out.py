@@ -8,7 +8,7 @@ simulated axis.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ from seatrial.trial.trial import Trial
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["POOLED", "PartScores", "part_scores"]
+__all__ = ["POOLED", "PartScores", "part_scores", "replayed"]
 
 POOLED = "all"
 """Name under which the scores of all trials together stand."""
@@ -35,20 +35,32 @@ class PartScores:
     missing: tuple[str, ...]
 
 
-def part_scores(campaign: Campaign, vehicle: Vehicle, *, ahead_s: float = 10.0) -> PartScores:
+def part_scores(
+    campaign: Campaign,
+    vehicle: Vehicle,
+    *,
+    nuisances: Mapping[str, Mapping[str, float]] | None = None,
+    ahead_s: float = 10.0,
+    parts: Sequence[str] = ("fit", "hold_out"),
+    kinds: Sequence[str] = ("ahead", "free"),
+) -> PartScores:
     """Scores on the fitted and the held-out part of every trial, some seconds ahead and for a free run.
 
     Parameters
     ----------
     campaign : Campaign
     vehicle : Vehicle
+    nuisances : mapping, optional
+        Nuisance parameters of the trials' records by trial and name, SI (`Assessment.records`).
     ahead_s : float
         The simulation restarts from the measured state after this time, s.
+    parts, kinds : sequence of str
+        Those that are wanted.
     """
     fitted = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
     missing: list[str] = []
     found: dict[str, dict[str, dict[str, Score]]] = {}
-    for part in ("fit", "hold_out"):
+    for part in parts:
         trials: dict[str, Trial] = {}
         for name in fitted if part == "fit" else campaign.trials:
             held_out = campaign.held_out(name)
@@ -58,8 +70,8 @@ def part_scores(campaign: Campaign, vehicle: Vehicle, *, ahead_s: float = 10.0) 
                 trials[name] = replace(trial, valid=trial.valid & mask[:, None])
         if trials:
             found[part] = {
-                kind: _scores(campaign, vehicle, trials, ahead_s, kind == "free", missing)
-                for kind in ("ahead", "free")
+                kind: _scores(campaign, vehicle, trials, ahead_s, kind == "free", nuisances, missing)
+                for kind in kinds
             }
     return PartScores(found, tuple(dict.fromkeys(missing)))
 
@@ -70,6 +82,7 @@ def _scores(
     trials: Mapping[str, Trial],
     ahead_s: float,
     free_run: bool,
+    nuisances: Mapping[str, Mapping[str, float]] | None,
     missing: list[str],
 ) -> dict[str, Score]:
     free = _freed(campaign)
@@ -85,7 +98,8 @@ def _scores(
             free_run=free_run,
             input=campaign.input_of(names[0]),
             free=free,
-            measured="".join(axis for axis in AXES if axis not in free),
+            measured=replayed(campaign),
+            nuisances=nuisances,
         )
 
     found: dict[str, Score] = {}
@@ -96,6 +110,12 @@ def _scores(
             missing.append(f"not scored: {error}")
     alike = len({campaign.input_of(name) for name in found}) == 1
     return found | {POOLED: scored(list(found), free)} if len(found) > 1 and alike else found
+
+
+def replayed(campaign: Campaign) -> str:
+    """Letters of the axes that no stage freed: every score replays them from the recording."""
+    free = _freed(campaign)
+    return "".join(axis for axis in AXES if axis not in free)
 
 
 def _freed(campaign: Campaign, trial: str | None = None) -> str:

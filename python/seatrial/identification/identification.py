@@ -14,6 +14,7 @@ from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
+from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 from seatrial.identification.hold_out import POOLED
 from seatrial.vehicle.actuators import actuator_groups
@@ -102,6 +103,9 @@ class Identification(RunResult):
         Versions, machine, seed, hashes of the inputs, times.
     interrupted, not_run
         Whether Ctrl-C ended the run early, and the stages that it left out.
+    choice
+        A `Choice`: stages and joint estimate judged on data outside the fit, and which is the result; None
+        without a joint estimate.
     """
 
     campaign: Campaign
@@ -116,6 +120,7 @@ class Identification(RunResult):
     facts: Mapping[str, Any]
     interrupted: bool
     not_run: tuple[str, ...]
+    choice: Choice | None = None
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
         """How good, the worst problem, what to do next; then tables and remarks.
@@ -188,6 +193,7 @@ class Identification(RunResult):
                 }
                 for part, of in self.scores.items()
             },
+            "choice": None if self.choice is None else self.choice.to_dict(),
             "notes": list(self.notes),
             "facts": dict(self.facts),
         }
@@ -320,7 +326,12 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         True coefficients of generated trials, shown beside the estimates.
     """
     worst, next_step = _worst(fit)
-    tables = (_coefficient_table(fit, truth or {}), _nuisance_table(fit), _held_out_table(fit))
+    tables = (
+        _coefficient_table(fit, truth or {}),
+        _nuisance_table(fit),
+        _held_out_table(fit),
+        _choice_table(fit),
+    )
     return Report(
         title=fit.campaign.name,
         outcome="interrupted" if fit.interrupted else "identified",
@@ -336,6 +347,18 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
 
 
 def _how_good(fit: Identification) -> str:
+    """What failed before all else, then how well it predicts."""
+    said = [_prediction(fit)]
+    choice = fit.choice
+    if choice is not None and choice.result == "stages":
+        said.insert(0, "The stages' coefficients, for the joint estimate predicts worse outside its fit.")
+    if choice is not None and not (choice.polished.converged or choice.polished.interrupted):
+        count = choice.polished.rounds
+        said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
+    return " ".join(said)
+
+
+def _prediction(fit: Identification) -> str:
     """R2 of the prediction ten seconds ahead: best and worst channel, on held-out trials if there are any."""
     part, words = "hold_out", "Predicts held-out motion"
     if not fit.scores.get(part, {}).get("ahead"):
@@ -361,6 +384,13 @@ def _worst(fit: Identification) -> tuple[str, str]:
     if fit.interrupted:
         left = f"; not run: {', '.join(fit.not_run)}" if fit.not_run else ""
         return f"Ctrl-C ended the search early{left}", "run the same command again; finished stages are kept"
+    if fit.choice is not None and fit.choice.result == "joint estimate" and fit.choice.spoilt:
+        return (
+            f"the joint estimate is better as a whole, but predicts {', '.join(fit.choice.spoilt)} worse"
+            " than the stages (table below)",
+            "take vehicle_stages.toml where these axes matter, or leave their coefficients out of [polish]"
+            " (fixed)",
+        )
     combinations = () if fit.identifiability is None else fit.identifiability.combinations
     verdicts = {} if fit.identifiability is None else fit.identifiability.verdicts
     absent = {name for name, verdict in verdicts.items() if verdict == "not identifiable"}
@@ -468,6 +498,19 @@ def _held_out_table(fit: Identification) -> Table:
     )
 
 
+def _choice_table(fit: Identification) -> Table:
+    """R2 per channel of the stages and of the joint estimate, on data outside the fit."""
+    choice = fit.choice
+    rows = (
+        []
+        if choice is None
+        else [(c, score_text(choice.stages[c]), score_text(choice.joint[c])) for c in choice.stages]
+    )
+    words = "" if choice is None else f" ({choice.judged_on.rstrip(',')}; the result: {choice.result})"
+    head = ("channel", "R2 10 s ahead, stages", "R2 10 s ahead, joint estimate")
+    return Table.of(f"Stages and joint estimate outside the fit{words}", head, rows)
+
+
 def _meaning_table(fit: Identification) -> Table:
     """Apparent masses, net buoyancy, gains and lags."""
     rows = [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
@@ -488,11 +531,11 @@ def _stage_table(fit: Identification) -> Table:
         )
         for stage in fit.stages
     ]
-    if fit.assessment is not None and fit.assessment.polished.rounds:
-        polished = fit.assessment.polished
+    if fit.choice is not None:
+        polished = fit.choice.polished
         costs = [f"{polished.rms(cost):.4g}" for cost in (polished.start_cost, polished.cost)]
         rows.append((
-            "joint estimate (rms in sd of the residual)",
+            "joint estimate (rms in sd of the residual)" + ("" if polished.converged else ", not converged"),
             *costs,
             str(polished.evaluations),
             "",
@@ -541,6 +584,8 @@ def advice(fit: Identification) -> list[str]:
         for row in distinct(fit)
         if row.at_bound
     ]
+    if fit.choice is not None:
+        lines += _joint_remarks(fit.choice)
     if fit.assessment is not None:
         lines += fit.assessment.sentences()
     lines += fit.scale.sentences()
@@ -552,6 +597,17 @@ def advice(fit: Identification) -> list[str]:
             + ". Run again with the same run directory to go on"
         )
     return lines
+
+
+def _joint_remarks(choice: Choice) -> list[str]:
+    """Whether the joint estimate converged, and what it predicts beside the stages."""
+    polished, lines = choice.polished, []
+    if not (polished.converged or polished.interrupted):
+        lines.append(
+            f"The joint estimate stopped after {polished.rounds} rounds before it had converged: raise rounds"
+            " under [polish]; if that does not help, the data do not tell all that is free"
+        )
+    return [*lines, choice.sentence()]
 
 
 def plus_minus(estimate: float, sigma: float | None) -> str:

@@ -27,8 +27,11 @@ from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
 from seatrial.diagnosis.assessment import Assessment, assess, conditioning
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, frozen_sentences, plan, run_stage
+from seatrial.identification.choice import Choice, choose
 from seatrial.identification.hold_out import part_scores
 from seatrial.identification.identification import Identification, estimates
 
@@ -358,11 +361,20 @@ def run_identification(
         for stage in stages:
             vehicle = vehicle.with_coefficients(stage.coefficients)
         sure: Assessment | None = None
+        choice: Choice | None = None
+        nuisances: Mapping[str, Mapping[str, float]] = {}
         interrupted = order.stop.is_set()
         if not interrupted and not notes:
-            sure = assess(campaign, vehicle, watch=_watch(order, progress), threads=threads)
-            vehicle, interrupted = sure.vehicle, sure.polished.interrupted
-        judged = part_scores(campaign, vehicle)
+            joint, found = Joint(campaign, vehicle, threads=threads), None
+            if campaign.file.polish is not None and campaign.file.polish.rounds:
+                polished = polish(joint, watch=_watch(order, progress))
+                choice = choose(campaign, joint, polished, stages=stages, threads=threads)
+                interrupted = polished.interrupted
+                if choice.result == "joint estimate":
+                    found, nuisances = polished, joint.records(polished.values)
+            sure = assess(joint, polish(joint, rounds=0) if found is None else found)
+            vehicle = sure.vehicle
+        judged = part_scores(campaign, vehicle, nuisances=nuisances)
         fit = Identification(
             campaign=campaign,
             vehicle=vehicle,
@@ -383,6 +395,7 @@ def run_identification(
             ),
             interrupted=interrupted,
             not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
+            choice=choice,
         )
         if run_dir is not None:
             run.publish(fit.facts, fit.files())

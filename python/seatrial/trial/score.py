@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial._core import nuisance_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, deviations, difference, readable
 from seatrial.base.errors import TrialError, nearest
@@ -111,10 +112,12 @@ def predict(
     input: Input | None = None,
     free: str = "XYZKMN",
     measured: str = "",
+    nuisance: Mapping[str, float] | None = None,
 ) -> list[Window]:
     """Windows of a trial simulated from the smoothed state at their start, channels in SI.
 
     The step of the record is halved until no velocity changes by more than 0.5 % of its standard deviation.
+    Nuisance parameters by name say what the record's sensors and the water add to the motion.
 
     Raises
     ------
@@ -125,10 +128,11 @@ def predict(
     _check_inputs(vehicle, trial, chosen)
     record = Record(trial, chosen, trial.valid)
     replay = Replay(vehicle, (record,), tuple(restarted(trial, spans)), free=free, measured=measured)
+    row = np.array([[(nuisance or {}).get(name, 0.0) for name in nuisance_names()]])
     result: list[Window] = []
     substeps = 1
     while substeps <= _MOST_SUBSTEPS:
-        tracks = replace(replay, substeps=substeps).simulated()
+        tracks = replace(replay, substeps=substeps).simulated(nuisance=row)
         coarser = result
         result = [
             Window(trial, start, stop, track) for (start, stop), track in zip(spans, tracks, strict=True)
@@ -305,6 +309,7 @@ def score(
     input: Input | None = None,
     free: str = "XYZKMN",
     measured: str = "",
+    nuisances: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Score:
     """Score of a vehicle on one trial, or pooled over several, per channel.
 
@@ -326,6 +331,9 @@ def score(
         What drives the vehicle: "commands", "measured" or "tau"; the first that the trial has when omitted.
     free, measured
         Letters of the axes that are simulated and that are replayed from the trial.
+    nuisances
+        Per trial the nuisance parameters of its record by name, SI, as a joint estimate finds them: a lever
+        arm, a tilt, a current. What is compared is then what the sensors show of the simulated motion.
 
     Raises
     ------
@@ -357,7 +365,8 @@ def score(
     for one in trials:
         spans, late, left_out = windows(one, ahead, start_s=start_s, stop_s=stop_s)
         shifted, skipped = shifted + late, skipped + left_out
-        simulated += predict(vehicle, one, spans, input=input, free=free, measured=measured)
+        own = (nuisances or {}).get(one.name)
+        simulated += predict(vehicle, one, spans, input=input, free=free, measured=measured, nuisance=own)
     table = {name: _channel_score(name, simulated) for name in names}
     return Score(table, tuple(one.name for one in trials), ahead, shifted, skipped, tuple(simulated))
 

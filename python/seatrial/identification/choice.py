@@ -1,0 +1,252 @@
+"""Stages or joint estimate: which of the two predicts data that neither was fitted to.
+
+The stages fit a few axes at a time, the joint estimate everything at once. Where the model class holds, the
+joint estimate is the better one and knows its deviations. Where it does not (waves, a controller in the
+loop, a missing term), one badly modelled axis can bend coefficients that another axis had right. Both are
+therefore judged outside the fit, ten seconds ahead, each with the nuisance parameters that it has:
+
+- on what the campaign holds out (`hold_out`, `hold_out_s`), which neither has seen;
+- where nothing is held out, on the last fifth of every trial, after both were fitted again without it: the
+  stages by a descent from their optimum, the joint estimate from there. The winner's estimate from all data
+  is the result.
+
+Per channel e = SSE / SST = 1 - R2, pooled over trials, each trial judged on the axes that were freed on it.
+The negative log-likelihood per sample, with the error's own variance, is ``0.5 ln e``; a channel that is no
+better than its mean (e > 1) tells a tenth of that, for it is not predicted anyway. The joint estimate is the
+result unless the mean over the channels is higher by more than `_EVEN`, or a channel that the stages predict
+loses more than `_LOST` of R2 and half as much error variance again.
+
+Tests: ``tests/identification/test_choice.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from seatrial.base.channels import VELOCITIES
+from seatrial.base.errors import SeatrialError
+from seatrial.campaign.campaign import Campaign
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.joint_estimate import Polished, polish
+from seatrial.estimation.stage import StageResult, plan, refitted_stage
+from seatrial.identification.hold_out import POOLED, part_scores
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.score import Score
+
+__all__ = ["Choice", "choose"]
+
+_SHARE = 0.2
+"""Part of every trial, at its end, that judges where the campaign holds nothing out."""
+
+_EVEN = 0.01
+"""Difference of the negative log-likelihood per sample that counts as none: 2 % of the error variance."""
+
+_LOST, _MORE = 0.05, 1.5
+"""R2 and growth of the error variance from which the loss of one channel decides alone."""
+
+_SPOILT = 0.1  # of R2: a loss that heads the summary
+
+_MOST = 1e6  # of SSE / SST: a simulation that diverged
+
+_NOT_PREDICTED = 0.1  # what the logarithm of e counts where the mean predicts better
+
+_TELLING = 0.02
+"""Differences of R2 below this mean nothing."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Stages and joint estimate judged on data outside the fit.
+
+    Attributes
+    ----------
+    result
+        "joint estimate" or "stages": whose coefficients the vehicle has.
+    judged_on
+        Which data judged, in words.
+    stages, joint
+        R2 ten seconds ahead per channel, pooled over the trials.
+    likelihood
+        Negative log-likelihood per sample and channel, joint estimate minus stages; negative where the joint
+        estimate is better.
+    polished
+        How the joint estimate went, whether or not it is the result.
+    """
+
+    result: Literal["joint estimate", "stages"]
+    judged_on: str
+    stages: Mapping[str, float]
+    joint: Mapping[str, float]
+    likelihood: float
+    polished: Polished
+
+    @property
+    def fallen(self) -> tuple[str, ...]:
+        """Channels that the joint estimate predicts worse than the stages, by 0.02 of R2 or more."""
+        return tuple(c for c in self.stages if self.stages[c] - self.joint[c] >= _TELLING)
+
+    @property
+    def spoilt(self) -> tuple[str, ...]:
+        """Those among them that lose a tenth of R2 or more."""
+        return tuple(c for c in self.fallen if self.stages[c] - self.joint[c] >= _SPOILT)
+
+    def sentence(self) -> str:
+        """Which of the two is the result, why, and the figures of the other."""
+        if not self.stages:
+            return f"The {self.result} is the result: {self.judged_on}"
+        chosen = self.fallen if self.result == "stages" and self.fallen else tuple(self.stages)
+        figures = ", ".join(_pair(c, self.stages[c], self.joint[c]) for c in chosen)
+        figures = f"(R2 {figures}, stages to joint estimate)"
+        if self.result == "stages":
+            return (
+                f"The stages are the result: the joint estimate predicts {self.judged_on} worse {figures}."
+                " The model misses something that the joint estimate pays for elsewhere: see the residual"
+                " analysis, free fewer coefficients or leave a trial out of [polish]"
+            )
+        how = "better than" if self.likelihood < -_EVEN else "as well as"
+        said = f"The joint estimate is the result: it predicts {self.judged_on} {how} the stages {figures}"
+        if self.fallen:
+            said += f"; {', '.join(self.fallen)} fell and paid for the rest"
+        return said
+
+    def to_dict(self) -> dict[str, Any]:
+        """The choice as plain data; the joint estimate without its values."""
+        kept = ("cost", "start_cost", "rounds", "converged", "interrupted")
+        plain = {key: value for key, value in asdict(self).items() if key != "polished"}
+        return plain | {
+            "sentence": self.sentence(),
+            "joint_estimate": {key: getattr(self.polished, key) for key in kept},
+        }
+
+
+def choose(
+    campaign: Campaign,
+    joint: Joint,
+    polished: Polished,
+    *,
+    stages: tuple[StageResult, ...],
+    threads: int | None = None,
+) -> Choice:
+    """Choice between the stages, at which the joint estimate began, and the joint estimate.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    joint : Joint
+        With the stages' vehicle.
+    polished : Polished
+        Its joint estimate.
+    stages : tuple of StageResult
+    threads : int, optional
+        Threads of the core; the choice does not depend on it.
+    """
+    start, end = joint.identified(joint.start), joint.identified(polished.values)
+    words = "held-out data"
+    first = _errors(campaign, start, None)
+    second = _errors(campaign, end, joint.records(polished.values))
+    if not first.keys() & second.keys():
+        if polished.interrupted:
+            return Choice(
+                "stages", "the joint estimate was interrupted and not judged", {}, {}, 0.0, polished
+            )
+        words = f"the last {100 * _SHARE:g} % of every trial, after a fit without it,"
+        first, second = _refitted(campaign, stages, threads)
+    judged = [channel for channel in first if channel in second]
+    # Positions and angles barely move in ten seconds and score well with any model: velocities tell.
+    judged = [channel for channel in judged if channel in VELOCITIES] or judged
+    if not judged:
+        why = "no data outside the fit could judge it; hold out a trial (hold_out, hold_out_s)"
+        return Choice("joint estimate", why, {}, {}, 0.0, polished)
+    likelihood = float(np.mean([_nats(second[c]) - _nats(first[c]) for c in judged]))
+    spoilt = any(first[c] < 1.0 and second[c] > max(_MORE * first[c], first[c] + _LOST) for c in judged)
+    return Choice(
+        "stages" if likelihood > _EVEN or spoilt else "joint estimate",
+        words,
+        {c: 1.0 - first[c] for c in judged},
+        {c: 1.0 - second[c] for c in judged},
+        likelihood,
+        polished,
+    )
+
+
+def _nats(error: float) -> float:
+    """Negative log-likelihood per sample of an error variance over that about the mean."""
+    size = math.log(max(error, 1e-12))
+    return 0.5 * (size if size < 0.0 else _NOT_PREDICTED * size)
+
+
+def _errors(
+    campaign: Campaign, vehicle: Vehicle, nuisances: Mapping[str, Mapping[str, float]] | None
+) -> dict[str, float]:
+    """SSE / SST per channel ten seconds ahead on what is held out, pooled over trials."""
+    scores = part_scores(campaign, vehicle, nuisances=nuisances, parts=("hold_out",), kinds=("ahead",)).scores
+    errors: dict[str, list[tuple[float, float]]] = {}
+    for trial, score in scores.get("hold_out", {}).get("ahead", {}).items():
+        if trial != POOLED:
+            _collect(errors, score)
+    found = {}
+    for channel, sums in errors.items():
+        sse, sst = np.sum(sums, axis=0)
+        if sst > 0.0:
+            found[channel] = float(min(sse / sst, _MOST))
+    return found
+
+
+def _collect(errors: dict[str, list[tuple[float, float]]], score: Score) -> None:
+    """Add the sums of squares of one trial's channels."""
+    for channel, one in score.items():
+        if one.n == 0 or math.isnan(one.r2):
+            continue
+        if not math.isfinite(one.r2):
+            errors.setdefault(channel, []).append((_MOST, 1.0))
+            continue
+        sse = one.rmse**2 * one.n
+        errors.setdefault(channel, []).append((sse, sse / max(1.0 - one.r2, 1e-12)))
+
+
+def _refitted(
+    campaign: Campaign, stages: tuple[StageResult, ...], threads: int | None
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Errors of both on the last part of every trial after fits without it; empty where that cannot be."""
+    try:
+        shorter = _without_ends(campaign)
+        vehicle = shorter.vehicle
+        optima = {stage.name: stage for stage in stages}
+        for one in plan(shorter):
+            found = refitted_stage(shorter, one, optima[one.stage.name], vehicle=vehicle, threads=threads)
+            vehicle = vehicle.with_coefficients(found)
+        joint = Joint(shorter, vehicle, threads=threads)
+        polished = polish(joint)
+        return (
+            _errors(shorter, joint.identified(joint.start), None),
+            _errors(shorter, joint.identified(polished.values), joint.records(polished.values)),
+        )
+    except SeatrialError:  # a trial too short for segments without its end
+        return {}, {}
+
+
+def _without_ends(campaign: Campaign) -> Campaign:
+    """The campaign with the last part of every trial held out."""
+    sources = {}
+    for name, trial in campaign.trials.items():
+        stop = float(trial.t[-1])
+        start = stop - _SHARE * (stop - float(trial.t[0]))
+        sources[name] = campaign.source_of(name).model_copy(
+            update={"hold_out_s": ((start, stop + trial.dt),)}
+        )
+    return campaign.with_file(campaign.file.model_copy(update={"trials": sources}))
+
+
+def _pair(channel: str, before: float, after: float) -> str:
+    return f"{channel} {_short(before)} to {_short(after)}"
+
+
+def _short(value: float) -> str:
+    return f"{value:.2f}" if value > -10.0 else f"{value:.0f}" if value > -1e5 else "diverged"
