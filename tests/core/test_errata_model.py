@@ -64,13 +64,45 @@ def size(factor: float) -> Vehicle:
     )
 
 
-def test_errata_table_1_the_weight_is_a_mass() -> None:
-    level = CWOLF.with_coefficients({"B": 0.0}).forces(np.zeros(6), np.zeros(3))["restoring"]
-    assert level[2] == pytest.approx(1324.35, abs=1e-9)  # N, the weight of 135 kg
-    # 135 N would be a body of 13.8 kg, which the buoyancy of CWolf's hull drives up with 1194 N.
-    light = CWOLF.with_coefficients({"m": 135.0 / G}).forces(np.zeros(6), np.zeros(3))["restoring"]
-    assert light[2] == pytest.approx(-1194.35, abs=5e-3)
-    assert CWOLF.forces(np.zeros(6), np.zeros(3))["restoring"][2] == pytest.approx(-5.0, abs=1e-9)
+def pull(rpm: float, u: float = 0.0, stream: float = 0.0, *, after_s: float = 6.0) -> float:
+    """Thrust ahead of all four stern propellers, N, some time after the command; the vehicle is held at u."""
+    t = np.arange(0.0, after_s + 0.05, 0.1)
+    commands: dict[str, ArrayLike] = {name: np.full(len(t), rpm) for name in ("SbU", "SbL", "PU", "PL")}
+    start = State(nu=[u, 0.0, 0.0, 0.0, 0.0, 0.0])
+    run = CWOLF.simulate(t, commands, start, free="", current=[stream, 0.0, 0.0])
+    return float(run.tau[-1, 0])
+
+
+def test_errata_6_propellers_work_in_the_water_that_passes_them() -> None:
+    # 0.5 m/s through still water, and held over ground against 0.5 m/s of current: one inflow, one thrust.
+    assert pull(1000.0, u=0.5) == pytest.approx(pull(1000.0, stream=-0.5), rel=ROUNDING)
+    assert pull(1000.0, u=0.5, stream=0.5) == pytest.approx(pull(1000.0), rel=ROUNDING)
+    each = pull(1000.0) / (4.0 * np.asarray(CWOLF.allocation_matrix())[0, 0])
+    lost = 1.0 - pull(1000.0, u=0.5) / pull(1000.0)
+    # B(nu), as printed, would give a drifting vehicle the loss and a held one none: N per propeller.
+    assert each == pytest.approx(20.7, abs=0.05)
+    assert lost * each == pytest.approx(4.2, abs=0.05)
+
+
+def test_errata_6_and_49_actuators_are_no_matrix() -> None:
+    # B u_A is linear in the command: twice the revolutions, twice the thrust, and astern its negative.
+    assert pull(2000.0) / pull(1000.0) == pytest.approx(4.0, rel=1e-9)
+    assert -pull(-1000.0) / pull(1000.0) == pytest.approx(0.25 / 0.35, rel=1e-9)  # alpha_1 astern and ahead
+    # And it has no memory: within the dead time of 0.1 s there is no thrust at all, after 0.4 s a part.
+    assert pull(1000.0, after_s=0.1) == 0.0
+    assert 0.1 < pull(1000.0, after_s=0.4) / pull(1000.0) < 0.3
+
+
+def test_errata_23_a_vector_cannot_be_added_to_a_matrix() -> None:
+    nu = np.array([1.0, 0.3, 0.0, 0.0, 0.0, 0.2])
+    linear, quadratic = (-np.diag([VALUES[name] for name in names]) for names in (DAMPING[:6], DAMPING[6:]))
+    damping = -(linear + quadratic @ np.diag(np.abs(nu))) @ nu
+    np.testing.assert_allclose(CWOLF.forces(nu, np.zeros(3))["damping"], damping, rtol=ROUNDING)
+    assert damping[0] == pytest.approx(-12.8, abs=0.05)
+    # diag{...} |nu_r| is a vector; a program that adds it to every row brakes surge by sway and yaw.
+    vector = quadratic @ np.abs(nu)
+    assert (vector.shape, linear.shape) == ((6,), (6, 6))
+    assert (-(linear + vector) @ nu)[0] == pytest.approx(-46.5, abs=0.05)
 
 
 def test_errata_6_turning_in_a_current_needs_the_waters_acceleration(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.docs.pages import ROOT
+from tests.docs.pages import ROOT, text
 
 CAPTIONS = """
 outline; model; actuators; static behaviour; rate limits; step response; surge test; stern propeller; vertical
@@ -57,3 +57,19 @@ def test_only_table_1_of_the_paper_has_numbers_of_its_vehicle() -> None:
     names = [name for path in files for name in NAMED_AFTER_THE_PAPER.findall(path.read_text("utf-8"))]
     assert names
     assert [name for name in names if not name.startswith("lit_taubert_2014_table_1")] == []
+
+
+def test_every_erratum_says_printed_right_why_and_the_test_of_its_equation() -> None:
+    rows = [line for line in text("docs/errata.md").splitlines() if re.match(r"\| (text at )?\(\d", line)]
+    equations = []
+    for row in rows:
+        equation, *said, tests = (cell.strip() for cell in row.strip("|").split(" | "))
+        first = re.search(r"\d+", equation)
+        assert first is not None
+        assert len(said) == 3
+        assert all(said), row
+        assert f"`test_errata_{first[0]}_" in tests, row
+        equations.append(equation)
+    # (6) is wrong in four ways; usage (the weight of Table I) and numerics ((37), (38)) are no errata.
+    assert {"(6)", "(6)(49)", "(23)", "(35)", "(57)"} <= set(equations)
+    assert not {"Table I", "(37)", "(38)", "at (54)"} & set(equations)
