@@ -24,6 +24,7 @@ from seatrial.vehicle.steady_state import (
     TURN_SHARES,
     cruise,
     drivers,
+    farthest,
     round_speeds_kn,
     speeds,
     steady,
@@ -152,6 +153,22 @@ def test_endurance_is_the_battery_over_hotel_load_and_propulsion() -> None:
         assert row.range_km == pytest.approx(3.6 * row.speed_m_s * hours, rel=1e-9)
     for name in ("beluga", "starter"):
         assert all(row.power_w is row.endurance_h is row.range_km is None for row in speeds(VEHICLES[name]))
+
+
+def test_no_other_command_goes_farther() -> None:
+    best = farthest(CWOLF)
+    assert best is not None
+    assert best.range_km is not None
+    for share in np.linspace(0.9, 1.1, 21) * best.command / 2000.0:
+        other = speeds(CWOLF, shares=(float(share),))[0].range_km
+        # The search ends within 1e-4 of the command; the range is flat there.
+        assert other is not None
+        assert other <= best.range_km * (1.0 + 1e-6)
+    # What docs/validation.md quotes; from the assumed battery, hotel load and propellers.
+    assert best.speed_m_s == pytest.approx(1.04, abs=5e-3)
+    assert best.range_km == pytest.approx(20.8, abs=0.05)
+    assert f"farthest at {best.speed_m_s:.2f} m/s" in str(check_vehicle(CWOLF))
+    assert farthest(VEHICLES["beluga"]) is None
 
 
 def test_lit_taubert_2014_table_1() -> None:

@@ -26,6 +26,7 @@ from seatrial.vehicle.steady_state import (
     Turn,
     cruise,
     drivers,
+    farthest,
     round_speeds_kn,
     speeds,
     turn_kinds,
@@ -129,10 +130,6 @@ def _time(seconds: float) -> str:
 _FASTEST_M_S = 15.0
 
 _NO_POWER = {"direct": "thrust commanded in newtons", "table": "a table of thrust"}
-
-_FINE = tuple(
-    0.05 * k for k in range(1, 21)
-)  # shares of the largest command among which the farthest is sought
 
 
 @dataclass(frozen=True)
@@ -439,12 +436,10 @@ def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) ->
         return ["Speed: no actuator drives ahead"]
     top = rows[-1]
     notes = [f"Top speed: {top.speed_m_s:.2f} m/s ({top.speed_kn:.1f} kn) at {top.command:.4g} {top.unit}"]
-    if top.endurance_h is not None:
-        fine = speeds(vehicle, voltage_v=voltage_v, shares=_FINE)
-        farthest = max(fine, key=lambda row: row.range_km or 0.0)
+    if (far := farthest(vehicle, voltage_v=voltage_v)) is not None:
         notes.append(
-            f"Endurance: {top.endurance_h:.2g} h at top speed; farthest at {farthest.speed_m_s:.2f} m/s:"
-            f" {farthest.endurance_h:.2g} h, {farthest.range_km:.0f} km"
+            f"Endurance: {top.endurance_h:.2g} h at top speed; farthest at {far.speed_m_s:.2f} m/s:"
+            f" {far.endurance_h:.2g} h, {far.range_km:.0f} km"
         )
     elif top.power_w is not None:
         notes.append("Endurance: not known without [power]: hotel_w and battery_wh")

@@ -31,6 +31,7 @@ __all__ = [
     "Turn",
     "cruise",
     "drivers",
+    "farthest",
     "round_speeds_kn",
     "speeds",
     "steady",
@@ -193,6 +194,28 @@ def speeds(
         run = steady(vehicle, _ahead(vehicle, share), free="X", voltage_v=voltage_v)
         rows.append(_row(vehicle, share, float(run.nu[0]), float(run.tau[0]), run.actuators))
     return tuple(rows)
+
+
+def farthest(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Speed | None:
+    """Steady speed ahead at which a battery goes farthest; None where power or battery are not known.
+
+    The best of twenty commands, then a bounded search between its neighbours.
+    """
+    from scipy.optimize import minimize_scalar
+
+    def at(share: float) -> Speed:
+        return speeds(vehicle, voltage_v=voltage_v, shares=(share,))[0]
+
+    def loss(share: float) -> float:
+        return -(at(share).range_km or 0.0)
+
+    if not drivers(vehicle) or at(1.0).range_km is None:
+        return None
+    coarse = [0.05 * k for k in range(1, 21)]
+    best = coarse[int(np.argmin([loss(share) for share in coarse]))]
+    near = (max(best - 0.05, 1e-3), min(best + 0.05, 1.0))
+    found = float(minimize_scalar(loss, bounds=near, method="bounded", options={"xatol": 1e-4}).x)
+    return at(min((best, found), key=loss))
 
 
 def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> Speed | None:
