@@ -394,7 +394,7 @@ class Run:
         """
         Itself: nothing of it can change.
         """
-    def __reduce__(self, /) -> tuple[Any, tuple[tuple[str, NDArray[float64]], tuple[float, float, bool], tuple[NDArray[float64], NDArray[float64], NDArray[float64]]]]: ...
+    def __reduce__(self, /) -> tuple[Any, tuple[tuple[str, NDArray[float64]], tuple[float, float, bool], tuple[NDArray[float64], NDArray[float64], NDArray[float64]], list[list[tuple[float, float, float, list[float]]]]]]: ...
     @property
     def actuators(self, /) -> dict[str, NDArray[float64]]:
         """
@@ -409,6 +409,14 @@ class Run:
     def euler(self, /) -> NDArray[float64]:
         """
         Roll, pitch and yaw, shape (n, 3), rad.
+        """
+    @property
+    def final_state(self, /) -> State:
+        """
+        The state at the last sample with all that the motors remember, `initial` of a run that goes on from there.
+
+        Runs that follow one another so equal one run to rounding: lag, rate limit and dead time go on. The command at
+        the last sample acts from there on: the next run begins with its own. Not of a batch.
         """
     @property
     def nu(self, /) -> NDArray[float64]:
@@ -437,7 +445,8 @@ class State:
     Position, attitude, velocity and actuators of a vehicle at one instant.
 
     position (3,) NED, m; attitude (4,) quaternion body to NED or (3,) roll, pitch, yaw, rad; nu (6,),
-    m/s and rad/s; actuators {name: value in the unit of its command}, neutral when missing.
+    m/s and rad/s; actuators {name: value in the unit of its command}, neutral when missing. A Run's final_state also
+    holds what rate limit, lag and dead time of every motor remember, so that the next run goes on as if there were one.
     """
     def __copy__(self, /) -> State:
         """
@@ -448,7 +457,7 @@ class State:
         Itself: nothing of it can change.
         """
     def __new__(cls, /, position: ArrayLike | None = None, attitude: ArrayLike | None = None, nu: ArrayLike | None = None, actuators: Mapping[str, ArrayLike] | None = None) -> State: ...
-    def __reduce__(self, /) -> tuple[Any, tuple[NDArray[float64], NDArray[float64], NDArray[float64], dict[str, float]]]: ...
+    def __reduce__(self, /) -> tuple[Any, tuple[NDArray[float64], NDArray[float64], NDArray[float64], dict[str, float], dict[str, tuple[float, float, float, list[float]]]]]: ...
     @property
     def actuators(self, /) -> dict[str, float]:
         """
@@ -602,7 +611,8 @@ class Vehicle:
         """
     def simulate(self, /, t: ArrayLike, commands: Mapping[str, ArrayLike] | None = None, initial: State | None = None, current: ArrayLike | None = None, free: str = "XYZKMN", tau: ArrayLike | None = None, *, voltage_v: ArrayLike | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None) -> Run:
         """
-        The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample.
+        The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample; one number is held
+        for the whole run. With `initial` the final_state of a run before, the run goes on as if there were one.
 
         t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
         the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the
@@ -642,12 +652,12 @@ def _restored_mission(text: str) -> Mission:
     The mission of the text of its file: how a pickled one comes back.
     """
 
-def _restored_run(vehicle: tuple[str, ArrayLike], timing: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, bool], tracks: tuple[ArrayLike, ArrayLike, ArrayLike]) -> Run:
+def _restored_run(vehicle: tuple[str, ArrayLike], timing: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, bool], tracks: tuple[ArrayLike, ArrayLike, ArrayLike], motors: SupportsGetItem[int, SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsGetItem[int, SupportsFloat | SupportsIndex]]]]) -> Run:
     """
     The run of exactly these numbers: how a pickled one comes back.
     """
 
-def _restored_state(position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, actuators: dict[str, SupportsFloat | SupportsIndex]) -> State:
+def _restored_state(position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, actuators: dict[str, SupportsFloat | SupportsIndex], motors: dict[str, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsGetItem[int, SupportsFloat | SupportsIndex]]]) -> State:
     """
     The state of exactly these numbers: how a pickled one comes back. Its attitude is not scaled to length one again.
     """

@@ -251,6 +251,15 @@ impl Named {
         map.into_iter().flat_map(|m| m.0).map(|(name, x)| Ok((name.clone(), x.vector(&name)?))).collect()
     }
 
+    /// One series `(n,)` per name, or one number for all of it; none when missing.
+    pub fn held(map: Option<Self>, n: usize) -> PyResult<BTreeMap<String, Vec<f64>>> {
+        let series = |(name, x): (String, Numbers)| match x.shape[..] {
+            [] => Ok((name, vec![x.values[0]; n])),
+            _ => x.vector(&name).map(|values| (name, values)),
+        };
+        map.into_iter().flat_map(|m| m.0).map(series).collect()
+    }
+
     /// One number per name; none when missing.
     pub fn scalars(map: Option<Self>) -> PyResult<BTreeMap<String, f64>> {
         let one = |(name, x): (String, Numbers)| match x.values[..] {

@@ -4,10 +4,10 @@ use crate::convert::{Array, Named, Numbers, optional_rows};
 use crate::error::{interruptible, raised, refused};
 use crate::pickle::{self, Parts, parts, restorer};
 use pyo3::prelude::*;
-use seatrial::description::Description;
+use seatrial::description::{ActuatorDescription, Description};
 use seatrial::fit::batch::{Batch, Candidates, Run as Track};
 use seatrial::fit::inputs::{Inputs, actuator_index, modes};
-use seatrial::fit::record::{Record, Segment};
+use seatrial::fit::record::{MotorMemory, MotorStart, Record, Segment};
 use seatrial::model::integrate;
 use seatrial::model::vehicle::Mode;
 use std::collections::BTreeMap;
@@ -16,11 +16,14 @@ use std::sync::Arc;
 /// Position, attitude, velocity and actuators of a vehicle at one instant.
 ///
 /// position (3,) NED, m; attitude (4,) quaternion body to NED or (3,) roll, pitch, yaw, rad; nu (6,),
-/// m/s and rad/s; actuators {name: value in the unit of its command}, neutral when missing.
+/// m/s and rad/s; actuators {name: value in the unit of its command}, neutral when missing. A Run's final_state also
+/// holds what rate limit, lag and dead time of every motor remember, so that the next run goes on as if there were one.
 #[pyclass(frozen, module = "seatrial")]
 pub struct State {
     pub state: integrate::State<f64>,
     pub signals: BTreeMap<String, f64>,
+    /// Per actuator its motor as an earlier run left it; empty for a state that was put together by hand.
+    pub motors: BTreeMap<String, MotorMemory<f64>>,
 }
 
 #[pymethods]
@@ -42,7 +45,7 @@ impl State {
         if attitude.len() != 1 || !state.nu.iter().chain(&state.position).all(|x| x.is_finite()) {
             return Err(refused("State: expected one finite position, attitude and nu"));
         }
-        Ok(Self { state, signals: Named::scalars(actuators)? })
+        Ok(Self { state, signals: Named::scalars(actuators)?, motors: BTreeMap::new() })
     }
 
     /// Position of O, north, east, down, shape (3,), m.
@@ -81,13 +84,17 @@ impl State {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, StateParts)> {
-        let parts = (self.position(), self.attitude(), self.nu(), self.actuators());
+        let motors = self.motors.iter().map(|(name, motor)| (name.clone(), motor_parts(motor))).collect();
+        let parts = (self.position(), self.attitude(), self.nu(), self.actuators(), motors);
         Ok((restorer(py, "_restored_state")?, parts))
     }
 }
 
-/// Position, attitude, velocity and actuators.
-type StateParts = (Array, Array, Array, BTreeMap<String, f64>);
+/// Ramp, signal, spacing and past of a motor.
+type MotorParts = (f64, f64, f64, Vec<f64>);
+
+/// Position, attitude, velocity, actuators, and what their motors remember.
+type StateParts = (Array, Array, Array, BTreeMap<String, f64>, BTreeMap<String, MotorParts>);
 
 /// The state of exactly these numbers: how a pickled one comes back. Its attitude is not scaled to length one again.
 #[pyfunction]
@@ -97,13 +104,15 @@ pub fn restored_state(
     attitude: Numbers,
     nu: Numbers,
     actuators: BTreeMap<String, f64>,
+    motors: BTreeMap<String, MotorParts>,
 ) -> PyResult<State> {
     let state = integrate::State {
         position: position.row("position")?,
         attitude: attitude.row("attitude")?,
         nu: nu.row("nu")?,
     };
-    Ok(State { state, signals: actuators })
+    let motors = motors.into_iter().map(|(name, parts)| (name, restored_motor(parts))).collect();
+    Ok(State { state, signals: actuators, motors })
 }
 
 /// A simulated run; of a batch, every array has a leading dimension of candidates.
@@ -174,6 +183,30 @@ impl Run {
             .collect()
     }
 
+    /// The state at the last sample with all that the motors remember, `initial` of a run that goes on from there.
+    ///
+    /// Runs that follow one another so equal one run to rounding: lag, rate limit and dead time go on. The command at
+    /// the last sample acts from there on: the next run begins with its own. Not of a batch.
+    #[getter]
+    fn final_state(&self) -> PyResult<State> {
+        let [track] = &self.tracks[..] else {
+            return Err(refused(format!(
+                "final_state: expected a single run, found a batch of {}; simulate the candidate by itself",
+                self.tracks.len()
+            )));
+        };
+        let (Some(&state), Some(signals)) = (track.states.last(), track.signals.last()) else {
+            return Err(refused("final_state: the run has no samples"));
+        };
+        let names = || self.description.actuators.iter().map(|a| a.name.clone());
+        let commands = self.description.actuators.iter().zip(signals).map(|(a, &signal)| a.command(signal));
+        Ok(State {
+            state,
+            signals: names().zip(commands).collect(),
+            motors: names().zip(track.motors.iter().cloned()).collect(),
+        })
+    }
+
     /// Itself: nothing of it can change.
     fn __copy__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
         slf
@@ -204,13 +237,15 @@ impl Run {
                 rows(&|track, i| track.signals[i].clone()),
                 rows(&|track, i| track.tau[i].to_vec()),
             ),
+            self.tracks.iter().map(|track| track.motors.iter().map(motor_parts).collect()).collect(),
         );
         Ok((restorer(py, "_restored_run")?, parts))
     }
 }
 
-/// Vehicle; time step, start and whether there are candidates; states, signals and wrenches, each (candidates, n, …).
-type RunParts = (Parts, (f64, f64, bool), (Array, Array, Array));
+/// Vehicle; time step, start and whether there are candidates; states, signals and wrenches, each (candidates, n, …);
+/// per candidate the motors at the end.
+type RunParts = (Parts, (f64, f64, bool), (Array, Array, Array), Vec<Vec<MotorParts>>);
 
 /// The run of exactly these numbers: how a pickled one comes back.
 #[pyfunction]
@@ -219,6 +254,7 @@ pub fn restored_run(
     vehicle: (String, Numbers),
     timing: (f64, f64, bool),
     tracks: (Numbers, Numbers, Numbers),
+    motors: Vec<Vec<MotorParts>>,
 ) -> PyResult<Run> {
     let description = pickle::description(&vehicle.0, vehicle.1)?;
     let count = description.actuators.len();
@@ -232,6 +268,8 @@ pub fn restored_run(
         attitude: std::array::from_fn(|i| row[3 + i]),
         nu: std::array::from_fn(|i| row[7 + i]),
     };
+    let motors = motors.into_iter().map(|m| m.into_iter().map(restored_motor).collect::<Vec<_>>());
+    let mut motors = motors.chain(std::iter::repeat(Vec::new()));
     let tracks: Vec<Track> = (0..candidates)
         .map(|k| {
             let samples = || k * n..(k + 1) * n;
@@ -239,12 +277,41 @@ pub fn restored_run(
                 states: samples().map(|i| state(&states[13 * i..13 * (i + 1)])).collect(),
                 signals: samples().map(|i| signals[count * i..count * (i + 1)].to_vec()).collect(),
                 tau: samples().map(|i| std::array::from_fn(|c| tau[6 * i + c])).collect(),
+                motors: motors.next().unwrap_or_default(),
             }
         })
         .collect();
     let (dt, start, batch) = timing;
     Ok(Run { description: Arc::new(description), dt, start, tracks, batch })
 }
+
+fn motor_parts(motor: &MotorMemory<f64>) -> MotorParts {
+    (motor.ramp, motor.signal, motor.spacing, motor.past.clone())
+}
+
+fn restored_motor((ramp, signal, spacing, past): MotorParts) -> MotorMemory<f64> {
+    MotorMemory { ramp, signal, spacing, past }
+}
+
+/// Where the motors are in a state: as an earlier run left them, else held at their signals.
+fn motors(description: &Description, initial: Option<&State>) -> PyResult<MotorStart> {
+    let mut signals = vec![0.0; description.actuators.len()];
+    for (name, value) in initial.iter().flat_map(|s| &s.signals) {
+        let k = actuator_index(description, name).map_err(raised)?;
+        signals[k] = description.actuators[k].signal(*value);
+    }
+    let Some(carried) = initial.map(|s| &s.motors).filter(|motors| !motors.is_empty()) else {
+        return Ok(MotorStart::Held(signals));
+    };
+    let motor = |(k, actuator): (usize, &ActuatorDescription)| {
+        let stopped = MotorMemory { ramp: signals[k], signal: signals[k], spacing: 1.0, past: Vec::new() };
+        carried.get(&actuator.name).cloned().unwrap_or(stopped)
+    };
+    Ok(MotorStart::Carried(description.actuators.iter().enumerate().map(motor).collect()))
+}
+
+/// The most steps between two samples: at three million steps a second some minutes.
+const MOST_SUBSTEPS: f64 = 1e9;
 
 /// A simulation, checked: one record, one segment.
 pub struct Simulation {
@@ -268,17 +335,20 @@ impl Simulation {
         if max_step_s.is_nan() || max_step_s <= 0.0 {
             return Err(refused(format!("max_step_s: expected a positive time in s, found {max_step_s}")));
         }
+        let substeps = (record.dt / max_step_s - 1e-9).ceil().max(1.0);
+        if substeps > MOST_SUBSTEPS {
+            return Err(refused(format!(
+                "t: expected samples at most {:.3e} s apart at max_step_s = {max_step_s}, found {:.3e}; add samples",
+                MOST_SUBSTEPS * max_step_s,
+                record.dt
+            )));
+        }
         let rest = integrate::State { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] };
         let state = initial.map_or(rest, |s| s.state);
-        let mut signals = vec![0.0; description.actuators.len()];
-        for (name, value) in initial.iter().flat_map(|s| &s.signals) {
-            let k = actuator_index(description, name).map_err(raised)?;
-            signals[k] = description.actuators[k].signal(*value);
-        }
         Ok(Self {
             description: description.clone(),
-            segment: Segment::whole(0, record.len, state, signals),
-            substeps: (record.dt / max_step_s - 1e-9).ceil().max(1.0) as usize,
+            segment: Segment::whole(0, record.len, state, motors(description, initial)?),
+            substeps: substeps as usize,
             record,
             modes: modes(free, "").map_err(raised)?,
             start: inputs.t[0],
@@ -318,9 +388,10 @@ pub fn inputs(
     rho: Option<f64>,
     g: Option<f64>,
 ) -> PyResult<Inputs> {
+    let t = t.vector("t")?;
     Ok(Inputs {
-        t: t.vector("t")?,
-        commands: Named::vectors(commands)?,
+        commands: Named::held(commands, t.len())?,
+        t,
         current: optional_rows("current", current)?,
         tau: optional_rows("tau", tau)?,
         voltage: voltage_v.map_or(Ok(Vec::new()), |v| v.vector("voltage_v"))?,

@@ -329,7 +329,8 @@ impl Vehicle {
         Ok((Array::rows(&tangent.a, false), Array::rows(&tangent.b, false)))
     }
 
-    /// The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample.
+    /// The run under commands {actuator: (n,)} in the actuators' own units, held from sample to sample; one number is held
+    /// for the whole run. With `initial` the final_state of a run before, the run goes on as if there were one.
     ///
     /// t (n,) uniform, s; missing actuators stay at neutral; current (3,) or (n, 3), NED, m/s; free names
     /// the free axes among XYZKMN, the others keep their velocity; tau (n, 6) is a wrench besides the

@@ -186,6 +186,12 @@ impl<T: Real> DeadTime<T> {
         self.input
     }
 
+    /// The ramp at present and so many half steps ago, newest first.
+    pub fn past(&self) -> Vec<T> {
+        let mask = self.ring.len() - 1;
+        (0..=mask).map(|ago| self.ring[self.now.wrapping_sub(ago) & mask]).collect()
+    }
+
     /// The lag's input at the start and the end of half a step that ends with the ramp at `ramp`.
     #[inline(always)]
     pub fn pass(&mut self, ramp: T) -> (T, T) {

@@ -9,7 +9,7 @@ use crate::description::assembly::Structure;
 use crate::error::Error;
 use crate::fit::criterion::{CHANNELS, Criterion, Loss};
 use crate::fit::open_loop::{Observer, Track, fly};
-use crate::fit::record::{MotorStart, Record, Segment, Start};
+use crate::fit::record::{MotorMemory, MotorStart, Record, Segment, Start};
 use crate::model::integrate::State;
 use crate::model::vehicle::{Mode, Vehicle};
 use crate::number::lanes::{LANES, level};
@@ -252,16 +252,23 @@ fn lane_of<S: Simd>(track: &Track<f64x8<S>>, lane: usize) -> Run {
         attitude: s.attitude.map(|x| x[lane]),
         nu: s.nu.map(|x| x[lane]),
     });
+    let memory = |motor: &MotorMemory<f64x8<S>>| MotorMemory {
+        ramp: motor.ramp[lane],
+        signal: motor.signal[lane],
+        spacing: motor.spacing,
+        past: motor.past.iter().map(|x| x[lane]).collect(),
+    };
     Run {
         states: states.collect(),
         signals: track.signals.iter().map(|row| row.iter().map(|x| x[lane]).collect()).collect(),
         tau: track.tau.iter().map(|row| row.map(|x| x[lane])).collect(),
+        motors: track.motors.iter().map(memory).collect(),
     }
 }
 
 impl Segment {
-    /// The whole of record `record` of `len` samples from a state, motors at `signals`.
-    pub fn whole(record: usize, len: usize, state: State<f64>, signals: Vec<f64>) -> Self {
-        Self { record, start: 0, stop: len, state, motors: MotorStart::Held(signals) }
+    /// The whole of record `record` of `len` samples from a state.
+    pub fn whole(record: usize, len: usize, state: State<f64>, motors: MotorStart) -> Self {
+        Self { record, start: 0, stop: len, state, motors }
     }
 }

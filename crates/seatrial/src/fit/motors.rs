@@ -4,7 +4,7 @@
 //! Dead time: behind a rate limit the ramp is read `T_t` earlier. Without one the record of limited commands is
 //! read earlier, and where T_t is no multiple of the step, linearly between the steps around it (the mean of the
 //! held command over the step): a pure delay commutes with the lag. Lanes with different T_t read at different
-//! times.
+//! times. A run that goes on from an earlier one reads its [`MotorMemory`] where the record has not begun.
 //!
 //! In open loop a motor does not feel the vehicle. Where no motor coefficient is sought, all candidates
 //! share its signals and what a measured table makes of them, and they are [played](crate::fit::record::Record::play) once per
@@ -16,7 +16,7 @@ use crate::actuator::motor::MotorState;
 use crate::description::Description;
 use crate::description::assembly::Structure;
 use crate::description::coefficients::{HULL, PER_ACTUATOR};
-use crate::fit::record::{MotorStart, Played, Record, Segment};
+use crate::fit::record::{MotorMemory, MotorStart, Played, Record, Segment};
 use crate::model::drive::{Drive, UnlimitedDelay, act};
 use crate::model::vehicle::{Instant, Mode, Vehicle};
 use crate::number::real::Real;
@@ -78,7 +78,14 @@ pub struct Motors<'a, T> {
     targets: Vec<T>,
     /// The command before the record where it is not the record's first one.
     before: Vec<T>,
+    /// Per motor the commands during the steps before the record, latest first, where an earlier run left them.
+    earlier: Vec<Vec<f64>>,
+    /// Length of a step, s.
+    h: f64,
 }
+
+/// The longest dead time that is kept, in steps: what is not a number has a bound too.
+const LONGEST_PAST: f64 = 65_536.0;
 
 impl<'a, T: Real> Motors<'a, T> {
     /// The motors as a segment meets them.
@@ -126,13 +133,25 @@ impl<'a, T: Real> Motors<'a, T> {
                 let signal = unit.splat(signals[i]);
                 MotorState { ramp: signal / vehicle.motor(i).k_v, signal }
             }
+            MotorStart::Carried(memory) => {
+                MotorState { ramp: unit.splat(memory[i].ramp), signal: unit.splat(memory[i].signal) }
+            }
         };
-        let drive = Drive::new(vehicle, h, UnlimitedDelay::InTheRecord, at_start);
+        let mut drive = Drive::new(vehicle, h, UnlimitedDelay::InTheRecord, at_start);
         let delay = |i: usize| {
             let motor = vehicle.motor(i);
             if motor.rate.is_some() { unit.zero() } else { motor.t_t * (1.0 / h) }
         };
         let held = matches!(start, MotorStart::Held(_));
+        let delays: Vec<T> = (0..count).map(delay).collect();
+        let mut earlier = Vec::new();
+        if let MotorStart::Carried(memory) = start {
+            for (i, memory) in memory.iter().enumerate() {
+                drive.remember(i, |ago| unit.splat(memory.ramp(0.5 * h * ago as f64)));
+                let steps = 0..steps_back(delays[i]);
+                earlier.push(steps.map(|step| memory.command((step as f64 + 0.5) * h)).collect());
+            }
+        }
         Self {
             unit: unit.zero(),
             any_ideal: (0..count).any(|i| vehicle.motor(i).ideal),
@@ -142,9 +161,11 @@ impl<'a, T: Real> Motors<'a, T> {
             vehicle,
             record,
             substeps,
-            delays: (0..count).map(delay).collect(),
+            delays,
             targets: vec![unit; count],
             before: if held { drive.states.iter().map(|s| s.ramp).collect() } else { Vec::new() },
+            earlier,
+            h,
             drive,
         }
     }
@@ -166,7 +187,12 @@ impl<'a, T: Real> Motors<'a, T> {
     #[inline(always)]
     fn target(&self, i: usize, k: usize, s: usize) -> T {
         let commands = &self.record.commands[i];
-        let held = |step: f64| commands[(step as usize / self.substeps).min(commands.len() - 1)];
+        let held = |step: f64| match self.earlier.get(i) {
+            Some(earlier) if step < 0.0 => {
+                earlier.get((-step) as usize - 1).or(earlier.last()).copied().unwrap_or(commands[0])
+            }
+            _ => commands[(step as usize / self.substeps).min(commands.len() - 1)],
+        };
         let delay = self.delays[i];
         let at = delay.splat((k * self.substeps + s) as f64) - delay;
         let recorded = at.tabulated(|x| {
@@ -242,6 +268,45 @@ impl<'a, T: Real> Motors<'a, T> {
     pub fn thrust(&self, k: usize, instant: &mut Instant<T>) {
         let table = |i: usize| self.now.get(i).and_then(|(_, force)| force.map(|f| self.unit.splat(f)));
         act(self.vehicle, &self.signals, self.voltage(k), table, instant);
+    }
+}
+
+impl<T: Real> Motors<'_, T> {
+    /// What a run that goes on at sample `k` must know of the motors; nothing where the record replaces them.
+    pub fn memory(&self, k: usize) -> Vec<MotorMemory<T>> {
+        if self.played.is_some() || self.record.signals.iter().any(Option::is_some) {
+            return Vec::new();
+        }
+        let memory = |i: usize| {
+            let state = self.drive.states[i];
+            let (spacing, past) = if self.vehicle.motor(i).rate.is_some() {
+                (0.5 * self.h, self.drive.past(i))
+            } else {
+                let back = 1..=steps_back(self.delays[i]);
+                (self.h, back.map(|steps| self.before(i, k * self.substeps, steps)).collect())
+            };
+            MotorMemory { ramp: state.ramp, signal: state.signal, spacing, past }
+        };
+        (0..self.drive.states.len()).map(memory).collect()
+    }
+
+    /// The command of motor `i` during the step that begins `steps` before step `now` of the record.
+    fn before(&self, i: usize, now: usize, steps: usize) -> T {
+        let commands = &self.record.commands[i];
+        match (now.checked_sub(steps), self.earlier.get(i), self.before.get(i)) {
+            (Some(step), _, _) => self.unit.splat(commands[(step / self.substeps).min(commands.len() - 1)]),
+            (None, Some(earlier), _) => self.unit.splat(earlier[steps - now - 1]),
+            (None, None, Some(&before)) => before,
+            (None, None, None) => self.unit.splat(commands[0]),
+        }
+    }
+}
+
+/// How many steps back a dead time of `delay` steps reads.
+fn steps_back<T: Real>(delay: T) -> usize {
+    match delay.largest().clamp(0.0, LONGEST_PAST) {
+        delay if delay > 0.0 => delay.ceil() as usize + 1,
+        _ => 0,
     }
 }
 

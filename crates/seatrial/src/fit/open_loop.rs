@@ -10,12 +10,15 @@ use crate::error::Error;
 use crate::fit::criterion::Criterion;
 use crate::fit::motors::Motors;
 use crate::fit::observation::Shown;
-use crate::fit::record::{Record, Segment, Start};
+use crate::fit::record::{MotorMemory, Record, Segment, Start};
 use crate::model::integrate::{State, step};
 use crate::model::kinematics::rotation;
 use crate::model::vehicle::{Instant, Vehicle};
 use crate::number::real::Real;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// After so many steps within a sample the caller may stop the run.
+const STEPS_BETWEEN_LOOKS: usize = 4096;
 
 /// What is kept of a run.
 pub enum Observer<'a, T> {
@@ -36,11 +39,13 @@ pub struct Track<T> {
     pub signals: Vec<Vec<T>>,
     /// Wrench of actuators and outside together.
     pub tau: Vec<[T; 6]>,
+    /// The motors at the end.
+    pub motors: Vec<MotorMemory<T>>,
 }
 
 impl<T> Default for Track<T> {
     fn default() -> Self {
-        Self { states: Vec::new(), signals: Vec::new(), tau: Vec::new() }
+        Self { states: Vec::new(), signals: Vec::new(), tau: Vec::new(), motors: Vec::new() }
     }
 }
 
@@ -71,6 +76,10 @@ pub fn fly<T: Real>(
             instant.tau = tau;
         }
         for s in 0..substeps {
+            // Between two samples there may be a day.
+            if s % STEPS_BETWEEN_LOOKS == STEPS_BETWEEN_LOOKS - 1 && stop.load(Ordering::Relaxed) {
+                return Err(Error::Interrupted);
+            }
             motors.begin(k, s);
             // At a sample wrench and voltage change; an ideal motor's signal jumps at any step.
             if s == 0 || motors.any_ideal {
@@ -90,6 +99,9 @@ pub fn fly<T: Real>(
                 }
                 observe(observer, k, segment.start, (vehicle, &state), (&motors, &instants[0]));
                 if k + 1 == segment.stop {
+                    if let Observer::Track(track) = observer {
+                        track.motors = motors.memory(k);
+                    }
                     return Ok(());
                 }
             }

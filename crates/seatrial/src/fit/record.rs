@@ -67,6 +67,38 @@ impl Record {
     }
 }
 
+/// A motor at the end of a run: all that a run which goes on from there must know of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotorMemory<T> {
+    /// Output of the rate limit, input of the lag.
+    pub ramp: T,
+    /// Output of the lag.
+    pub signal: T,
+    /// Time from one entry of `past` to the next, s.
+    pub spacing: f64,
+    /// What the dead time holds back, newest first: behind a rate limit the ramp at these times, without one the command
+    /// during the step that ends there. Empty without dead time.
+    pub past: Vec<T>,
+}
+
+impl MotorMemory<f64> {
+    /// The ramp so many seconds before the end, linear between the entries.
+    pub fn ramp(&self, ago: f64) -> f64 {
+        let place = ago / self.spacing;
+        let at = |i: usize| self.past.get(i).or(self.past.last()).copied().unwrap_or(self.ramp);
+        let whole = (place + 1e-6).floor();
+        let share = (place - whole).max(0.0);
+        // A run of the same step meets the entries themselves, whatever its time base's last digit is.
+        let share = if share < 1e-6 { 0.0 } else { share };
+        at(whole as usize) + share * (at(whole as usize + 1) - at(whole as usize))
+    }
+
+    /// The command during a step, so many seconds before the end in its middle.
+    pub fn command(&self, ago: f64) -> f64 {
+        self.past.get((ago / self.spacing) as usize).or(self.past.last()).copied().unwrap_or(self.ramp)
+    }
+}
+
 /// Where the motors are when a run begins.
 #[derive(Clone, Debug)]
 pub enum MotorStart {
@@ -74,6 +106,8 @@ pub enum MotorStart {
     Recorded,
     /// At these signals, held by the command before the record.
     Held(Vec<f64>),
+    /// As an earlier run left them.
+    Carried(Vec<MotorMemory<f64>>),
 }
 
 /// A part of a record, simulated from a given state.

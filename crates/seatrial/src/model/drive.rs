@@ -64,6 +64,19 @@ impl<T: Real> Drive<T> {
         }
     }
 
+    /// Gives motor `i` a past: behind a dead time `past` is the ramp so many half steps ago.
+    #[inline(always)]
+    pub fn remember(&mut self, i: usize, past: impl Fn(usize) -> T) {
+        if let Some(dead_time) = &mut self.dead_times[i] {
+            dead_time.settle(past);
+        }
+    }
+
+    /// The past of motor `i` as its dead time keeps it, half a step apart, newest first; empty without one.
+    pub fn past(&self, i: usize) -> Vec<T> {
+        self.dead_times[i].as_ref().map_or(Vec::new(), DeadTime::past)
+    }
+
     /// Moves every motor by half a step towards its target.
     #[inline(always)]
     pub fn advance(&mut self, targets: &[T]) {
