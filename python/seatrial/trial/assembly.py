@@ -19,7 +19,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.rotation import body_rates, matrix, to_euler
-from seatrial.trial.resampling import GAP, held, linear
+from seatrial.trial.resampling import GAP, angles, held, linear
 from seatrial.trial.signals import RecordingReport, Signal
 from seatrial.trial.smoothing import spline
 
@@ -155,11 +155,12 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
     _only_fixes(signals, valid, report)
     if "attitude" in signals:
         _report_gaps(signals["attitude"], report)
-        attitude, good = linear(signals["attitude"], t)
+        attitude, good = angles(signals["attitude"], t)
         columns = [CHANNELS.index(channel) for channel in signals["attitude"].channels]
         observed[:, columns] = to_euler(attitude)[:, [k - 9 for k in columns]]
-        valid[:, columns] = good[:, :1]
-        _derive(observed, valid, filled, attitude, t, report)
+        valid[:, columns] = good[:, [k - 9 for k in columns]]
+        turned = np.logical_and.reduce(valid[:, columns], axis=1)
+        _derive(observed, valid, filled, attitude, turned, t, report)
     observed[~np.isfinite(observed)] = np.nan
     absent = np.logical_and.reduce(np.isnan(observed), axis=0)
     report.samples, report.duration_s = len(t), float(t[-1] - t[0])
@@ -194,13 +195,21 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
 
 
 def _derive(
-    observed: Array, valid: Mask, filled: Array, attitude: Array, t: Array, report: RecordingReport
+    observed: Array,
+    valid: Mask,
+    filled: Array,
+    attitude: Array,
+    turned: Mask,
+    t: Array,
+    report: RecordingReport,
 ) -> None:
-    """Fill velocities and rates that no sensor gave from the derivative of the smoothed pose, in place."""
+    """Fill velocities and rates that no sensor gave from the derivative of the smoothed pose, in place.
+
+    `turned` (n,): where the whole recorded attitude is known.
+    """
     from scipy.ndimage import minimum_filter1d
 
     absent = np.logical_and.reduce(np.isnan(observed[:, :6]), axis=0)
-    turned = np.logical_or.reduce(valid[:, 9:], axis=1)
     placed = np.logical_and.reduce(valid[:, 6:9], axis=1)
     curve = spline(t, attitude, turned)
     q = curve(t)

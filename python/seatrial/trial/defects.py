@@ -2,6 +2,11 @@
 
 A sample found bad is masked; nothing is put in its place. Thresholds are relative to the record's own
 ordinary motion (its 95th and 98th percentiles), so that no vehicle's size or speed is assumed.
+
+A rare fast motion (the release of a roll decay in a quiet record) stands out of the ordinary as a spike
+does. Two things tell them apart: a motion has neighbours that move too, a spike stands alone between quiet
+samples; and another sensor shows a motion (the derivative of the attitude that of a gyro, the derivative of
+the position that of a Doppler log, and the other way round). Held by ``tests/trial/test_defects.py``.
 """
 
 from __future__ import annotations
@@ -25,7 +30,25 @@ _BELIEVED = 3.0  # a pose may move this many times faster than its speed sensor 
 
 _ROUNDED_SHARE = 0.01  # a rounded sensor repeats single channels in more than this share of its samples
 
-_CHANCE = 3  # repeats in a row of a depth of its own stamps that mean nothing
+_CHANCE = 3  # repeats in a row of a scalar that mean nothing
+
+_LONGEST_SPIKE = 3  # samples in a row
+
+_FAR = 8.0  # a spike stands out by this many times what 95 % of the samples do
+
+_WINDOW = 7  # samples of the running median that a spike stands out of
+
+_NEIGHBOURS = 5  # samples on both sides of a spike
+
+_MOVES = 0.1  # a neighbour moves if it stands out by this share of the spike
+
+_CHANGES = 0.25  # or if it changes by this share from sample to sample
+
+_MOST_ALONE = 3  # neighbours that may, as those of two spikes do, or of a step that lies between two samples
+
+_SHOWN = 0.5  # share of a spike that another sensor must show within a second to make it a motion
+
+_UNUSUAL = 5.0  # medians by which that sensor must stand out of its own noise
 
 # A slower sensor written at the table's rate repeats at least this share of its samples, in many short runs.
 _HELD_SHARE, _HELD_RUNS = 0.05, 20
@@ -37,12 +60,15 @@ def mark(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Si
     measured = [name for name in _MEASURED if name in signals]
     repeated = {name: _repeats(signals[name].y) for name in measured}
     frozen: dict[str, Mask] = {}
+    silent = _silent([signals[name] for name in measured], repeated, report)
     for name in measured:
         signal = signals[name]
         peers = [repeated[other] for other in measured if np.array_equal(signals[other].t, signal.t)]
         at_rest = np.logical_and.reduce(peers) if len(peers) > 1 else repeated[name]
-        frozen[name] = _frozen(signal, repeated[name], at_rest, report)
-        marked[name] = signal.masked(frozen[name])
+        pause = silent.get(name, np.zeros(len(signal.t), bool))
+        frozen[name] = _frozen(signal, repeated[name] & ~pause, at_rest, report)
+        marked[name] = signal.masked(frozen[name] | pause)
+    speeds = {name: _speed(marked, name) for name in ("velocity", "rates")}
     for name, speedometer in (("position", "velocity"), ("depth", "velocity"), ("attitude", "rates")):
         if name in marked:
             jumps = _between_jumps(marked[name], signals.get(speedometer), report)
@@ -52,7 +78,7 @@ def mark(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Si
         marked["attitude"] = marked["attitude"].masked(~marked["position"].good)
     for name in ("velocity", "water velocity", "rates"):
         if name in marked:
-            marked[name] = marked[name].masked(_spikes(marked[name], report))
+            marked[name] = marked[name].masked(_spikes(marked[name], speeds.get(name), report))
     for name in measured:
         _report_constant(signals[name], report)
     _report_commands(signals, report)
@@ -66,8 +92,58 @@ def _one_sensor(frozen: Mapping[str, Mask]) -> bool:
 
 
 def _repeats(y: Array) -> Mask:
-    same = np.all((y[1:] == y[:-1]) | (np.isnan(y[1:]) & np.isnan(y[:-1])), axis=1)
-    return np.concatenate([[False], same])
+    """Samples (m,) equal to the one before in all channels; one without a number repeats nothing."""
+    return np.concatenate([[False], np.logical_and.reduce(y[1:] == y[:-1], axis=1)])
+
+
+def _silent(measured: list[Signal], repeated: Mapping[str, Mask], report: RecordingReport) -> dict[str, Mask]:
+    """Rows by signal in which a logger repeated its last row: no sensor has a new sample, then all jump.
+
+    One frozen sensor is its own defect; if all that share their stamps freeze together, the log has a gap.
+    """
+    several = [s for s in measured if sum(np.array_equal(s.t, other.t) for other in measured) > 1]
+    if len(several) < 2 or any(not np.array_equal(s.t, several[0].t) for s in several):
+        return {}
+    together = np.logical_and.reduce([repeated[s.name] for s in several])
+    usual = _usual_run(together)
+    jumps = np.logical_and.reduce([_jumps(s) for s in several])
+    pause = np.zeros(len(together), bool)
+    for start, stop in _runs(together):
+        if stop - start > max(usual, 1) and stop < len(together) and jumps[stop]:
+            pause[start:stop] = True
+    if not pause.any():
+        return {}
+    t = several[0].t
+    longest = max(t[min(stop, len(t) - 1)] - t[start - 1] for start, stop in _runs(pause))
+    report.add(
+        "warning",
+        "log",
+        "rows repeat the row before in every sensor: gaps that the logger filled, "
+        f"the longest {longest:.2f} s; masked",
+        int(pause.sum()),
+    )
+    return {s.name: pause for s in several}
+
+
+def _usual_run(repeated: Mask) -> int:
+    """Longest run of repeats, samples, that is ordinary: a slower sensor in a table at a higher rate."""
+    lengths = [stop - start for start, stop in _runs(repeated)]
+    if len(lengths) >= _HELD_RUNS and repeated.mean() > _HELD_SHARE:
+        return 3 * int(np.quantile(lengths, 0.9))
+    return 0
+
+
+def _increments(signal: Signal) -> Array:
+    """Size of the step from the sample before (m,); the first is zero, one to or from no number too."""
+    step = np.linalg.norm(np.diff(signal.y, axis=0), axis=1)
+    return np.concatenate([[0.0], np.nan_to_num(step)])
+
+
+def _jumps(signal: Signal) -> Mask:
+    """Samples (m,) whose step from the one before is larger than three ordinary ones."""
+    increment = _increments(signal)
+    moved = increment[increment > 0.0]
+    return increment > 3.0 * (float(np.median(moved)) if len(moved) else 0.0)
 
 
 def _runs(mask: Mask) -> Iterator[tuple[int, int]]:
@@ -86,32 +162,28 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
     runs = list(_runs(repeated))
     if not runs:
         return result
-    lengths = np.array([stop - start for start, stop in runs])
-    usual = 0
-    if len(runs) >= _HELD_RUNS and repeated.mean() > _HELD_SHARE:
-        usual = 3 * int(np.quantile(lengths, 0.9))
-        moves = 1.0 - repeated.mean()
-        if 0.2 < moves < 1.0:
-            report.add(
-                "info",
-                signal.name,
-                "samples repeat the one before: "
-                f"a sensor of about {moves / signal.step:.2g} Hz in a table of {1.0 / signal.step:.3g} Hz",
-                int(repeated.sum()),
-            )
+    usual = _usual_run(repeated)
+    moves = 1.0 - repeated.mean()
+    if usual and 0.2 < moves < 1.0:
+        report.add(
+            "info",
+            signal.name,
+            "samples repeat the one before: "
+            f"a sensor of about {moves / signal.step:.2g} Hz in a table of {1.0 / signal.step:.3g} Hz",
+            int(repeated.sum()),
+        )
     # A sensor with noise never repeats one channel alone; a rounded or simulated one does.
     alone = np.any(signal.y[1:] == signal.y[:-1], axis=1) & ~repeated[1:]
     noisy = signal.y.shape[1] > 1 and alone.mean() < _ROUNDED_SHARE
-    increment = np.linalg.norm(np.diff(signal.y, axis=0), axis=1)
-    ordinary = float(np.nanmedian(increment[increment > 0.0])) if (increment > 0.0).any() else 0.0
+    jumps = _jumps(signal)
     # Rounded samples of a pressure cell repeat by chance, a drop-out is longer than that.
-    if signal.name == "depth":
+    if signal.y.shape[1] == 1:
         usual = max(usual, _CHANCE)
     events = 0
     for start, stop in runs:
-        jumps = stop < len(repeated) and increment[stop - 1] > 3.0 * ordinary
+        ends = stop < len(repeated) and jumps[stop]
         moving = noisy and start > 1 and not at_rest[start:stop].all()
-        if stop - start > usual and (jumps or moving):
+        if stop - start > usual and (ends or moving):
             result[start:stop] = True
             events += 1
     plural = "" if events == 1 else "s"
@@ -122,11 +194,30 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
 
 
 def _deviation(y: Array, window: int) -> Array:
-    """Distance of each row from the running median of its neighbourhood, shape (m,)."""
+    """Distance of each sample from the running median of its neighbourhood, by channel, shape as y."""
     from scipy.ndimage import median_filter
 
-    centre = median_filter(y, size=(window, 1), mode="nearest")
-    return np.asarray(np.linalg.norm(y - centre, axis=1))
+    return np.asarray(np.abs(y - median_filter(y, size=(window, 1), mode="nearest")))
+
+
+def _extent(deviation: Array, at: int) -> tuple[int, int]:
+    """Start and end (exclusive) of the samples in a row that stand out half as far as sample `at` or more."""
+    first = max(at - _WINDOW, 0)
+    high = deviation[first : at + _WINDOW + 1] > 0.5 * deviation[at]
+    before, after = high[: at - first][::-1], high[at - first :]
+    start = at - (int(np.argmin(before)) if not before.all() else len(before))
+    return start, at + (int(np.argmin(after)) if not after.all() else len(after))
+
+
+def _alone(y: Array, deviation: Array, at: int) -> bool:
+    """Whether few samples around sample `at` stand out of their neighbourhood, or change, as it does.
+
+    A vehicle that moves fast moves before or after it too: inertia spreads a motion over several samples.
+    """
+    first, last = max(at - _NEIGHBOURS, 0), at + _NEIGHBOURS + 1
+    outstanding = int(np.sum(deviation[first:last] > _MOVES * deviation[at]))
+    changing = int(np.sum(np.abs(np.diff(y[first:last])) > _CHANGES * deviation[at]))
+    return outstanding <= _MOST_ALONE and changing <= _MOST_ALONE + 1
 
 
 def _between_jumps(signal: Signal, speedometer: Signal | None, report: RecordingReport) -> Mask:
@@ -147,11 +238,13 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
     else:
         rate = np.diff(y, axis=0) / np.diff(t)[:, None]
         speed = np.linalg.norm(rate, axis=1)
-    deviation = _deviation(rate, 11)
+    deviation = np.linalg.norm(_deviation(rate, 11), axis=1)
     # A jump stands out of the record's own motion, and of what the speed sensor shows there.
     threshold = max(10.0 * np.quantile(deviation, 0.95), 3.0 * np.quantile(speed, 0.98))
     limit = np.maximum(threshold, _BELIEVED * _speed_near(speedometer, t[1:]))
     jump = np.flatnonzero((deviation > threshold) & (speed > limit))
+    if speedometer is None:  # nothing else tells a fast motion from a wrong solution
+        jump = np.array([at for at in jump.tolist() if _alone(speed, deviation, at)], int)
     if len(jump) == 0:
         return result
     starts = np.concatenate([[0], jump + 1])
@@ -183,21 +276,68 @@ def _speed_near(speedometer: Signal | None, t: Array) -> Array:
     return np.asarray(np.interp(t, speedometer.t[good], highest))
 
 
-def _spikes(signal: Signal, report: RecordingReport) -> Mask:
-    """Up to three samples in a row that stand far out of their neighbourhood."""
-    good = np.flatnonzero(signal.good)
-    result = np.zeros(len(signal.t), bool)
-    if len(good) < 7:
-        return result
-    y = signal.y[good]
-    deviation = _deviation(y, 7)
-    size = np.linalg.norm(y - np.median(y, axis=0), axis=1)
-    far = deviation > max(10.0 * np.quantile(deviation, 0.95), float(np.quantile(size, 0.98)), 1e-9)
-    for start, stop in _runs(far):
-        if stop - start <= 3:
-            result[good[start:stop]] = True
-    report.add("warning", signal.name, "spikes masked", int(result.sum()))
+def _speed(signals: Mapping[str, Signal], name: str) -> tuple[Array, Array] | None:
+    """Times (m,) and speeds (m, 3) that the pose shows for a velocity or rate sensor; None without a pose.
+
+    Body rates by axis; of a position, whose axes are not the body's, the change of its speed counts for each.
+    """
+    pose = signals.get("attitude" if name == "rates" else "position")
+    if pose is None or np.count_nonzero(pose.good) < _WINDOW:
+        return None
+    t, y = pose.t[pose.good], pose.y[pose.good]
+    step = np.diff(t)[:, None]
+    if name == "rates":
+        turn = 2.0 * product(conjugate(y[:-1]), y[1:])
+        return 0.5 * (t[1:] + t[:-1]), turn[:, 1:] * np.sign(turn[:, :1]) / step
+    rate = np.diff(y, axis=0) / step
+    if rate.shape[1] < 3:
+        return None
+    return 0.5 * (t[1:] + t[:-1]), np.repeat(np.linalg.norm(rate, axis=1)[:, None], 3, axis=1)
+
+
+def _spikes(signal: Signal, shown: tuple[Array, Array] | None, report: RecordingReport) -> Mask:
+    """Up to three samples in a row of a channel that stand alone, far out of their neighbourhood, (m, k).
+
+    Parameters
+    ----------
+    signal : Signal
+    shown : tuple, optional
+        Times and speeds of the same motion by another sensor: what it shows too is no spike.
+    report : RecordingReport
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    result = np.zeros(signal.bad.shape, bool)
+    axes = "pqr" if signal.name == "rates" else "uvw"
+    for k, channel in enumerate(signal.channels):
+        good = np.flatnonzero(~signal.bad[:, k])
+        if len(good) < _WINDOW:
+            continue
+        y = signal.y[good, k]
+        deviation = _deviation(y[:, None], _WINDOW)[:, 0]
+        far = deviation > max(_FAR * float(np.quantile(deviation, 0.95)), 1e-9)
+        other = None if shown is None else (shown[0], shown[1][:, axes.index(channel[0])])
+        for highest in np.flatnonzero(far & (deviation == maximum_filter1d(deviation, _WINDOW))).tolist():
+            start, stop = _extent(deviation, highest)
+            if stop - start > _LONGEST_SPIKE or not _alone(y, deviation, highest):
+                continue
+            if not _confirmed(other, signal.t[good[highest]], deviation[highest]):
+                result[good[start:stop], k] = True
+        report.add("warning", channel, "spikes masked", int(result[:, k].sum()))
     return result
+
+
+def _confirmed(shown: tuple[Array, Array] | None, t: float, size: float) -> bool:
+    """Whether another sensor shows a motion of this size within a second of the time t, s."""
+    if shown is None:
+        return False
+    times, speed = shown
+    near = speed[np.searchsorted(times, t - 1.0) : np.searchsorted(times, t + 1.0)]
+    if len(near) < _WINDOW // 2:
+        return False
+    moved = float(np.abs(near - np.median(near)).max())
+    noise = float(np.median(np.abs(np.diff(speed))))
+    return moved > max(_SHOWN * size, _UNUSUAL * noise)
 
 
 def _report_constant(signal: Signal, report: RecordingReport) -> None:

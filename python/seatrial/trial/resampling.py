@@ -13,6 +13,7 @@ with the most samples, linearly between their own neighbours and nowhere else. H
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.rotation import continuous
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["GAP", "common", "held", "instruments", "linear", "together"]
+__all__ = ["GAP", "angles", "common", "held", "instruments", "linear", "together"]
 
 GAP = 1.9
 """Longest distance between neighbours that is no gap, in median intervals: one lost sample is a gap."""
@@ -66,6 +67,20 @@ def _attitude(signal: Signal, t: Array) -> tuple[Array, Mask]:
     value /= np.linalg.norm(value, axis=1)[:, None]
     _, valid = between(signal.t, signal.y[:, 0], signal.bad[:, 0], t, signal.step)
     return value, np.repeat(valid[:, None], 4, axis=1)
+
+
+def angles(signal: Signal, t: Array) -> tuple[Array, Mask]:
+    """Attitude (n, 4) at the times `t` and which of roll, pitch and yaw (n, 3) are valid.
+
+    Other than by `linear`, an angle that is missing for a while leaves the others valid.
+    """
+    if signal.unknown is None:
+        q, valid = linear(signal, t)
+        return q, valid[:, :3]
+    lost = np.logical_and.reduce(signal.unknown, axis=1)
+    q, _ = _attitude(replace(signal, bad=np.repeat(lost[:, None], 4, axis=1)), t)
+    masks = [between(signal.t, signal.y[:, 0], signal.unknown[:, k], t, signal.step)[1] for k in range(3)]
+    return q, np.stack(masks, axis=1)
 
 
 def between(times: Array, y: Array, bad: Mask, t: Array, step: float) -> tuple[Array, Mask]:

@@ -16,7 +16,9 @@ __all__ = ["RecordingReport", "Signal"]
 class Signal:
     """Samples `y` (m, k) at times `t` (m,) of the `channels` (k names); `bad` (m, k) marks those of no use.
 
-    The attitude is a unit quaternion: four columns q_w q_x q_y q_z that are good or bad together.
+    The attitude is a unit quaternion: four columns q_w q_x q_y q_z that are good or bad together. Where it
+    was recorded as angles, ``unknown`` (m, 3) marks those of roll, pitch and yaw that were not measured;
+    their place is bridged, and the attitude as a whole is bad there though the other angles are known.
     """
 
     name: str
@@ -24,6 +26,7 @@ class Signal:
     t: Array
     y: Array
     bad: Mask
+    unknown: Mask | None = None
 
     @property
     def good(self) -> Mask:
@@ -37,7 +40,9 @@ class Signal:
 
     def masked(self, bad: Mask) -> Signal:
         """The same samples with more of them marked bad; `bad` is (m,) for all channels or (m, k)."""
-        return replace(self, bad=self.bad | (bad[:, None] if bad.ndim == 1 else bad))
+        more = bad[:, None] if bad.ndim == 1 else bad
+        unknown = None if self.unknown is None else self.unknown | np.logical_or.reduce(more, axis=1)[:, None]
+        return replace(self, bad=self.bad | more, unknown=unknown)
 
     def earlier(self, latency: float) -> Signal:
         """The same samples stamped `latency` seconds earlier."""

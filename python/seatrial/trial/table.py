@@ -193,14 +193,16 @@ def _attitude(
             f"{file}: {', '.join(given)}: one attitude has one frame; expected the same on each, found "
             + ", ".join(f'"{frame}"' if frame else "none" for frame in sorted(stated, key=str))
         )
+    unknown: Mask | None = None
     if group.name == "euler":
         absent = [k for k, name in enumerate(group.columns) if name not in given]
         if absent:
             missing = ", ".join(group.channels[k] for k in absent)
             report.add("warning", "attitude", f"{missing} not recorded and taken as zero")
             y[:, absent] = 0.0
-        bad = np.logical_or.reduce(~np.isfinite(y), axis=1)
-        q = from_euler(np.where(bad[:, None], 0.0, y))
+        unknown = ~np.isfinite(y)
+        bad = np.logical_or.reduce(unknown, axis=1)
+        q = from_euler(_bridged_angles(t, y))
         channels = tuple(group.channels[k] for k in range(3) if k not in absent)
     else:
         bad = np.logical_or.reduce(~np.isfinite(y), axis=1)
@@ -228,7 +230,17 @@ def _attitude(
     q, flips = continuous(q)
     if group.name == "quaternion":
         report.add("info", "attitude", "sign flips of the quaternion made continuous", flips)
-    return Signal("attitude", channels, t, q, np.repeat(bad[:, None], 4, axis=1))
+    return Signal("attitude", channels, t, q, np.repeat(bad[:, None], 4, axis=1), unknown)
+
+
+def _bridged_angles(t: Array, y: Array) -> Array:
+    """Angles (m, 3), rad, with straight bridges, the shorter way round, where one was not measured."""
+    bridged = np.zeros_like(y)
+    for k in range(y.shape[1]):
+        known = np.isfinite(y[:, k])
+        if known.any():
+            bridged[:, k] = np.interp(t, t[known], np.unwrap(y[known, k]))
+    return bridged
 
 
 def _actuator(
