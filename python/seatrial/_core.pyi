@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "error_edges", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
+__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
 
 @final
 class Autopilot:
@@ -670,6 +670,11 @@ def _restored_vehicle(text: str, coefficients: ArrayLike) -> Vehicle:
 def autopilot_names() -> dict[str, list[str]]:
     """
     The names behind the numbers of a flight: channels, groups, reactions and watches of the autopilot.
+    """
+
+def checked_threads(threads: SupportsIndex | None) -> None:
+    """
+    Refuse a number of threads that is none: expected from 1 to 1024, or None for all processors.
     """
 
 def error_edges() -> NDArray[float64]:

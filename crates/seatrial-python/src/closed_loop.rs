@@ -2,11 +2,12 @@
 
 use crate::autopilot::Autopilot;
 use crate::convert::{Array, Named, Numbers};
-use crate::error::{interruptible, raised, refused};
+use crate::error::{raised, refused};
 use crate::mission::Mission;
 use crate::pickle::{self, Parts, parts, restorer};
 use crate::trial::{CorridorRow, Trials};
 use crate::vehicle::Vehicle;
+use crate::work::{Threads, parallel};
 use pyo3::prelude::*;
 use seatrial::control::autopilot::settings::{tunable_index, tunable_names};
 use seatrial::control::navigation::{CHANNELS, ChannelErrors, GROUPS, GroupTiming, Outage, Sensors};
@@ -241,7 +242,7 @@ pub fn fly(
     max_step_s: f64,
     max_time_s: f64,
     logs: bool,
-    threads: Option<usize>,
+    threads: Option<Threads>,
     turbulence: Option<Numbers>,
     turbulence_times_s: (f64, f64),
     obstacles: Vec<(f64, f64, f64)>,
@@ -351,7 +352,7 @@ pub fn fly(
         periods: whole(max_time_s / dt),
     };
     let cases = Cases { coefficients: &sought, tunables: &tuned, cases: &cases };
-    let outcomes = interruptible(py, threads, |stop| flight.fly(&cases, logs, stop))?;
+    let outcomes = parallel(py, threads, |stop| flight.fly(&cases, logs, stop))?;
     Ok(Flights { description: description.clone(), outcomes, dt })
 }
 

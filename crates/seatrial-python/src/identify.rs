@@ -1,9 +1,10 @@
 //! `Record` and `OpenLoop`: trials as the core reads them, and the criterion over candidates.
 
 use crate::convert::{Array, Named, Numbers, optional_rows};
-use crate::error::{interruptible, raised, refused};
+use crate::error::{raised, refused};
 use crate::run::inputs;
 use crate::vehicle::Vehicle;
+use crate::work::{Threads, parallel};
 use pyo3::prelude::*;
 use seatrial::description::Description;
 use seatrial::error::nearest;
@@ -163,13 +164,13 @@ impl OpenLoop {
     ///
     /// values (k, names); threads: all when missing.
     #[pyo3(signature = (values, threads = None))]
-    fn errors(&self, py: Python<'_>, values: Numbers, threads: Option<usize>) -> PyResult<Array> {
+    fn errors(&self, py: Python<'_>, values: Numbers, threads: Option<Threads>) -> PyResult<Array> {
         let (count, values) = values.matrix("values", self.sought.len())?;
         if count == 0 {
             return Err(refused("values: expected one row per candidate, found none"));
         }
         let candidates = Candidates { sought: &self.sought, values: &values, count };
-        let errors = interruptible(py, threads, |stop| self.batch().errors(candidates, self.loss, stop))?;
+        let errors = parallel(py, threads, |stop| self.batch().errors(candidates, self.loss, stop))?;
         Ok(Array::new(&[count, self.segments.len(), CHANNELS], errors))
     }
 
@@ -184,10 +185,10 @@ impl OpenLoop {
         values: Numbers,
         nuisance: Option<Numbers>,
         initial: Option<Numbers>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Vec<Array>> {
         let place = self.place(values, None, nuisance, initial)?;
-        let shown = interruptible(py, threads, |stop| self.batch().predictions(place.point(self), stop))?;
+        let shown = parallel(py, threads, |stop| self.batch().predictions(place.point(self), stop))?;
         Ok(shown.iter().map(|rows| Array::rows(rows, false)).collect())
     }
 
@@ -210,14 +211,14 @@ impl OpenLoop {
         channels: Option<Vec<String>>,
         nuisance: Option<Numbers>,
         initial: Option<Numbers>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Vec<(Array, Array)>> {
         let place = self.place(values, directions, nuisance, initial)?;
         let unknowns = place.unknowns(self, &nuisances, &initials)?;
         let asked = channels.map_or(Ok((0..CHANNELS).collect()), |names| {
             names.iter().map(|n| named("channels", n, &CHANNEL_NAMES)).collect::<PyResult<Vec<_>>>()
         })?;
-        let shown = interruptible(py, threads, |stop| {
+        let shown = parallel(py, threads, |stop| {
             self.batch().sensitivities(place.point(self), &unknowns, &asked, stop)
         })?;
         Ok(shown
@@ -243,11 +244,11 @@ impl OpenLoop {
         initials: Vec<String>,
         nuisance: Option<Numbers>,
         initial: Option<Numbers>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<(Array, Array)> {
         let place = self.place(values, directions, nuisance, initial)?;
         let unknowns = place.unknowns(self, &nuisances, &initials)?;
-        let found = interruptible(py, threads, |stop| {
+        let found = parallel(py, threads, |stop| {
             self.batch().gradient(place.point(self), &unknowns, self.loss, stop)
         })?;
         let sums: Vec<[f64; CHANNELS]> = found.iter().map(|segment| segment.sums).collect();

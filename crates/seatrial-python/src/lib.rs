@@ -14,6 +14,7 @@ mod run;
 mod simulate;
 mod trial;
 mod vehicle;
+mod work;
 
 /// The compiled core of seatrial.
 #[pymodule(gil_used = false)]
@@ -34,4 +35,6 @@ mod _core {
     use crate::simulate::{simd_level, simulate_batch};
     #[pymodule_export]
     use crate::vehicle::{Vehicle, restored_vehicle};
+    #[pymodule_export]
+    use crate::work::checked_threads;
 }

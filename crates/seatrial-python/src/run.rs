@@ -1,8 +1,9 @@
 //! `State`, `Run`, and the simulation from one to the other.
 
 use crate::convert::{Array, Named, Numbers, optional_rows};
-use crate::error::{interruptible, raised, refused};
+use crate::error::{raised, refused};
 use crate::pickle::{self, Parts, parts, restorer};
+use crate::work::{Threads, interruptible, parallel};
 use pyo3::prelude::*;
 use seatrial::description::{ActuatorDescription, Description};
 use seatrial::fit::batch::{Batch, Candidates, Run as Track};
@@ -360,7 +361,7 @@ impl Simulation {
         &self,
         py: Python<'_>,
         candidates: Option<Candidates<'_>>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Run> {
         let batch = Batch {
             description: &self.description,
@@ -369,10 +370,10 @@ impl Simulation {
             modes: self.modes,
             substeps: self.substeps,
         };
-        let tracks = interruptible(py, threads, |stop| match candidates {
-            None => Ok(vec![batch.track(0, stop)?]),
-            Some(candidates) => batch.tracks(candidates, stop),
-        })?;
+        let tracks = match candidates {
+            None => vec![interruptible(py, |stop| batch.track(0, stop))?],
+            Some(candidates) => parallel(py, threads, |stop| batch.tracks(candidates, stop))?,
+        };
         let (description, dt, start) = (self.description.clone(), self.record.dt, self.start);
         Ok(Run { description, dt, start, tracks, batch: candidates.is_some() })
     }

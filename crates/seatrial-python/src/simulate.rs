@@ -4,6 +4,7 @@ use crate::convert::{Named, Numbers};
 use crate::error::{raised, refused};
 use crate::run::{Run, Simulation, State, inputs};
 use crate::vehicle::Vehicle;
+use crate::work::Threads;
 use pyo3::prelude::*;
 use seatrial::fit::batch::Candidates;
 
@@ -28,7 +29,7 @@ pub fn simulate_batch(
     max_step_s: f64,
     rho: Option<f64>,
     g: Option<f64>,
-    threads: Option<usize>,
+    threads: Option<Threads>,
 ) -> PyResult<Run> {
     let description = &vehicle.description;
     let inputs = inputs(t, commands, current, tau, voltage_v, rho, g)?;

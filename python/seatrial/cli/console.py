@@ -31,6 +31,7 @@ __all__ = [
     "Figures",
     "Json",
     "Pdf",
+    "Threads",
     "Verbose",
     "answer",
     "check_axes",
@@ -50,6 +51,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all tables and remarks.")]
 
 Figures = Annotated[bool, typer.Option(help="Write figures (PNG) into the run directory.")]
+
+Threads = Annotated[int | None, typer.Option(min=1, max=1024, help="Threads; all processors by default.")]
 
 Pdf = Annotated[bool, typer.Option("--pdf", help="Write figures as PDF, too.")]
 

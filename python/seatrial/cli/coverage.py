@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from seatrial.cli.console import Json, Verbose
+from seatrial.cli.console import Json, Threads, Verbose
 
 __all__ = ["coverage"]
 
@@ -28,7 +28,7 @@ def coverage(
     resume: Annotated[
         bool, typer.Option(help="Reuse repetitions that an earlier run finished from the same inputs.")
     ] = True,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    threads: Threads = None,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:

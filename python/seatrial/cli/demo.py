@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.cli.console import Threads
 from seatrial.cli.new import EXAMPLES
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ __all__ = ["Chain", "demo", "demonstrate"]
 
 def demo(
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for results.")] = Path("runs/demo"),
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    threads: Threads = None,
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
 ) -> None:
     """Identify CWolf from generated trials, tune and verify its autopilot; identify the AUV Beluga.

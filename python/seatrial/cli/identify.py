@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -26,7 +26,7 @@ def identify(
     resume: Annotated[
         bool, typer.Option(help="Reuse stages that an earlier run finished from the same inputs.")
     ] = True,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    threads: Threads = None,
     trial: Annotated[
         list[str] | None,
         typer.Option("--trial", metavar="NAME=FILE", help="Another recording for a trial; repeatable."),

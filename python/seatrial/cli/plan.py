@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def plan(
     voltage: Annotated[
         float, typer.Option(min=0.1, help="Supply voltage for tables of thrust, V.")
     ] = NOMINAL_V,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    threads: Threads = None,
     out: Annotated[
         Path | None,
         typer.Option(

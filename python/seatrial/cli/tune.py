@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -36,7 +36,7 @@ def tune(
     resume: Annotated[
         bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")
     ] = True,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    threads: Threads = None,
     figures: Figures = True,
     pdf: Pdf = False,
     verbose: Verbose = False,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.base.errors import CampaignError
-from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -76,7 +76,7 @@ def verify(
     resume: Annotated[
         bool, typer.Option(help="Reuse missions that an earlier run flew from the same inputs.")
     ] = True,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; all processors by default.")] = None,
+    threads: Threads = None,
     figures: Figures = True,
     pdf: Pdf = False,
     verbose: Verbose = False,

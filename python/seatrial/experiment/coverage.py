@@ -21,6 +21,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from seatrial._core import checked_threads
 from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
@@ -84,6 +85,7 @@ def coverage(
     SeatrialError
         The run directory cannot be written.
     """
+    checked_threads(threads)
     if seeds < 1:
         raise CampaignError(f"coverage: expected at least one repetition, found seeds = {seeds}")
     generated = GeneratedTrials(campaign, truth=truth)

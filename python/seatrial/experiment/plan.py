@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial._core import Vehicle
+from seatrial._core import Vehicle, checked_threads
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, SeatrialError, nearest
 from seatrial.base.progress import Clock, Progress
@@ -104,6 +104,7 @@ def plan(
     >>> found.sequence[0].manoeuvre.kind
     'free decay'
     """
+    checked_threads(threads)
     clock = Clock()
 
     def tell(fraction: float, what: str, done: int = 0, total: int = 0) -> None:

@@ -34,7 +34,6 @@ from seatrial.flight.checks import (
     checked_set_points,
     checked_step,
     checked_supply,
-    checked_threads,
     checked_times,
     checked_turbulence,
     longest,
@@ -326,7 +325,6 @@ class Cases:
         SimulationError
             There is no such number of threads.
         """
-        checked_threads(threads)
         around = self.circumstances
         return core_fly(
             self.vehicle,

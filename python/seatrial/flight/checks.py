@@ -33,7 +33,6 @@ __all__ = [
     "checked_set_points",
     "checked_step",
     "checked_supply",
-    "checked_threads",
     "checked_times",
     "checked_turbulence",
     "checked_vector",
@@ -44,8 +43,6 @@ __all__ = [
 ]
 
 _LARGEST_SEED = 2**53
-
-_MOST_THREADS = 1024
 
 _FASTEST_WATER_M_S = 15.0  # the fastest tidal streams run at 10 m/s
 
@@ -92,15 +89,6 @@ def checked_seed(seed: Any) -> int:
     if not whole or not 0 <= seed < _LARGEST_SEED:
         raise SimulationError(f"seed: expected a whole number from 0 to 2^53 - 1, found {seed!r}")
     return int(seed)
-
-
-def checked_threads(threads: Any) -> None:
-    """Refuse a number of threads that is none."""
-    whole = isinstance(threads, int | np.integer) and not isinstance(threads, bool)
-    if threads is not None and not (whole and 1 <= threads <= _MOST_THREADS):
-        raise SimulationError(
-            f"threads: expected a whole number from 1 to {_MOST_THREADS}, or None for all, found {threads!r}"
-        )
 
 
 def checked_step(max_step_s: Any, autopilot: Autopilot) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from seatrial._core import Autopilot, Flights, State, Vehicle
+from seatrial._core import Autopilot, Flights, State, Vehicle, checked_threads
 from seatrial.base.errors import SimulationError
 from seatrial.base.progress import Clock
 from seatrial.flight.cases import TURBULENCE_TIMES_S, Cases
@@ -252,6 +252,7 @@ def fly_batch(
     >>> flights.figures["ending"]
     array([1., 1., 1.])
     """
+    checked_threads(threads)
     cases = Cases.of(
         vehicle,
         autopilot,

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from seatrial._core import Vehicle
+from seatrial._core import Vehicle, checked_threads
 from seatrial.base.errors import CampaignError, TrialError
 from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
@@ -166,6 +166,7 @@ def identify(
     >>> fit = st.identify(st.Campaign.load("examples/cwolf/campaign.toml"))  # doctest: +SKIP
     >>> print(fit.summary())  # doctest: +SKIP
     """
+    checked_threads(threads)
     if not isinstance(campaign, Campaign):
         if trials is None or "free" not in asked:
             raise CampaignError(

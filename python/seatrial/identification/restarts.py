@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial._core import checked_threads
 from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts
@@ -79,6 +80,7 @@ def restarts(
     >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
     >>> print(restarts(campaign, starts=10))  # doctest: +SKIP
     """
+    checked_threads(threads)
     if starts < 2:
         raise CampaignError(
             f"random starts: expected two or more, found {starts}; one has nothing to agree with"

@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from seatrial._core import Autopilot
+from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError
 from seatrial.base.progress import Progress
 from seatrial.base.run import RunDirectory, sha256
@@ -148,6 +148,7 @@ def tune(
     >>> [group.name for group in tuning.groups[:2]]
     ['margins', 'heading']
     """
+    checked_threads(threads)
     if isinstance(campaign, Campaign):
         given = {"loops": loops, "settings": settings, "name": name, "seed": seed}
         if named := [key for key, value in given.items() if value is not None]:

@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+from seatrial._core import checked_threads
 from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts, sha256
 from seatrial.campaign.campaign import input_hashes
-from seatrial.flight.checks import checked_threads
 from seatrial.verification.comparison import AutopilotComparison, compared
 from seatrial.verification.judgement import (
     beyond_the_vehicle,
@@ -189,6 +189,8 @@ def verify(
     from seatrial.identification.fitted import Fitted
     from seatrial.verification.campaign import campaign_of, verified_campaign
 
+    checked_threads(threads)
+
     if isinstance(campaign, Campaign):
         alone = {"requirements": requirements, "settings": settings, "name": name, "seed": seed}
         if named := [key for key, value in alone.items() if value is not None]:
@@ -238,7 +240,6 @@ def run_verification(
     KeyboardInterrupt
         Before the first missions were finished.
     """
-    checked_threads(threads)
     clock = Clock()
     with RunDirectory(run_dir, resume=resume) as run:
         found = _verified(prepared, run, clock, progress=progress, threads=threads)
