@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
+__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
 
 @final
 class Autopilot:
@@ -680,6 +680,13 @@ def checked_threads(threads: SupportsIndex | None) -> None:
 def error_edges() -> NDArray[float64]:
     """
     The thresholds of the counts of errors, m, shape (edges,).
+    """
+
+def file_text(path: str | PathLike[str]) -> str:
+    """
+    Text of a regular file of bounded size, in UTF-8 with or without a byte order mark.
+
+    Raises ValueError that says why the file cannot be read.
     """
 
 def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ...) -> Flights:

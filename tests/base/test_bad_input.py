@@ -170,7 +170,7 @@ def test_a_file_that_cannot_be_read_is_said_without_its_number(here: Path, what:
     ("line", "words"),
     [
         ('bench = "b.toml"', "key bench: there is no file b.toml"),
-        ('bench = "."', "key bench: there is no file ."),
+        ('bench = "."', "key bench: . is a folder, not a file"),
         ("bench = 3", "key bench: expected text in quotes"),
         ('bench = "lauv.toml"', "tests the vehicle lauv, and the campaign identifies cwolf"),
         ('places = { velocity_m = "bow" }', "places, key velocity_m: expected a list"),

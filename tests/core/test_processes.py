@@ -135,3 +135,28 @@ def test_the_environment_sets_the_number_of_threads() -> None:
         POLARS_MAX_THREADS="1",
     )
     assert int(done.stdout) >= 8, done.stderr
+
+
+def test_a_child_that_would_wait_for_polars_is_told_so() -> None:
+    done = run("""
+        import tempfile, pathlib
+        log = pathlib.Path(tempfile.mkdtemp()) / "log.csv"
+        log.write_text("t_s,u_m_s,tau.X_n,tau.Y_n,tau.Z_n,tau.K_nm,tau.M_nm,tau.N_nm\\n"
+            + "".join(f"{0.1 * k:.1f},1.0{',0.0' * 6}\\n" for k in range(50)))
+        trial = st.Trial.read(log)
+        def score():
+            return st.score(vehicle, [trial], free="X")["u"].r2
+        score()
+        child = os.fork()
+        if not child:
+            try:
+                st.Trial.read(log)
+            except st.SeatrialError as error:
+                print(error)
+            score()  # what was read before can be used
+            sys.stdout.flush()
+            os._exit(0)
+        print(os.waitpid(child, 0)[1])
+    """)
+    assert done.stdout.endswith("\n0\n"), done.stderr
+    assert 'multiprocessing.get_context("spawn")' in done.stdout

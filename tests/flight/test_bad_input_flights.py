@@ -128,7 +128,7 @@ def test_an_option_is_answered_in_a_sentence(here: Path, options: list[str], wor
     ("arguments", "words"),
     [
         (["nowhere.toml"], "expected a vehicle, campaign, mission or autopilot file or one of the built-in"),
-        (["folder"], "found a folder"),
+        (["folder"], "folder is a folder, not a file"),
         ([""], "an empty name: expected"),
         (["empty.toml"], "found an empty file; seatrial new"),
         (["sensors.toml"], "found a set of sensors; fly with it"),

@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from seatrial.report.plot.cross_track import cross_track, exceedance, quantile_of_counts
-from seatrial.report.plot.verification import Verified, _free, _safe, cause_bars, verified_requirements
+from seatrial.report.plot.verification import Verified, cause_bars, verified_requirements
 from seatrial.statistics.proportions import FailureProbability
 from seatrial.verification.causes import Cause, Influence, find_causes
 from tests.report.figures import assert_on_page, panel, texts
@@ -88,13 +88,6 @@ def test_rates_along_a_cause_are_those_of_its_groups() -> None:
     speed = next(one for one in causes(0.45) if one.name == "current speed")
     bars = [one.get_height() for one in panel(figure, "current speed").patches if isinstance(one, Rectangle)]
     assert bars == pytest.approx([100.0 * rate for rate in speed.groups.rates])
-
-
-def test_requirements_of_similar_or_long_names_have_figures_of_their_own() -> None:
-    taken: list[str] = []
-    for name in ("keeps its path", "keeps its-path", "k" * 300):
-        taken.append(_free(_safe(name), taken))
-    assert taken == ["keeps_its_path", "keeps_its_path_2", "k" * 50]
 
 
 @pytest.mark.parametrize("threshold_m", [None, 0.5, 3.0])

@@ -4,6 +4,7 @@ use crate::convert::{Fact, Named, Table, fact_map};
 use crate::error::{VehicleError, raised, refused};
 use crate::mission::Mission;
 use crate::pickle::restorer;
+use crate::text::file_text;
 use crate::trial::set_point;
 use crate::vehicle::Vehicle;
 use pyo3::inspect::PyStaticExpr;
@@ -46,7 +47,7 @@ impl Autopilot {
         if let Some(text) = built_in(&name) {
             return Settings::from_toml(text, &name).map(Self::of).map_err(raised);
         }
-        let text = std::fs::read_to_string(&name_or_path).map_err(|error| {
+        let text = file_text(&name_or_path).map_err(|error| {
             let near = nearest(&name, built_in_names());
             VehicleError::new_err(format!(
                 "{name}: expected an autopilot file or one of the built-in autopilots {}, but the file cannot be read ({error}){near}",

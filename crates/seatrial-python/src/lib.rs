@@ -12,6 +12,7 @@ mod motor;
 mod pickle;
 mod run;
 mod simulate;
+mod text;
 mod trial;
 mod vehicle;
 mod work;
@@ -33,6 +34,8 @@ mod _core {
     use crate::run::{Run, State, restored_run, restored_state};
     #[pymodule_export]
     use crate::simulate::{simd_level, simulate_batch};
+    #[pymodule_export]
+    use crate::text::file_text_for_python;
     #[pymodule_export]
     use crate::vehicle::{Vehicle, restored_vehicle};
     #[pymodule_export]

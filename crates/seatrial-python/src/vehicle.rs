@@ -4,6 +4,7 @@ use crate::convert::{Array, Fact, Named, Numbers, Table, fact_map};
 use crate::error::{VehicleError, raised, refused};
 use crate::pickle::{self, Parts, parts, restorer};
 use crate::run::{Run, Simulation, State, inputs};
+use crate::text::file_text;
 use pyo3::prelude::*;
 use seatrial::control::allocation::authority;
 use seatrial::control::allocation::report::RowAuthority;
@@ -71,7 +72,7 @@ impl Vehicle {
         if let Some(text) = built_in(&name) {
             return Description::from_toml(text, &name).map(Self::of).map_err(raised);
         }
-        let text = std::fs::read_to_string(&name_or_path).map_err(|error| {
+        let text = file_text(&name_or_path).map_err(|error| {
             let near = nearest(&name, built_in_names());
             VehicleError::new_err(format!(
                 "{name}: expected a vehicle file or one of the built-in vehicles {}, but the file cannot be read ({error}){near}",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from seatrial.base.errors import TrialError, reason
+from seatrial.base.forked import before_table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -40,6 +41,7 @@ def write_atomic(path: Path, content: bytes) -> None:
 
 def parquet(frame: pl.DataFrame) -> bytes:
     """Content of a Parquet file with a table."""
+    before_table()
     content = io.BytesIO()
     frame.write_parquet(content)
     return content.getvalue()
@@ -64,6 +66,7 @@ def write_table(
     TrialError
         The file cannot be written.
     """
+    before_table()
     target = Path(path)
     content = parquet(frame) if target.suffix == ".parquet" else (comments + frame.write_csv()).encode()
     try:

@@ -51,6 +51,7 @@ from typing import TYPE_CHECKING, Any, Self
 from seatrial._core import simd_level
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError
+from seatrial.base.file_names import file_name
 from seatrial.base.progress import Clock
 
 __all__ = [
@@ -357,12 +358,13 @@ def version(package: str) -> str:
 
 def sha256(content: str | bytes) -> str:
     """SHA-256 of a text or of bytes, hexadecimal."""
-    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()
+    given = content.encode(errors="surrogatepass") if isinstance(content, str) else content
+    return hashlib.sha256(given).hexdigest()
 
 
 def part_file(part: str) -> str:
     """Name inside the run directory of the file that keeps a part; different parts have different names."""
-    safe = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in part)
+    safe = file_name(part, instead="_")
     tail = "" if safe == part else "-" + sha256(part)[:8]
     return f"{_PARTS}/{safe}{tail}.json"
 

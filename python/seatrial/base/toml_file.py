@@ -18,7 +18,8 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest, reason
+from seatrial._core import file_text
+from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest
 
 __all__ = [
     "CAMPAIGN",
@@ -52,7 +53,8 @@ Interval = tuple[Number, Number]
 
 Name = Annotated[str, Field(min_length=1)]
 
-FolderName = Annotated[str, Field(pattern=r"^[^/\\.][^/\\]*$")]  # results go to a folder of this name
+# Results go to a folder of this name.
+FolderName = Annotated[str, Field(pattern=r"^[^/\\.\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]*$")]
 
 
 class Section(BaseModel):
@@ -83,7 +85,7 @@ _File = TypeVar("_File", bound=Section)
 _EXPECTED = {
     "string_type": "expected text in quotes",
     "string_too_short": "expected text that is not empty",
-    "string_pattern_mismatch": "expected a name for a folder, without / or \\ and no dot in front",
+    "string_pattern_mismatch": "expected a name for a folder: no /, \\, control characters or dot in front",
     "bool_type": "expected true or false",
     "bool_parsing": "expected true or false",
     "int_type": "expected a whole number",
@@ -102,7 +104,7 @@ _EXPECTED = {
 def text_of(
     path: Any, what: str, *, error: type[SeatrialError] = CampaignError, advice: str = "check the path"
 ) -> str:
-    """Text of a file in UTF-8, with or without a byte order mark.
+    """Text of a regular file of bounded size in UTF-8, with or without a byte order mark.
 
     Parameters
     ----------
@@ -119,9 +121,9 @@ def text_of(
     if "\n" in str(path):
         raise error(f"expected the path of {what}, found its text; use from_toml for text")
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as wrong:  # ValueError: not UTF-8, or a zero byte in the path
-        raise error(f"{path}: not readable as {what} ({reason(wrong)}); {advice}") from None
+        return file_text(path)
+    except ValueError as wrong:  # of the file, or of a zero byte in the path
+        raise error(f"{path}: not readable as {what} ({wrong}); {advice}") from None
 
 
 def tables(text: str, source: str, *, error: type[SeatrialError] = CampaignError) -> dict[str, Any]:
@@ -245,7 +247,7 @@ _KEYS = {
     "a bench file": ("pulls", "steps"),
     "the recipe of a generated trial": ("truth",),
     "the truth of generated trials": ("factors",),
-    CAMPAIGN: ("stages", "trials"),
+    CAMPAIGN: ("stages", "trials", "tuning", "verification"),
     MISSION: ("legs",),
     AUTOPILOT: ("schedule", "modes", "loops"),
     "a set of sensors": ("sensors",),
@@ -262,9 +264,9 @@ def file_kind(path: str | Path) -> str | None:
     True
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        text = file_text(path)
         data = tomllib.loads(text)
-    except (OSError, ValueError):
+    except ValueError:
         return None
     if not text.strip():
         return _EMPTY

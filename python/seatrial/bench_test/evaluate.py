@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import CampaignError, TrialError, VehicleError, nearest
+from seatrial.base.file_names import no_file
 from seatrial.base.progress import Clock
 from seatrial.base.run import run_facts, sha256
 from seatrial.base.toml_file import file_path, is_path, text_of
@@ -235,7 +236,7 @@ def _vehicle(file: BenchFile, path: Path, given: Vehicle | None) -> tuple[Vehicl
         loaded = Vehicle.load(str(own or name))
     except VehicleError as error:
         raise VehicleError(f"{path}: key vehicle: {error}") from None
-    return loaded, own, loaded.to_toml() if own is None else own.read_text(encoding="utf-8")
+    return loaded, own, loaded.to_toml() if own is None else text_of(own, "a vehicle file")
 
 
 def _check_units(file: BenchFile, vehicle: Vehicle, source: str) -> None:
@@ -313,7 +314,7 @@ def _motors(
 
 def _file(text: str, bench: Path, where: str, hashes: dict[str, Any]) -> Path:
     path = file_path(text, bench.parent, f"{where}, key file")
-    if not path.is_file():
-        raise CampaignError(f"{where}, key file: there is no file {path}; correct the path")
+    if wrong := no_file(path):
+        raise CampaignError(f"{where}, key file: {wrong}; correct the path")
     hashes[text] = sha256(path.read_bytes())
     return path

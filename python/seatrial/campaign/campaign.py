@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.errors import CampaignError, VehicleError, nearest
+from seatrial.base.file_names import no_file
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.campaign.file import CampaignFile, Environment, Input, Stage, TrialSource, in_order, parse
@@ -349,9 +350,9 @@ class Campaign:
             return given
         source, environment = self._sources[trial], self.environment_of(trial)
         path = self.path_of(trial)
-        if path is not None and not path.exists():
+        if path is not None and (wrong := no_file(path)):
             raise CampaignError(
-                f"{self.source}: trial {trial!r}, key file: there is no file {path}; correct the path or give"
+                f"{self.source}: trial {trial!r}, key file: {wrong}; correct the path or give"
                 f" another one with trials={{{trial!r}: path}}"
             )
         return Trial.read(
@@ -485,8 +486,8 @@ def _bench_test(path: Path, vehicle: Vehicle, where: str) -> BenchTest:
     """
     from seatrial.bench_test.evaluate import fingerprint, vehicle_of
 
-    if not path.is_file():
-        raise CampaignError(f"{where}: there is no file {path}; correct the path or remove the key")
+    if wrong := no_file(path):
+        raise CampaignError(f"{where}: {wrong}; correct the path or remove the key")
     tested = vehicle_of(path)
     if tested.name != vehicle.name:
         raise CampaignError(

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 __all__ = ["CampaignCheck", "StageOutline", "check_campaign"]
 
 
+_READY = {True: "Ready to identify", False: "Nothing to identify: it only tunes or verifies an autopilot"}
+
+
 @dataclass(frozen=True)
 class StageOutline:
     """A stage in numbers: segments and samples that count, the step in s, the free coefficients."""
@@ -82,7 +85,7 @@ def _report(check: CampaignCheck) -> Report:
     count = sum(len(stage.coefficients) for stage in check.stages)
     return Report(
         title=check.name,
-        outcome="not ready" if check.problems else "Ready to identify",
+        outcome="not ready" if check.problems else _READY[bool(check.stages)],
         good=(
             f"{len(check.reports)} trials of {check.vehicle} ({minutes:.0f} min); {len(check.stages)} stages"
             f" free {count} coefficients on {samples} samples"
@@ -104,6 +107,8 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
     if check.problems:
         return check.problems[0], "correct the campaign or the recording and check again"
     identify = "run seatrial identify on this campaign"
+    if not check.stages:
+        identify = "run seatrial tune or seatrial verify on this campaign"
     for severity in ("error", "warning"):
         for name, report in check.reports.items():
             for finding in report.findings:
@@ -181,7 +186,7 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
             problems.append(str(error))
     stages: tuple[StageOutline, ...] = ()
     inputs, scale = None, None
-    if not problems:
+    if not problems and campaign.stages:
         try:
             inputs, scale = judge_inputs(campaign), judge_scale(campaign)
             stages = tuple(

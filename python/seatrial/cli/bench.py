@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from seatrial.base.file_names import file_name, free_name
 from seatrial.cli.console import Figures, Json, Pdf, Verbose
 
 if TYPE_CHECKING:
@@ -79,8 +80,9 @@ def _draw(found: BenchTest, folder: Path, endings: tuple[str, ...]) -> list[Path
     from seatrial.report.plot.style import save
 
     drawn = save(bollard_test(found), folder / "bollard_test", formats=endings) if found.pulls else []
+    taken: list[str] = []
     for unit, motor in found.motors.items():
-        drawn += save(
-            motor_step(motor, found.step_records[unit][0]), folder / f"motor_{unit}", formats=endings
-        )
+        taken.append(free_name(file_name(unit, instead="+"), taken))
+        figure = motor_step(motor, found.step_records[unit][0])
+        drawn += save(figure, folder / f"motor_{taken[-1]}", formats=endings)
     return drawn

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from seatrial.base.errors import SeatrialError, nearest
+from seatrial.base.file_names import file_name, no_file
 from seatrial.cli.console import Json, Pdf, Verbose, formats
 from seatrial.vehicle.actuators import NOMINAL_V
 
@@ -120,7 +121,7 @@ def _check_vehicle(
     if out is not None:
         check_writable(out)
     found = check_vehicle(vehicle, voltage_v=voltage, speeds_kn=speed_kn or None)
-    folder = out or Path("runs") / f"check-{vehicle.name}"
+    folder = out or Path("runs") / file_name(f"check-{vehicle.name}")
 
     def drawn() -> list[Path]:
         return _draw_vehicle(vehicle, voltage, folder, drawing.formats) if drawing.wanted else []
@@ -163,12 +164,11 @@ def _kind(target: str) -> str:
             f"{target}: expected a vehicle, campaign, mission or autopilot file, found {kind};"
             f" {_ADVICE[kind].format(target)}"
         )
-    if kind is None and target not in Vehicle.names() and not Path(target).is_file():
+    if kind is None and target not in Vehicle.names() and (wrong := no_file(Path(target))):
         near = nearest(target, Vehicle.names())
-        why = "a folder" if Path(target).is_dir() else "no such file"
         raise SeatrialError(
             f"{target or 'an empty name'}: expected a vehicle, campaign, mission or autopilot file or one of"
-            f" the built-in vehicles {', '.join(Vehicle.names())}, found {why}"
+            f" the built-in vehicles {', '.join(Vehicle.names())}, but {wrong}"
             f"{near if near.endswith('?') else '; check the path'}"
         )
     return kind or VEHICLE
@@ -221,7 +221,7 @@ def _check_mission(
         autopilot=None if autopilot is None else loaded(Autopilot, autopilot, "--autopilot"),
         voltage_v=voltage,
     )
-    folder = out or Path("runs") / f"check-{Path(target).stem}"
+    folder = out or Path("runs") / file_name(f"check-{Path(target).stem}")
 
     def drawn() -> list[Path]:
         if not drawing.wanted:

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.base.file_names import file_name
 from seatrial.cli.console import Figures, Json, Pdf, Verbose
 
 if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
 
 __all__ = ["draw_flight", "fly"]
-
-_LONGEST_NAME = 80
 
 
 def fly(
@@ -135,5 +134,4 @@ def draw_flight(flight: Flight, folder: Path, endings: tuple[str, ...] = ("png",
 
 def _folder(flight: Flight) -> str:
     """Name of the run directory, no longer than file systems take."""
-    name = f"fly-{flight.vehicle.name}-{flight.route.name}"[:_LONGEST_NAME]
-    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)
+    return file_name(f"fly-{flight.vehicle.name}-{flight.route.name}")

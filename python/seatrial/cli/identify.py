@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.base.file_names import no_file
 from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
 
 if TYPE_CHECKING:
@@ -144,8 +145,8 @@ def _replacements(entries: list[str]) -> dict[str, str]:
         name, equals, path = entry.partition("=")
         if not equals or not name or not path:
             raise CampaignError(f"--trial {entry!r}: expected NAME=FILE, for example --trial surge=log.csv")
-        if not Path(path).is_file():
-            raise CampaignError(f"--trial {entry}: there is no file {path}; correct the path")
+        if wrong := no_file(Path(path)):
+            raise CampaignError(f"--trial {entry}: {wrong}; correct the path")
         trials[name] = path
     return trials
 

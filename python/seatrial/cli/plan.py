@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from seatrial.base.file_names import file_name
 from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
 from seatrial.vehicle.actuators import NOMINAL_V
 
@@ -87,7 +88,7 @@ def plan(
             threads=threads,
             progress=progress,
         )
-    first = out or Path("runs") / f"plan-{found.vehicle}" / "trial.csv"
+    first = out or Path("runs") / file_name(f"plan-{found.vehicle}") / "trial.csv"
     paths = [
         first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
         for number in range(1, count + 1)

@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from seatrial.base.errors import CampaignError
+from seatrial.base.file_names import file_name
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
 __all__ = ["refuse_beside", "verify_log"]
-
-_LONGEST_NAME = 80
 
 
 def refuse_beside(given: Mapping[str, Any]) -> None:
@@ -85,4 +84,4 @@ def verify_log(
 
 def _safe(log: Path) -> str:
     name = log.stem if log.is_file() else log.name or log.resolve().name
-    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)[:_LONGEST_NAME]
+    return file_name(name)

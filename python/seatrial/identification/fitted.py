@@ -232,7 +232,7 @@ class Fitted:
 
 def _found(source: Any) -> Fitted:
     """A vehicle and its covariance of an identification, a run directory or a vehicle."""
-    from seatrial._core import Vehicle
+    from seatrial._core import Vehicle, file_text
 
     if isinstance(source, Identification):
         return _with(source.vehicle, source.covariance, f"the identification {source.campaign.name}")
@@ -240,8 +240,8 @@ def _found(source: Any) -> Fitted:
         folder = Path(source)
         path = folder / RESULT
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+            data = json.loads(file_text(path))
+        except ValueError as error:
             raise CampaignError(
                 f"{folder}: expected a run directory of `seatrial identify`, but {RESULT} cannot be read"
                 f" ({reason(error)}); give the folder that it printed, or a vehicle file"

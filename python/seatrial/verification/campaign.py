@@ -17,6 +17,7 @@ import numpy as np
 
 from seatrial._core import Autopilot, Vehicle
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, nearest
+from seatrial.base.file_names import no_file
 from seatrial.base.toml_file import is_path, loaded
 from seatrial.campaign.verification_table import MissionTable, RequirementTable, VerificationTable
 from seatrial.flight.checks import (
@@ -406,10 +407,8 @@ def _table(
 
 def _mission(campaign: Campaign, file: str) -> Mission:
     path = campaign.resolve(file, "verification.missions")
-    if not path.is_file():
-        raise CampaignError(
-            f"{campaign.source}: verification, key missions: there is no file {path}; correct the path"
-        )
+    if wrong := no_file(path):
+        raise CampaignError(f"{campaign.source}: verification, key missions: {wrong}; correct the path")
     return Mission.load(path)
 
 

@@ -6,15 +6,15 @@ Tests: ``tests/verification/test_verify.py``, ``tests/cli/test_cli_verify.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
-from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
+from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunResult, to_json
 from seatrial.statistics import proportions
@@ -427,7 +427,6 @@ def _number(value: float, decimals: int) -> str:
     return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else ""
 
 
-_LONGEST = 50
 """Letters: those of some scripts take four of the 255 bytes that file systems give a name."""
 
 
@@ -465,21 +464,10 @@ def input_files(campaign: Campaign, flights: CampaignFlights) -> dict[str, str]:
     """Files of the inputs by name, as they were flown."""
     missions: dict[str, str] = {}
     for title, mission in zip(flights.titles, flights.missions, strict=True):
-        missions[_free(_safe(title), missions)] = mission.to_toml()
+        missions[free_name(file_name(title), missions)] = mission.to_toml()
     return {
         "campaign.toml": campaign.text,
         "vehicle.toml": flights.fitted.vehicle.to_toml(),
         "autopilot.toml": flights.autopilot.to_toml(),
         **{f"missions/{name}.toml": text for name, text in missions.items()},
     }
-
-
-def _safe(name: str) -> str:
-    """Name for a file, short enough for any file system."""
-    return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)[:_LONGEST]
-
-
-def _free(name: str, taken: Container[str]) -> str:
-    """The name, with a number where another mission's became the same."""
-    numbered = (name if k == 1 else f"{name}-{k}" for k in count(1))
-    return next(one for one in numbered if one not in taken)

@@ -18,6 +18,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import TrialError
+from seatrial.base.file_names import file_name, free_name
 from seatrial.report.plot.performance import characteristic
 from seatrial.report.plot.style import (
     FAINT,
@@ -335,11 +336,14 @@ def _figures(fit: Identification) -> Iterator[tuple[str, Figure]]:
     if fit.assessment is not None:
         yield "intervals", intervals(fit.assessment)
         yield "residual_analysis", residual_figure(fit.assessment.residual_analysis)
+    taken: list[str] = []
     for trial in fit.campaign.trials:
         try:
-            yield f"trial_{trial}", trial_figure(fit, trial)
+            figure = trial_figure(fit, trial)
         except TrialError:  # such a trial is named among the notes of the identification
             continue
+        taken.append(free_name(file_name(trial), taken))
+        yield f"trial_{taken[-1]}", figure
 
 
 def trial_figure(fit: Identification, name: str) -> Figure:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, DEGREE
+from seatrial.base.file_names import file_name, free_name
 from seatrial.report.plot.style import (
     FOURTH,
     MEASURED,
@@ -214,6 +215,7 @@ def draw_variants(
     one = next(iter(scores.values()))
     velocities = [CHANNELS[AXES.index(axis)] for axis in AXES if axis in free]
     written: list[Path] = []
+    taken: list[str] = []
     for name in dict.fromkeys(one.trials):
         trial = next((w.trial for w in one.windows if w.trial.name == name), None)
         if trial is None:
@@ -221,8 +223,8 @@ def draw_variants(
         channels = [c for c in one if c in velocities and c in trial.channels]
         channels = channels or [c for c in one if c in trial.channels]
         figure = variants(trial, scores, channels=channels)
-        safe = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
-        written += save(figure, folder / f"variants_{safe}", formats=formats)
+        taken.append(free_name(file_name(name, instead="_"), taken))
+        written += save(figure, folder / f"variants_{taken[-1]}", formats=formats)
     return written
 
 

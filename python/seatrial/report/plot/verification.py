@@ -6,9 +6,8 @@ Held by `tests/report/test_verification_figures.py` and `tests/verification/test
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import count
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ import numpy as np
 
 from seatrial._core import error_edges
 from seatrial.base.arrays import Array
+from seatrial.base.file_names import file_name, free_name
 from seatrial.report.plot.cross_track import cross_track
 from seatrial.report.plot.style import (
     CYCLE,
@@ -327,8 +327,6 @@ _TRUE = "true_cross_track_p95_m"
 
 _MOST_REQUIREMENTS, _MOST_TRACKS = 6, 4
 
-_LONGEST_NAME = 50  # letters of a requirement's name in that of a file
-
 
 def verification_gallery(
     found: Verification, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
@@ -356,7 +354,7 @@ def verification_figures(found: Verification) -> Iterator[tuple[str, Figure]]:
     yield "cross_track", _cross_track(found)
     taken: set[str] = set()
     for one in [row for row in found.requirements if row.found.failures][:_MOST_REQUIREMENTS]:
-        name = _free(_safe(one.requirement.name), taken)
+        name = free_name(file_name(one.requirement.name, instead="_"), taken)
         taken.add(name)
         yield f"causes_{name}", cause_bars(one.causes, heading=one.requirement.name)
         if one.worst:
@@ -388,14 +386,3 @@ def _worst(found: Verification, one: JudgedRequirement) -> Figure:
         for run in same
     ]
     return worst_missions(flights, heading=f"{same[0].mission}, {one.requirement.name}: smallest robustness")
-
-
-def _safe(name: str) -> str:
-    """Name for a file, short enough for any file system."""
-    return "".join(letter if letter.isalnum() else "_" for letter in name)[:_LONGEST_NAME]
-
-
-def _free(name: str, taken: Container[str]) -> str:
-    """The name, with a number where another requirement's became the same."""
-    numbered = (name if k == 1 else f"{name}_{k}" for k in count(1))
-    return next(one for one in numbered if one not in taken)

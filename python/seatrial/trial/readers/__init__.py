@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.file_names import no_file
+from seatrial.base.forked import before_table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -48,10 +50,10 @@ def read_table(source: Any, reader: str | Reader | None = None) -> tuple[pl.Data
     """
     if not isinstance(source, str | Path):
         return _read_frame(source), "frame"
+    before_table()
     path = Path(source)
-    if not path.is_file():
-        what = "is a folder" if path.is_dir() else "does not exist"
-        raise TrialError(f"{path}: expected a recording, but this {what}; give the path of a file")
+    if wrong := no_file(path):
+        raise TrialError(f"{path}: expected a recording, but {wrong}; give the path of a file")
     if path.stat().st_size == 0:
         raise TrialError(f"{path}: the file is empty; expected a header and rows of samples")
     return _reader_of(path, reader)(path), str(path)

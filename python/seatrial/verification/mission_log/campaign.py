@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError, nearest
+from seatrial.base.file_names import no_file
 from seatrial.identification.fitted import Fitted
 from seatrial.sensors.sensor import TYPICAL
 from seatrial.trial.score import default_input
@@ -271,9 +272,9 @@ def _refuse_missing(campaign: Campaign) -> None:
         raise CampaignError(f"{campaign.source}: expected trials, found none: {why}; {_GIVE}")
     for name in campaign.trials:
         path = campaign.path_of(name)
-        if path is not None and not path.exists():
+        if path is not None and (wrong := no_file(path)):
             raise CampaignError(
-                f"{campaign.source}: trial {name!r}, key file: there is no file {path}, and {why}; correct"
+                f"{campaign.source}: trial {name!r}, key file: {wrong}, and {why}; correct"
                 f" the path, or {_GIVE}"
             )
 
