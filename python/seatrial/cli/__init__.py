@@ -1,12 +1,13 @@
 """Command line: verbs that call the library's functions and print what they return.
 
-Exit codes: 0 done, 1 verdict failed, 2 bad input, 130 interrupted. Heavy libraries load with the verb that
-needs them.
+Exit codes: 0 done, 1 verdict failed, 2 bad input, 130 interrupted, 141 the reader of a pipe is gone. Heavy
+libraries load with the verb that needs them.
 """
 
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable
 
 import typer
@@ -24,6 +25,7 @@ from seatrial.cli import (
     plan,
     score,
     simulate,
+    streams,
     tune,
     verify,
 )
@@ -95,4 +97,10 @@ def main(begins: Callable[[], None] | None = None) -> None:
     begins : callable, optional
         Called when a verb begins, after all that can be said without it.
     """
-    app(obj=begins)
+    streams.ready()
+    try:
+        app(obj=begins)
+    except OSError as error:  # from a message about the command line itself
+        sys.exit(streams.exit_code(error))
+    finally:
+        streams.still()

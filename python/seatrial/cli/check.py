@@ -184,7 +184,8 @@ def _is_campaign(target: str) -> bool:
 def _check_campaign(target: str, *, verbose: bool, json: bool) -> None:
     from seatrial.campaign.campaign import Campaign
     from seatrial.check.campaign import check_campaign
-    from seatrial.cli.console import answer, complain, print_json
+    from seatrial.cli.console import answer, print_json
+    from seatrial.cli.streams import complain
 
     found = check_campaign(Campaign.load(target))
     if json:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import math
+import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from seatrial.base.errors import SeatrialError
+from seatrial.cli.streams import BAD_INPUT, INTERRUPTED, complain, exit_code, note, printing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,11 +37,9 @@ __all__ = [
     "Verbose",
     "answer",
     "check_axes",
-    "complain",
     "formats",
     "list_figures",
     "long_work",
-    "note",
     "output",
     "print_json",
     "say",
@@ -63,11 +63,16 @@ _LINE_EVERY_S = 5.0
 _TELLING_GENERATIONS = 5
 
 
-BAD_INPUT, INTERRUPTED = 2, 130
-
-
 class ExitCodes:
     """Mixin of a command or a group: what is raised on purpose becomes one message and an exit code."""
+
+    def make_context(self, *given: Any, **options: Any) -> Any:
+        """Context of what is called; help and version are printed here."""
+        try:
+            with printing():
+                return super().make_context(*given, **options)  # type: ignore[misc]
+        except OSError as error:
+            raise typer.Exit(exit_code(error)) from None
 
     def invoke(self, ctx: Any) -> Any:
         """Result of what was called."""
@@ -78,12 +83,7 @@ class ExitCodes:
         except SeatrialError as error:
             complain(str(error))
         except OSError as error:
-            if error.errno == errno.EPIPE:
-                ctx.exit(0)
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-            where = f"{error.filename}: " if error.filename else ""
-            advice = "free some space and run again" if full else "check the path and its permissions"
-            complain(f"{where}{error.strerror or error}; {advice}")
+            ctx.exit(exit_code(error))
         except KeyboardInterrupt:
             complain("interrupted")
             ctx.exit(INTERRUPTED)
@@ -95,7 +95,11 @@ def output() -> Console:
     """Console of standard output, wide enough for tables when it is no terminal."""
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH, highlight=False)
+    class Output(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+
+    return Output(width=None if sys.stdout.isatty() else _PIPED_WIDTH, highlight=False)
 
 
 def answer(
@@ -121,36 +125,26 @@ def answer(
 
     console = output()
     try:
-        show(report, console, verbose=verbose)
-        sys.stdout.flush()
+        with printing():
+            show(report, console, verbose=verbose)
     finally:  # a reader that closes the pipe early loses no files
         if callable(results):
             results = results()
     if results:
         say(results)
     if draw is not None:
-        sys.stdout.flush()
         list_figures(console, draw())
 
 
 def say(line: str) -> None:
     """Print a line as it is on standard output."""
-    output().print(line, soft_wrap=True, markup=False)
-
-
-def note(line: str) -> None:
-    """Print a line on standard error: what a verb works on, before its answer."""
-    print(line, file=sys.stderr, flush=True)
+    with printing():
+        output().print(line, soft_wrap=True, markup=False)
 
 
 def formats(pdf: bool) -> tuple[str, ...]:
     """Endings of figures: PNG, and PDF on request."""
     return ("png", "pdf") if pdf else ("png",)
-
-
-def complain(message: str) -> None:
-    """Print a message on standard error."""
-    print(f"seatrial: {message}", file=sys.stderr)
 
 
 def check_axes(free: str, option: str) -> None:
@@ -165,7 +159,8 @@ def print_json(value: Any) -> None:
     """Print plain data as JSON; numbers that are not finite become null."""
     from seatrial.base.run import to_json
 
-    sys.stdout.write(to_json(value))
+    with printing():
+        sys.stdout.write(to_json(value))
 
 
 def list_figures(console: Console, written: Sequence[Path]) -> None:
@@ -218,11 +213,11 @@ def _lines() -> Callable[[float, str, Sequence[str]], None]:
 
     def show(share: float, words: str, notes: Sequence[str]) -> None:
         nonlocal last
-        for note in notes:
-            print(note, file=sys.stderr, flush=True)
+        for sentence in notes:
+            note(sentence)
         if time.monotonic() - last >= _LINE_EVERY_S:
             last = time.monotonic()
-            print(f"{100 * share:3.0f} %  {words}", file=sys.stderr, flush=True)
+            note(f"{100 * share:3.0f} %  {words}")
 
     return show
 

@@ -48,7 +48,8 @@ def tune(
     the best so far; the same command goes on with what is not finished.
     """
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, formats, note, print_json
+    from seatrial.cli.console import answer, formats, print_json
+    from seatrial.cli.streams import note
 
     loaded = Campaign.load(campaign)
     folder = out or Path("runs") / f"{loaded.name}-tuned"

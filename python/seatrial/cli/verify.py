@@ -92,7 +92,8 @@ def verify(
     """
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, formats, note, print_json
+    from seatrial.cli.console import answer, formats, print_json
+    from seatrial.cli.streams import note
     from seatrial.cli.tune import fitted_source
     from seatrial.cli.verify_log import refuse_beside, verify_log
     from seatrial.verification.campaign import verified_campaign

@@ -44,7 +44,8 @@ def verify_log(
 ) -> None:
     """Judge a log into a run directory, print the verdict, exit with 1 where it is not held."""
     from seatrial.base.run import check_writable
-    from seatrial.cli.console import answer, note, print_json
+    from seatrial.cli.console import answer, print_json
+    from seatrial.cli.streams import note
     from seatrial.verification.mission_log.campaign import verify_campaign_log
 
     if len(missions) > 1:
