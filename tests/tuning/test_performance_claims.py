@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from seatrial.tuning.performance import Performance, assess
 from seatrial.tuning.plan import TuningPlan
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
+from seatrial.tuning.tables import comparison_rows, on_another_vehicle, trial_rows
 from tests.tuning.tuning_campaigns import plan
 
 Array = NDArray[np.float64]
@@ -44,10 +45,11 @@ def made() -> TuningPlan:
 
 
 def performance(monkeypatch: pytest.MonkeyPatch, **given: Any) -> Performance:
-    def violations(_: Rig, trials: LoopTrials, *__: object, headroom: float = 0.0) -> tuple[Array, Array]:
+    def violations(_: Rig, trials: LoopTrials, *__: object, headroom: float = 0.0) -> tuple[Array, ...]:
         assert headroom == 0.0  # what is told has none
         below = OUTSIDE[trials.loop][None, ..., None, None]
-        return np.concatenate([below, 0.0 * below, 9.0 + below], axis=-1), np.zeros((1, len(trials), 6))
+        none = np.zeros((1, len(trials), 6))
+        return np.concatenate([below, 0.0 * below, 9.0 + below], axis=-1), none, none
 
     monkeypatch.setattr(Rig, "violations", violations)
     one = made()
@@ -95,3 +97,23 @@ def test_the_responses_that_are_kept_are_the_vehicle_s_own_and_then_the_worst(
     # Vehicle, current and noise of a sample stay together.
     np.testing.assert_array_equal(met.coefficients["X_uu"], np.array(met.seeds) - 1.0)
     np.testing.assert_array_equal(met.current[:, 0], 3.0 * (np.array(met.seeds) - 1.0))
+
+
+def test_an_answer_further_outside_than_none_at_all_diverges_and_ranks_last(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    until_s = made().trials("heading").until_s
+    lost, found = 2.0 * until_s + 0.1, 2.0 * until_s
+    told = np.array([[lost, 0.0, 0.0, 0.0, 0.0, 0.0], [found, 0.0, lost, 0.0, 0.0, 0.0]])
+    monkeypatch.setitem(OUTSIDE, "heading", told)
+    one = performance(monkeypatch, responses=False)
+    slow, fast, surge = one.trials
+    assert slow.nominal_s == slow.worst_s == one.nominal_s == np.inf
+    assert (fast.nominal_s, fast.worst_s) == (found, np.inf)
+    assert max(one.trials, key=lambda trial: trial.nominal_s) is slow
+    outside = {row[0]: row[1] for row in comparison_rows([one])}
+    assert outside == {"heading": "diverges", "surge": "0"}
+    assert [row[3] for row in trial_rows(one)] == ["diverges", f"{found:.2g}", "0"]
+    said = on_another_vehicle(one)
+    assert "heading at 2.00 m/s, step of +20 deg, diverges" in said
+    assert surge.nominal_s == 0.0

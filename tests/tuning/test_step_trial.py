@@ -46,7 +46,7 @@ def test_the_core_adds_up_what_the_criterion_says_of_the_log(loop: str, speed: f
     one = trials(loop, (speed,), (size,))
     samples = Samples({"X_uu": np.array([-20.0, -30.0])}, np.array([[0.0] * 3, [0.0, 0.1, 0.0]]), (1, 2))
     here = rig("typical")
-    sums, _ = here.violations(one, samples, {})
+    sums, *_ = here.violations(one, samples, {})
     t, answers = here.responses(one, samples, {})
     assert sums.shape == (1, 1, 2, 1, 3)
     assert t[1] - t[0] == pytest.approx(PERIOD_S)
@@ -74,11 +74,11 @@ def test_law_a_candidate_does_not_know_its_neighbours() -> None:
     names = ("heading.K_P.4", "heading.K_P.5", "heading.K_D.5")
     values = start().gains()
     gains = {name: values[name] * np.array([0.5, 1.0, 2.0, 4.0]) for name in names}
-    together, travel = rig("typical").violations(one, samples, gains)
+    together, travel, _ = rig("typical").violations(one, samples, gains)
     for k in (1, 3):
         # Two abreast and not one: a single flight rounds the last digits otherwise.
         pair = {name: each[[k, 0]] for name, each in gains.items()}
-        alone, moved = rig("typical").violations(one, samples, pair)
+        alone, moved, _ = rig("typical").violations(one, samples, pair)
         np.testing.assert_array_equal(alone[0], together[k])
         np.testing.assert_array_equal(moved[0], travel[k])
     # The gains do reach the flights.
@@ -125,7 +125,7 @@ def test_the_answer_to_the_step_back_is_that_of_the_step_in_a_mirror() -> None:
 
 def test_channels_beside_are_held_about_their_set_points() -> None:
     one = trials("heading", (1.5,), (0.5,), beside={"z": 0.02, "u": 0.05, "roll": 0.01})
-    sums, _ = rig("typical").violations(one, still(), {})
+    sums, *_ = rig("typical").violations(one, still(), {})
     t, answers = rig("typical").responses(one, still(), {})
     assert sums.shape == (1, 1, 1, 4, 3)
     after = (t > one.settle_s - 1e-6) & (t < one.settle_s + 2.0 * one.until_s - 1e-6)
@@ -155,7 +155,7 @@ def test_a_path_is_stepped_by_moving_the_plan(loop: str) -> None:
 
 
 def test_a_diverged_answer_violates_without_end() -> None:
-    sums, _ = rig().violations(trials(), still(2, X_uu=[-20.0, 400.0]), {})
+    sums, *_ = rig().violations(trials(), still(2, X_uu=[-20.0, 400.0]), {})
     assert np.isfinite(sums[0, 0, 0]).all()
     assert np.isinf(sums[0, 0, 1, 0]).all()
 
@@ -181,7 +181,7 @@ def test_the_band_of_settling_is_that_of_the_corridor_s_end() -> None:
 
 def test_weights_of_the_sides_make_the_criterion() -> None:
     one = trials("heading", rise_s=2.0, weight_upper=3.0)
-    sums, _ = rig().violations(one, still(), {})
+    sums, *_ = rig().violations(one, still(), {})
     t, answers = rig().responses(one, still(), {})
     y = answers["yaw"][0, 0] / one.sizes[0]
     total = 0.0
@@ -189,3 +189,19 @@ def test_weights_of_the_sides_make_the_criterion() -> None:
         rows = (t > begin - 1e-6) & (t < begin + one.until_s - 1e-6)
         total += float(criterion(t[rows] - begin, 1.0 - y[rows] if back else y[rows], one.corridor))
     assert violated(one, sums)[0, 0, 0] == pytest.approx(total, rel=SUMMED)
+
+
+@pytest.mark.parametrize(("loop", "size"), [("surge", 0.4), ("heading", -0.3), ("cross_track", 2.0)])
+def test_the_offset_is_the_mean_of_the_log_at_rest(loop: str, size: float) -> None:
+    one = trials(loop, (1.5,), (size,))
+    *_, offset = rig("typical").violations(one, still(), {})
+    t, answers = rig("typical").responses(one, still(), {})
+    y = (answers[one.names[0]][0, 0] - one.base(0)) / size
+    since = t - one.settle_s
+    ends = [
+        (since > at + 0.75 * one.until_s - 1e-9) & (since < at + one.until_s - 1e-9)
+        for at in (0.0, one.until_s)
+    ]
+    expected = max(abs(float(np.mean(y[ends[0]])) - 1.0), abs(float(np.mean(y[ends[1]]))))
+    assert offset.shape == (1, 1, 1)
+    assert offset[0, 0, 0] == pytest.approx(expected, rel=1e-9)

@@ -47,9 +47,9 @@ def test_bands_beside_are_narrower_by_the_headroom_as_well() -> None:
     bands, headroom = {"z": 0.02, "u": 0.05, "roll": 0.01}, 0.1
     narrow = {name: (1.0 - headroom) * half for name, half in bands.items()}
     one, other = (trials("heading", (1.5,), (0.5,), beside=each) for each in (bands, narrow))
-    wide, _ = rig("typical").violations(one, still(), {})
-    asked, _ = rig("typical").violations(one, still(), {}, headroom=headroom)
-    expected, _ = rig("typical").violations(other, still(), {})
+    wide, *_ = rig("typical").violations(one, still(), {})
+    asked, *_ = rig("typical").violations(one, still(), {}, headroom=headroom)
+    expected, *_ = rig("typical").violations(other, still(), {})
     beside = asked[..., 1:, :2]
     # The same terms but for rounding of the scale, some 1e-9 of the sums of hundreds of them.
     np.testing.assert_allclose(beside, (1.0 - headroom) * expected[..., 1:, :2], rtol=1e-6, atol=1e-9)

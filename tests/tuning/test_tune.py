@@ -88,13 +88,15 @@ def test_a_loop_that_leaves_its_corridor_is_tuned_into_it() -> None:
     assert tuned.samples == begun.samples == 24
     assert tuned.trials[0].held >= 0.9
     assert tuned.trials[0].rise_s < 7.0 < begun.trials[0].rise_s
-    (group,) = found().groups
+    group, guidance = found().groups
+    assert guidance.name == "guidance"
     assert group.before["violation"] > group.after["violation"] == 0.0
 
 
 def test_the_autopilot_flies_as_it_was_assessed_and_only_searched_gains_differ() -> None:
     one = found()
     searched = {name for group in one.plan.groups for p in group.parameters.parameters for name in p.starts}
+    searched |= {"guidance.lookahead_m", "guidance.integral_gain_m_s"}
     before, after = one.start.gains(), one.autopilot.gains()
     assert {name for name in after if after[name] != before[name]} <= searched
     for name, value in one.groups[0].gains.items():
@@ -234,7 +236,7 @@ def test_a_search_goes_on_from_the_gains_so_far() -> None:
 
 
 def test_a_group_s_result_reads_back_from_json() -> None:
-    (group,) = found().groups
+    group, _ = found().groups
     kept = GroupResult.from_dict(json.loads(json.dumps(group.to_dict())))
     assert kept.to_dict() == group.to_dict()
     assert group.flown_s > 1000.0

@@ -33,7 +33,7 @@ def test_a_group_begins_with_the_gains_so_far_where_one_factor_moves_several_poi
     rig = one.rig(one.autopilot.with_gains(apart), max_step_s=0.04, threads=1)
     samples = one.samples(0, 1)
     found_ = search_group(one, group, rig, samples, seed=1, start=apart)
-    sums, _ = rig.violations(group.trials[0], samples, {})
+    sums, *_ = rig.violations(group.trials[0], samples, {})
     assert found_.before["violation"] == pytest.approx(
         1.1 * sums[..., :2].sum(axis=-1).mean(axis=1)[0].max(), rel=1e-6
     )

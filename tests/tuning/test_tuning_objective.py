@@ -71,7 +71,9 @@ def test_ties_order_feasible_gains_and_never_outweigh_a_violation() -> None:
     # Stiffer gains are there sooner.
     assert terms.time[1] < terms.time[0]
     assert cost[0] != cost[1]
-    slack = Terms(*(np.array(x) for x in ([0.0, 1.0], [0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0])))
+    slack = Terms(
+        *(np.array(x) for x in ([0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]))
+    )
     assert slack.cost(0.05)[0] < slack.cost(0.05)[1]
 
 
@@ -124,3 +126,39 @@ def test_law_a_violation_more_never_costs_less(
     slack = 1e-9 * (1.0 + max(total))  # rounding of a weighted mean
     assert robust(after, quantile)[0] >= robust(before, quantile)[0] - slack
     assert (robust(before, 1.0)[0] == 0.0) == (max(total) == 0.0)
+
+
+def test_an_integral_that_is_too_slow_for_its_corridor_costs() -> None:
+    # Wide enough for 10 % of the step at its end, which start gains without integral hold as well.
+    corridor = Corridor.from_figures(rise_s=6.0, overshoot=0.15, settling_s=15.0, settled=0.1, until_s=20.0)
+    trials = LoopTrials("surge", corridor, {}, (1.0,), (0.4,), settle_s=15.0)
+    surge = GainParameters.of_loop(
+        "surge", start().gains(), free=FREE, reached=[2, 3, 4], bounds=(0.01, 10.0)
+    )
+    one = replace(objective(), trials=(trials,), parameters=surge, rig=rig("typical"))
+    values = start().gains()
+    moved = {name: np.array([0.1, 1.0]) * values[name] for name in values if name.startswith("surge.K_I.")}
+    terms = one.terms(moved, headroom=0.0)
+    # The feed-forward knows this vehicle, so that the weak integral shows in no response of it.
+    assert (terms.violation < 0.03).all()
+    assert terms.offset[0] > terms.offset[1] + 1.0
+    assert terms.cost(0.0)[0] > terms.cost(0.0)[1]
+
+
+@pytest.mark.parametrize(("k_p", "k_i"), [(1.0, 1.0), (0.5, 0.5), (2.0, 4.0)])
+def test_an_integral_as_fast_as_at_the_start_costs_nothing(k_p: float, k_i: float) -> None:
+    trials = LoopTrials("surge", WIDE, {}, (1.0, 2.0), (0.4, 0.4), settle_s=5.0)
+    one = replace(objective(), trials=(trials,), start=start().gains())
+    values = start().gains()
+    scale = {"K_P": k_p, "K_I": k_i, "K_D": 1.0}
+    moved = {
+        name: np.array([1.0, 0.1 if ".K_I." in name else 1.0]) * scale[name.split(".")[1]] * value
+        for name, value in values.items()
+        if name.startswith("surge.K_")
+    }
+    slow = one._slow_integral(trials, moved)
+    # Ten times as slow: 0.1 x 20 s x ln of how far beyond the slower of start and corridor.
+    assert slow[0] == 0.0
+    assert slow[1] > 0.1 * 20.0 * np.log(10.0 * k_p / k_i * 4.5 / 7.0)
+    none = {name: 0.0 * value for name, value in moved.items()}
+    assert replace(one, start=dict.fromkeys(values, 0.0))._slow_integral(trials, none).tolist() == [0.0, 0.0]

@@ -20,7 +20,7 @@ HEADING = GainParameters.of_loop(
     "heading", start().gains(), free=[4], taken=[0, 1, 2, 3, 5], reached=range(6), bounds=(0.1, 10.0)
 )
 """Factors of the fifth point alone; another search sets the others."""
-TERMS = ("violation", "margin", "time", "roughness", "effort")
+TERMS = ("violation", "margin", "offset", "time", "roughness", "effort")
 SAMPLES = Samples({}, np.zeros((3, 3)), (1, 2, 3), nominal=1)
 # Of two sets of gains and three samples: two trials of the heading, one of the surge. Below, above, late.
 SUMS = {
@@ -36,6 +36,7 @@ SUMS = {
     ],
 }
 TRAVEL = {name: sums[..., 0, :].sum(axis=-1) + 1.0 for name, sums in SUMS.items()}
+OFFSET = {name: 0.03 * travel for name, travel in TRAVEL.items()}
 UNTIL_S = {"heading": 12.0, "surge": 20.0}
 
 
@@ -48,10 +49,10 @@ class Told:
 
     def violations(
         self, of: LoopTrials, samples: Samples, gains: Mapping[str, Array], *, headroom: float
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array, Array]:
         self.headrooms.append(headroom)
         self.samples.append(samples)
-        return SUMS[of.loop], TRAVEL[of.loop]
+        return SUMS[of.loop], TRAVEL[of.loop], OFFSET[of.loop]
 
 
 def objective(margins: Any = None, quantile: float = 1.0) -> Objective:
@@ -76,8 +77,8 @@ def terms(told: Told, **given: Any) -> Terms:
 
 
 def test_each_term_costs_by_its_weight_and_none_is_a_gain() -> None:
-    # J = 10 Q + 30 M + 0.05 T + s S + 0.1 E
-    for name, weight in zip(TERMS, (10.0, 30.0, 0.05, 0.7, 0.1), strict=True):
+    # J = 10 Q + 30 M + 0.05 (O + T) + s S + 0.1 E
+    for name, weight in zip(TERMS, (10.0, 30.0, 0.05, 0.05, 0.7, 0.1), strict=True):
         one = Terms(**{other: np.array([float(other == name)]) for other in TERMS})
         assert one.cost(0.7).tolist() == [weight], name
 
@@ -147,3 +148,12 @@ def test_the_roughness_counts_points_that_another_group_sets(monkeypatch: pytest
     x = np.log([[1.0] * len(HEADING), [5.0] * len(HEADING)])
     smooth, peaked = one.terms(HEADING.gains(x)).roughness
     assert peaked > smooth + 1.0
+
+
+def test_the_steady_offset_counts_beyond_a_hundredth_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = terms(Told(monkeypatch)).offset
+    each = {
+        name: (np.maximum(off - 0.01, 0.0) * UNTIL_S[name]).mean(axis=(1, 2)) for name, off in OFFSET.items()
+    }
+    np.testing.assert_allclose(found, 0.5 * (each["heading"] + each["surge"]), rtol=1e-12)
+    assert (found > 0.0).all()

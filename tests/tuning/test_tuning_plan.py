@@ -14,6 +14,7 @@ import tomlkit
 import seatrial as st
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LOOPS, TuningTable, Weights, default_steps
+from seatrial.control_design.autopilot_facts import autopilot_facts
 from seatrial.control_design.operating_points import reachable_points
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.corridors import StartMetrics, default_corridor, start_metrics, steps_above_noise
@@ -93,7 +94,7 @@ def test_a_default_band_has_room_for_the_noise_of_the_loop_at_rest(name: str) ->
         for trials in group.trials:
             noise = start_metrics(one.rig(one.autopilot, max_step_s=0.04), trials).noise
             least = min(abs(size) for size in trials.sizes)
-            usual = default_steps(trials.loop, top_m_s=one.top_m_s)[0] * to_si(trials.loop)
+            usual = default_steps(trials.loop, top_m_s=one.top_of(trials.loop))[0] * to_si(trials.loop)
             if least == pytest.approx(2.5 * usual, rel=0.01):
                 continue  # as large as a step may become by itself
             # Five deviations; 40 % on top, since a larger step, with its longer settling, is other noise.
@@ -153,7 +154,7 @@ def test_the_built_in_autopilot_of_lauv_keeps_to_its_default_corridors_when_fast
     one = with_loops("lauv", loops={"surge": {"speeds_m_s": [1.593]}, "pitch": {"speeds_m_s": [1.593]}})
     for loop in one.loops:
         # Start values for water at rest: neither needs half of the time that the corridor gives.
-        sums, _ = one.rig(one.autopilot, max_step_s=0.05).violations(
+        sums, *_ = one.rig(one.autopilot, max_step_s=0.05).violations(
             one.trials(loop), one.samples(0, 1), {}, headroom=0.0
         )
         assert sums[..., :2].sum() == 0.0, loop
@@ -256,9 +257,9 @@ REFUSED = {
     "[tuning.loops.surge]\ncorridor = { upper = [[0.0, 1.1], [0.35, 1.1]] }": [
         "at least 10 control periods, 1 s, found one that ends at 0.35 s"
     ],
-    "[tuning.loops.pitch]\nsteps = [40.0]\nspeeds_m_s = [2.0]\ncorridor = { rise_s = 25.0 }": [
+    "[tuning.loops.pitch]\nsteps = [20.0]\nspeeds_m_s = [2.0]\ncorridor = { rise_s = 40.0 }": [
         "stay under water, 100 m deep",
-        "climbs 129 m",
+        "climbs 109 m",
     ],
     "[tuning.loops.pitch]\nspeeds_m_s = [0.5]": [
         "a mode",
@@ -321,3 +322,43 @@ def test_a_supply_that_is_missing_is_asked_for_by_its_key() -> None:
     text = "\n".join(line for line in text.splitlines() if not line.startswith("autopilot"))
     with pytest.raises(CampaignError, match="add voltage_v"):
         plan_of(st.Campaign.from_toml(text + "\n[tuning]\n"))
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_default_steps_stay_within_what_guidance_and_the_vehicle_allow(name: str) -> None:
+    one = built_in(name)
+    most = autopilot_facts(one.autopilot).guidance["pitch_max_deg"]
+    for loop in one.loops:
+        steps = one.trials(loop).to_dict()["steps"]
+        assert max(map(abs, steps)) <= one.largest_step(loop) * (1.0 + 1e-9), loop
+        if loop == "pitch":
+            assert max(map(abs, steps)) <= most
+
+
+@pytest.mark.parametrize("most", [1.0, 6.0, 15.0])
+def test_pitch_steps_follow_the_largest_pitch(most: float) -> None:
+    def gentle(text: Any) -> None:
+        text["guidance"]["pitch_max_deg"] = most
+
+    autopilot = changed("remus100", gentle)
+    for given in ({}, {"corridor": SHORT}):
+        pitch = with_loops("remus100", autopilot, loops={"pitch": given}).trials("pitch")
+        assert pitch.to_dict()["steps"] == pytest.approx([most] * len(pitch))
+    asked = with_loops("remus100", autopilot, loops={"pitch": {"steps": [most, most + 4.0]}})
+    assert asked.trials("pitch").to_dict()["steps"] == pytest.approx([most] * len(asked.trials("pitch")))
+    beyond = with_loops("remus100", autopilot, loops={"pitch": {"steps": [most + 4.0]}})
+    with pytest.raises(CampaignError, match=rf"at most {most:g} deg, guidance.pitch_max_deg"):
+        beyond.trials("pitch")
+
+
+def test_a_step_sideways_is_a_share_of_the_speed_sideways() -> None:
+    one = built_in("bluerov2-heavy")
+    top = one.top_of("sway")
+    assert 0.0 < top < 0.8 * one.top_m_s
+    # There the drag is what the loop may ask for, on the grid of 5 mm/s.
+    terms = one.vehicle.forces(
+        np.array([[0.0, top + at, 0.0, 0.0, 0.0, 0.0] for at in (0.0, 0.005)]), np.zeros(3)
+    )
+    drag = -(np.asarray(terms["damping"]) + np.asarray(terms["lift"]))[:, 1]
+    assert drag[0] <= autopilot_facts(one.autopilot).loops["sway"]["tau_max"] < drag[1]
+    assert max(map(abs, one.trials("sway").sizes)) <= 2.5 * 0.15 * top + 0.005

@@ -27,13 +27,13 @@ def test_it_is_told_whether_the_drawn_vehicles_are_others() -> None:
 
 def test_factors_at_a_bound_are_those_that_the_last_search_left_there() -> None:
     one = tuned()
-    (group,) = one.groups
+    group, _ = one.groups
     moved = next(iter(group.gains))
     margins = replace(group, name="margins", at_bound=(moved, "roll.K_P.1"))
     said = " ".join(sentences(replace(one, groups=(margins, replace(group, at_bound=())))))
     assert "roll.K_P.1; widen [tuning] bounds" in said
     assert moved not in said
-    assert repr(one) == "Tuning(small: feasible=True, searched: heading)"
+    assert repr(one) == "Tuning(small: feasible=True, searched: heading, guidance)"
 
 
 @pytest.mark.parametrize(

@@ -98,6 +98,7 @@ class Told:
     ) -> Tuning:
         monkeypatch.setattr(tuning_run, "search_group", self.search)
         monkeypatch.setattr(tuning_run, "search_margins", lambda *_, **__: None)
+        monkeypatch.setattr(TuningPlan, "followed", ())  # guidance stays what it is
         monkeypatch.setattr(tuning_run, "assess", self.assess)
         monkeypatch.setattr(revert_gains, "assess", self.assess)
         quiet = Performance("", plan.autopilot, (), 0, {})

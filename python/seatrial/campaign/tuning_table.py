@@ -78,7 +78,7 @@ BESIDE = {
 """Channel and factor to SI of every key of `Beside`."""
 
 
-def default_steps(loop: str, *, top_m_s: float) -> tuple[float, float]:
+def default_steps(loop: str, *, top_m_s: float, largest: float = math.inf) -> tuple[float, float]:
     """Steps of a loop in both directions where the file gives none, in the file's unit (m/s, m, deg).
 
     About half of what may just ask for the largest demand
@@ -90,6 +90,8 @@ def default_steps(loop: str, *, top_m_s: float) -> tuple[float, float]:
         Key of `LOOPS`.
     top_m_s : float
         Largest steady speed of the loop's channel, m/s; of it a speed loop steps a share.
+    largest : float, optional
+        What guidance or the vehicle allows, in the file's unit.
 
     Examples
     --------
@@ -99,7 +101,7 @@ def default_steps(loop: str, *, top_m_s: float) -> tuple[float, float]:
     (20.0, -20.0)
     """
     entry = LOOPS[loop]
-    size = float(f"{entry.usual * top_m_s:.2g}") if entry.of_top else entry.usual
+    size = min(float(f"{entry.usual * top_m_s:.2g}") if entry.of_top else entry.usual, largest)
     return size, -size
 
 

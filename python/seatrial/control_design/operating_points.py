@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.control_design.autopilot_facts import AutopilotFacts
-from seatrial.control_design.loops import STATES, Sampled, plant, restoring_law, sampled
+from seatrial.control_design.loops import SMALL_MOTION, STATES, Sampled, plant, restoring_law, sampled
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.pole_placement import LoopGain, law
 from seatrial.control_design.trim import level, trim
@@ -163,23 +163,25 @@ def mode_loop(
     speed_m_s: float,
     *,
     measured_late_s: Mapping[str, float] | None = None,
+    motion: float = SMALL_MOTION,
 ) -> ModeLoop:
     """Sampled motion about the trim of a mode at a speed in m/s.
 
     ``measured_late_s`` is the age in s of what each loop measures, 0 where missing. The loop is opened at
-    its row of the wrench: there dead time of its measurements and of its actuators are the same.
+    its row of the wrench: there dead time of its measurements and of its actuators are the same. Quadratic
+    damping counts by its secant over ``motion``, m/s and rad/s.
     """
     of = facts.mode(mode)
     loops = tuple(loop for loop in LOOPS if loop in of.loops)
     rows = "".join(ROWS[LOOPS.index(loop)] for loop in loops)
     actuators = _at_work(vehicle, of.actuators)
     flight = trim(vehicle, speed_m_s, rows, actuators)
-    motion = plant(vehicle, flight or level(speed_m_s, rows, actuators), loops)
+    moved = plant(vehicle, flight or level(speed_m_s, rows, actuators), loops, motion=motion)
     late = {ROWS[LOOPS.index(loop)]: (measured_late_s or {}).get(loop, 0.0) for loop in loops}
     behind = {
         row: replace(delay, dead_s=delay.dead_s + late[row]) for row, delay in delays(vehicle, rows).items()
     }
-    system = sampled(motion, behind, facts.period_s, loops)
+    system = sampled(moved, behind, facts.period_s, loops)
     known = restoring_law(vehicle, rows) if facts.restoring else np.zeros((len(ROWS), len(STATES)))
     return ModeLoop(mode, speed_m_s, loops, system, known, flight is not None)
 

@@ -29,23 +29,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.control_design.autopilot_facts import autopilot_facts, mode_at
 from seatrial.control_design.loops import Sampled, plant, reference_drive, restoring_law, sampled
 from seatrial.control_design.mode_table import Mode, flies, mode_trim
+from seatrial.control_design.operating_points import mode_law, mode_loop
 from seatrial.control_design.pole_placement import LoopGain, law, three_digits
 from seatrial.control_design.start_gains import StartGains
 from seatrial.vehicle.authority import LOOPS, ROWS, Delay, reach
 
 if TYPE_CHECKING:
-    from seatrial._core import Vehicle
+    from seatrial._core import Autopilot, Vehicle
 
 __all__ = [
     "CROSSINGS",
     "CRUISE_LEG",
+    "INTEGRAL_SHARES",
+    "LEAST_LENGTHS",
     "following_delay",
     "guidance",
     "heavy",
     "lookahead",
+    "lookahead_of",
     "safety",
+    "steady_speed",
     "without_substitute",
 ]
 
@@ -79,13 +85,55 @@ def lookahead(
     own = law({name: gains[name] for name in mode.loops}, speed)
     both = (own, own + restoring_law(vehicle, rows))
     inertia = float(np.asarray(vehicle.mass_matrix())[LOOPS.index(loop), LOOPS.index(loop)])
-    tau = 3.0 / reference_rad_s
-    for _ in range(_ROUNDS):
-        crossover = 1.0 / (CROSSINGS * tau)
-        tau = 0.5 * tau + 0.5 * following_delay(
-            system, both, (loop, speed, inertia), reference_rad_s, crossover
-        )
+    tau = _delay_at_crossover(system, both, (loop, speed, inertia), reference_rad_s)
     return CROSSINGS * speed * tau, tau
+
+
+def lookahead_of(
+    vehicle: Vehicle, autopilot: Autopilot, loop: str, speed: float, *, late_s: Mapping[str, float]
+) -> tuple[float, float]:
+    """Lookahead distance in m and delay of the course in s that go with an autopilot's own gains.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The model.
+    autopilot : Autopilot
+        PID loops.
+    loop : str
+        "heading" or "pitch".
+    speed : float
+        At which the distance holds, m/s.
+    late_s : mapping of str to float
+        Age of the measurements per loop, s.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> cwolf, autopilot = st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")
+    >>> distance, tau = lookahead_of(cwolf, autopilot, "heading", 1.951, late_s={})
+    >>> round(distance, 1), autopilot.gains()["guidance.lookahead_m"]
+    (17.2, 17.2)
+    """
+    facts = autopilot_facts(autopilot)
+    mode = mode_at(facts, speed).name
+    at = mode_loop(vehicle, facts, mode, speed, measured_late_s=late_s, motion=MOTION)
+    own = mode_law(facts, mode, at.loops, speed)
+    inertia = float(np.asarray(vehicle.mass_matrix())[LOOPS.index(loop), LOOPS.index(loop)])
+    reference = facts.loops[loop].get("reference_rad_s") or np.inf
+    tau = _delay_at_crossover(at.system, (own, own + at.known), (loop, speed, inertia), reference)
+    return CROSSINGS * speed * tau, tau
+
+
+def _delay_at_crossover(
+    system: Sampled, laws: tuple[Array, Array], loop: tuple[str, float, float], reference_rad_s: float
+) -> float:
+    """Delay of the course in s at the crossover of a line of sight that is made for this delay."""
+    tau = 3.0 / reference_rad_s + system.period_s
+    for _ in range(_ROUNDS):
+        late = following_delay(system, laws, loop, reference_rad_s, 1.0 / (CROSSINGS * tau))
+        tau = max(0.5 * tau + 0.5 * late, system.period_s)
+    return tau
 
 
 def following_delay(
@@ -116,9 +164,11 @@ def following_delay(
 CRUISE_LEG = 0.6
 """Cruising speed as a share of the top speed."""
 
-_INTEGRAL, _INTEGRAL_VERTICAL = 0.25, 0.1  # of the cruising speed
+INTEGRAL_SHARES = {"cross_track": 0.25, "depth": 0.1}
+"""Integral gain of a path over the speed that it holds for."""
 
-_LEAST_LENGTHS = 2.0  # of lookahead
+LEAST_LENGTHS = 2.0
+"""Least lookahead, in lengths of the vehicle."""
 
 _PITCH_DEG, _HELD = 20.0, 0.5  # largest pitch asked for; share of the reach that holds it
 
@@ -149,12 +199,12 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
     for key, loop in (("lookahead_m", "heading"), ("lookahead_vertical_m", "pitch")):
         if loop == "heading" or by_pitch:
             distance, late[loop] = _lookahead(vehicle, start, mode, loop)
-            table[key] = max(distance, _LEAST_LENGTHS * length)
+            table[key] = max(distance, LEAST_LENGTHS * length)
     hold = min(0.2 * float(np.median([gain.bandwidth for gain in surge.gains])), 0.2)
     table |= {
         "lookahead_speed_m_s": start.speeds_m_s[_nearest(start, cruise)],
-        "integral_gain_m_s": _INTEGRAL * cruise,
-        "integral_gain_vertical_m_s": _INTEGRAL_VERTICAL * cruise,
+        "integral_gain_m_s": INTEGRAL_SHARES["cross_track"] * cruise,
+        "integral_gain_vertical_m_s": INTEGRAL_SHARES["depth"] * cruise,
         "speed_max_m_s": 0.9 * start.speeds_m_s[-1],
         "acceleration_max_m_s2": min(0.5 * _SHARE * surge.tau_max / mass, cruise / _START_S),
         "turn_rate_max_deg_s": float(min(_TURN_DEG_S, np.rad2deg(turn))),
@@ -164,7 +214,9 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
     if "heave" in start.loops:
         radius = float(np.clip(length, 0.5, _HOLD_RADIUS_M))
         table |= {"hold_radius_m": radius, "watch_radius_m": _WATCH * radius}
-        table["depth_rate_max_m_s"] = _steady_heave(vehicle, _SHARE * start.loops["heave"].tau_max)
+        table["depth_rate_max_m_s"] = steady_speed(
+            vehicle, np.zeros(6), 2, _SHARE * start.loops["heave"].tau_max
+        )
         if "sway" in start.loops:
             table["turn_speed_share"] = _TURN_SHARE
         else:
@@ -203,15 +255,22 @@ def _largest_pitch(vehicle: Vehicle, start: StartGains, speed: float) -> float:
 
 def _steady_turn(vehicle: Vehicle, speed: float, moment: float) -> float:
     """Turning rate in rad/s at which damping balances a yaw moment, the hull not drifting."""
-    return _balance(vehicle, np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), 5, moment)
+    return steady_speed(vehicle, np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), 5, moment)
 
 
-def _steady_heave(vehicle: Vehicle, force: float) -> float:
-    """Sinking speed in m/s at which damping balances a heave force."""
-    return _balance(vehicle, np.zeros(6), 2, force)
+def steady_speed(vehicle: Vehicle, nu: Array, axis: int, force: float) -> float:
+    """Velocity of an axis in m/s or rad/s at which damping balances a force, up to 2.
 
-
-def _balance(vehicle: Vehicle, nu: Array, axis: int, force: float) -> float:
+    Parameters
+    ----------
+    vehicle : Vehicle
+    nu : array, shape (6,)
+        The other velocities.
+    axis : int
+        Index in nu.
+    force : float
+        N or N m.
+    """
     velocities = np.linspace(0.0, 2.0, 401)
     motion = np.tile(nu, (len(velocities), 1))
     motion[:, axis] = velocities

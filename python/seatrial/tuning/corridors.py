@@ -128,7 +128,9 @@ _PATHS = {"depth": "pitch", "cross_track": "heading"}
 _SLOWEST_ROW = 1e-6
 
 
-def steps_above_noise(loop: str, noise: float, *, top_m_s: float) -> tuple[float, float]:
+def steps_above_noise(
+    loop: str, noise: float, *, top_m_s: float, largest: float = math.inf
+) -> tuple[float, float]:
     """Steps of a loop in both directions whose band the answer's noise does not fill, in the file's unit.
 
     Parameters
@@ -137,7 +139,9 @@ def steps_above_noise(loop: str, noise: float, *, top_m_s: float) -> tuple[float
     noise : float
         Standard deviation of the answer at rest, SI.
     top_m_s : float
-        Top speed ahead, m/s.
+        Largest steady speed of the loop's channel, m/s.
+    largest : float, optional
+        What guidance or the vehicle allows, in the file's unit.
 
     Examples
     --------
@@ -146,11 +150,11 @@ def steps_above_noise(loop: str, noise: float, *, top_m_s: float) -> tuple[float
     >>> steps_above_noise("surge", 0.008, top_m_s=2.0)
     (0.5, -0.5)
     """
-    usual = default_steps(loop, top_m_s=top_m_s)[0]
+    usual = default_steps(loop, top_m_s=top_m_s, largest=largest)[0]
     needed = _DEVIATIONS * noise / _SETTLED / LOOPS[loop].to_si
     if needed > usual:
         digit = 10.0 ** (math.floor(math.log10(needed)) - 1)
-        usual = min(math.ceil(needed / digit - 1e-9) * digit, _LARGEST_STEP * usual)
+        usual = min(math.ceil(needed / digit - 1e-9) * digit, _LARGEST_STEP * usual, largest)
     size = float(f"{usual:.3g}")
     return size, -size
 

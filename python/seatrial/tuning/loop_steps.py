@@ -172,10 +172,11 @@ def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
     """
     speeds = table.speeds_m_s or usual_speeds(scope, loop)
     _refuse_speeds(scope, loop, speeds)
+    top_m_s, largest = scope.top_of(loop), scope.largest_step(loop)
     if table.corridor is not None:
-        steps = table.steps or steps_above_noise(loop, 0.0, top_m_s=scope.top_m_s)
+        steps = table.steps or default_steps(loop, top_m_s=top_m_s, largest=largest)
         return _stepped(scope, loop, table, speeds, steps, table.corridor.corridor(table.weights))
-    usual = table.steps or default_steps(loop, top_m_s=scope.top_m_s)
+    usual = table.steps or default_steps(loop, top_m_s=top_m_s, largest=largest)
 
     def corridor(steps: Sequence[float], start: StartMetrics | None = None) -> Corridor:
         return default_corridor(
@@ -191,8 +192,11 @@ def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
 
     first = _stepped(scope, loop, table, speeds, usual, corridor(usual))
     start = start_metrics(scope.rig(scope.autopilot, max_step_s=_START_STEP_S), first)
-    steps = table.steps or steps_above_noise(loop, start.noise, top_m_s=scope.top_m_s)
+    steps = table.steps or steps_above_noise(loop, start.noise, top_m_s=top_m_s, largest=largest)
     return _stepped(scope, loop, table, speeds, steps, corridor(steps, start))
+
+
+_LIMIT = {"pitch": ", guidance.pitch_max_deg of the autopilot"}
 
 
 def _stepped(
@@ -210,8 +214,10 @@ def _stepped(
         # The step back is the other direction: one sign will do where the file does not ask for both.
         each += possible if table.steps else possible[:1]
     if not each:
+        most = scope.largest_step(loop)
+        why = f" (at most {most:.3g} {LOOPS[loop].unit}{_LIMIT.get(loop, '')})" if np.isfinite(most) else ""
         raise CampaignError(
-            f"[tuning.loops.{loop}]: expected a step that the vehicle reaches, found none at"
+            f"[tuning.loops.{loop}]: expected a step that the vehicle reaches{why}, found none at"
             f" {', '.join(f'{u:g}' for u in speeds)} m/s; take smaller steps, or give speeds_m_s"
         )
     _refuse_what_tells_nothing(scope, loop, each, corridor)
@@ -258,9 +264,9 @@ def _in_reach(scope: TuningScope) -> tuple[float, float]:
 
 
 def _within(scope: TuningScope, loop: str, speed: float, step: float) -> bool:
-    """Whether the end of a step of the speed lies within reach."""
+    """Whether the end of a step lies within what guidance asks for, of a speed within reach."""
     if loop != "surge":
-        return True
+        return abs(step) <= scope.largest_step(loop)
     least, most = _in_reach(scope)
     return least <= speed + step <= most
 

@@ -1,11 +1,19 @@
 """The cost of a set of gains, and gains as parameters of a search.
 
-    J = 10 Q + 30 M + 0.05 T + s S + 0.1 E
+    J = 10 Q + 30 M + 0.05 (O + T) + s S + 0.1 E
 
 Q is the constraint criterion in s (eq. 55-57 of Taubert et al., 2014, (57) corrected), the mean over
 trials, and of the samples the worst or a quantile; M is the shortfall of the margins; both are zero for
-feasible gains. T, the time-weighted error over the time, and E, the rate at which commands move, break the
-tie. An integral of violations grows with the square of how far a response leaves its corridor, so that a
+feasible gains. O is what is off at the end, in s: the mean offset over the last quarter of the corridor
+beyond 1 % of the step, and an integral that is slow. A corridor is wide at its end, as noise needs room, and
+the feed-forward knows the drag of the vehicle that the search flies: without O an integral that leaves an
+error of the model for a minute would cost nothing. With the integral time T_i = K_P/K_I at the speeds tried
+
+    O = mean((|offset| - 0.01)+ t_until) + 0.1 t_until mean(ln(T_i / T_most)+)
+    T_most = max(t_until / 4, T_i of the start gains)
+
+T, the time-weighted error over the time, and E, the rate at which commands move, break the tie. An integral
+of violations grows with the square of how far a response leaves its corridor, so that a
 search would settle a little outside: the search sees corridors that are narrower by a headroom.
 
 S, the roughness along the breakpoints, keeps a schedule from jumping. Over each three neighbouring points the
@@ -39,7 +47,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
-from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
+from seatrial.tuning.step_trial import RIDES_ON, LoopTrials, Rig, Samples
 
 if TYPE_CHECKING:
     from seatrial.control_design.margin_constraint import MarginConstraint
@@ -49,6 +57,7 @@ __all__ = [
     "HEADROOM",
     "LACKING",
     "OUTSIDE",
+    "STEADY",
     "GainParameters",
     "Objective",
     "Parameter",
@@ -295,6 +304,13 @@ HEADROOM = 0.02
 OUTSIDE, LACKING = 10.0, 30.0
 """How much a second outside the corridors, and a margin that is used up, count against what breaks ties."""
 
+STEADY = 0.01
+"""Steady offset, as a share of the step, that costs nothing."""
+
+_RESTS = 0.25  # of a corridor: an error falls to 2 % by its end
+
+_SLOW = 0.1  # of the corridor's time, for an integral that is e times slower
+
 _TIME, _EFFORT = 0.05, 0.1
 
 _SPREAD = 0.1  # of the mean over samples, beside the worst: every one that gets better counts
@@ -302,17 +318,18 @@ _SPREAD = 0.1  # of the mean over samples, beside the worst: every one that gets
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Parts of the cost of k candidates, (k,) each: Q (s), M, T (s), S and E (1/s)."""
+    """Parts of the cost of k candidates, (k,) each: Q (s), M, O (s), T (s), S and E (1/s)."""
 
     violation: Array
     margin: Array
+    offset: Array
     time: Array
     roughness: Array
     effort: Array
 
     def cost(self, smoothness: float) -> Array:
         """J, (k,)."""
-        ties = _TIME * self.time + smoothness * self.roughness + _EFFORT * self.effort
+        ties = _TIME * (self.offset + self.time) + smoothness * self.roughness + _EFFORT * self.effort
         return np.asarray(OUTSIDE * self.violation + LACKING * self.margin + ties)
 
 
@@ -338,6 +355,8 @@ class Objective:
         Weight of the roughness.
     reached
         Whether the vehicle reaches each breakpoint.
+    start
+        Gains of the campaign's autopilot, whose integral times are slow enough; none: those of the rig.
     """
 
     rig: Rig
@@ -348,6 +367,7 @@ class Objective:
     quantile: float
     smoothness: float
     reached: NDArray[np.bool_]
+    start: Mapping[str, float] | None = None
 
     def __call__(self, x: Array) -> Array:
         """Costs (k,) of candidates (k, m)."""
@@ -357,11 +377,13 @@ class Objective:
         """Parts of the cost of k sets of gains."""
         k = len(next(iter(gains.values())))
         total = np.zeros((k, len(self.samples)))
-        time, effort = np.zeros(k), np.zeros(k)
+        offset, time, effort = np.zeros(k), np.zeros(k), np.zeros(k)
         for trials in self.trials:
-            sums, travel = self.rig.violations(trials, self.samples, gains, headroom=headroom)
+            sums, travel, off = self.rig.violations(trials, self.samples, gains, headroom=headroom)
             total += violated(trials, sums).mean(axis=1) / len(self.trials)
             time += sums[..., 0, 2].mean(axis=(1, 2)) / trials.until_s / len(self.trials)
+            beyond = np.maximum(off - STEADY, 0.0) * trials.until_s
+            offset += (beyond.mean(axis=(1, 2)) + self._slow_integral(trials, gains)) / len(self.trials)
             effort += travel.mean(axis=(1, 2)) / len(self.trials)
         loops = {name.partition(".")[0] for name in gains}
         # Points that another group sets belong to the schedule all the same.
@@ -375,7 +397,30 @@ class Objective:
         )
         lacking = np.zeros(k) if self.margins is None else self.margins.shortfall(gains)
         over_samples = robust(total, self.quantile, nominal=self.samples.nominal)
-        return Terms(over_samples, lacking, time, np.broadcast_to(rough, (k,)), effort)
+        return Terms(over_samples, lacking, offset, time, np.broadcast_to(rough, (k,)), effort)
+
+    def _slow_integral(self, trials: LoopTrials, gains: Mapping[str, Array]) -> Array:
+        """What integrals cost that are slower than the corridor and the start gains, (k,), s."""
+        autopilot, loop = self.rig.autopilot, RIDES_ON.get(trials.loop, trials.loop)
+        points = np.asarray(autopilot.speeds_m_s)
+        weights = np.array([np.interp(trials.speeds, points, row) for row in np.eye(len(points))]).T
+
+        def integral_time(values: Mapping[str, ArrayLike]) -> Array:
+            def of(key: str) -> Array:
+                columns = [
+                    np.atleast_1d(values.get(f"{loop}.{key}.{n + 1}", 0.0)) for n in range(len(points))
+                ]
+                return np.asarray(weights @ np.stack(np.broadcast_arrays(*columns)).astype(float))
+
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return np.asarray(of("K_P") / of("K_I"))
+
+        now = autopilot.gains()
+        enough = np.maximum(_RESTS * trials.until_s, integral_time(now if self.start is None else self.start))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            slower = np.log(integral_time({**now, **gains}) / enough)  # nan: neither has an integral
+        beyond = np.nan_to_num(np.maximum(slower, 0.0), nan=0.0)
+        return np.asarray(_SLOW * trials.until_s * beyond.mean(axis=0))
 
 
 def violated(trials: LoopTrials, sums: Array) -> Array:

@@ -43,7 +43,7 @@ class StepPerformance:
         Which; the step in the unit.
     nominal_s, worst_s
         Violation of the corridors, s: the largest of the vehicle itself in still water over several noises,
-        and of all samples.
+        and of all samples. Infinite where the answer diverges.
     held
         Share of the drawn vehicles that violate nothing.
     rise_s, overshoot, settling_s, steady_error
@@ -162,8 +162,8 @@ def assess(
     found: list[StepPerformance] = []
     kept: dict[str, Responses] = {}
     for trials in (trials for group in only or plan.groups for trials in group.trials):
-        sums, _ = rig.violations(trials, samples, {})
-        total = violated(trials, sums)[0]
+        sums, _, _ = rig.violations(trials, samples, {})
+        total = np.where(_diverges(trials, sums)[0], np.inf, violated(trials, sums)[0])
         shown = None
         if responses:
             t, values = rig.responses(trials, _worst(samples, total), {})
@@ -171,6 +171,16 @@ def assess(
         for k in range(len(trials)):
             found.append(_step_performance(trials, k, (total[k], samples.nominal), shown))
     return Performance(name, rig.autopilot, tuple(found), len(samples) - samples.nominal, kept)
+
+
+def _diverges(trials: LoopTrials, sums: Array) -> Array:
+    """Whether an answer is on the average further outside than an actuator at rest would leave it.
+
+    A vehicle that never moves is outside by at most the whole step, there and back. Shape (k, trials,
+    samples), of sums (k, trials, samples, corridors, 3).
+    """
+    outside = sums[..., 0, :2].sum(axis=-1)
+    return np.asarray(~(outside <= 2.0 * trials.until_s))
 
 
 def _worst(samples: Samples, total: Array) -> Samples:

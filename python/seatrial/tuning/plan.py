@@ -16,22 +16,21 @@ from typing import Any
 
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LoopTable
+from seatrial.control_design.autopilot_facts import autopilot_facts
 from seatrial.tuning.loop_steps import steps_of, usual_speeds
 from seatrial.tuning.objective import GainParameters, excited_points
+from seatrial.tuning.path_following import GUIDANCE, course_lookahead
 from seatrial.tuning.scope import TuningScope
-from seatrial.tuning.step_trial import CHANNELS, RIDES_ON, LoopTrials
+from seatrial.tuning.step_trial import CHANNELS, PATHS, RIDES_ON, LoopTrials
 
 __all__ = ["Group", "TuningPlan"]
 
 GROUPS = (("heave",), ("heading", "cross_track"), ("surge",), ("sway",), ("pitch", "depth"))
 """Loops and paths that are searched together, in the order of the search: what holds the hull level first."""
 
-_GUIDANCE = {
-    "depth": ("guidance.lookahead_vertical_m", "guidance.integral_gain_vertical_m_s"),
-    "cross_track": ("guidance.lookahead_m", "guidance.integral_gain_m_s"),
-}
-
 _GUIDANCE_BOUNDS = (0.3, 3.0)
+
+_ABOUT_FIT = (0.5, 2.0)  # of the lookahead that goes with the loop: always within the bounds
 
 _FILTER_BOUNDS = (0.3, 3.0)
 
@@ -80,6 +79,18 @@ class TuningPlan(TuningScope):
         """Speeds at which a loop is tried where the file gives none, m/s."""
         return usual_speeds(self, loop)
 
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """Paths whose numbers are chosen after the loops: over a tuned loop, in no group of the search."""
+        if autopilot_facts(self.autopilot).guidance["method"] == "pursuit":
+            return ()
+        return tuple(
+            path
+            for path in PATHS
+            if RIDES_ON[path] in self.loops and path not in self.loops and self.modes_of(path)
+            if self.speeds_of(path)
+        )
+
     def trials(self, loop: str) -> LoopTrials:
         """Steps of a loop at its speeds."""
         if loop not in self._trials:
@@ -119,8 +130,9 @@ class TuningPlan(TuningScope):
             if filtered := gains.get(f"{rider}.reference_rad_s", 0.0):
                 parameters += GainParameters.of_number(f"{rider}.reference_rad_s", filtered, _FILTER_BOUNDS)
             for path in chosen:
-                for name in _GUIDANCE.get(path, ()):
-                    parameters += GainParameters.of_number(name, gains.get(name, 0.0), _GUIDANCE_BOUNDS)
+                for name in GUIDANCE.get(path, ()):
+                    bounds = self._lookahead_bounds(path) if "lookahead" in name else _GUIDANCE_BOUNDS
+                    parameters += GainParameters.of_number(name, gains.get(name, 0.0), bounds)
             if not len(parameters):
                 raise CampaignError(
                     f"[tuning.loops.{chosen[0]}]: expected gains that a factor moves, found only zeros for"
@@ -129,9 +141,16 @@ class TuningPlan(TuningScope):
             found.append(Group(" and ".join(chosen), tuple(every[name] for name in chosen), parameters))
         return tuple(found)
 
+    def _lookahead_bounds(self, path: str) -> tuple[float, float]:
+        """Bounds of the factor on a lookahead, which reach to what goes with the loop as well."""
+        fits = course_lookahead(self, self.autopilot, path)[0] / self.autopilot.gains()[GUIDANCE[path][0]]
+        least, most = _GUIDANCE_BOUNDS
+        return min(least, _ABOUT_FIT[0] * fits), max(most, _ABOUT_FIT[1] * fits)
+
     def to_dict(self) -> dict[str, Any]:
         """Trials and parameters as plain data."""
         return {
+            "followed": list(self.followed),
             "reachable_speeds_m_s": [self.autopilot.speeds_m_s[i] for i in self.places],
             "groups": [
                 {

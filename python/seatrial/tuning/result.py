@@ -16,7 +16,7 @@ from seatrial.base.atomic_write import parquet
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunResult, to_json
 from seatrial.tuning.performance import Performance
-from seatrial.tuning.search import GroupResult
+from seatrial.tuning.search import GUIDANCE_SEARCH, GroupResult
 from seatrial.tuning.tables import (
     COMPARISON_TITLE,
     GAIN_HEAD,
@@ -25,6 +25,7 @@ from seatrial.tuning.tables import (
     comparison_rows,
     gain_rows,
     named_step,
+    outside,
     seconds,
     trial_rows,
 )
@@ -336,7 +337,7 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
     if out:
         trial = max(out, key=lambda one: one.nominal_s)
         return (
-            f"{named_step(trial)}: outside its corridor by {seconds(trial.nominal_s)} s{_why(tuning, trial)}",
+            f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}",
             f"widen the corridor of {trial.loop} if it asks too much, or give the search more room under"
             " [tuning] (bounds, budget)",
         )
@@ -348,8 +349,8 @@ def _worst(tuning: Tuning) -> tuple[str, str]:
     loosest = min(tuned.trials, key=lambda one: (one.held, -one.worst_s), default=None)
     if loosest is not None and loosest.held < 1.0:
         return (
-            f"{named_step(loosest)}: {1.0 - loosest.held:.0%} of the drawn vehicles leave the corridor,"
-            f" by up to {seconds(loosest.worst_s)} s",
+            f"{named_step(loosest)}: {1.0 - loosest.held:.0%} of the drawn vehicles leave the corridor"
+            f" (the worst: {outside(loosest.worst_s)})",
             verify,
         )
     if tuning.reverted:
@@ -384,8 +385,8 @@ def sentences(tuning: Tuning) -> list[str]:
         for trial in tuned.trials:
             if trial.held < 1.0:
                 lines.append(
-                    f"{named_step(trial)}: within the corridor with {trial.held:.0%} of the samples, else"
-                    f" outside by up to {seconds(trial.worst_s)} s of a step."
+                    f"{named_step(trial)}: within the corridor with {trial.held:.0%} of the samples; the"
+                    f" worst: {outside(trial.worst_s)}."
                 )
     else:
         out = [trial for trial in tuned.trials if trial.nominal_s > 0.0]
@@ -394,11 +395,9 @@ def sentences(tuning: Tuning) -> list[str]:
             f"{len(out)} of {len(tuned.trials)} responses of the vehicle itself {leave}: widen what is too"
             " narrow, or give the search more room under [tuning] (bounds, budget)."
         )
-        lines += [
-            f"{named_step(trial)}: outside by {seconds(trial.nominal_s)} s of a step{_why(tuning, trial)}."
-            for trial in out
-        ]
+        lines += [f"{named_step(trial)}: {outside(trial.nominal_s)}{_why(tuning, trial)}." for trial in out]
     lines += _worse_than_start(tuning)
+    lines += _guided(tuning)
     if tuning.reverted:
         lines.append(
             f"The start gains stay in {', '.join(tuning.reverted)}: nothing better was found beside the"
@@ -461,13 +460,34 @@ def _worse_than_start(tuning: Tuning) -> list[str]:
             sum(t.nominal_s for t in performance.trials if t.loop == loop) for performance in (start, tuned)
         )
         if now > was:
-            worse.append(f"{loop} {seconds(now)} s, before {seconds(was)} s")
+            worse.append(f"{loop} {_seconds(now)}, before {_seconds(was)}")
     if not worse:
         return []
     return [
         f"Further outside than with the start gains: {'; '.join(worse)}. What another loop or the margins"
         " need was bought with it: widen that loop's corridor, or ask for less margin."
     ]
+
+
+def _guided(tuning: Tuning) -> list[str]:
+    """What guidance was given for the tuned loops, in a sentence."""
+    found = next((group for group in tuning.groups if group.name == GUIDANCE_SEARCH), None)
+    if found is None:
+        return []
+    start, tuned = tuning.start.gains(), tuning.autopilot.gains()
+    moved = "; ".join(
+        f"{name.partition('.')[2]} {tuned[name]:.4g}, before {start[name]:.4g}"
+        for name in sorted(found.gains)
+    )
+    return [
+        f"Guidance for the tuned loops: {moved}. Steps of the path, with the tuned loops: time-weighted error"
+        f" {found.after['time']:.2g} s, before {found.before['time']:.2g} s; beyond 30 % of overshoot"
+        f" {seconds(found.after['violation'])} s, before {seconds(found.before['violation'])} s."
+    ]
+
+
+def _seconds(value: float) -> str:
+    return f"{seconds(value)} s" if np.isfinite(value) else seconds(value)
 
 
 def _all_inside(count: int, whole: int, samples: int, *, drawn: bool) -> str:

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from seatrial.campaign.tuning_table import TuningTable
 from seatrial.control_design.autopilot_facts import autopilot_facts
-from seatrial.control_design.mode_table import breakpoint_speeds, top_speeds
+from seatrial.control_design.mode_table import RANGE, breakpoint_speeds, top_speeds
 from seatrial.control_design.operating_points import reachable_points
+from seatrial.control_design.start_guidance import steady_speed
 from seatrial.tuning.step_trial import RIDES_ON, Rig, Samples
 from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.authority import LOOPS, ROWS
+from seatrial.vehicle.authority import LOOPS, ROWS, reach
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -100,6 +101,35 @@ class TuningScope:
         """Speed of the samples' currents, m/s: a twentieth of the top speed where the file gives none."""
         given = self.table.current_m_s
         return _CURRENT * self.top_m_s if given is None else given
+
+    def top_of(self, loop: str) -> float:
+        """Largest steady speed of a loop's channel, m/s: sideways for sway, ahead for all others.
+
+        Parameters
+        ----------
+        loop : str
+        """
+        if loop != "sway" or "sway" not in autopilot_facts(self.autopilot).loops:
+            return self.top_m_s
+        ends = np.abs(reach(self.vehicle, 0.0, "Y", voltage_v=self.supply_v)["Y"])
+        force = min(float(ends.min()), autopilot_facts(self.autopilot).loops["sway"]["tau_max"])
+        return steady_speed(self.vehicle, np.zeros(6), ROWS.index("Y"), force)
+
+    def largest_step(self, loop: str) -> float:
+        """Largest step of a loop from its level set point in the file's unit, inf where nothing limits it.
+
+        Guidance asks for no more pitch than ``pitch_max_deg``; what would end beyond 95 % of the top speeds,
+        less the current, is no step of a speed.
+
+        Parameters
+        ----------
+        loop : str
+        """
+        if loop == "pitch":
+            return float(autopilot_facts(self.autopilot).guidance["pitch_max_deg"])
+        if loop == "sway":
+            return RANGE * self.top_of(loop) - self.current_m_s
+        return np.inf
 
     def modes_of(self, loop: str) -> list[tuple[float, float]]:
         """Speeds from and to which modes work whose set point of this loop moves, m/s."""

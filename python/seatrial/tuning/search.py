@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GENERATIONS",
+    "GUIDANCE_SEARCH",
     "ROUNDS",
     "GroupResult",
     "Standing",
@@ -45,6 +46,9 @@ __all__ = [
     "search_margins",
     "standing",
 ]
+
+GUIDANCE_SEARCH = "guidance"
+"""Name of the result that holds the numbers of guidance for the tuned loops."""
 
 GENERATIONS, ROUNDS = 30, 25
 """Batches of the evolution strategy and of the simplexes where the campaign gives no budget."""
@@ -219,6 +223,7 @@ def search_group(
         quantile=quantile,
         smoothness=plan.table.smoothness,
         reached=plan.reached,
+        start=plan.autopilot.gains(),
     )
     lower, upper = parameters.bounds
     budget = plan.table.budget

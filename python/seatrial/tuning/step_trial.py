@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.campaign.corridor import Corridor
@@ -162,6 +162,20 @@ class LoopTrials:
         # A flight goes on to the end of the period in which its time is up.
         return np.asarray(period_s * np.arange(math.ceil(self.duration_s / period_s - 1e-6) + 1))
 
+    def rests(self, period_s: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Control periods (p,) in which an answer should be at rest: the last quarter there, and back."""
+        since = self.grid(period_s) - self.settle_s
+        there, back = (
+            (since > (1.0 - _REST) * self.until_s + after - 1e-9) & (since < self.until_s + after - 1e-9)
+            for after in (0.0, self.until_s)
+        )
+        return there, back
+
+    def rest_s(self, period_s: float) -> tuple[float, float]:
+        """Time at rest, there and back, s."""
+        there, back = self.rests(period_s)
+        return period_s * int(there.sum()), period_s * int(back.sum())
+
     def bounds(self, period_s: float, *, headroom: float = 0.0) -> tuple[Array, Array, Array, Array]:
         """Lower and upper bound, target and clock of the normalised answer per control period, (p,) each.
 
@@ -185,6 +199,8 @@ class LoopTrials:
             clock[rows] = since[rows]
         return lower, upper, target, clock
 
+
+_REST = 0.25  # of the corridor, its last part, in which a loop with an integral has come to rest
 
 _LEG_M = 1e6
 
@@ -229,8 +245,8 @@ class Rig:
 
     def violations(
         self, trials: LoopTrials, samples: Samples, gains: Mapping[str, ArrayLike], *, headroom: float = 0.0
-    ) -> tuple[Array, Array]:
-        """What k candidates violate, and how much their commands move.
+    ) -> tuple[Array, Array, Array]:
+        """What k candidates violate, how much their commands move, and how far off they come to rest.
 
         Parameters
         ----------
@@ -246,18 +262,25 @@ class Rig:
             Below, above (s), and time-weighted deviation (s^2); infinite for what diverged.
         travel : (k, trials, samples) ndarray
             Mean rate of the commands, shares of an actuator's range per s.
+        offset : (k, trials, samples) ndarray
+            Mean distance from the set point over the last quarter of the corridor, as a share of the step,
+            the larger one of there and back. Noise is averaged out of it.
         """
         columns = {name: np.atleast_1d(np.asarray(values, float)) for name, values in gains.items()}
         k = len(next(iter(columns.values()))) if columns else 1
         found = np.empty((k, len(trials), len(samples), 1 + len(trials.beside), 3))
         travel = np.empty((k, len(trials), len(samples)))
+        offset = np.empty((k, len(trials), len(samples)))
         for chosen, flights in self._flights(trials, samples, columns, k, headroom=headroom, logs=False):
             shape = (len(chosen), len(samples), k)
-            sums = _there_and_back(np.asarray(flights.violations)).reshape(*shape, -1, 3)
+            judged, ends = np.split(np.asarray(flights.violations), [-_ENDS], axis=1)
+            sums = _there_and_back(judged).reshape(*shape, -1, 3)
             found[:, chosen] = np.moveaxis(sums, 2, 0)
+            off = _offset(ends, trials.rest_s(self.autopilot.period_s)).reshape(shape)
+            offset[:, chosen] = np.moveaxis(off, 2, 0)
             moved = np.asarray(flights.figures["travel"]).reshape(shape)
             travel[:, chosen] = np.moveaxis(moved, 2, 0)
-        return found, travel
+        return found, travel, offset
 
     def responses(
         self, trials: LoopTrials, samples: Samples, gains: Mapping[str, float]
@@ -352,6 +375,10 @@ class Rig:
             inside = 1.0 - min(headroom, 0.25)
             low, high = np.where(bounded, -inside, -np.inf), np.where(bounded, inside, np.inf)
             corridors.append((name, per_trial(level), np.full(count * s * k, half), low, high, still, clock))
+        # Bounds that meet in the set point: what lies below, less what lies above, is a mean with its sign.
+        for phase in trials.rests(self.autopilot.period_s):
+            low, high = np.where(phase, target, -np.inf), np.where(phase, target, np.inf)
+            corridors.append((channel, base, scale, low, high, target, still))
         nu = np.zeros((count * s * k, 6))
         nu[:, 0] = per_trial(speed)
         if trials.loop == "surge":
@@ -401,6 +428,16 @@ class Rig:
             steady = replace(ready.channels, errors=errors, timing=timing)
             self._ready[speed, duration_s] = replace(ready, channels=steady)
         return self._ready[speed, duration_s]
+
+
+_ENDS = 2  # corridors at the end of the list: at rest there, and back
+
+
+def _offset(sums: Array, rest_s: tuple[float, float]) -> Array:
+    """Mean distance (cases,) from the set point, a share of the step, of sums (cases, 2, 3) of both ends."""
+    with np.errstate(invalid="ignore"):
+        mean = np.abs(sums[..., 0] - sums[..., 1]) / rest_s
+    return np.asarray(np.where(np.isfinite(mean), mean, np.inf).max(axis=-1))
 
 
 def _there_and_back(sums: Array) -> Array:

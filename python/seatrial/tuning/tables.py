@@ -25,6 +25,7 @@ __all__ = [
     "gain_rows",
     "named_step",
     "on_another_vehicle",
+    "outside",
     "seconds",
     "trial_rows",
 ]
@@ -56,7 +57,7 @@ def on_another_vehicle(performance: Performance) -> str:
     out = [trial for trial in performance.trials if trial.nominal_s > 0.0]
     if not out:
         return f"all {len(performance.trials)} responses stay within their corridors."
-    listed = "; ".join(f"{named_step(trial)} by {seconds(trial.nominal_s)} s" for trial in out)
+    listed = "; ".join(f"{named_step(trial)}, {outside(trial.nominal_s)}" for trial in out)
     return f"{len(out)} of {len(performance.trials)} responses leave their corridors: {listed}."
 
 
@@ -127,10 +128,15 @@ def named_step(trial: StepPerformance) -> str:
     return f"{trial.loop} at {trial.speed_m_s:.2f} m/s, step of {trial.step:+.3g} {trial.unit}"
 
 
+def outside(value: float) -> str:
+    """By how much a response leaves its corridor, in words; of a violation in s."""
+    return f"outside by {seconds(value)} s of a step" if math.isfinite(value) else "diverges"
+
+
 def seconds(value: float) -> str:
     """A violation in s, short."""
     if not math.isfinite(value):
-        return "diverged"
+        return "diverges"
     if 0.0 < value < _LEAST_S:
         return f"<{_LEAST_S:g}"
     return "0" if value == 0.0 else f"{value:.0f}" if value >= 100.0 else f"{value:.2g}"

@@ -25,12 +25,14 @@ from seatrial.base.run import RunDirectory, run_facts, version
 from seatrial.estimation.search import LANES, batch_size
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.tuning.objective import HEADROOM
+from seatrial.tuning.path_following import path_work_s, search_paths
 from seatrial.tuning.performance import Performance, assess, assess_without_noise
 from seatrial.tuning.plan import Group, TuningPlan
 from seatrial.tuning.relay import relay_autopilot
 from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
 from seatrial.tuning.search import (
     GENERATIONS,
+    GUIDANCE_SEARCH,
     ROUNDS,
     GroupResult,
     revert_gains,
@@ -118,6 +120,7 @@ class TuningRun:
             if self._search():
                 return self._result((), relay=None)
             self._revert()
+            self._guide()
             return self._assess(relay=relay)
         except KeyboardInterrupt:
             self.stopped = True
@@ -154,7 +157,11 @@ class TuningRun:
             # The second turn flies what shows who needs it.
             samples = plan.samples(plan.table.samples, seed, nominal=_NOISES)
             open_ = [k for k in range(len(plan.groups)) if self._spoils(k) or self._violates(k, samples)]
-            self.work.keep_only({_ASSESSMENT, *(_name(plan.groups[k], turn + 1) for k in open_)})
+            self.work.keep_only({
+                GUIDANCE_SEARCH,
+                _ASSESSMENT,
+                *(_name(plan.groups[k], turn + 1) for k in open_),
+            })
             if not open_:
                 break
         return False
@@ -162,6 +169,21 @@ class TuningRun:
     def _revert(self) -> None:
         """Give groups their start gains again where these are better at the last assessment."""
         self.gains, self.reverted = revert_gains(self.plan, self.gains, self._fresh(), threads=self.threads)
+
+    def _guide(self) -> None:
+        """Numbers of guidance that go with the loops as they are."""
+        plan, rig = self.plan, self._rig(self._tuned(), 2 * _FINE_STEP_S)
+        if not plan.followed:
+            return
+
+        def search(_: Callable[[Step], None]) -> GroupResult:
+            found = search_paths(plan, rig, plan.followed, seed=plan.seed)
+            return GroupResult(
+                name=GUIDANCE_SEARCH, history=(), at_bound=(), interrupted=False, **vars(found)
+            )
+
+        self.stages = self.done + 2
+        self._keep(GUIDANCE_SEARCH, search)
 
     def _fresh(self) -> Samples:
         """Samples of the last assessment, which no search has seen."""
@@ -200,7 +222,8 @@ class TuningRun:
         flown = sum(parts.values())
         each = sum(len(t) * t.duration_s for group in self.plan.groups for t in group.trials)
         last = (_FRESH + _NOISES) * 2 * 2 * each
-        return {"margins": _OF_MARGINS * flown / _PASSES} | parts | {_ASSESSMENT: last}
+        after = {GUIDANCE_SEARCH: path_work_s(self.plan, self.plan.followed), _ASSESSMENT: last}
+        return {"margins": _OF_MARGINS * flown / _PASSES} | parts | after
 
     def _keep(self, name: str, search: Callable[[Callable[[Step], None]], GroupResult | None]) -> bool:
         """Run or reuse a part of the search; whether it was interrupted."""
