@@ -35,6 +35,9 @@ def test_lit_blue_robotics_thrust_is_proportional_to_n_squared_ahead_and_astern(
         assert one.fit.r2 > 0.995, side
         # The blades' Reynolds number grows with n: the sheet's exponents are 2.08 ahead and 2.11 astern.
         assert abs(one.exponent[0] - 2.0) < 0.13, side
+        # Small as the difference is, 1206 rows tell it from 2.
+        low, high = one.exponent_interval
+        assert 2.0 < low < one.exponent[0] < high
         assert len(one.outliers) < 0.02 * len(one.points)
     p1 = {side: 3600.0 * float(one.fit.coefficients[0]) for side, one in fit.directions.items()}
     # The same by hand: mean of F/n² over the rows above half the largest thrust.

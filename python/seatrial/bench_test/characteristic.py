@@ -80,6 +80,8 @@ class DirectionFit:
     exponent
         Slope of log thrust over log signal and its standard deviation, from points above a twentieth of the
         largest thrust, weak ones counting less; 2 is thrust per n|n|.
+    exponent_interval
+        Its 95 % interval.
     """
 
     side: str
@@ -89,6 +91,7 @@ class DirectionFit:
     candidates: tuple[Candidate, ...]
     judgement: str
     exponent: tuple[float, float]
+    exponent_interval: tuple[float, float]
 
     def thrust(self, signal: Array, voltage_v: Array | None = None) -> Array:
         """Thrust (m,) in N, signed, at signals (m,) of this direction."""
@@ -111,6 +114,7 @@ class DirectionFit:
             "paper_b": self.fit.b,
             "exponent": self.exponent[0],
             "exponent_sd": self.exponent[1],
+            "exponent_interval": list(self.exponent_interval),
             "points": len(self.points),
             "judgement": self.judgement,
             "candidates": [{"model": one.name, "aicc": one.aicc} for one in self.candidates],
@@ -263,8 +267,10 @@ def _direction(
         raise TrialError(f"{where}: {error}") from None
     compared = candidates(signal[used], thrust[used]) if not regression.with_voltage else ()
     judgement = lack_of_fit(compared, terms, int(used.sum())) if compared else ""
-    exponent = _exponent(signal[used], thrust[used], min([fit.sigma, *(one.scatter for one in compared)]))
-    return DirectionFit(side, fit, own[used], own[out], compared, judgement, exponent)
+    exponent, interval = _exponent(
+        signal[used], thrust[used], min([fit.sigma, *(one.scatter for one in compared)])
+    )
+    return DirectionFit(side, fit, own[used], own[out], compared, judgement, exponent, interval)
 
 
 def _outliers(inputs: Array, thrust: Array, terms: tuple[Term, ...]) -> NDArray[np.bool_]:
@@ -279,18 +285,21 @@ def _outliers(inputs: Array, thrust: Array, terms: tuple[Term, ...]) -> NDArray[
     return out & beyond if cubic < _MISFIT * stiff else out
 
 
-def _exponent(signal: Array, thrust: Array, scatter: float) -> tuple[float, float]:
-    """Slope of log thrust over log signal and its standard deviation.
+def _exponent(
+    signal: Array, thrust: Array, scatter: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Slope of log thrust over log signal and its standard deviation; its 95 % interval.
 
     A point errs by the scatter in N and by three per cent of its thrust, so that weak ones count less.
     """
     strong = thrust > _EXPONENT_SHARE * thrust.max()
     if strong.sum() < 4 or np.ptp(np.log(signal[strong])) < 1e-9:
-        return np.nan, np.nan
+        return (np.nan, np.nan), (np.nan, np.nan)
     weight = 1.0 / np.hypot(1.0, scatter / (_EXPONENT_ERROR * thrust[strong]))
     rows = weight[:, None] * np.column_stack([np.ones(len(weight)), np.log(signal[strong])])
     fit = least_squares(rows, weight * np.log(thrust[strong]), ((1, 0), (0, 1)))
-    return float(fit.coefficients[1]), float(fit.standard_deviations[1])
+    low, high = fit.intervals()[1]
+    return (float(fit.coefficients[1]), float(fit.standard_deviations[1])), (float(low), float(high))
 
 
 def _tabulated(made: UnitFit) -> ThrustTable:

@@ -5,17 +5,14 @@ Directions and actuators are compared by Wald tests. Ahead against astern, from 
 and its parameters are compared with the median of all, which one odd actuator does not move. With m
 comparisons the level is 5 %/m (Bonferroni).
 
-Into ``[motors.NAME]`` only what is determined is written, so that merging keeps the rest. But the file lets
-an absent key follow its partner (astern as ahead, shrinking as growing): where only one of the two is
-determined, the other is written too, as the vehicle had it, or as the least rate that the records allow. The
-file has one rate limit for both directions: the mean of the two, weighted by their precision. Held by
+Held by
 ``tests/bench_test/test_motor_dynamics.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -23,10 +20,17 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.bench_test.motor_fit import MotorUncertainty
-from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, StepRecord, symbol
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import Noise
 
-__all__ = ["MotorEstimate", "MotorFitness", "MotorParameter", "compare_actuators", "compare_directions"]
+__all__ = [
+    "MotorEstimate",
+    "MotorFitness",
+    "MotorParameter",
+    "WrittenMotor",
+    "compare_actuators",
+    "compare_directions",
+]
 
 
 @dataclass(frozen=True)
@@ -93,12 +97,16 @@ class MotorParameter:
         """
         label, unit = symbol(self.name), "" if self.unit == "1" else f" {self.unit}"
         if self.value is not None and self.sigma is not None:
+            if self.name in ("T_1", "T_t") and _number(self.upper) < _SHORTEST_S:
+                return f"{label} is zero to {_SHORTEST_S:g} s."
             digits = 4 if self.sigma <= 0 else max(0, 1 - math.floor(math.log10(self.sigma)))
             lower, upper = (f"{_number(edge):.{digits}f}" for edge in (self.lower, self.upper))
             return (
                 f"{label} = {self.value:.{digits}f}{unit} ± {self.sigma:.{digits}f}, 95 % interval {lower} to"
                 f" {upper}{unit}{self.remark and f'; {self.remark}'}."
             )
+        if self.value is not None:
+            return f"{label} = {self.value:.4g}{unit}, {self.remark}."
         text = f"{label} is not determined: {self.reason}"
         for known, word in ((self.at_least, "at least"), (self.at_most, "at most")):
             if known is not None:
@@ -118,6 +126,9 @@ class MotorParameter:
             for key, entry in asdict(self).items()
         }
         return plain | {"status": self.status}
+
+
+_SHORTEST_S = 1e-3  # no motor and no logger shows a shorter time
 
 
 def _number(value: float | None) -> float:
@@ -234,73 +245,9 @@ def compare_actuators(
     return tuple(differences)
 
 
-_KEYS = {"n_max_ahead": "maximum_ahead", "n_max_astern": "maximum_astern", "n_min_ahead": "minimum_ahead"}
+_MISFIT = 10.0  # errors over the noise above which an interval means nothing
 
-_KEYS |= {"n_min_astern": "minimum_astern", "K_V": "K_V", "T_1": "T_1_s", "T_t": "T_t_s"}
-
-_PARTNER = {"n_acc": "n_dec", "n_dec": "n_acc"}
-
-
-def _vehicle_keys(
-    parameters: Mapping[str, MotorParameter], directions: Sequence[Directions], below_minimum: str | None
-) -> dict[str, float | str]:
-    """Keys with their values, rounded to their precision."""
-    table: dict[str, float | str] = {}
-    for name, key in _KEYS.items():
-        one = parameters[name]
-        if one.value is not None and one.sigma is not None:
-            table[key] = _rounded(one.value, one.sigma)
-    for limit in ("maximum", "minimum"):
-        kept = parameters[f"n_{limit[:3]}_astern"].kept
-        missing = f"{limit}_ahead" in table and f"{limit}_astern" not in table
-        if missing and kept is not None and math.isfinite(kept):
-            table[f"{limit}_astern"] = kept
-    for limit, (rate, _) in _rates(parameters, directions).items():
-        table[f"{limit}_per_s"] = rate
-    if below_minimum is not None:
-        table["below_minimum"] = below_minimum
-    return table
-
-
-def _rates(
-    parameters: Mapping[str, MotorParameter], directions: Sequence[Directions]
-) -> dict[str, tuple[float, str]]:
-    """Rate limits of the file by name, each with where it comes from: "found", "kept" or "least"."""
-    limits = {limit: _common(limit, parameters, directions) for limit in _PARTNER}
-    written = {}
-    for limit, partner in _PARTNER.items():
-        both = [parameters[f"{limit}_{side}"] for side in SIDES]
-        common, kept = limits[limit], both[0].kept
-        least = [one.at_least for one in both if one.at_least is not None]
-        if common is not None:
-            written[limit] = (common, "found")
-        elif limits[partner] is not None and kept is not None and math.isfinite(kept):
-            written[limit] = (kept, "kept")
-        elif limits[partner] is not None and least:
-            written[limit] = (float(f"{max(least):.3g}"), "least")
-    return written
-
-
-def _common(
-    limit: str, parameters: Mapping[str, MotorParameter], directions: Sequence[Directions]
-) -> float | None:
-    """One rate limit for both directions, of those that are determined."""
-    for pair in directions:
-        if pair.name == limit:
-            return _rounded(pair.pooled, pair.sigma)
-    for side in SIDES:
-        one = parameters[f"{limit}_{side}"]
-        if one.value is not None and one.sigma is not None:
-            return _rounded(one.value, one.sigma)
-    return None
-
-
-def _rounded(value: float, sigma: float) -> float:
-    """Value to a tenth of its standard deviation or finer."""
-    if not sigma > 0:
-        return value
-    return round(value, 1 - math.floor(math.log10(sigma)))
-
+_VISIBLE = 1e-4  # share of the motion that the errors must have for it
 
 _ROUGH = 1.5  # errors over the measurement's own noise above which something is left out
 
@@ -333,6 +280,12 @@ class MotorFitness:
     quantum: float
     samples: int
 
+    @property
+    def misfit(self) -> float | None:
+        """Errors over the measurement's noise where the chain clearly misses the motor, else None."""
+        ratio = self.rms / max(math.hypot(self.noise, self.quantum / math.sqrt(12.0)), 1e-12)
+        return ratio if ratio > _MISFIT and 1.0 - self.r2 > _VISIBLE else None
+
     @classmethod
     def of(cls, records: tuple[StepRecord, ...], model: MotorModel, noise: Noise) -> MotorFitness:
         """Fitness of a motor to records."""
@@ -354,6 +307,37 @@ class MotorFitness:
             quantum=noise.quantum,
             samples=len(error),
         )
+
+
+_WORSE = 1e-3  # share of the motion by which the written motor may miss more than the fitted one
+
+
+@dataclass(frozen=True)
+class WrittenMotor:
+    """Keys for the vehicle file, R² of the motor that the file then holds, and the rate written as a bound.
+
+    ``least`` is the key of a rate limit that the records only bound, None where there is none.
+    """
+
+    table: dict[str, float | str]
+    r2: float
+    least: str | None
+
+    def sentences(self, fitted_r2: float) -> list[str]:
+        """What is written though it is not determined, and whether the file's motor is worse than the fit."""
+        said = []
+        if self.least is not None:
+            said.append(
+                f"{self.least} is written as {self.table[self.least]:g}, the least that the records allow:"
+                " the vehicle file would take the other rate limit for both, and the records rule that out."
+            )
+        if fitted_r2 - self.r2 > _WORSE:
+            said.append(
+                f"The motor as the vehicle file then holds it follows the records with R\N{SUPERSCRIPT TWO}"
+                f" {self.r2:.4f}, the fit with {fitted_r2:.4f}: a limit that the file keeps, or has once for"
+                " both directions, does not suit; compare its keys with the sentences above."
+            )
+        return said
 
 
 @dataclass(frozen=True)
@@ -391,6 +375,8 @@ class MotorEstimate:
         Length and number of the blocks of errors on which the intervals rest.
     unit
         Unit of command and measurement.
+    written
+        What goes into the vehicle file, and how that scores on the records.
     """
 
     parameters: Mapping[str, MotorParameter]
@@ -411,6 +397,7 @@ class MotorEstimate:
     block_s: float
     blocks: int
     unit: str
+    written: WrittenMotor
 
     def __getitem__(self, name: str) -> MotorParameter:
         """A parameter by its name."""
@@ -426,7 +413,7 @@ class MotorEstimate:
         Keys of the other parameters are left out, so that merging keeps the vehicle's, but for those that the
         file would derive from a key that is written. The rate limits are those of both directions together.
         """
-        return _vehicle_keys(self.parameters, self.directions, self.below_minimum)
+        return dict(self.written.table)
 
     def sentences(self) -> tuple[str, ...]:
         """What is known of each parameter, what differs, how well it fits; one sentence each."""
@@ -451,12 +438,7 @@ class MotorEstimate:
                     f"{pair.name} differs between the directions: {pair.ahead:.4g} ahead, {pair.astern:.4g}"
                     f" astern (p = {pair.p:.2g}){pooled}."
                 )
-        for limit, (rate, origin) in _rates(self.parameters, self.directions).items():
-            if origin == "least":
-                said.append(
-                    f"{limit}_per_s is written as {rate:g}, the least that the records allow: the vehicle"
-                    " file would take the other rate limit for both."
-                )
+        said += self.written.sentences(fit.r2)
         said += [one.sentence() for one in self.differing]
         if self.left_out:
             said.append(
@@ -491,6 +473,7 @@ class MotorEstimate:
             "unit": self.unit,
             "parameters": {name: one.to_dict() for name, one in self.parameters.items()},
             "motor_table": self.motor_table(),
+            "motor_table_r2": self.written.r2,
             "below_minimum": self.below_minimum,
             "below_minimum_ratio": self.below_minimum_ratio,
             "fitness": vars(self.fitness),

@@ -45,6 +45,7 @@ from seatrial.bench_test.motor_plateaus import (
     starts_in_motion,
     statics,
 )
+from seatrial.bench_test.motor_table import written_motor
 
 __all__ = ["identify_motor", "recommended_steps"]
 
@@ -110,7 +111,7 @@ def identify_motor(
     shown = statics(settled, noise)
     read = readings(several, settled, shown, noise, robust)
     reduced = eliminated(read.better, noise, prior)
-    return _estimate(reduced, several, noise, settled, shown, prior, read.ratio, trimmed, unit)
+    return _estimate(reduced, several, noise, settled, shown, start or {}, read.ratio, trimmed, unit)
 
 
 def _refuse(records: Sequence[StepRecord], robust: str) -> None:
@@ -139,20 +140,27 @@ def _estimate(
     noise: Noise,
     settled: Sequence[Plateau],
     shown: Statics,
-    prior: MotorModel | None,
+    start: Mapping[str, Any],
     ratio: float | None,
     trimmed: tuple[str, ...],
     unit: str,
 ) -> MotorEstimate:
     """The result's parts put together."""
     problem, best, known = reduced.problem, reduced.best, reduced.known
+    prior = MotorModel.from_table(start).parameters() if start else None
     model = problem.model(best.x)
+    fitness = MotorFitness.of(problem.records, model, noise)
     parameters = {
-        name: _parameter(k, reduced, None if prior is None else prior.parameters()[name], unit)
+        name: _parameter(k, reduced, None if prior is None else prior[name], unit)
         for k, name in enumerate(NAMES)
     }
+    if fitness.misfit is not None:
+        parameters = {name: _without_interval(one, fitness.misfit) for name, one in parameters.items()}
+    clear = fitness.misfit is None
     determined = {name: one.determined for name, one in parameters.items()}
     smooth = {name: told and bool(problem.free[NAMES.index(name)]) for name, told in determined.items()}
+    directions = compare_directions(best.x, known, smooth) if clear else ()
+    below = None if ratio is None else ("zero" if problem.dead_band else "lift")
     actuators = tuple(dict.fromkeys(record.name for record in problem.records))
     alone = {}
     for actuator in actuators if len(actuators) > 1 else ():
@@ -168,16 +176,16 @@ def _estimate(
     return MotorEstimate(
         parameters=parameters,
         model=model,
-        below_minimum=None if ratio is None else ("zero" if problem.dead_band else "lift"),
+        below_minimum=below,
         below_minimum_ratio=ratio,
-        fitness=MotorFitness.of(problem.records, model, noise),
+        fitness=fitness,
         noise=noise,
-        directions=compare_directions(best.x, known, smooth),
+        directions=directions,
         actuators=actuators,
         left_out=sum(len(record.sampled[0]) for record in records)
         - sum(len(record.sampled[0]) for record in problem.records),
         trimmed=trimmed,
-        differing=compare_actuators(alone, smooth),
+        differing=compare_actuators(alone, smooth) if clear else (),
         starts=best.starts,
         agreeing=best.agreeing,
         converged=best.converged,
@@ -185,7 +193,16 @@ def _estimate(
         block_s=known.block_s,
         blocks=known.blocks,
         unit=unit,
+        written=written_motor(parameters, directions, below, problem.records, start),
     )
+
+
+def _without_interval(one: MotorParameter, ratio: float) -> MotorParameter:
+    """A parameter of a chain that misses what the motor does: its scatter says nothing about its error."""
+    if not one.determined:
+        return one
+    remark = f"no interval: the errors are {ratio:.0f} times the measurement's noise: the chain misses it"
+    return replace(one, sigma=None, lower=None, upper=None, dof=0.0, remark=remark)
 
 
 def _parameter(k: int, reduced: Reduced, kept: float | None, unit: str) -> MotorParameter:

@@ -220,15 +220,24 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
     return Statics(gain, (low[0], low[1]), (high[0], high[1]), (dropped[0], dropped[1]))
 
 
+_GAIN_APART = 0.05  # how far the gain of one command may lie from that of the others
+
+
 def _shared(ordered: Sequence[Plateau], gain: float, noise: Noise, way: int) -> list[float]:
-    """Levels of the first plateaus that lie off the line in one way and share the level of the very first."""
+    """Levels of the first plateaus that lie off the line in one way and share the level of the very first.
+
+    One command alone that lies a little off the line shows another gain, not a limit.
+    """
     shared: list[float] = []
+    commands: set[float] = set()
     for one in ordered:
         apart = abs(abs(one.level) - shared[0]) if shared else 0.0
         if _above(one, gain, noise) != way or apart > _slack(one, noise):
             break
         shared.append(abs(one.level))
-    return shared
+        commands.add(round(abs(one.command), 9))
+    alone = len(commands) == 1 and abs(shared[0] / (gain * commands.pop()) - 1.0) < _GAIN_APART
+    return [] if alone else shared
 
 
 def _above(plateau: Plateau, gain: float, noise: Noise) -> int:

@@ -28,8 +28,6 @@ __all__ = ["BenchTest", "share"]
 
 _MOST = 4
 
-_TWO = 0.15
-
 
 def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> list[str]:
     """What the pulls of a group say: factors, curve, exponent, order, outliers."""
@@ -104,9 +102,16 @@ def _is(value: str) -> str:
 
 def _exponent(one: DirectionFit) -> str:
     value, sd = one.exponent
-    near = abs(value - 2.0) < max(_TWO, 3.0 * sd)
-    return f"thrust grows with the {value:.3f} ± {sd:.2g} power of the signal" + (
-        ", so nearly as n|n|" if near else ", so not as n|n|"
+    low, high = one.exponent_interval
+    said = (
+        f"thrust grows with the {value:.3f} ± {sd:.2g} power of the signal, 95 % interval {low:.2f} to"
+        f" {high:.2f}"
+    )
+    if low <= 2.0 <= high:
+        return f"{said}: n|n| (2) lies in it"
+    return (
+        f'{said}: it differs from n|n| (2); compare order = 2 and order = "points" (a dead band or an offset'
+        " of the load cell bends weak points most)"
     )
 
 
@@ -377,7 +382,7 @@ def _worst(test: BenchTest) -> tuple[str, str]:
         (abs(one.exponent[0] - 2.0), f"largest departure from n|n|: {unit} {side}, {_exponent(one)}")
         for unit, fit in test.pulls.items()
         for side, one in fit.directions.items()
-        if np.isfinite(one.exponent[0])
+        if np.isfinite(one.exponent[0]) and not one.exponent_interval[0] <= 2.0 <= one.exponent_interval[1]
     ]
     return (max(bent)[1] if bent else "no outlier and no undetermined parameter found"), write
 
