@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from seatrial.examples.paper.plates import PAPER_FIGURES
 from tests.docs.pages import ROOT, text
 
 CAPTIONS = """
@@ -37,6 +38,7 @@ def prose(path: Path) -> str:
 
 
 def test_every_cited_figure_of_the_paper_has_the_papers_number() -> None:
+    assert PAPER_FIGURES == SUBJECTS  # those of the gallery's captions
     found, wrong = 0, []
     for path in sources():
         for cited in CITED.finditer(prose(path)):

@@ -24,9 +24,19 @@ from seatrial.campaign.file import Axes as Modes
 from seatrial.campaign.file import Stage
 from seatrial.cli import app
 from seatrial.examples.paper.__main__ import app as paper
+from seatrial.examples.paper.autopilot import autopilot_plates
 from seatrial.examples.paper.gallery import FORMATS, paper_figures
 from seatrial.examples.paper.model import columns_of_stages, optimisation_diagram
-from seatrial.examples.paper.plates import bench_plates, campaign_plates, is_generated
+from seatrial.examples.paper.plates import (
+    bench_plates,
+    campaign_plates,
+    cited,
+    is_generated,
+    no_campaign,
+    not_drawn,
+    vehicle_plates,
+)
+from seatrial.examples.paper.tuning import tuning_plates, without_tuning
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
 from seatrial.report.plot.identification import above_optimum, convergence
@@ -249,7 +259,56 @@ def test_a_gallery_is_numbered_and_its_page_says_what_is_seen(drawn: tuple[Path,
     assert "All 3 trials are recordings." in page
     assert "Data: recorded run." in page
     assert any("no bollard test" in sentence for sentence in made["left_out"])
+    # All twenty figures of the paper are drawn or named.
+    left_out = "\n".join(made["left_out"])
+    captions = " ".join(figure["caption"] for figure in made["figures"])
+    assert "After figure 4 (static behaviour) of Taubert et al. (2014)." in captions
+    assert "figure 7 (surge test) of the paper: it shows the test stand" in left_out
+    assert "campaign.toml has no [tuning] (figures 19 and 20 (corridor, speed control))" in left_out
     assert "Not drawn" in page
+
+
+def test_every_figure_of_the_paper_is_drawn_or_named() -> None:
+    plates = [*vehicle_plates(CWOLF, data=""), *bench_plates(None), *autopilot_plates(CWOLF)]
+    missing = " ".join(not_drawn(plates))
+    for figure in (7, 11, 12, 15, 19, 20):
+        assert cited((figure,)) in missing
+    for figure in (1, 2, 3, 4, 5, 6, 8, 9, 10, 16, 17, 18):
+        assert cited((figure,)) not in missing
+    everything = [*plates, no_campaign(CWOLF), without_tuning(CWOLF)]
+    assert not_drawn(everything) == [
+        "figure 7 (surge test) of the paper: it shows the test stand, of which no file says anything"
+    ]
+
+
+def test_the_corridor_and_the_speed_over_set_points_of_a_campaign_with_tuning(fit: Identification) -> None:
+    small = """
+[tuning]
+samples = 0
+settle_s = 6.0
+margins = { phase_deg = 0.0, gain_db = 0.0, delay_s = 0.0 }
+budget = { population = 8, generations = 2, simplex_rounds = 1 }
+[tuning.loops.surge]
+steps = [0.3]
+speeds_m_s = [1.5]
+corridor = { rise_s = 2.0, overshoot = 0.02, settling_s = 9.0, settled = 0.02, until_s = 12.0 }
+"""
+    autopilot = f'autopilot = "{EXAMPLES / "cwolf" / "start_autopilot.toml"}"\n'
+    campaign = Campaign.from_toml(autopilot + CAMPAIGN + small, source="small.toml", folder=".")
+    plates = list(tuning_plates(replace(fit, campaign=campaign)))
+    assert [plate.name for plate in plates] == ["corridor_surge", "speed_control"]
+    assert [plate.paper for plate in plates] == [(19,), (20,)]
+    corridor, speed = (plate.draw() for plate in plates if plate.draw is not None)
+    assert [axes.get_title(loc="left") for axes in corridor.axes] == [
+        "surge at 1.5 m/s, +0.3 m/s: start gains",
+        "surge at 1.5 m/s, +0.3 m/s: tuned",
+    ]
+    assert "speed ahead u, m/s" in texts(speed)
+    only_heading = small.replace("loops.surge", "loops.heading").replace("[0.3]", "[20.0]")
+    other = Campaign.from_toml(autopilot + CAMPAIGN + only_heading, source="small.toml", folder=".")
+    (left_out,) = tuning_plates(replace(fit, campaign=other))
+    assert left_out.draw is None
+    assert left_out.caption == "no corridor of the speed: small.toml has no [tuning.loops.surge]"
 
 
 def test_figures_carry_their_fonts_and_are_one_or_two_columns_wide(

@@ -137,7 +137,23 @@ def test_ramps_have_the_rates_of_the_motor_and_the_lag_follows(
     late = np.argmax(lines["actual"][:, 1] > 0.5 * limited.max()) - np.argmax(limited > 0.5 * limited.max())
     # A ramp's lag behind PT1 and dead time is T_1 + T_t once it has settled, less at its beginning.
     assert motor.T_t < late * (t[1] - t[0]) < motor.T_t + 1.2 * motor.T_1
-    assert f"_{{acc}}$ = {number(n_acc)} {motor.printed_unit}/s" in " ".join(texts(panel.figure))  # type: ignore[arg-type]
+    words = " ".join(texts(panel.figure))  # type: ignore[arg-type]
+    assert f"_{{acc}}$ =\n{number(n_acc)} {motor.printed_unit}/s" in words
+
+
+def test_the_rates_of_ramps_stand_clear_of_each_other_and_of_the_next_step() -> None:
+    figure = rate_limiting(CWOLF)
+    figure.draw_without_rendering()
+    for panel in figure.axes:
+        boxes = [text.get_window_extent() for text in panel.texts if "=" in text.get_text()]
+        assert len(boxes) == 3
+        for k, box in enumerate(boxes):
+            assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+        (desired,) = (line for line in panel.get_lines() if line.get_label() == "desired")
+        t, command = np.asarray(desired.get_xydata()).T
+        steps = [panel.transData.transform((t[k], 0.0))[0] for k in np.flatnonzero(np.diff(command))]
+        assert boxes[0].x1 < steps[1]
+        assert boxes[2].x1 < steps[2]
 
 
 def test_motors_without_limits_or_lag_are_left_out_in_words() -> None:

@@ -471,7 +471,8 @@ def _rates(axes: Axes, motor: Motor, top: float, low: float, changes: list[float
         if height == 0.0:  # a motor that does not run astern
             continue
         axes.annotate(
-            f"${motor.letter}_{{{name}}}$ = {number(rate)}{'' if unit in ('', '1') else f' {unit}'}/s",
+            # In two lines: beside a ramp there is half as much room as a sentence takes.
+            f"${motor.letter}_{{{name}}}$ =\n{number(rate)}{'' if unit in ('', '1') else f' {unit}'}/s",
             (begin + behind, height),
             (3, 0),
             textcoords="offset points",

@@ -21,7 +21,7 @@ Held by `tests/report/test_flight_figures.py`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -458,12 +458,13 @@ _CURRENT_SHARE, _STRONGEST_M_S = 0.2, 0.3
 _LEG_S, _RADIUS_S = 80.0, 3.0
 
 
-def autopilot_plates(vehicle: Vehicle) -> Iterator[Plate]:
-    """Plates of the autopilot, and of a flight where there is a built-in one of the vehicle's name."""
+def autopilot_plates(vehicle: Vehicle, *, tuning: Iterable[Plate] = ()) -> Iterator[Plate]:
+    """Plates of the autopilot, of its tuning, and of a flight where there is a built-in one of that name."""
     from seatrial._core import Autopilot
 
     if not vehicle.actuators:
-        yield Plate("control_structure", f"{vehicle.name} has no actuators, so nothing is controlled", None)
+        why = f"{vehicle.name} has no actuators, so nothing is controlled"
+        yield Plate("control_structure", why, None, paper=(16, 17, 18))
         return
     yield Plate(
         "control_structure",
@@ -471,13 +472,16 @@ def autopilot_plates(vehicle: Vehicle) -> Iterator[Plate]:
         " allocation and inverse characteristic, with the mode table and safety; below, one controller with"
         " scheduled gains, derivative on the measurement, anti-windup, reset bias and feed-forward.",
         control_structure,
+        paper=(16, 18),
     )
     yield Plate(
         "guidance",
         "Line of sight in both planes: cross-track error (positive to starboard), vertical error (positive"
         " below), lookahead distance, desired heading and pitch, sphere and plane of acceptance.",
         guidance_geometry,
+        paper=(17,),
     )
+    yield from tuning
     if vehicle.name not in Autopilot.names():
         yield Plate("flight_track", f"no flight: {vehicle.name} has no built-in autopilot", None)
         return

@@ -1,10 +1,11 @@
 """The figures of a paper about a vehicle: one folder, numbered files, a page with captions.
 
 In the order of Taubert et al. (2014): outline, block diagrams of model and actuators, motor,
-characteristics, schema of the optimisation, its results stage by stage, convergence; what is known
-beyond: uncertainty, residual analysis, predictions of held-out trials; and the autopilot: structure, line of
-sight, a flight. Everything that the data at hand allow
-is drawn, the rest is named with the reason. Held by `tests/examples/test_paper_figures.py`.
+characteristics, schema of the optimisation, its results stage by stage, convergence; what is known beyond:
+uncertainty, residual analysis, predictions of held-out trials; and the autopilot: structure, line of sight,
+corridor and speed control, a flight. Everything that the data at hand allow is drawn, the rest is named with
+the reason, and so is every figure of the paper that has none here. Held by
+`tests/examples/test_paper_figures.py`.
 """
 
 from __future__ import annotations
@@ -23,11 +24,15 @@ from seatrial.examples.paper.plates import (
     Plate,
     bench_plates,
     campaign_plates,
+    cited,
     is_generated,
     modes_of,
+    no_campaign,
+    not_drawn,
     thrust_plates,
     vehicle_plates,
 )
+from seatrial.examples.paper.tuning import tuning_plates, without_tuning
 from seatrial.report.plot.style import PRINT_DPI, save
 
 if TYPE_CHECKING:
@@ -119,9 +124,11 @@ def draw_gallery(
     folder = Path(folder)
     drawn: list[PaperFigure] = []
     left_out: list[str] = []
+    plates: list[Plate] = []
     for plate in _plates(source, bench):
+        plates.append(plate)
         if plate.draw is None:
-            left_out.append(plate.caption)
+            left_out.append(f"{plate.caption} ({cited(plate.paper)})" if plate.paper else plate.caption)
             continue
         try:
             figure = plate.draw()
@@ -131,7 +138,9 @@ def draw_gallery(
         number = len(drawn) + 1
         stem = f"fig_{number:02d}_{plate.name}"
         files = save(figure, folder / stem, formats=formats, dpi=PRINT_DPI)
-        drawn.append(PaperFigure(number, plate.name, plate.caption, tuple(files)))
+        after = f" After {cited(plate.paper)} of Taubert et al. (2014)." if plate.paper else ""
+        drawn.append(PaperFigure(number, plate.name, plate.caption + after, tuple(files)))
+    left_out += not_drawn(plates)
     page = folder / INDEX
     _clear(page, keep={path.name for figure in drawn for path in figure.files})
     gallery = PaperGallery(_title(source), tuple(drawn), tuple(left_out), page)
@@ -179,14 +188,15 @@ def _plates(source: Identification | Vehicle, bench: BenchTest | None) -> Iterat
         yield from vehicle_plates(source, data=data)
         yield from bench_plates(bench)
         yield from thrust_plates(source, data=data)
-        yield from autopilot_plates(source)
+        yield no_campaign(source)
+        yield from autopilot_plates(source, tuning=(without_tuning(source),))
         return
     data = f"Numbers as identified by the campaign {source.campaign.name}."
     yield from vehicle_plates(source.vehicle, data=data, modes=modes_of(source.campaign))
     yield from bench_plates(bench)
     yield from thrust_plates(source.vehicle, data=data)
     yield from campaign_plates(source)
-    yield from autopilot_plates(source.vehicle)
+    yield from autopilot_plates(source.vehicle, tuning=tuning_plates(source))
 
 
 def _title(source: Identification | Vehicle) -> str:

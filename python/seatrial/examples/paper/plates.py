@@ -25,26 +25,68 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
 
 __all__ = [
+    "PAPER_FIGURES",
     "Plate",
     "bench_plates",
     "campaign_plates",
+    "cited",
     "is_generated",
     "modes_of",
+    "no_campaign",
+    "not_drawn",
     "thrust_plates",
     "vehicle_plates",
 ]
+
+
+_SUBJECTS = """
+outline; model; actuators; static behaviour; rate limits; step response; surge test; stern propeller; vertical
+thruster; directions of thrust; optimisation; stage; stage; stage; stage; control loop; line of sight; PID
+controller; corridor; speed control"""
+
+PAPER_FIGURES = dict(enumerate((" ".join(words.split()) for words in _SUBJECTS.split(";")), start=1))
+"""Figures of Taubert et al. (2014) by their numbers: captions in short."""
+
+_NOT_OF_A_VEHICLE = {7: "it shows the test stand, of which no file says anything"}
 
 
 @dataclass(frozen=True)
 class Plate:
     """A figure to be drawn: file name without number and ending, caption, and what draws it.
 
-    ``draw`` is None where there is nothing to draw; the caption then says why.
+    ``draw`` is None where there is nothing to draw; the caption then says why. ``paper`` are the numbers of
+    the paper's figures that it takes the place of.
     """
 
     name: str
     caption: str
     draw: Callable[[], Figure] | None
+    paper: tuple[int, ...] = ()
+
+
+def cited(numbers: Sequence[int]) -> str:
+    """Figures of the paper by numbers and subjects.
+
+    >>> cited((12, 13, 14, 15))
+    'figures 12 to 15 (stage)'
+    >>> cited((16, 18))
+    'figures 16 and 18 (control loop, PID controller)'
+    """
+    subjects = ", ".join(dict.fromkeys(PAPER_FIGURES[number] for number in numbers))
+    if len(numbers) == 1:
+        return f"figure {numbers[0]} ({subjects})"
+    between = "to" if len(numbers) > 2 else "and"
+    return f"figures {numbers[0]} {between} {numbers[-1]} ({subjects})"
+
+
+def not_drawn(plates: Sequence[Plate]) -> list[str]:
+    """Sentences on the figures of the paper that none of these plates takes the place of."""
+    covered = {number for plate in plates for number in plate.paper}
+    return [
+        f"{cited((number,))} of the paper: {_NOT_OF_A_VEHICLE.get(number, 'nothing at hand to draw it from')}"
+        for number in PAPER_FIGURES
+        if number not in covered
+    ]
 
 
 def vehicle_plates(vehicle: Vehicle, *, data: str, modes: str = "") -> Iterator[Plate]:
@@ -67,6 +109,7 @@ def vehicle_plates(vehicle: Vehicle, *, data: str, modes: str = "") -> Iterator[
         f"Outline of {vehicle.name}: hull, centres of gravity and buoyancy, actuators and the direction of"
         f" their positive thrust. {data}",
         partial(three_views, vehicle),
+        paper=(1, 10),
     )
     words = {"modes": modes} if modes else {}
     yield Plate(
@@ -74,9 +117,11 @@ def vehicle_plates(vehicle: Vehicle, *, data: str, modes: str = "") -> Iterator[
         f"Block diagram of the model of {vehicle.name}: terms of the equation of motion with their signs, the"
         f" coefficients that the vehicle has, and the kinematics. {data}",
         partial(model_diagram, vehicle, **words),
+        paper=(2,),
     )
     if not vehicle.actuators:
-        yield Plate("actuators", f"{vehicle.name} has no actuators, so none of their figures is drawn", None)
+        why = f"{vehicle.name} has no actuators, so none of their figures is drawn"
+        yield Plate("actuators", why, None, paper=(3, 4, 5))
         return
     groups = ", ".join(dict.fromkeys(motor.group for motor in motors(vehicle)))
     yield Plate(
@@ -84,6 +129,7 @@ def vehicle_plates(vehicle: Vehicle, *, data: str, modes: str = "") -> Iterator[
         f"Block diagram of the actuators of {vehicle.name}, from the desired command to the wrench, per"
         f" group of like actuators ({groups}). {data}",
         partial(actuator_diagram, vehicle),
+        paper=(3,),
     )
     if any(motor.limited for _, motor in drives(vehicle)):
         yield Plate(
@@ -92,18 +138,21 @@ def vehicle_plates(vehicle: Vehicle, *, data: str, modes: str = "") -> Iterator[
             " their limits; the inset shows the neighbourhood of zero. Settled response of the model."
             f" {data}",
             partial(static_transfer, vehicle),
+            paper=(4,),
         )
     else:
-        yield Plate("static_transfer", f"no motor of {vehicle.name} has a static limit", None)
+        yield Plate("static_transfer", f"no motor of {vehicle.name} has a static limit", None, paper=(4,))
     if any(motor.delayed for _, motor in drives(vehicle)):
         yield Plate(
             "rate_limiting",
             f"Dynamic limiting of increase and decrease at {vehicle.name}: steps ahead, astern and to"
             f" rest, behind the rate limit, and behind dead time and lag. Response of the model. {data}",
             partial(rate_limiting, vehicle),
+            paper=(5,),
         )
     else:
-        yield Plate("rate_limiting", f"every motor of {vehicle.name} follows its command at once", None)
+        why = f"every motor of {vehicle.name} follows its command at once"
+        yield Plate("rate_limiting", why, None, paper=(5,))
 
 
 def thrust_plates(vehicle: Vehicle, *, data: str) -> Iterator[Plate]:
@@ -132,7 +181,7 @@ def thrust_plates(vehicle: Vehicle, *, data: str) -> Iterator[Plate]:
 def bench_plates(bench: BenchTest | None) -> Iterator[Plate]:
     """Plates of a bench test: step responses of the motors, characteristics with their regression."""
     if bench is None or not bench.motors:
-        yield Plate("motor_step", f"no recorded motor step: {_wanted(bench, 'steps')}", None)
+        yield Plate("motor_step", f"no recorded motor step: {_wanted(bench, 'steps')}", None, paper=(6,))
     else:
         from seatrial.report.plot.bench import motor_step
 
@@ -144,9 +193,10 @@ def bench_plates(bench: BenchTest | None) -> Iterator[Plate]:
                 f" of record {record.name}, and single steps with the dead time and the time constant."
                 f" {_tested(bench, bench.file.steps)}",
                 partial(motor_step, motor, record),
+                paper=(6,),
             )
     if bench is None or not bench.pulls:
-        yield Plate("bollard_test", f"no bollard test: {_wanted(bench, 'pulls')}", None)
+        yield Plate("bollard_test", f"no bollard test: {_wanted(bench, 'pulls')}", None, paper=(8, 9))
     else:
         from seatrial.report.plot.bench import bollard_test
 
@@ -156,6 +206,7 @@ def bench_plates(bench: BenchTest | None) -> Iterator[Plate]:
                 f"Characteristic of {unit} by regression: operating points of a single actuator, fitted"
                 f" curve ahead and astern with its 95 % band, residuals. {_tested(bench, bench.file.pulls)}",
                 partial(bollard_test, bench, groups=[unit]),
+                paper=(8, 9),
             )
 
 
@@ -173,6 +224,7 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
         f" the campaign {campaign.name} in the order of their run, with Q at their start and at their"
         " optimum.",
         partial(optimisation_diagram, campaign, results=fit.stages),
+        paper=(11,),
     )
     for result in fit.stages:
         stage = next(one for one in campaign.stages if one.name == result.name)
@@ -186,6 +238,7 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
             " measurement, and their errors; inputs; coefficients within their bounds."
             f" {_data(campaign, stage.trials)}",
             partial(stage_result, fit, result),
+            paper=(12, 13, 14, 15),
         )
     if fit.stages:
         yield Plate(
@@ -214,6 +267,12 @@ def campaign_plates(fit: Identification) -> Iterator[Plate]:
                 f" ahead, with residuals. {_data(campaign, (trial,))}",
                 partial(trial_figure, fit, trial),
             )
+
+
+def no_campaign(vehicle: Vehicle) -> Plate:
+    """What a vehicle without a campaign has no figures of."""
+    why = f"no stages: nothing says which trials identify {vehicle.name}; give a campaign file"
+    return Plate("optimisation", why, None, paper=(11, 12, 13, 14, 15))
 
 
 def modes_of(campaign: Campaign) -> str:
