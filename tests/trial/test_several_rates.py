@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial._core import State, Vehicle
 from seatrial.base.channels import CHANNELS
+from seatrial.base.errors import TrialError
 from seatrial.sensors.log import held, measure, times
 from seatrial.sensors.sensor import parse_sensors
 from seatrial.trial.generated import write_generated
@@ -228,3 +229,17 @@ def test_a_log_of_one_time_base_is_read_as_ever() -> None:
     np.testing.assert_array_equal(trial.valid[:, 8], here)
     assert trial.valid[:, 6:8].all()
     assert "time base" not in str(trial.report)
+
+
+def test_a_gap_that_no_time_base_can_hold_is_refused_with_its_row() -> None:
+    t = np.arange(0.0, 50.0, 0.1)
+    t[300:] += 1e9
+    with pytest.raises(
+        TrialError, match=r"1e\+10 samples for 500 rows; the longest gap, 1e\+09 s, comes after row 300"
+    ):
+        Trial.read({"t_s": t, "u_m_s": np.sin(t)})
+    # A night between two dives is only a gap.
+    t[300:] += 36_000.0 - 1e9
+    assert len(Trial.read({"t_s": t, "u_m_s": np.sin(t)})) == 360_500
+    with pytest.raises(TrialError, match="give a lower rate_hz"):
+        Trial.read({"t_s": np.arange(0.0, 50.0, 0.1), "u_m_s": np.sin(t)}, rate_hz=1e6)

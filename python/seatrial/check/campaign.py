@@ -38,7 +38,7 @@ class CampaignCheck:
     """Recording reports by trial, stages in the order of their run, and what stops the campaign.
 
     ``inputs`` and ``scale`` say what the inputs can tell and what the scale of all forces rests on; None
-    where a problem is found before.
+    where a problem is found before. ``warnings`` is what an identification says before its first search.
     """
 
     name: str
@@ -48,6 +48,7 @@ class CampaignCheck:
     inputs: InputJudgement | None
     scale: ScaleReport | None
     problems: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
@@ -59,6 +60,7 @@ class CampaignCheck:
             "inputs": self.inputs.to_dict() if self.inputs else None,
             "scale": self.scale.to_dict() if self.scale else None,
             "problems": list(self.problems),
+            "warnings": list(self.warnings),
         }
 
     def report(self) -> Report:
@@ -93,7 +95,7 @@ def _report(check: CampaignCheck) -> Report:
         worst=worst,
         next_step=next_step,
         sections=(
-            Section(sentences=check.problems),
+            Section(sentences=(*check.problems, *check.warnings)),
             Section(sentences=free, tables=(_trial_table(check), _stage_table(check))),
             Section("Inputs over what is fitted", inputs, (_input_table(check),)),
             Section("Scale of all forces", scale),
@@ -119,7 +121,7 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
                         f"correct the trial or its column map if it is used; then {identify}",
                     )
     said = [] if check.scale is None else check.scale.sentences()
-    for sentence in (*([] if check.inputs is None else check.inputs.sentences()), *said):
+    for sentence in (*check.warnings, *([] if check.inputs is None else check.inputs.sentences()), *said):
         if sentence.startswith("WARNING"):
             return sentence.removeprefix("WARNING").strip(" :"), f"settle this first; then {identify}"
     return "no warning about recordings, inputs or scale", identify
@@ -175,7 +177,7 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
     """
     from seatrial.estimation.inputs import judge_inputs
     from seatrial.estimation.scale import judge_scale
-    from seatrial.estimation.stage import plan
+    from seatrial.identification.preparation import prepare
 
     reports: dict[str, RecordingReport] = {}
     problems: list[str] = []
@@ -186,9 +188,12 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
             problems.append(str(error))
     stages: tuple[StageOutline, ...] = ()
     inputs, scale = None, None
+    warnings: tuple[str, ...] = ()
     if not problems and campaign.stages:
         try:
             inputs, scale = judge_inputs(campaign), judge_scale(campaign)
+            ready = prepare(campaign) if campaign.stages else None
+            warnings = () if ready is None else (*ready.sentences, *ready.no_joint)
             stages = tuple(
                 StageOutline(
                     name=one.stage.name,
@@ -199,10 +204,10 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
                     samples=one.data.samples,
                     step_s=one.data.dt / one.step.substeps,
                 )
-                for one in plan(campaign)
+                for one in (() if ready is None else ready.plans)
             )
         except SeatrialError as error:
             problems.append(str(error))
     return CampaignCheck(
-        campaign.name, campaign.vehicle.name, reports, stages, inputs, scale, tuple(problems)
+        campaign.name, campaign.vehicle.name, reports, stages, inputs, scale, tuple(problems), warnings
     )

@@ -44,6 +44,7 @@ __all__ = [
     "plan",
     "refitted_stage",
     "run_stage",
+    "start_cost",
 ]
 
 _TOLERANCE = 1e-4
@@ -294,6 +295,21 @@ def refitted_stage(
         criterion, criterion.linearised, start, lower=lower, upper=upper, tolerance=plan.tolerance
     )
     return coefficients(plan.parameters, found.x)
+
+
+def start_cost(campaign: Campaign, plan: StagePlan, *, threads: int | None = None) -> float:
+    """Cost of a stage's start values in the campaign's vehicle, infinite where it diverges.
+
+    Raises
+    ------
+    CampaignError
+        A coefficient changes nothing in this stage.
+    """
+    start = np.array([_start(parameter, {}) for parameter in plan.parameters])
+    problem = Problem(campaign.vehicle, plan.stage, plan.data, plan.parameters, plan.step.search, threads)
+    criterion = Criterion(problem)
+    _check_influence(criterion, plan.parameters, start, campaign.where(plan.stage))
+    return float(criterion(start[None, :])[0])
 
 
 def _fine_step(plan: StagePlan, vehicle: Vehicle, elite: Array, where: str) -> StageStep:

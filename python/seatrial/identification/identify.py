@@ -21,19 +21,20 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from seatrial._core import Vehicle, checked_threads
-from seatrial.base.errors import CampaignError, TrialError
+from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
-from seatrial.diagnosis.assessment import Assessment, assess, conditioning
+from seatrial.diagnosis.assessment import Assessment, assess
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
-from seatrial.estimation.stage import StagePlan, StageResult, frozen_sentences, plan, run_stage
+from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.choice import Choice, choose
 from seatrial.identification.hold_out import part_scores
 from seatrial.identification.identification import Identification, estimates
+from seatrial.identification.preparation import prepare
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -344,16 +345,9 @@ def run_identification(
 ) -> Identification:
     """Identification of the campaign's vehicle: every stage run, the result polished and judged."""
     clock = Clock()
-    if not campaign.stages:
-        raise CampaignError(
-            f"{campaign.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
-            " only tunes or verifies an autopilot"
-        )
     with RunDirectory(run_dir, resume=resume) as run:
-        plans = plan(campaign)  # refuses a bad campaign before a search
-        judge_scale(campaign)  # and a bad anchor
-        before, notes = _before(campaign, threads)
-        before += frozen_sentences(plans)
+        ready = prepare(campaign, threads=threads)  # refuses a bad campaign before a search
+        plans, before, notes = ready.plans, ready.sentences, ready.no_joint
         order = StageOrder(campaign, plans, run, progress=progress, threads=threads)
         if progress is not None and before:
             progress(replace(order.state(plans[0], None), notes=before))
@@ -401,16 +395,6 @@ def run_identification(
         if run_dir is not None:
             run.publish(fit.facts, fit.files())
     return fit
-
-
-def _before(campaign: Campaign, threads: int | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Sentences on what the data cannot tell, and why there can be no joint estimate, if so."""
-    try:
-        return tuple(conditioning(campaign, threads=threads)), ()
-    except (CampaignError, TrialError) as error:
-        if campaign.file.polish is not None:
-            raise
-        return (), (f"no standard deviations: the trials cannot be judged jointly ({error})",)
 
 
 def _watch(order: StageOrder, progress: Callable[[Progress], None] | None) -> Callable[[Step], None] | None:

@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.errors import TrialError
 from seatrial.base.rotation import continuous
 from seatrial.trial.signals import RecordingReport, Signal
 
@@ -29,14 +30,32 @@ GAP = 1.9
 _TICK = 1e-6  # two times closer than this share of an interval are the same
 
 
-def uniform(t: Array, rate_hz: float | None) -> Array:
-    """Uniform times in s from the first sample on, shape (n,), at `rate_hz` or the median interval of `t`."""
+_MOST, _SPARSE = 1_000_000, 4
+"""A time base has at most so many samples, or so many per row of the recording, whichever is more."""
+
+
+def uniform(t: Array, rate_hz: float | None, file: str = "recording") -> Array:
+    """Uniform times in s from the first sample on, shape (n,), at `rate_hz` or the median interval of `t`.
+
+    Raises
+    ------
+    TrialError
+        They are so many more than the rows that the recording has gaps or another unit of time.
+    """
     step = 1.0 / rate_hz if rate_hz else float(np.median(np.diff(t)))
     if not rate_hz:
         # The mean interval of an evenly sampled log is exact where the median carries the clock's rounding.
         mean = (t[-1] - t[0]) / (len(t) - 1)
         step = mean if abs(mean - step) * len(t) < 0.1 * step else step
     count = int(np.floor((t[-1] - t[0]) / step + 1e-3)) + 1
+    if count > max(_MOST, _SPARSE * len(t)):
+        row = int(np.argmax(np.diff(t)))
+        raise TrialError(
+            f"{file}: t_s: a base of {1.0 / step:.4g} Hz over {t[-1] - t[0]:.4g} s would have {count:.3g}"
+            f" samples for {len(t)} rows; the longest gap, {t[row + 1] - t[row]:.4g} s, comes after row"
+            f" {row + 1}. Cut the recording there into trials, check the unit of the time, or give a lower"
+            " rate_hz"
+        )
     return np.asarray(t[0] + step * np.arange(count))
 
 
@@ -114,11 +133,11 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
     """
     rows = max((len(signal.t) for signal in signals.values()), default=len(t))
     if rate_hz or rows >= _WHOLE * len(t):
-        return uniform(t, rate_hz)
+        return uniform(t, rate_hz, report.source)
     able = [signal for signal in signals.values() if len(signal.t) >= _FEWEST]
     moving = [signal for signal in able if signal.name in _MOVING] or able
     if not moving:
-        return uniform(t, None)
+        return uniform(t, None, report.source)
     fastest = min(moving, key=lambda signal: signal.step)
     rate = float(f"{1.0 / fastest.step:.3g}")
     report.add(
@@ -126,7 +145,7 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
         "time base",
         f"the sensors have stamps of their own; put on {rate:g} Hz, the rate of the {fastest.name}",
     )
-    return uniform(t, rate)
+    return uniform(t, rate, report.source)
 
 
 def instruments(group: str, present: Mask) -> dict[str, list[int]]:

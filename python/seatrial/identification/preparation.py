@@ -1,0 +1,107 @@
+"""What an identification refuses or warns of before its first search; a check of the campaign asks the same.
+
+Held by ``tests/check/test_check_campaign.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from seatrial.base.errors import CampaignError, TrialError
+from seatrial.diagnosis.assessment import conditioning
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.scale import judge_scale
+from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost
+from seatrial.vehicle.actuators import actuator_groups
+
+if TYPE_CHECKING:
+    from seatrial.campaign.campaign import Campaign
+
+__all__ = ["Preparation", "prepare"]
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """Planned stages, sentences on what the data cannot tell, and why there can be no joint estimate."""
+
+    plans: tuple[StagePlan, ...]
+    sentences: tuple[str, ...]
+    no_joint: tuple[str, ...]
+
+
+def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
+    """Plan of an identification, with all that is refused before a search.
+
+    Raises
+    ------
+    CampaignError, TrialError
+        The campaign asks for what cannot be done, or a recording lacks what it needs.
+    """
+    if not campaign.stages:
+        raise CampaignError(
+            f"{campaign.source}: expected [[stages]], found none: there is nothing to identify; the campaign"
+            " only tunes or verifies an autopilot"
+        )
+    silent = _actuators_without_column(campaign)
+    plans = plan(campaign)
+    judge_scale(campaign)
+    diverging = tuple(
+        f"WARNING: stage {one.stage.name!r}: the vehicle that the search starts from diverges on its trials;"
+        " give damping to its free axes, check the signs and units of its coefficients, or narrow the bounds"
+        for one in plans
+        if not one.stage.after and not math.isfinite(start_cost(campaign, one, threads=threads))
+    )
+    sentences, no_joint = _conditioning(campaign, threads, linear=not diverging)
+    return Preparation(plans, (*silent, *diverging, *sentences, *frozen_sentences(plans)), no_joint)
+
+
+def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:
+    """Sentences on groups of actuators that a trial does not record: they stand still in it.
+
+    Raises
+    ------
+    CampaignError
+        Part of a group is recorded: the rest is missing from the column map.
+    """
+    said: dict[str, list[str]] = {}
+    groups = actuator_groups(campaign.vehicle)
+    for name in dict.fromkeys(name for stage in campaign.stages for name in stage.trials):
+        trial, kind = campaign.trials[name], campaign.input_of(name)
+        recorded = {"commands": trial.commands, "measured": trial.measured}.get(kind)
+        if not recorded:
+            continue
+        prefix = "cmd" if kind == "commands" else "meas"
+        for group, members in groups.items():
+            missing = [member for member in members if member not in recorded]
+            columns = ", ".join(f"{prefix}.{member}" for member in missing)
+            if missing and len(missing) < len(members):
+                raise CampaignError(
+                    f"{campaign.source}: trial {name!r}: no column {columns}, but others of the group"
+                    f" {group!r} are recorded; map it, or add a column of zeros if it stood still"
+                )
+            if missing:
+                said.setdefault(columns, []).append(name)
+    return tuple(
+        f"WARNING: no column {columns} in {', '.join(names)}: taken to stand still there"
+        for columns, names in said.items()
+    )
+
+
+def _conditioning(
+    campaign: Campaign, threads: int | None, *, linear: bool
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Sentences on what the data cannot tell, and why there can be no joint estimate, if so.
+
+    A vehicle that diverges has no sensitivities: without `linear` only refusals are looked for.
+    """
+    try:
+        if not linear:
+            Joint(campaign, threads=threads)
+            return (), ()
+        return tuple(conditioning(campaign, threads=threads)), ()
+    except (CampaignError, TrialError) as error:
+        if campaign.file.polish is not None:
+            raise
+        return (), (f"no standard deviations: the trials cannot be judged jointly ({error})",)

@@ -1,0 +1,118 @@
+"""A check of a campaign finds in seconds what an identification refuses, in the same words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from seatrial._core import Vehicle
+from seatrial.base.errors import SeatrialError
+from seatrial.campaign.campaign import Campaign
+from seatrial.check.campaign import check_campaign
+from seatrial.identification.identify import identify
+
+T = np.arange(0.0, 60.0, 0.1)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    vehicle = Vehicle.load("cwolf")
+    side = 400.0 * np.sign(np.sin(0.2 * T))
+    commands = dict.fromkeys(("SbU", "SbL"), 500.0 + side) | dict.fromkeys(("PU", "PL"), 500.0 - side)
+    commands |= dict.fromkeys(("VTB", "VTS"), 0.0 * T)
+    run = vehicle.simulate(T, commands)
+    noise = 0.005 * np.random.default_rng(1).standard_normal(len(T))
+    log = {"t_s": T, "u_m_s": run.nu[:, 0] + noise, "r_deg_s": np.rad2deg(run.nu[:, 5])}
+    log |= {f"cmd.{name}": values for name, values in commands.items()}
+    pl.DataFrame(log).write_csv(tmp_path / "zigzag.csv")
+    return tmp_path
+
+
+def campaign(
+    folder: Path, *, head: str = "", coefficients: str = "X_uu = [-40.0, -1.0]", vehicle: str = "cwolf"
+) -> Campaign:
+    (folder / "campaign.toml").write_text(f"""
+format = 1
+name = "sea"
+vehicle = "{vehicle}"
+{head}
+[trials.zigzag]
+file = "zigzag.csv"
+[[stages]]
+name = "surge"
+trials = ["zigzag"]
+axes = {{ free = "X" }}
+channels = {{ u = 1.0 }}
+segment_s = 10.0
+coefficients = {{ {coefficients} }}
+""")
+    return Campaign.load(folder / "campaign.toml")
+
+
+def without(folder: Path, *columns: str) -> None:
+    pl.read_csv(folder / "zigzag.csv").drop(*columns).write_csv(folder / "zigzag.csv")
+
+
+def refused_by_both(made: Campaign) -> str:
+    """The one problem that a check finds, which is the identification's refusal."""
+    problems = check_campaign(made).problems
+    assert len(problems) == 1
+    with pytest.raises(SeatrialError) as refusal:
+        identify(made)
+    assert problems[0] == str(refusal.value)
+    return problems[0]
+
+
+def test_a_campaign_without_faults_is_ready(folder: Path) -> None:
+    found = check_campaign(campaign(folder))
+    assert found.problems == ()
+    assert not [text for text in found.warnings if "column" in text or "diverges" in text]
+
+
+def test_a_missing_command_column_of_a_group_is_refused(folder: Path) -> None:
+    without(folder, "cmd.PL")
+    assert "trial 'zigzag': no column cmd.PL, but others of the group 'stern'" in refused_by_both(
+        campaign(folder)
+    )
+
+
+def test_a_group_that_no_column_commands_is_said(folder: Path) -> None:
+    without(folder, "cmd.VTB", "cmd.VTS")
+    found = check_campaign(campaign(folder))
+    assert found.problems == ()
+    assert any("no column cmd.VTB" in text and "taken to stand still" in text for text in found.warnings)
+    assert "no column cmd.VTB" in found.summary()
+
+
+@pytest.mark.parametrize("nuisance", ["bias_nothing", "bias_w"])
+def test_a_nuisance_that_the_estimate_refuses(folder: Path, nuisance: str) -> None:
+    made = campaign(folder, head=f"[polish]\nnuisances = {{ {nuisance} = {{}} }}")
+    if nuisance == "bias_w":  # of a channel that no trial has: accepted by both or refused by both
+        assert check_campaign(made).problems == ()
+    else:
+        assert "bias_nothing" in refused_by_both(made)
+
+
+def test_a_coefficient_that_changes_nothing_is_refused_before_a_search(folder: Path) -> None:
+    made = campaign(folder, coefficients="X_uu = [-40.0, -1.0], N_r = [-100.0, -1.0]")
+    assert "coefficient 'N_r' changes nothing in this stage" in refused_by_both(made)
+
+
+def test_a_trial_shorter_than_a_segment_is_refused(folder: Path) -> None:
+    pl.read_csv(folder / "zigzag.csv").head(50).write_csv(folder / "zigzag.csv")
+    assert "has no piece of 10 s" in refused_by_both(campaign(folder))
+
+
+def test_a_start_vehicle_that_diverges_is_said_before_a_search(folder: Path) -> None:
+    text = Vehicle.load("cwolf").with_coefficients({"X_uu": 3000.0}).to_toml()
+    (folder / "driven.toml").write_text(text)
+    made = campaign(folder, coefficients="X_udot = [-400.0, -1.0]", vehicle="driven.toml")
+    found = check_campaign(made)
+    said = " ".join((*found.problems, *found.warnings))
+    assert "diverges" in said
+    # The search itself finds vehicles that do not.
+    damped = campaign(folder, coefficients="X_uu = { bounds = [-40.0, 4000.0] }", vehicle="driven.toml")
+    assert any("diverges" in text for text in check_campaign(damped).warnings)
