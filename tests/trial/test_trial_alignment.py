@@ -58,3 +58,26 @@ def test_opposite_signs_are_reversed_and_the_map_entry_given() -> None:
     assert 'p_deg_s = { from = "gyro", unit = "deg/s", sign = -1 }' in report
     assert 'v_m_s = { from = "v_m_s", sign = -1 }' in report
     assert trial.report.latencies["rates"] == pytest.approx(0.08, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor", "unit"),
+    [
+        (("u_m_s", "v_m_s", "w_m_s"), 1e3, "mm/s"),
+        (("u_m_s", "v_m_s", "w_m_s"), 3600.0 / 1852.0, "knot"),
+        (("u_m_s", "v_m_s", "w_m_s"), 3.6, "km/h"),
+        (("p_deg_s", "q_deg_s", "r_deg_s"), np.pi / 180.0, "rad/s"),
+    ],
+)
+def test_a_unit_that_the_pose_contradicts_is_named_with_the_line(
+    columns: tuple[str, ...], factor: float, unit: str
+) -> None:
+    table = motion.columns(np.arange(0.0, 60.0, 0.1), velocity_late=0.2, noise=1e-3)
+    assert "times what the derivative" not in str(Trial.read(table).report)
+    report = str(Trial.read(table | {name: factor * table[name] for name in columns}).report)
+    for name in columns:
+        assert f'{unit}? State it in the column map: {name} = {{ from = "{name}", unit = "{unit}"' in report
+    # What the line says is right.
+    entries = {name: {"from": name, "unit": unit} for name in columns}
+    stated = Trial.read(table | {name: factor * table[name] for name in columns}, columns=entries)
+    assert "times what the derivative" not in str(stated.report)

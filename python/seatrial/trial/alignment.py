@@ -19,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import body_rates, matrix
-from seatrial.trial.columns import GROUPS, Source
+from seatrial.base.units import factor
+from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
 
@@ -99,6 +101,7 @@ def align(
         if name == "velocity" and "water velocity" in signals:
             water = _same_signs(signals["water velocity"], signals[name], sensor, report, sources)
             aligned["water velocity"] = water
+        _report_scale(sensor, t, reference, known, report, sources)
         aligned[name] = sensor
         if not remove:
             continue
@@ -238,6 +241,90 @@ def _correct_signs(
                 f"does not follow the recorded pose (correlation {strongest:.2f}); check the column map",
             )
     return replace(sensor, y=sensor.y * signs)
+
+
+_UNITS = {
+    "velocity": {
+        "mm/s": 1e-3,
+        "cm/s": 1e-2,
+        "km/h": 1.0 / 3.6,
+        "knot": 1852.0 / 3600.0,
+        "ft/s": 0.3048,
+        "m/s": 1.0,
+    },
+    "rates": {"rad/s": 1.0, "deg/s": DEGREE, "mrad/s": 1e-3, "rpm": np.pi / 30.0},
+}
+"""Units that recordings have, by their size in SI."""
+
+_TOLERANCE = 0.15  # how far a scale against the pose may be off that of a unit
+
+_SCALED = 0.3  # correlation from which a scale is told
+
+_FAR_OFF = 3.0  # scales without a unit that are worth a warning
+
+_OFF = 1.25  # scales closer to one than this are not for units
+
+
+def _report_scale(
+    sensor: Signal,
+    t: Array,
+    reference: Array,
+    known: Mask,
+    report: RecordingReport,
+    sources: Mapping[str, Source],
+) -> None:
+    """Warn of a sensor that is larger or smaller than the pose's motion, with the unit that would explain it.
+
+    The scale is that of the root mean squares of both about their means, over the channels that follow the
+    pose: latency does not change it.
+    """
+    y, good = _filtered(sensor, t)
+    index = np.flatnonzero(known & good)
+    if len(index) < _FEWEST:
+        return
+    follows = [
+        k
+        for k in range(y.shape[1])
+        if _best_correlation(y[:, k], reference[:, k], index, float(t[1] - t[0])) > _SCALED
+    ]
+    if not follows:
+        return
+    shown, moved = (float(np.linalg.norm(np.std(x[index][:, follows], axis=0))) for x in (y, reference))
+    if not moved > 0.0 or 1.0 / _OFF < shown / moved < _OFF:
+        return
+    scale = shown / moved
+    columns = [_COLUMN[sensor.channels[k]] for k in follows]
+    group = next(group for group in GROUPS if columns[0] in group.columns)
+    units = _UNITS[sensor.name]
+    for column in columns:
+        source = sources[column]
+        stated = _size_of_unit(source.unit, group)
+        likely = [unit for unit, size in units.items() if abs(scale * size / stated - 1.0) < _TOLERANCE]
+        said = f"{scale:.3g} times what the derivative of the recorded pose shows"
+        channel = sensor.channels[columns.index(column)] if len(columns) == len(sensor.channels) else column
+        if likely:
+            entry = replace(source, unit=likely[0])
+            said += f": {likely[0]}? State it in the column map: {column} = {entry}"
+        elif 1.0 / _FAR_OFF < scale < _FAR_OFF:  # noise of a positioning system may do that
+            continue
+        else:
+            said += "; check its unit, and that of the pose"
+        report.add("warning", channel, said)
+
+
+def _size_of_unit(unit: str | None, group: Group) -> float:
+    """SI value of one unit of a column: the stated one, or that of the canonical name."""
+    return factor(unit, (group.unit,), group.name) if unit else group.factor
+
+
+def _best_correlation(y: Array, reference: Array, index: NDArray[np.intp], step: float) -> float:
+    """Largest absolute correlation of a channel with the reference over shifts of likely latencies."""
+    reach = round(0.5 * _LARGEST_S / step)
+    inside = index[(index >= reach) & (index < len(y) - reach)]
+    if len(inside) < _FEWEST:
+        return 0.0
+    shifts = np.unique(np.linspace(-reach, reach, 11).round().astype(int))
+    return max(abs(_correlation(y[inside + shift], reference[inside])) for shift in shifts)
 
 
 def _same_signs(
