@@ -35,17 +35,19 @@ class Fin:
     C_D90: float
     k_i: float
     gain: float = 1.0
+    offset: float = 0.0
+    """Deflection where the servo stands at zero, rad."""
 
 
-def fin_wrench(fin: Fin, deflection: float, nu_r: Array, rho: float) -> Array:
-    """Return the wrench (6,) about O of a fin at a deflection (rad) in water of density ``rho`` (kg/m3)."""
+def fin_wrench(fin: Fin, signal: float, nu_r: Array, rho: float) -> Array:
+    """Return the wrench (6,) about O of a fin at its servo's signal (rad) in water of ``rho`` kg/m3."""
     velocity = nu_r[:3] + np.cross(nu_r[3:], fin.place)
     v_c, v_n = float(fin.chord @ velocity), float(fin.normal @ velocity)
     speed = np.hypot(v_c, v_n)
     if speed == 0.0:
         return np.zeros(6)
     # The leading edge at deflection d points d away from the chord; the flow comes from atan2(v_n, v_c).
-    alpha = deflection - np.arctan2(v_n, v_c)
+    alpha = signal + fin.offset - np.arctan2(v_n, v_c)
     C_L = float(np.clip(0.5 * fin.C_La * np.sin(2.0 * alpha), -fin.C_Lmax, fin.C_Lmax))
     C_D = fin.C_D0 + fin.C_D90 * np.sin(alpha) ** 2 + fin.k_i * C_L**2
     ahead = (v_c * fin.chord + v_n * fin.normal) / speed

@@ -195,7 +195,7 @@ def fin(file: Mapping[str, Any], entry: Mapping[str, Any], coefficients: Mapping
         normal=normal / np.linalg.norm(normal),
         area=entry["area_m2"],
         gain=own.get("gain", 0.0),
-        **{name: own.get(name, 0.0) for name in ("C_La", "C_Lmax", "C_D0", "C_D90", "k_i")},
+        **{name: own.get(name, 0.0) for name in ("C_La", "C_Lmax", "C_D0", "C_D90", "k_i", "offset")},
     )
 
 

@@ -225,8 +225,13 @@ def test_a_refused_stage_leaves_no_folder(here: Path) -> None:
     [
         ("there.toml", "seed = 1", 'seed = "a"', "there.toml: key seed: expected a whole number, found 'a'"),
         ("there.toml", "stern = 1000.0", "stern = nan", "commands[1], key stern: expected a finite number"),
-        ("there.toml", "duration_s = 60.0", "duration_s = 1e12", "expected at most 1e+07 rows"),
-        ("there.toml", "seed = 1", "seed = 1\ncurrent = { north_m_s = 1e9 }", "motion diverges"),
+        ("there.toml", "duration_s = 60.0", "duration_s = 1e7", "expected at most 1e+07 rows"),
+        (
+            "there.toml",
+            "seed = 1",
+            "seed = 1\ncurrent = { north_m_s = 1e9 }",
+            "expected a number from -100 to 100",
+        ),
         ("truth.toml", '"cwolf"', '"cwulf"', "truth.toml: key vehicle: cwulf"),
         (
             "truth.toml",

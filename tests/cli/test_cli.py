@@ -148,7 +148,7 @@ def test_bad_input_is_one_message_and_exit_code_2(here: Path, arguments: list[st
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("m = 48.0", "m = -48.0", "expected a positive mass in kg, found -48"),
+        ("m = 48.0", "m = -48.0", "expected a positive number, found -48"),
         ("z_b = -0.01", "z_bb = -0.01", "z_bb"),
         ("length_m = 1.6", "lenght_m = 1.6", "length_m"),
         ("m = 48.0 ", 'm = "48 kg"', "vehicle.toml"),

@@ -11,7 +11,6 @@ use crate::work::{Threads, parallel};
 use pyo3::prelude::*;
 use seatrial::control::autopilot::settings::{tunable_index, tunable_names};
 use seatrial::control::navigation::{CHANNELS, ChannelErrors, GROUPS, GroupTiming, Outage, Sensors};
-use seatrial::description::vehicle_file::Environment;
 use seatrial::description::{ActuatorDescription, Description};
 use seatrial::fit::inputs::actuator_index;
 use seatrial::flight::Flight;
@@ -346,7 +345,7 @@ pub fn fly(
         obstacles: &obstacles,
         trial: &trial,
         turbulence_times: [tau, tau_2],
-        environment: Environment { rho_kg_m3: rho.unwrap_or(own.rho_kg_m3), g_m_s2: g.unwrap_or(own.g_m_s2) },
+        environment: own.with(rho, g).map_err(raised)?,
         voltage: voltage_v,
         substeps: whole(dt / max_step_s),
         periods: whole(max_time_s / dt),

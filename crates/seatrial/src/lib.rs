@@ -28,6 +28,7 @@ pub mod flight;
 pub mod mission;
 pub mod model;
 pub mod number;
+pub mod ranges;
 mod toml_file;
 
 pub use error::Error;

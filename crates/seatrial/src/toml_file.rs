@@ -5,28 +5,38 @@
 //! Tests: `tests/files.rs`.
 
 use crate::error::{Error, nearest};
+use crate::ranges::{self, Range};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer};
 
-/// The version of a file whose other keys are not read.
-#[derive(Deserialize)]
-struct Format {
-    format: Option<i64>,
-}
+/// The largest file, bytes: a mission of the most waypoints has a third of it.
+const LARGEST_FILE: usize = 8 << 20;
 
-/// A file of format 1, read; `source_name` stands in messages.
+/// A file of format 1, read, its numbers within the ranges of `rows`; `source_name` stands in messages.
 ///
 /// # Errors
-/// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
-pub(crate) fn parsed<F: DeserializeOwned>(text: &str, source_name: &str) -> Result<F, Error> {
+/// When the text is not TOML, a key is unknown or missing, or a value has the wrong type or lies beyond its range.
+pub(crate) fn parsed<F: DeserializeOwned>(text: &str, source_name: &str, rows: &[Range]) -> Result<F, Error> {
     let refused = |error: toml::de::Error| Error::vehicle(source_name, explain(&error, text));
-    // The format first: another one may have keys that this one does not know.
-    match toml::from_str(text).map_err(refused)? {
-        Format { format: Some(found) } if found != 1 => {
-            Err(Error::vehicle(source_name, format!("format: this version reads format = 1, found {found}")))
-        }
-        _ => toml::from_str(text).map_err(refused),
+    if text.len() > LARGEST_FILE {
+        return Err(Error::vehicle(
+            source_name,
+            format!(
+                "expected a file of at most {LARGEST_FILE} bytes, found {}; is it the right file?",
+                text.len()
+            ),
+        ));
     }
+    let table: toml::Table = toml::from_str(text).map_err(refused)?;
+    // The format first: another one may have keys that this one does not know.
+    if let Some(found) = table.get("format").and_then(toml::Value::as_integer).filter(|found| *found != 1) {
+        let message = format!("format: this version reads format = 1, found {found}");
+        return Err(Error::vehicle(source_name, message));
+    }
+    let without = ranges::check(&table, rows).map_err(|message| Error::vehicle(source_name, message))?;
+    let file = toml::from_str(text).map_err(refused)?;
+    debug_assert!(without.is_none(), "{without:?} is read, and src/ranges/rows.rs has no row for it");
+    Ok(file)
 }
 
 /// The reader's message with its line, and the nearest known name of an unknown key.

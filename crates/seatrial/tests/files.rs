@@ -126,26 +126,29 @@ fn impossible_masses_are_refused() {
 #[test]
 fn numbers_that_are_not_finite_are_refused() {
     for text in ["nan", "inf", "-inf"] {
-        says(&complaint("m = 30.0", &format!("m = {text}")), &["coefficients.m", "finite", "found"]);
+        says(&complaint("m = 30.0", &format!("m = {text}")), &["coefficients.m", "expected a", "found"]);
         says(&complaint("X_udot = -5.0", &format!("N_r = {text}")), &["N_r", "finite"]);
         says(&complaint("rho_kg_m3 = 1000.0", &format!("rho_kg_m3 = {text}")), &["rho_kg_m3", "positive"]);
-        says(&complaint("T_1_s = 0.1", &format!("T_1_s = {text}")), &["bow.T_1", "finite"]);
-        says(&complaint("T_1_s = 0.1", &format!("K_V = {text}")), &["bow.K_V", "finite"]);
-        says(&complaint("direction = [1.0", &format!("direction = [{text}")), &["bow", "direction"]);
+        says(&complaint("T_1_s = 0.1", &format!("T_1_s = {text}")), &["motors.drive.T_1_s", "found"]);
+        says(&complaint("T_1_s = 0.1", &format!("K_V = {text}")), &["motors.drive.K_V", "found"]);
+        says(
+            &complaint("direction = [1.0", &format!("direction = [{text}")),
+            &["bow", "direction", "finite"],
+        );
         says(&complaint("position_m = [0.5", &format!("position_m = [{text}")), &["bow", "finite"]);
         let polynomial = format!("kind = \"polynomial\"\nahead = [0, {text}, 0]\nastern = [0, 1, 0]");
-        says(&complaint("kind = \"direct\"", &polynomial), &["bow.a1_ahead", "finite"]);
+        says(&complaint("kind = \"direct\"", &polynomial), &["characteristics.thrust.ahead", "finite"]);
     }
-    says(&complaint("maximum_ahead = 100.0", "maximum_ahead = nan"), &["bow", "limits"]);
+    says(&complaint("maximum_ahead = 100.0", "maximum_ahead = nan"), &["motors.drive.maximum_ahead", "NaN"]);
 }
 
 #[test]
 fn motors_must_be_possible() {
-    says(&complaint("T_1_s = 0.1", "T_1_s = -0.1"), &["bow.T_1", "non-negative", "-0.1"]);
-    says(&complaint("T_1_s = 0.1", "T_t_s = -0.1"), &["bow.T_t", "non-negative", "-0.1"]);
-    says(&complaint("T_1_s = 0.1", "K_V = 0.0"), &["bow.K_V", "positive", "found 0"]);
-    says(&complaint("T_1_s = 0.1", "n_acc_per_s = 0.0"), &["bow.n_acc", "positive"]);
-    says(&complaint("maximum_ahead = 100.0", "maximum_ahead = -100.0"), &["bow", "positive magnitudes"]);
+    says(&complaint("T_1_s = 0.1", "T_1_s = -0.1"), &["drive.T_1_s", "zero or a positive", "-0.1"]);
+    says(&complaint("T_1_s = 0.1", "T_t_s = -0.1"), &["drive.T_t_s", "zero or a positive", "-0.1"]);
+    says(&complaint("T_1_s = 0.1", "K_V = 0.0"), &["drive.K_V", "a positive number", "found 0"]);
+    says(&complaint("T_1_s = 0.1", "n_acc_per_s = 0.0"), &["drive.n_acc_per_s", "a positive number"]);
+    says(&complaint("maximum_ahead = 100.0", "maximum_ahead = -100.0"), &["drive", "positive magnitude"]);
 }
 
 #[test]
@@ -182,7 +185,7 @@ fn characteristics_must_be_possible() {
         ("kind = \"quadratic\"\np1_ahead = 0.1", ["bow", "rpm"]),
         ("kind = \"table\"\nsignal = [0, 1, 1]\nforce_n = [[0, 1, 2]]", ["bow", "increasing"]),
         ("kind = \"table\"\nsignal = [0, 1]\nforce_n = [[0, 1, 2]]", ["bow", "1 rows of 2 numbers"]),
-        ("kind = \"table\"\nsignal = [0, 1]\nforce_n = [[0, nan]]", ["bow", "finite"]),
+        ("kind = \"table\"\nsignal = [0, 1]\nforce_n = [[0, nan]]", ["thrust.force_n", "finite"]),
         (
             "kind = \"table\"\nsignal = [0, 1]\nvoltage_v = [2, 1]\nforce_n = [[0, 1], [0, 1]]",
             ["bow", "voltage"],
@@ -219,7 +222,7 @@ fn wrong_geometry_is_refused() {
         ("length_m = 2.0\ndiameter_m = 0.3\nshape = \"ball\"", ["ball", "spheroid"]),
         (
             "length_m = 2.0\ndiameter_m = 0.3\nappendages = [{ area_m2 = nan, arm_m = 0.1 }]",
-            ["K_pp", "finite"],
+            ["geometry.appendages[0].area_m2", "found NaN"],
         ),
     ] {
         says(&complaint("[coefficients]", &format!("[geometry]\n{geometry}\n[coefficients]")), &parts);
@@ -295,7 +298,7 @@ proptest! {
     #[test]
     fn changed_coefficients_survive_a_round_trip(
         which in proptest::collection::vec((0_usize..HULL + 6 * PER_ACTUATOR, 0.5_f64..1.5), 1..20),
-        tiny in proptest::num::f64::NORMAL,
+        tiny in -1e12_f64..1e12,
         beluga in any::<bool>(),
     ) {
         let description = load(if beluga { "beluga" } else { "cwolf" });

@@ -12,7 +12,8 @@ import os
 import re
 import reprlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
@@ -20,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from seatrial._core import file_text
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest
+from seatrial.base.ranges import number_complaints, text_complaints
 
 __all__ = [
     "CAMPAIGN",
@@ -82,6 +84,9 @@ class Section(BaseModel):
 
 _File = TypeVar("_File", bound=Section)
 
+_MOST_MESSAGES = 20
+"""Lines of one error: who has more mistakes than that has one, made often."""
+
 _EXPECTED = {
     "string_type": "expected text in quotes",
     "string_too_short": "expected text that is not empty",
@@ -99,6 +104,10 @@ _EXPECTED = {
     "too_long": "expected fewer entries",
 }
 """What was expected, by pydantic's name of the error, where its own words speak of Python."""
+
+
+_LARGEST_FILE = 2_000_000
+"""Characters: more takes the reader seconds, and no one writes it."""
 
 
 def text_of(
@@ -137,10 +146,17 @@ def tables(text: str, source: str, *, error: type[SeatrialError] = CampaignError
     error : type
         Raised where it is not TOML.
     """
+    if len(text) > _LARGEST_FILE:
+        raise error(
+            f"{source}: expected a file of at most {_LARGEST_FILE} characters, found {len(text)}; is it the"
+            " right file?"
+        )
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as wrong:
         raise error(f"{source}: not a TOML file: {wrong}") from None
+    except RecursionError:
+        raise error(f"{source}: too many tables or lists within each other; remove some") from None
 
 
 def checked(
@@ -165,8 +181,9 @@ def checked(
     >>> checked(Tank, tables("length_m = 12.0", "tank.toml"), "tank.toml").length_m
     12.0
     """
+    _refuse(data, source, text_complaints(data), error)
     try:
-        return model.model_validate(data)
+        found = model.model_validate(data)
     except ValidationError as wrong:
         details = wrong.errors()
         paths = [detail["loc"] for detail in details]
@@ -176,7 +193,21 @@ def checked(
             for d in details
             if not any(len(p) > len(d["loc"]) and p[: len(d["loc"])] == d["loc"] for p in paths)
         ]
-        raise error("\n".join(_message(data, source, detail) for detail in own)) from None
+        lines = [_message(data, source, detail) for detail in own[:_MOST_MESSAGES]]
+        if len(own) > _MOST_MESSAGES:
+            lines.append(f"{source}: {len(own) - _MOST_MESSAGES} more of this kind")
+        raise error("\n".join(lines)) from None
+    _refuse(data, source, number_complaints(data), error)
+    return found
+
+
+def _refuse(
+    data: Mapping[str, Any], source: str, complaints: Iterable[tuple[Any, str]], error: type[SeatrialError]
+) -> None:
+    """Raises the complaints, each with its key; a list does not repeat its own a thousand times."""
+    found = list(islice(complaints, _MOST_MESSAGES))
+    if found:
+        raise error("\n".join(f"{source}: {_key_path(data, where)}: {text}" for where, text in found))
 
 
 def _message(data: Mapping[str, Any], source: str, detail: Any) -> str:
@@ -201,7 +232,7 @@ def _key_path(data: Any, loc: tuple[int | str, ...]) -> str:
             data = None
         if isinstance(key, int):
             name = data.get("name") if isinstance(data, Mapping) else None
-            parts[-1] += f" {name!r}" if isinstance(name, str) else f"[{key + 1}]"
+            parts[-1] += f" {name[:80]!r}" if isinstance(name, str) else f"[{key + 1}]"
         else:
             parts.append(str(key))
     return ", ".join([*parts[:-1], f"key {parts[-1]}"]) if parts else "the file"
@@ -265,7 +296,7 @@ def file_kind(path: str | Path) -> str | None:
     """
     try:
         text = file_text(path)
-        data = tomllib.loads(text)
+        data = tables(text, str(path))
     except ValueError:
         return None
     if not text.strip():

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
+import reprlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,7 +24,8 @@ from seatrial._core import Mission as CoreMission
 from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError
 from seatrial.base.frames import FARTHEST_M, LocalFrame
-from seatrial.base.toml_file import text_of
+from seatrial.base.ranges import text_complaints
+from seatrial.base.toml_file import tables, text_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -109,17 +110,21 @@ class Mission:
         """
         if not isinstance(text, str):
             raise VehicleError(f"expected the text of a mission file, found {type(text).__name__}")
+        # The core reads fast and says what is wrong; places in metres need no other reader.
         try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError:
-            data = {}  # the core says what is wrong
+            geographic = any(key in text for key in (*PLACE, *CORNERS))
+            data = tables(text, source, error=VehicleError) if geographic else {}
+        except VehicleError:
+            data = {}
         if not any(_geographic(table) for _, table in _tables(data)):
             return cls(CoreMission.from_toml(text, source))
-        import tomlkit
-
+        legs = data.get("legs")
+        for where, table in (("", {**data, "legs": None}), *_tables({"legs": legs})):
+            for key, complaint in text_complaints(table):
+                raise VehicleError(f"{source}: {where}{'.'.join(str(k) for k in key)}: {complaint}")
         _convert(data, source)
         try:
-            return cls(CoreMission.from_toml(tomlkit.dumps(data), source))
+            return cls(CoreMission.from_toml(_written(data), source))
         except VehicleError as error:  # its lines are not those of the file
             raise VehicleError(re.sub(r": line \d+: ", ": ", str(error), count=1)) from None
 
@@ -208,6 +213,17 @@ class Mission:
         return self.core.planned_time
 
 
+def _written(data: dict[str, Any]) -> str:
+    """The mission as TOML, leg by leg: the writer takes the square of the number of its entries."""
+    import tomlkit
+
+    legs = data.get("legs")
+    apart = isinstance(legs, list) and all(isinstance(leg, dict) for leg in legs)
+    head = tomlkit.dumps({key: value for key, value in data.items() if not (apart and key == "legs")})
+    parts = [f"[[legs]]\n{tomlkit.dumps(leg)}" for leg in legs] if apart and isinstance(legs, list) else []
+    return "\n".join([head, *parts])
+
+
 def _tables(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Tables that may hold places, with what to call them in messages."""
     for key in ("start", "limits"):
@@ -246,7 +262,8 @@ def _convert(data: dict[str, Any], source: str) -> None:
             corners = table.pop(key)
             if not isinstance(corners, list) or not all(isinstance(c, list) and len(c) == 2 for c in corners):
                 raise VehicleError(
-                    f"{at}{key}: expected corners [latitude, longitude] in degrees, found {corners!r}"
+                    f"{at}{key}: expected corners [latitude, longitude] in degrees, found"
+                    f" {reprlib.repr(corners)}"
                 )
             table[in_metres] = [_metres(frame, corner, f"{at}{key}: ") for corner in corners]
 
@@ -266,7 +283,7 @@ def _degrees(values: list[Any], at: str) -> list[float]:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not abs(value) <= largest:
             raise VehicleError(
-                f"{at}{key}: expected degrees from -{largest:g} to {largest:g}, found {value!r};"
+                f"{at}{key}: expected degrees from -{largest:g} to {largest:g}, found {reprlib.repr(value)};"
                 " north and east are positive"
             )
     return [float(value) for value in values]

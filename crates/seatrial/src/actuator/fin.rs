@@ -10,6 +10,7 @@
 //! F   = ½ ρ S |V| [C_L (V_c e_n − V_n e_c) − C_D V]        |V| = √(V·V + 10⁻¹²)
 //! ```
 //!
+//! The deflection is the servo's signal and a fixed offset `δ_0` of the fin on its shaft, `δ = n + δ_0`.
 //! `k_i = 1/(π e Λ)` with the aspect ratio Λ and Oswald's efficiency e. Lift beyond the stall stays at C_Lmax
 //! until the profile stands across the flow. No added mass of the fin, no wake of hull or propeller.
 //!
@@ -47,12 +48,20 @@ pub struct Fin<T> {
     pub c_d90: T,
     /// Induced drag per squared lift coefficient.
     pub k_i: T,
+    /// Deflection where the servo stands at zero, rad; `None` where there is none and none is sought.
+    pub offset: Option<T>,
 }
 
 /// Sine and cosine of a fin's deflection.
 pub type Deflection<T> = (T, T);
 
 impl<T: Real> Fin<T> {
+    /// The deflection at the servo's signal, rad: `δ = n + δ_0`.
+    #[inline(always)]
+    pub fn turned(&self, signal: T) -> T {
+        self.offset.map_or(signal, |offset| signal + offset)
+    }
+
     /// `tau` + wrench about O, N and N m, at a deflection and the relative velocity `nu_r`.
     #[inline(always)]
     pub fn add(&self, (sin, cos): Deflection<T>, nu_r: &Vec6<T>, tau: &Vec6<T>) -> Vec6<T> {

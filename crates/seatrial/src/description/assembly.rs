@@ -34,6 +34,7 @@ pub struct Structure {
     lag: Vec<bool>,
     astern_ratio: Vec<bool>,
     loss: Vec<bool>,
+    offset: Vec<bool>,
 }
 
 impl Structure {
@@ -62,7 +63,8 @@ impl Structure {
                 .map(|k| description.layout.actuator(k) + names::ASTERN_RATIO)
                 .map(|i| description.coefficients[i] != 1.0 || sought.contains(&i))
                 .collect(),
-            loss: actuators.map(|k| any(k, &[names::LOSS])).collect(),
+            loss: actuators.clone().map(|k| any(k, &[names::LOSS])).collect(),
+            offset: actuators.map(|k| any(k, &[names::FIN + 5])).collect(),
         }
     }
 }
@@ -268,5 +270,6 @@ fn fin<T: Real>(
         c_d0: c(names::FIN + 2),
         c_d90: c(names::FIN + 3),
         k_i: c(names::FIN + 4),
+        offset: structure.offset[k].then(|| c(names::FIN + 5)),
     }
 }

@@ -1,10 +1,16 @@
 //! Default bounds of the coefficients for their identification.
 //!
 //! Factors around the geometric start value: axial drag is known to 0.5–4×, cross-flow to 0.25–4×, added mass to 0.2–5×, inertia to
-//! 0.3–3×; what has no start value gets bounds by the vehicle's weight and size, or none.
+//! 0.3–3×; a trim that grows with the speed to a fifth of the drag either way; what has no start value gets bounds by the vehicle's weight and size, or none.
 
 use super::values::Description;
 use crate::description::coefficients::{self as names, MASS, added_mass, linear, quadratic};
+
+/// Largest deflection at neutral that is sought, rad: a horn that sits one tooth off.
+const LARGEST_OFFSET: f64 = 0.2;
+
+/// Largest trim that is sought, as a share of the drag; its moment has the hull's length as arm.
+const TRIM: f64 = 0.2;
 
 impl Description {
     /// Default bounds of a coefficient for its identification, around its geometric start value or
@@ -24,11 +30,13 @@ impl Description {
                 "T_1" | "T_t" => Some((0.0, 1.0)),
                 "w" | "t" => Some((0.0, 0.5)),
                 "K_V" => Some((0.8, 1.2)),
+                "offset" => Some((-LARGEST_OFFSET, LARGEST_OFFSET)),
                 _ => factors(0.3, 3.0),
             };
         }
         let weight = self.coefficients[MASS] * self.file.environment.g_m_s2;
         let size = self.file.geometry.as_ref().map_or(1.0, |g| g.length_m);
+        let drag = self.start_values[quadratic(0, 0)].unwrap_or(self.coefficients[quadratic(0, 0)]).abs();
         match index {
             MASS => factors(0.5, 2.0),
             names::BUOYANCY => Some((0.9 * weight, 1.1 * weight)),
@@ -41,6 +49,10 @@ impl Description {
             _ if is(&linear) => factors(0.0, 10.0),
             _ if index == quadratic(0, 0) => factors(0.5, 4.0),
             _ if is(&quadratic) => factors(0.25, 4.0),
+            _ if reference == 0.0 && drag > 0.0 && (1..6).any(|i| quadratic(i, 0) == index) => {
+                let arm = if index < quadratic(3, 0) { 1.0 } else { size };
+                Some((-TRIM * drag * arm, TRIM * drag * arm))
+            }
             _ if index < names::CENTRE_OF_GRAVITY => factors(0.3, 3.0),
             _ => factors(-3.0, 3.0),
         }

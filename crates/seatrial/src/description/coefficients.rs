@@ -7,7 +7,8 @@
 //! | `X_u` … `N_r`, every off-diagonal `Y_r` … | linear damping |
 //! | `X_uu` … `N_rr`, every off-diagonal `Y_rr` … | quadratic damping, per `|ν_j| ν_j` |
 //! | `Y_uv Y_ur Z_uw Z_uq M_uw M_uq N_uv N_ur` | lift, per `|u| ν_j` |
-//! | `X_0` … `N_0` | constant bias wrench in the body frame |
+//! | `Y_uu Z_uu K_uu M_uu N_uu` | among them: trims of an asymmetric hull, nothing at rest |
+//! | `X_0` … `N_0` | constant bias wrench in the body frame, also at rest |
 //! | `<actuator>.gain`, `.p1_ahead`, `.T_1` … | [`ACTUATOR`] |
 //!
 //! They stand in one vector, whose layout depends on the actuators' names only. Absent means zero.
@@ -58,8 +59,8 @@ const RIGID: [(&str, &str, &str); 14] = [
     ("B", "N", "buoyancy"),
 ];
 
-/// Coefficients of an actuator: name, unit, meaning. `<c>` is the command's unit. The last five are a fin's.
-pub const ACTUATOR: [(&str, &str, &str); 29] = [
+/// Coefficients of an actuator: name, unit, meaning. `<c>` is the command's unit. The last six are a fin's.
+pub const ACTUATOR: [(&str, &str, &str); 30] = [
     ("gain", "1", "factor on the thrust, of a fin on lift and drag"),
     ("p1_ahead", "N s2", "thrust per |n| n ahead, n in rev/s"),
     ("p1_astern", "N s2", "thrust per |n| n astern, n in rev/s"),
@@ -89,6 +90,7 @@ pub const ACTUATOR: [(&str, &str, &str); 29] = [
     ("C_D0", "1", "drag coefficient of the fin in line with the flow"),
     ("C_D90", "1", "further drag coefficient of the fin across the flow"),
     ("k_i", "1", "induced drag of the fin per squared lift coefficient, 1/(pi e aspect ratio)"),
+    ("offset", "rad", "deflection of the fin where its servo stands at zero"),
 ];
 
 /// Offset of `lever_K` in [`ACTUATOR`]; two more follow.
@@ -100,7 +102,7 @@ pub const ASTERN_RATIO: usize = 22;
 /// Offset of `loss` in [`ACTUATOR`].
 pub const LOSS: usize = 23;
 
-/// Offset of `C_La` in [`ACTUATOR`]; four more follow.
+/// Offset of `C_La` in [`ACTUATOR`]; five more follow.
 pub const FIN: usize = 24;
 
 /// Number of coefficients per actuator.
@@ -272,7 +274,12 @@ impl Layout {
             }
             QUADRATIC..LIFT => {
                 let (force, velocity) = pair(index - QUADRATIC);
-                format!("quadratic damping, {force} per |{velocity}| {velocity}")
+                let what = if index > QUADRATIC && (index - QUADRATIC).is_multiple_of(6) {
+                    "trim that grows with the speed, of an asymmetric hull"
+                } else {
+                    "quadratic damping"
+                };
+                format!("{what}, {force} per |{velocity}| {velocity}")
             }
             LIFT..BIAS => {
                 let name = LIFT_NAMES[index - LIFT];

@@ -111,18 +111,8 @@ impl Geometry {
         0.44 / slenderness + 4.0 * friction * slenderness + 4.0 * friction / slenderness.sqrt()
     }
 
-    /// What is wrong with the measures, if anything.
+    /// What is wrong with the measures together, if anything.
     pub fn complaint(&self) -> Option<String> {
-        let positive = [
-            ("length_m", self.length_m),
-            ("diameter_m", self.diameter_m),
-            ("height_m", self.height_m.unwrap_or(1.0)),
-            ("design_speed_m_s", self.design_speed_m_s),
-            ("kinematic_viscosity_m2_s", self.kinematic_viscosity_m2_s),
-        ];
-        if let Some((key, value)) = positive.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
-            return Some(format!("geometry.{key}: expected a positive length or speed, found {value}"));
-        }
         (self.shape == Shape::Spheroid && self.length_m <= self.diameter_m).then(|| {
             format!(
                 "geometry: a spheroid hull is longer than wide, found length_m = {} and diameter_m = {}; use shape = \"box\" for an open frame",

@@ -10,6 +10,7 @@ use super::vehicle_file::VehicleFile;
 use crate::error::Error;
 use crate::model::vehicle::Vehicle;
 use crate::number::algebra::pivots;
+use crate::ranges;
 use std::collections::BTreeMap;
 
 impl Description {
@@ -28,11 +29,6 @@ impl Description {
     pub fn new(file: VehicleFile, source_name: &str) -> Result<Self, Error> {
         let fail = |message: String| Error::vehicle(source_name, message);
         let environment = file.environment;
-        for (key, value) in [("rho_kg_m3", environment.rho_kg_m3), ("g_m_s2", environment.g_m_s2)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(fail(format!("environment.{key}: expected a positive number, found {value}")));
-            }
-        }
         if let Some(row) = file.controllable.iter().find(|row| !FORCES.contains(&row.as_str())) {
             return Err(fail(format!("controllable: expected rows among X Y Z K M N, found \"{row}\"")));
         }
@@ -71,9 +67,6 @@ impl Description {
         let mut given: Vec<Option<&str>> = vec![None; layout.len()];
         for (name, &value) in &file.coefficients {
             let index = layout.find(name).map_err(|m| fail(format!("coefficients: {m}")))?;
-            if !value.is_finite() {
-                return Err(fail(format!("coefficients.{name}: expected a finite number, found {value}")));
-            }
             agree(name, value, given[index].map(|twin| (twin, coefficients[index])))
                 .map_err(|m| fail(format!("coefficients.{m}")))?;
             coefficients[index] = value;
@@ -83,9 +76,6 @@ impl Description {
             return Err(fail("coefficients.m: the mass in kg is missing; weigh the vehicle in air".into()));
         }
         let m = coefficients[MASS];
-        if m <= 0.0 {
-            return Err(fail(format!("coefficients.m: expected a positive mass in kg, found {m}")));
-        }
         let mut start_values = vec![None; layout.len()];
         for (index, value) in file.geometry.iter().flat_map(|g| g.start_values(m, environment.rho_kg_m3)) {
             start_values[index] = Some(value);
@@ -130,9 +120,6 @@ impl Description {
         for (name, value) in values {
             let index = self.layout.find(name).map_err(fail)?;
             agree(name, *value, given.insert(index, (name.as_str(), *value))).map_err(fail)?;
-            if !value.is_finite() {
-                return Err(fail(format!("coefficient {name}: expected a finite number, found {value}")));
-            }
             changed.coefficients[index] = *value;
         }
         changed.check().map_err(fail)?;
@@ -141,21 +128,13 @@ impl Description {
 
     fn check(&self) -> Result<(), String> {
         let c = &self.coefficients;
-        if let Some(i) = c.iter().position(|x| !x.is_finite()) {
-            return Err(format!(
-                "coefficient {}: expected a finite number, found {}",
-                self.layout.name(i),
-                c[i]
-            ));
-        }
-        let positive = (0..4).find(|&i| c[i] <= 0.0);
-        if let Some(i) = positive {
-            return Err(format!(
-                "coefficient {}: expected a positive number, found {}{}",
-                self.layout.name(i),
-                c[i],
-                if i > 0 && c[i] == 0.0 { "; give it, or a [geometry] from which it is filled" } else { "" }
-            ));
+        for i in 0..c.len() {
+            // What is not there has no meaning: the rate limit of a motor without one.
+            let absent = c[i] == 0.0 && i >= names::HULL && !self.uses(i);
+            let name = self.layout.name(i);
+            if let Some(complaint) = ranges::coefficient(&name).complaint(c[i]).filter(|_| !absent) {
+                return Err(format!("coefficient {name}: {complaint}"));
+            }
         }
         let vehicle = Vehicle::nominal(self);
         let pivots = pivots(&vehicle.mass_matrix);
@@ -164,25 +143,6 @@ impl Description {
                 "the mass matrix M_RB + M_A is not positive definite at axis {} (pivot {:.4}); added-mass derivatives such as X_udot are negative, products of inertia and off-diagonal terms must be small against the diagonal",
                 FORCES[axis], pivots[axis]
             ));
-        }
-        for (k, actuator) in self.actuators.iter().enumerate() {
-            let base = self.layout.actuator(k);
-            for (offset, (name, _, _)) in names::ACTUATOR.iter().enumerate() {
-                let value = c[base + offset];
-                let wrong = match *name {
-                    "T_1" | "T_t" => value < 0.0,
-                    "K_V" => value <= 0.0,
-                    "n_acc" | "n_dec" => actuator.rate_limited && value <= 0.0,
-                    _ => false,
-                };
-                if wrong {
-                    return Err(format!(
-                        "coefficient {}.{name}: expected a {} number, found {value}",
-                        actuator.name,
-                        if name.starts_with('T') { "non-negative" } else { "positive" }
-                    ));
-                }
-            }
         }
         Ok(())
     }

@@ -12,6 +12,7 @@ mod fin_table;
 
 use crate::description::geometry::Geometry;
 use crate::error::Error;
+use crate::ranges;
 use crate::toml_file::{exactly, exactly_if_given, parsed};
 pub use fin_table::FinTable;
 use serde::{Deserialize, Serialize};
@@ -71,6 +72,22 @@ pub struct Environment {
 impl Default for Environment {
     fn default() -> Self {
         Self { rho_kg_m3: 1025.0, g_m_s2: standard_gravity() }
+    }
+}
+
+impl Environment {
+    /// The same with another density (kg/m³) or gravity (m/s²), where they are given.
+    ///
+    /// # Errors
+    /// A number that is none of water or gravity.
+    pub fn with(self, rho: Option<f64>, g: Option<f64>) -> Result<Self, Error> {
+        for (name, key, given) in [("rho", "environment.rho_kg_m3", rho), ("g", "environment.g_m_s2", g)] {
+            let complaint = given.and_then(|x| ranges::row(ranges::VEHICLE, key)?.complaint(x));
+            if let Some(complaint) = complaint {
+                return Err(Error::simulation(format!("{name}: {complaint}")));
+            }
+        }
+        Ok(Self { rho_kg_m3: rho.unwrap_or(self.rho_kg_m3), g_m_s2: g.unwrap_or(self.g_m_s2) })
     }
 }
 
@@ -309,7 +326,7 @@ impl VehicleFile {
     /// # Errors
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
     pub fn parse(text: &str, source_name: &str) -> Result<Self, Error> {
-        parsed(text, source_name)
+        parsed(text, source_name, ranges::VEHICLE)
     }
 
     /// The file as TOML.

@@ -1,7 +1,6 @@
 //! The inputs of a trial or a simulation as given, checked, and turned into a [`Record`] for a vehicle.
 
 use crate::description::Description;
-use crate::description::vehicle_file::Environment;
 use crate::error::{Error, nearest};
 use crate::fit::criterion::CHANNELS;
 use crate::fit::record::Record;
@@ -64,10 +63,7 @@ impl Inputs {
             measured: self.nu.iter().zip(&self.nu_rate).map(|(nu, rate)| [*nu, *rate]).collect(),
             observed: self.masked()?,
             weight: self.weight.clone(),
-            environment: Environment {
-                rho_kg_m3: self.rho.unwrap_or(description.file.environment.rho_kg_m3),
-                g_m_s2: self.g.unwrap_or(description.file.environment.g_m_s2),
-            },
+            environment: description.file.environment.with(self.rho, self.g)?,
             played: None,
         };
         for (name, values) in &self.commands {

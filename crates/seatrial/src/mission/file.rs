@@ -7,6 +7,7 @@
 
 use super::legs::{Lawnmower, Perimeter, Spiral, WaypointLeg, corners};
 use crate::error::{Error, nearest};
+use crate::ranges;
 use crate::toml_file::{explain, parsed};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -152,7 +153,7 @@ impl MissionFile {
     /// # Errors
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
     pub fn parse(text: &str, source_name: &str) -> Result<Self, Error> {
-        parsed(text, source_name)
+        parsed(text, source_name, ranges::MISSION)
     }
 
     /// The file as TOML.

@@ -117,8 +117,8 @@ pub fn act<T: Real>(
     }
     interact(&vehicle.actuators, &mut instant.thrusts);
     instant.deflections.clear();
-    for signal in &signals[vehicle.actuators.len()..] {
-        instant.deflections.push(signal.sin_cos());
+    for (fin, signal) in vehicle.fins.iter().zip(&signals[vehicle.actuators.len()..]) {
+        instant.deflections.push(fin.turned(*signal).sin_cos());
     }
     vehicle.sum_inflow_free(instant, unit.zero());
 }

@@ -1,7 +1,7 @@
 //! The deflection gives the force along the normal that is asked for.
 
 use crate::setup::Setup;
-use crate::vehicles::{cases, load};
+use crate::vehicles::{cases, load, with};
 use proptest::prelude::*;
 use seatrial::model::vehicle::Vehicle;
 use seatrial::number::algebra::dot;
@@ -15,21 +15,27 @@ proptest! {
         across in proptest::array::uniform2(-0.15..0.15_f64),
         rates in proptest::array::uniform3(-0.2..0.2_f64),
         share in 0.0..1.0_f64,
+        offset in -0.15..0.15_f64,
     ) {
         for name in ["remus100", "lauv"] {
             let nu_r = [u, across[0] * u, across[1] * u, rates[0], rates[1], rates[2]];
-            let description = load(name);
+            let fins = load(name).file.fins;
+            let offsets: Vec<String> = fins.iter().map(|fin| format!("{}.offset", fin.name)).collect();
+            let offsets: Vec<(&str, f64)> = offsets.iter().map(|name| (name.as_str(), offset)).collect();
+            let description = with(&load(name), &offsets);
             let [limit, _] = description.actuators[1].limits.maximum;
             for fin in &Vehicle::nominal(&description).fins {
                 let flow = fin.flow(&nu_r);
-                let ends = fin.working_range([limit, limit], &flow);
+                // The same deflections, whatever the offset: Newton's steps converge there.
+                let ends = fin.working_range([limit + offset, limit - offset], &flow);
                 let [one, other] = ends.map(|angle| fin.normal_force(angle, &flow));
                 let wanted = one + share * (other - one);
-                let deflection = fin.deflection(wanted, &flow);
-                let found = fin.normal_force(deflection, &flow);
+                let signal = fin.signal(wanted, &flow);
+                prop_assert!((signal + offset).abs() <= limit + 1e-9, "{name}: {signal}");
+                let found = fin.normal_force(signal, &flow);
                 // Rounding of up to 50 N; Newton's steps have converged at these inflow angles.
-                prop_assert!((found - wanted).abs() < 1e-9, "{name}: {found} {wanted} at {deflection}");
-                let whole = fin.add(deflection.sin_cos(), &nu_r, &[0.0; 6]);
+                prop_assert!((found - wanted).abs() < 1e-9, "{name}: {found} {wanted} at {signal}");
+                let whole = fin.add((signal + offset).sin_cos(), &nu_r, &[0.0; 6]);
                 let along = dot(&[whole[0], whole[1], whole[2]], &fin.normal);
                 prop_assert!((found - along).abs() < 1e-12 * (1.0 + along.abs()), "{found} {along}");
             }

@@ -19,6 +19,7 @@ fn rudder() -> Fin<f64> {
         c_d0: 0.012,
         c_d90: 1.1,
         k_i: 1.0 / (std::f64::consts::PI * 0.9 * 3.0),
+        offset: None,
     }
 }
 

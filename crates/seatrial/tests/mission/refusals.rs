@@ -200,7 +200,7 @@ fn places_beyond_the_limits_are_refused() {
         (format!("[start]; heading_deg = nan; {legs}"), "start.heading_deg: expected a finite"),
         (
             format!("[origin]; latitude_deg = 91; longitude_deg = 5; {legs}"),
-            "origin.latitude_deg: expected -90 to 90, found 91",
+            "origin.latitude_deg: expected a number from -90.0 to 90.0, found 91",
         ),
     ] {
         file(&text, sentence);

@@ -1,4 +1,4 @@
-//! The inverse of a fin: the deflection that gives a wanted force along its normal.
+//! The inverse of a fin: the servo's signal, `δ − δ_0`, whose deflection δ gives a wanted force along its normal.
 //!
 //! With the inflow angle `β = atan2(V_n, V_c)` the angle of attack is exactly `α = δ − β`. The force along the
 //! normal, `F_n = ½ ρ S |V| (C_L V_c − C_D(C_L) V_n)`, is solved for C_L by Newton's method (four steps: rounding for
@@ -47,10 +47,10 @@ impl<T: Real> Fin<T> {
         Flow { along: dot(&axes[0], &v), across: dot(&axes[1], &v) }
     }
 
-    /// Force along the normal, N, at a deflection (rad).
+    /// Force along the normal, N, at the servo's signal (rad).
     #[inline(always)]
-    pub fn normal_force(&self, deflection: T, flow: &Flow<T>) -> T {
-        let (sin, cos) = deflection.sin_cos();
+    pub fn normal_force(&self, signal: T, flow: &Flow<T>) -> T {
+        let (sin, cos) = self.turned(signal).sin_cos();
         let (v_c, v_n, speed) = (flow.along, flow.across, flow.speed());
         let (sin_a, cos_a) = (sin.mul_sub(v_c, cos * v_n) / speed, cos.mul_add(v_c, sin * v_n) / speed);
         let c_l = (self.c_la * sin_a * cos_a).clamped(-self.c_lmax, self.c_lmax);
@@ -58,9 +58,9 @@ impl<T: Real> Fin<T> {
         self.half_rho_area * speed * c_l.mul_sub(v_c, c_d * v_n)
     }
 
-    /// The deflection (rad) that gives `force`, N, along the normal, or comes nearest to it short of the stall.
+    /// The servo's signal (rad) that gives `force`, N, along the normal, or comes nearest to it short of the stall.
     #[inline(always)]
-    pub fn deflection(&self, force: T, flow: &Flow<T>) -> T {
+    pub fn signal(&self, force: T, flow: &Flow<T>) -> T {
         let one = force.splat(1.0);
         let (v_c, v_n) = (Self::sided(flow.along), flow.across);
         let slope = self.c_la.max(one.splat(1e-9));
@@ -77,16 +77,22 @@ impl<T: Real> Fin<T> {
             let steep = Self::sided(v_c - c_d_slope * v_n);
             c_l = (c_l - miss / steep).clamped(-largest, largest);
         }
-        Self::attack(c_l, slope) + Self::inflow_angle(flow)
+        self.servo_at(Self::attack(c_l, slope) + Self::inflow_angle(flow))
     }
 
-    /// The deflections between which the force grows and falls, within the servo's limits `[astern, ahead]`
+    /// The servo's signal at a deflection.
+    #[inline(always)]
+    fn servo_at(&self, deflection: T) -> T {
+        self.offset.map_or(deflection, |offset| deflection - offset)
+    }
+
+    /// The servo's signals between which the force grows and falls, within the servo's limits `[astern, ahead]`
     /// (magnitudes, rad).
     #[inline(always)]
     pub fn working_range(&self, limits: [T; 2], flow: &Flow<T>) -> [T; 2] {
         let slope = self.c_la.max(flow.along.splat(1e-9));
         let (stall, inflow) = (Self::attack(self.c_lmax.min(slope * 0.5), slope), Self::inflow_angle(flow));
-        [inflow - stall, inflow + stall].map(|angle| angle.clamped(-limits[0], limits[1]))
+        [inflow - stall, inflow + stall].map(|angle| self.servo_at(angle).clamped(-limits[0], limits[1]))
     }
 
     /// The angle of attack (rad) of a lift coefficient.

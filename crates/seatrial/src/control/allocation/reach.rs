@@ -118,7 +118,7 @@ impl<T: Real> Reach<T> {
         let gain = vehicle.motor(k).k_v;
         let signal = match (vehicle.actuators.get(k), &self.flow) {
             (None, Some(flow)) => {
-                vehicle.fins[k - vehicle.actuators.len()].deflection(force + self.left_out, flow)
+                vehicle.fins[k - vehicle.actuators.len()].signal(force + self.left_out, flow)
             }
             (Some(thruster), _) => {
                 let astern_ratio = thruster.astern_ratio.unwrap_or(force.splat(1.0));

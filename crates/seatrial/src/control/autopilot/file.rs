@@ -13,6 +13,7 @@ use crate::control::lqr::LqrTable;
 use crate::control::safety::SafetyTable;
 use crate::control::schedule::POINTS;
 use crate::error::Error;
+use crate::ranges;
 use crate::toml_file::{exactly, parsed};
 use serde::{Deserialize, Serialize};
 
@@ -220,7 +221,7 @@ impl AutopilotFile {
     /// # Errors
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
     pub fn parse(text: &str, source_name: &str) -> Result<Self, Error> {
-        parsed(text, source_name)
+        parsed(text, source_name, ranges::AUTOPILOT)
     }
 
     /// The file as TOML.

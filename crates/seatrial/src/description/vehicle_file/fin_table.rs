@@ -20,6 +20,9 @@ pub struct FinTable {
     /// Whether a command above neutral deflects against `normal`.
     #[serde(default)]
     pub reversed: bool,
+    /// Deflection towards `normal` where the servo stands at zero, degrees.
+    #[serde(default)]
+    pub offset_deg: f64,
     /// Place of the centre of pressure, m: forward, starboard, down of O.
     #[serde(deserialize_with = "exactly")]
     pub position_m: [f64; 3],

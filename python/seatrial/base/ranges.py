@@ -1,0 +1,172 @@
+"""What every number of a campaign, bench or other file of sections may be, and what to do about another.
+
+A key carries its unit, and the unit says how large a number of a vehicle may be; a key with bounds of its own
+stands in `KEYS`. What one number demands of another is the model's (`seatrial.campaign.file`,
+`seatrial.bench_test.file`). The files of vehicle, autopilot and mission have their rows in the core
+(``src/ranges/rows.rs``). Held by ``tests/campaign/test_file_ranges.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = [
+    "ANY",
+    "KEYS",
+    "LONGEST_LIST",
+    "UNITS",
+    "Range",
+    "number_complaints",
+    "range_of",
+    "text_complaints",
+]
+
+LONGEST_LIST = 2_000
+"""Most entries of a list or a table."""
+
+LONGEST = {"name": 200, "label": 200, "description": 20_000}
+"""Most characters of the text of a key; of another one, `LONGEST_TEXT`: a path, a requirement."""
+
+LONGEST_TEXT = 4_096
+DEEPEST = 20
+"""Most tables within each other."""
+
+Where = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Range:
+    """From `least` to `most`, both included; `remedy` says what to do about another number."""
+
+    least: float
+    most: float
+    remedy: str
+
+    def complaint(self, x: float) -> str | None:
+        """What was expected, what was found and what to do; None within the range."""
+        if self.least <= x <= self.most:
+            return None
+        expected = f"a number from {self.least:g} to {self.most:g}" if math.isfinite(x) else "a finite number"
+        return f"expected {expected}, found {x:g}; {self.remedy}"
+
+
+def _sized(most: float, remedy: str) -> Range:
+    return Range(-most, most, remedy)
+
+
+ANY = _sized(1e12, "no vehicle has a number of this size; check the unit")
+"""Of a key without a row."""
+
+UNITS = {
+    "_kg_m3": Range(1.0, 2e4, "give the density in kg/m3: 1025 in the sea, 1000 in a lake"),
+    "_m_s2": Range(0.1, 100.0, "give it in m/s2; gravity is 9.81"),
+    "_m_s": _sized(100.0, "give it in m/s"),
+    "_deg": _sized(3_600.0, "give it in degrees"),
+    "_hz": Range(1e-6, 1e5, "give it in Hz"),
+    "_percent": Range(0.0, 1e4, "give it in percent"),
+    "_db": _sized(200.0, "give it in dB"),
+    "_kg": Range(0.0, 1e9, "give it in kg"),
+    "_m3": Range(0.0, 1e9, "give it in m3"),
+    "_m": _sized(1e6, "give it in metres"),
+    "_n": _sized(1e9, "give it in N"),
+    "_v": Range(0.0, 1e5, "give it in V"),
+    "_s": _sized(1e11, "give it in seconds"),
+}
+"""By the unit that ends a key, longer units first."""
+
+KEYS = {
+    "seed": Range(0.0, 2.0**63 - 1.0, "a seed is a whole number from 0"),
+    "rate_hz": Range(1e-6, 1e4, "give the rate of the common time base in Hz, 10 for most logs"),
+    "segment_s": Range(1e-3, 1e7, "give the length of a segment in seconds, 10 for most trials"),
+    "overlap_s": Range(0.0, 1e7, "give it in seconds, shorter than segment_s"),
+    "duration_s": Range(1e-3, 1e7, "give the length of the trial in seconds"),
+    "settle_s": Range(0.0, 1e6, "give it in seconds"),
+    "until_s": Range(0.0, 1e6, "give it in seconds"),
+    "rise_s": Range(0.0, 1e6, "give it in seconds"),
+    "settling_s": Range(0.0, 1e6, "give it in seconds"),
+    "dead_s": Range(0.0, 1e6, "give it in seconds"),
+    "delay_s": Range(0.0, 1e3, "give it in seconds"),
+    "max_time_s": Range(1e-3, 31_557_600.0, "give the longest flight in seconds"),
+    "population": Range(2.0, 1e5, "16 candidates a generation do for most stages"),
+    "generations": Range(1.0, 1e6, "200 generations do for most stages"),
+    "simplex_rounds": Range(0.0, 1e6, "leave it out for the default"),
+    "starts": Range(1.0, 1e4, "a handful of random starts show whether there are several optima"),
+    "rounds": Range(0.0, 1e5, "10 rounds do for most vehicles"),
+    "knots": Range(4.0, 1e3, "a table of thrust has some ten knots"),
+    "samples": Range(0.0, 1e4, "3 drawn vehicles do for most tunings"),
+    "runs": Range(1.0, 1e6, "300 runs show a failure rate of 1 %"),
+    "keep_worst": Range(0.0, 1e4, "keep the logs of a handful"),
+}
+"""By their own bounds."""
+
+OPEN = {"columns", "commands", "channels", "coefficients", "factors", "values", "nuisances", "trials"}
+"""Tables whose keys are names of the user's: their numbers have the range `ANY`."""
+
+
+def range_of(key: str) -> Range:
+    """Range of the numbers of a key.
+
+    Examples
+    --------
+    >>> range_of("depth_m").most, range_of("runs").most
+    (1000000.0, 1000000.0)
+    """
+    return KEYS.get(key) or next((row for unit, row in UNITS.items() if key.endswith(unit)), ANY)
+
+
+def number_complaints(data: Mapping[str, Any]) -> Iterator[tuple[Where, str]]:
+    """Place and complaint of every number beyond its range."""
+    for where, value, row in _numbers(data, (), None):
+        if complaint := row.complaint(value):
+            yield where, complaint
+
+
+def _numbers(value: Any, where: Where, row: Range | None) -> Iterator[tuple[Where, float, Range]]:
+    if isinstance(value, Mapping):
+        names = bool(where) and where[-1] in OPEN
+        for key, entry in value.items():
+            yield from _numbers(entry, (*where, key), ANY if names else range_of(key))
+    elif isinstance(value, list):
+        for i, entry in enumerate(value):
+            yield from _numbers(entry, (*where, i), row)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        huge = isinstance(value, int) and abs(value) > 2**1000
+        yield where, math.inf if huge else value, row or ANY
+
+
+def text_complaints(data: Mapping[str, Any]) -> Iterator[tuple[Where, str]]:
+    """Place and complaint of text that no terminal and no file name should meet, and of endless lists."""
+    yield from _texts(data, ())
+
+
+def _texts(value: Any, where: Where) -> Iterator[tuple[Where, str]]:
+    if isinstance(value, str):
+        yield from ((where, complaint) for complaint in _text(value, str(where[-1]) if where else ""))
+    elif isinstance(value, Mapping | list):
+        if len(value) > LONGEST_LIST:
+            yield where, f"expected at most {LONGEST_LIST} entries, found {len(value)}; split the file"
+        elif len(where) >= DEEPEST:
+            yield where[:3], f"expected at most {DEEPEST} tables or lists within each other; remove some"
+        else:
+            items: Iterator[tuple[Any, Any]] = iter(
+                value.items() if isinstance(value, Mapping) else enumerate(value)
+            )
+            for key, entry in items:
+                wrong = list(_text(key, "name")) if isinstance(key, str) else []
+                yield from ((where, f"a key of it: {complaint}") for complaint in wrong)
+                if not wrong:
+                    yield from _texts(entry, (*where, key))
+
+
+def _text(value: str, key: str) -> Iterator[str]:
+    """Complaints about the text of a key; a description may have several lines."""
+    most = LONGEST.get(key, LONGEST_TEXT)
+    allowed = "\n\r\t" if key == "description" else ""
+    wrong = next((c for c in value if (ord(c) < 32 or 127 <= ord(c) < 160) and c not in allowed), None)
+    if wrong is not None:
+        yield f"expected text without control characters, found U+{ord(wrong):04X}; remove it"
+    if len(value) > most:
+        yield f"expected at most {most} characters, found {len(value)}; shorten it"
