@@ -94,7 +94,7 @@ def test_a_default_band_has_room_for_the_noise_of_the_loop_at_rest(name: str) ->
         for trials in group.trials:
             noise = start_metrics(one.rig(one.autopilot, max_step_s=0.04), trials).noise
             least = min(abs(size) for size in trials.sizes)
-            usual = default_steps(trials.loop, top_m_s=one.top_of(trials.loop))[0] * to_si(trials.loop)
+            usual = default_steps(trials.loop, top_m_s=one.top_m_s)[0] * to_si(trials.loop)
             if least == pytest.approx(2.5 * usual, rel=0.01):
                 continue  # as large as a step may become by itself
             # Five deviations; 40 % on top, since a larger step, with its longer settling, is other noise.
@@ -351,7 +351,7 @@ def test_pitch_steps_follow_the_largest_pitch(most: float) -> None:
         beyond.trials("pitch")
 
 
-def test_a_step_sideways_is_a_share_of_the_speed_sideways() -> None:
+def test_a_step_sideways_stays_within_the_speed_sideways() -> None:
     one = built_in("bluerov2-heavy")
     top = one.top_of("sway")
     assert 0.0 < top < 0.8 * one.top_m_s
@@ -361,4 +361,6 @@ def test_a_step_sideways_is_a_share_of_the_speed_sideways() -> None:
     )
     drag = -(np.asarray(terms["damping"]) + np.asarray(terms["lift"]))[:, 1]
     assert drag[0] <= autopilot_facts(one.autopilot).loops["sway"]["tau_max"] < drag[1]
-    assert max(map(abs, one.trials("sway").sizes)) <= 2.5 * 0.15 * top + 0.005
+    assert max(map(abs, one.trials("sway").sizes)) <= 0.95 * top
+    # A noisy sensor asks for a larger step: no larger than what is left of that.
+    assert steps_above_noise("sway", 1.0, top_m_s=one.top_m_s, largest=0.2) == (0.2, -0.2)

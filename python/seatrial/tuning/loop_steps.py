@@ -172,7 +172,7 @@ def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
     """
     speeds = table.speeds_m_s or usual_speeds(scope, loop)
     _refuse_speeds(scope, loop, speeds)
-    top_m_s, largest = scope.top_of(loop), scope.largest_step(loop)
+    top_m_s, largest = scope.top_m_s, scope.largest_step(loop)
     if table.corridor is not None:
         steps = table.steps or default_steps(loop, top_m_s=top_m_s, largest=largest)
         return _stepped(scope, loop, table, speeds, steps, table.corridor.corridor(table.weights))
