@@ -307,7 +307,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     empty.write_text("")
     with pytest.raises(TrialError, match=r"empty\.csv: the file is empty"):
         Trial.read(empty)
-    with pytest.raises(TrialError, match="does not exist"):
+    with pytest.raises(TrialError, match="there is no file"):
         Trial.read(tmp_path / "nowhere.csv")
     with pytest.raises(TrialError, match="this is a folder"):
         Trial.read(tmp_path)
