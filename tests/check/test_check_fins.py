@@ -102,8 +102,10 @@ def test_without_astern_thrust_no_turn_needs_it() -> None:
 
 
 def test_endurance_that_is_not_known_is_said_in_words() -> None:
-    assert any("thrust commanded in newtons tells no power" in text for text in check_vehicle(LAUV).notes)
-    assert any("a table of thrust tells no power" in text for text in check_vehicle(ROV).notes)
+    assert any(
+        "thrust commanded in newtons says nothing about power" in text for text in check_vehicle(LAUV).notes
+    )
+    assert any("a table of thrust says nothing about power" in text for text in check_vehicle(ROV).notes)
 
 
 def test_a_supply_beyond_the_table_is_said() -> None:

@@ -152,7 +152,7 @@ def test_still_axes_and_silent_forces_are_told_apart() -> None:
     assert "these trials do not run it" in sentence(still, "stern.p1_astern")
     assert "astern in steps" in sentence(still, "stern.p1_astern")
     locked = sentence(judge(made(columns, {}, moving="uw")), "Z_ww")
-    assert "no trial lets the vehicle answer in heave; free Z" in locked
+    assert "no trial leaves the vehicle free to move in heave; free Z" in locked
 
 
 def test_gains_that_push_in_one_proportion_are_one_sentence() -> None:

@@ -133,7 +133,7 @@ def test_with_free_gains_the_mass_carries_the_scale_where_added_mass_is_held() -
 def test_with_gains_and_added_mass_free_nothing_carries_the_scale() -> None:
     found = homogeneity(campaign(SURGE + '"horizontal.gain" = [0.2, 2.0]'))
     assert [one.kind for one in found.held] == ["static moment"]
-    assert "Nothing is held" in " ".join(found.sentences())
+    assert "Nothing is held fixed" in " ".join(found.sentences())
 
 
 def test_one_thruster_of_a_group_that_is_held_carries_the_scale() -> None:

@@ -121,14 +121,14 @@ def test_what_a_closed_loop_cannot_represent_is_said() -> None:
     assert "The range of dvl is left out" in said(channels)
     for kind in ("revolutions", "voltage", "load_cell"):
         assert f"{kind} is left out" in said(channels)
-    assert "No sensor tells depth and attitude" in said(channels)
+    assert "No sensor measures depth and attitude" in said(channels)
 
 
 def test_typical_sensors_tell_all_that_an_autopilot_needs() -> None:
     sensors = sensors_of("typical", st.Vehicle.load("cwolf"))
     channels = sensor_channels(sensors, PERIOD_S)
     assert channels.timing[:, 0].tolist() == [1.0] * 7
-    assert "No sensor tells" not in said(channels)
+    assert "No sensor measures" not in said(channels)
     assert row(channels, "roll")[1] == pytest.approx(math.radians(0.2))
 
 

@@ -100,7 +100,7 @@ def test_trials_of_one_name_are_refused() -> None:
 
 
 def test_a_campaign_takes_no_further_request(fit: st.Identification) -> None:
-    with pytest.raises(st.CampaignError, match="free: the campaign says that itself"):
+    with pytest.raises(st.CampaignError, match="free: the campaign file says that"):
         st.identify(fit.campaign, free="X_uu")  # type: ignore[call-overload]
     with pytest.raises(st.CampaignError, match="its trials and free="):
         st.identify(TRUE)  # type: ignore[call-overload]

@@ -39,7 +39,7 @@ def test_factors_at_a_bound_are_those_that_the_last_search_left_there() -> None:
 @pytest.mark.parametrize(
     ("quiet", "words"),
     [
-        ({"nominal_s": 0.0}, "with perfect sensors it stays inside, so noise or latency is what is left"),
+        ({"nominal_s": 0.0}, "with perfect sensors it stays inside, so sensor noise or latency is the cause"),
         ({"rise_s": 6.5}, "it rises in 6.5 s, 5 s are asked"),
         ({"rise_s": float("inf")}, "it rises not at all, 5 s are asked"),
         ({"overshoot": 0.12}, "it overshoots by 12% without noise, too, 10% are allowed"),

@@ -250,7 +250,7 @@ def test_vehicles_that_cannot_turn_or_drive_say_so() -> None:
     assert turning_senses(single) == {}
     assert turns(single) == ()
     found = str(check_vehicle(single))
-    assert "Turn: the actuators that drive ahead do not turn it" in found
+    assert "Turn: not computed; no two actuators that drive ahead lie on opposite sides" in found
     assert "Endurance: not known" in found
     figure = performance(single)
     assert figure is not None
@@ -304,4 +304,4 @@ def test_what_is_not_known_has_no_column() -> None:
     page = call("beluga", "--no-figures")
     assert "What a speed takes" in page
     assert "power, W" not in page
-    assert "a table of thrust tells no power" in page
+    assert "a table of thrust says nothing about power" in page

@@ -73,7 +73,7 @@ def test_a_thrust_that_no_command_tells_names_its_actuator() -> None:
     silent = st.Trial.read(columns, align=False)
     listed = suspects(restarts(model, silent), spread(), candidates(model, identified=fitted().names))
     assert (listed[0].kind, listed[0].name) == ("actuator", "VTB"), [one.change for one in listed]
-    assert "pushes otherwise than its commands say" in listed[0].sentence()
+    assert "does not produce the thrust that its commands ask for" in listed[0].sentence()
     assert listed[0].p < 0.01
     assert listed[0].coefficients == {}
 

@@ -66,7 +66,7 @@ def flown(folder: Path, text: str, *, mission: str = OUT) -> Verification:
         ("max_time_s = 1e9", "key max_time_s: expected at most 1e+07 s"),
         (
             "current = { speed_m_s = [0.0, 30.0] }",
-            "current, key speed_m_s: expected at most 15 m/s, for no sea runs faster, found 30;",
+            "current, key speed_m_s: expected at most 15 m/s, faster than any ocean current, found 30;",
         ),
         ("current = { speed_m_s = { rayleigh = 9.0 } }", "current, key speed_m_s: expected at most 15 m/s"),
         ("current = { vertical_m_s = 20.0 }", "current, key vertical_m_s: expected at most 15 m/s"),
@@ -148,7 +148,7 @@ def test_a_figure_that_no_mission_has_is_remarked_on(tmp_path: Path) -> None:
     assert said[0].startswith(
         '"bottom" asks for altitude_smallest_m, and there is no bottom; add seabed under'
     )
-    assert said[2] == '"alert" asks for alert_time_s, which no mission has: it was bound to fail.'
+    assert said[2] == '"alert" asks for alert_time_s, which no mission has, so the requirement always fails.'
     there = "seabed = 30\nobstacles = { north_m = 500.0, east_m = 0.0, radius_m = 1.0 }\n"
     assert not any("infinite" in note for note in flown(tmp_path, f"{there}requirements = [{asked}]").notes)
 

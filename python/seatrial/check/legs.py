@@ -185,7 +185,7 @@ def legs_table(legs: Sequence[LegRow], duration: Callable[[float], str]) -> Tabl
     ]
     notes = []
     if len(legs) > _MOST_LEGS:
-        notes.append(f"and {len(legs) - _MOST_LEGS} legs more: --json tells all of them")
+        notes.append(f"and {len(legs) - _MOST_LEGS} more legs; --json lists them all")
     if any(row.vertical == "altitude" for row in legs):
         notes.append("^ above the bottom")
     head = ("leg", "what", "points", "m", "deg", "depth, m", "m/s", "time", "W")

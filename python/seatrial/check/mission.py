@@ -128,7 +128,7 @@ def autopilot_warnings(mission: Mission, rows: Sequence[LegRow], autopilot: Auto
     if fast := [row for row in rows if row.speed_m_s > fastest]:
         sentences.append(
             f'leg {fast[0].number} "{fast[0].label}" asks for {fast[0].speed_m_s:g} m/s, and speed_max_m_s of'
-            f" the autopilot is {fastest:g}; it flies that"
+            f" the autopilot is {fastest:g}; it flies at that speed"
         )
     slowest = facts.speeds_m_s[0]
     if slow := [row for row in rows if row.speed_m_s < slowest]:
@@ -397,7 +397,8 @@ def _notes(mission: Mission, rows: tuple[LegRow, ...]) -> list[str]:
     ]
     if free:
         notes.append(
-            f"No limit of {', '.join(free)}: the autopilot has none to watch; give it under [limits]"
+            f"No limit of {', '.join(free)}: the mission sets none, so the autopilot watches none;"
+            " add it under [limits]"
         )
     if mission.origin is not None:
         place = mission.geographic([mission.start["north_m"], mission.start["east_m"]])

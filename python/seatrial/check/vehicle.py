@@ -448,7 +448,7 @@ def _speed_notes(vehicle: Vehicle, rows: tuple[Speed, ...], voltage_v: float) ->
         kinds = {str(facts[name]["characteristic"]) for name in drivers(vehicle)}
         silent = [words for kind, words in _NO_POWER.items() if kind in kinds]
         why = " and ".join(silent) or "a characteristic without power_w_s3"
-        notes.append(f"Endurance: not known, {why} tells no power")
+        notes.append(f"Endurance: not known; {why} says nothing about power")
     return notes
 
 
@@ -458,7 +458,7 @@ def _turn_notes(vehicle: Vehicle, turning: tuple[Turn, ...]) -> list[str]:
     if not turning_senses(vehicle):
         if rudders(vehicle):
             return []
-        return ["Turn: the actuators that drive ahead do not turn it, they lie on no two sides"]
+        return ["Turn: not computed; no two actuators that drive ahead lie on opposite sides"]
     missing = len(turn_kinds(vehicle)) * len(TURN_SHARES) - len(turning)
     notes = [f"Turn: {missing} of the turns tried never become steady and are left out"] if missing else []
     for turn in turning:

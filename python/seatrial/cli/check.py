@@ -72,8 +72,8 @@ def check(
         typer.Option(
             min=0.01,
             metavar="KN",
-            help="Speed at which revolutions, power, endurance and range are told, kn; repeatable; round ones"
-            " up to the top speed when missing.",
+            help="Speed for which to print revolutions, power, endurance and range, kn; repeatable; round"
+            " ones up to the top speed when missing.",
         ),
     ] = None,
     figures: Annotated[

@@ -323,7 +323,7 @@ def _why(one: Role, moving: Collection[str], silent: bool) -> str:
     if one.force:
         letters = dict.fromkeys(one.force)
         words, keys = join([axis(f) for f in letters]), join(list(letters))
-        return f"not excited, no trial lets the vehicle answer in {words}; free {keys} and"
+        return f"not excited: no trial leaves the vehicle free to move in {words}; free {keys} and"
     return "these trials do not run it;" if one.kind == "thrust" else "not excited;"
 
 

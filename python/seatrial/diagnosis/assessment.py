@@ -119,7 +119,8 @@ class Assessment:
         if same == len(costs):
             return f"all {same} starts of the joint polish found the same optimum"
         return (
-            f"{same} of {len(costs)} starts of the joint polish found the best optimum, the rest lesser ones"
+            f"{same} of {len(costs)} starts of the joint polish found the best optimum, the others"
+            " ended in worse ones"
         )
 
 

@@ -291,4 +291,7 @@ def _force_advice(channel: str, signal: str, estimated: Collection[str], known: 
         return f"{name} is estimated and does not suffice, its form or that of a neighbour is wrong"
     if name in known:
         return f"free {name}"
-    return "no coefficient has this form, free one that comes near or accept it; the hold-out judges"
+    return (
+        "no coefficient has this form; free the most similar one or accept the error, and"
+        " compare hold-out scores"
+    )

@@ -94,7 +94,8 @@ class Homogeneity:
             weak = f" but {found[STATIC]}, which tell little" if found else ""
             return [
                 *said,
-                f"Nothing is held{weak}: the estimates may grow or shrink together until one meets a bound."
+                f"Nothing is held fixed{weak}: all estimates may grow or shrink together until one"
+                " reaches a bound."
                 " Hold a thrust gain, or mass and added mass of one axis",
             ]
         first = strong[0]

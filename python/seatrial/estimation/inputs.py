@@ -203,7 +203,7 @@ class InputJudgement:
         """What the inputs tell, for a control engineer."""
         said = [*self._thrust_sentences(), *self._gain_sentences(), *self._row_sentences()]
         return said or [
-            "No input moves in what is fitted: nothing but free decays and drift can be identified"
+            "No input changes in the data that are fitted: only free decays and drift can be identified"
         ]
 
     def __str__(self) -> str:

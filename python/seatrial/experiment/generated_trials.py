@@ -141,8 +141,8 @@ def _recipe(campaign: Campaign, trial: str, truth: Truth | None) -> Recipe:
     path, reader = campaign.path_of(trial), campaign.source_of(trial).reader or campaign.file.reader
     if path is None or not (reader == "generated" or (reader is None and path.suffix == ".toml")):
         raise CampaignError(
-            f"{campaign.source}: trial {trial!r} is a recording ({path or 'a table'}), of which nobody knows"
-            " the right coefficients; coverage needs generated trials: give the recipe of one (TOML, see"
+            f"{campaign.source}: trial {trial!r} is a recording ({path or 'a table'}), whose true"
+            " coefficients are unknown; coverage needs generated trials: give the recipe of one (TOML, see"
             " examples/cwolf)"
         )
     return Recipe.load(path, truth=truth)

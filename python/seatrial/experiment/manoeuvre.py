@@ -248,8 +248,8 @@ def coast_down(
         (
             "coast-down",
             f"coast-down {_called(thrusters, combination)}",
-            f"{combination.motion} driven with {100 * amplitude:.0f} % and half of that, each time let run"
-            " out",
+            f"{combination.motion} driven with {100 * amplitude:.0f} % and half of that, coasting"
+            " to a stop after each",
         ),
         [(combination, lambda t, span: coast_down_levels(t, span, both=both))],
         duration_s=duration_s,

@@ -153,7 +153,7 @@ class Mission:
         if self.core.origin is None:
             raise VehicleError(
                 f"mission {self.name!r}: expected [origin] with latitude_deg and longitude_deg, found none;"
-                " without it nobody knows where on the Earth it is"
+                " without it the mission has no place on the Earth"
             )
         return LocalFrame(*self.core.origin).geographic(points)
 

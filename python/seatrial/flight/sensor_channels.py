@@ -158,7 +158,7 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
     told = {groups[k] for k in np.flatnonzero(timing[:, 0])}
     blind = [group for group in ("position", "depth", "attitude", "velocity", "rates") if group not in told]
     if blind:
-        said.append(f"No sensor tells {_listed(blind)}: the autopilot's watches will find that missing.")
+        said.append(f"No sensor measures {_listed(blind)}: the autopilot will report that as missing.")
     return SensorChannels(errors, timing, tuple(said))
 
 
@@ -220,7 +220,7 @@ def _left_out(sensors: Mapping[str, Sensor]) -> list[str]:
     if ranged:
         said.append(f"The range of {_listed(ranged)} is left out: the bottom is always within it.")
     if "dvl" in carried:
-        said.append("The dvl tells the altitude too where there is a bottom, without error.")
+        said.append("Where there is a bottom, the dvl measures the altitude too, without error.")
     for kind, why in (
         ("revolutions", "the autopilot sees the actuators' signals without error"),
         ("voltage", "the autopilot knows the supply without error"),

@@ -177,7 +177,9 @@ def identify(
         campaign = campaign_from_trials(campaign, trials, **asked)
     elif trials is not None or asked:
         given = "trials" if trials is not None else next(iter(asked))
-        raise CampaignError(f"identify: {given}: the campaign says that itself; give it without a campaign")
+        raise CampaignError(
+            f"identify: {given}: the campaign file says that; give it only without a campaign"
+        )
     return run_identification(campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
 
 

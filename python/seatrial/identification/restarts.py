@@ -83,7 +83,8 @@ def restarts(
     checked_threads(threads)
     if starts < 2:
         raise CampaignError(
-            f"random starts: expected two or more, found {starts}; one has nothing to agree with"
+            f"random starts: expected two or more, found {starts}; a single one has nothing to be"
+            " compared with"
         )
     seed = campaign.seed if seed is None else seed
     plan(campaign)  # refuses a bad campaign before a folder appears

@@ -188,7 +188,7 @@ class StageRestarts:
         if not self.at_optimum[self.low].all():
             axis = " and ".join(f"{name} by {100 * part:+.2g} %" for name, part in self.direction.items())
             flat = (
-                f" Their estimates differ along a direction that the criterion hardly tells: {axis} of the"
+                f" Their estimates differ along a direction that hardly changes the criterion: {axis} of the"
                 " bounds' width."
             )
         if self.verdict == "flat direction":

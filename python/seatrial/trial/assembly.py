@@ -69,7 +69,9 @@ def _add_current(
     derived = water_current(t, nu[:, :3] - through, attitude, ground & water)
     if derived is None:
         report.add(
-            "info", "current", "not derived: too few samples know velocity over ground and through water"
+            "info",
+            "current",
+            "not derived: too few samples have both velocity over ground and velocity through the water",
         )
         return
     parts["current"] = derived.current

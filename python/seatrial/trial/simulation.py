@@ -131,7 +131,7 @@ class SimulatedTrial:
             worst = "The pull of the tied vehicle is not in the log: these sensors have no load_cell"
         if rise > _RISE_M:
             worst = (
-                f"The vehicle rises {rise:.1f} m above the surface, which the model does not know; start"
+                f"The vehicle rises {rise:.1f} m above the surface, where the model does not hold; start"
                 " deeper, with a column z_m, or command otherwise"
             )
         rows = [(name, _cell(name, value)) for name, value in summary.items()]

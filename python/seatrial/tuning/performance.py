@@ -245,7 +245,8 @@ def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
     """
     if quiet.nominal_s == 0.0:
         return (
-            "with perfect sensors it stays inside, so noise or latency is what is left; take larger steps,"
+            "with perfect sensors it stays inside, so sensor noise or latency is the cause; take"
+            " larger steps,"
             " or raise settled and overshoot"
         )
     if not quiet.overshoot < _AWAY:  # nor where it diverged

@@ -376,7 +376,7 @@ def sentences(tuning: Tuning) -> list[str]:
         )
         lines.append(
             "The tuning was interrupted: the gains are the best so far, and nothing was assessed."
-            f"{there} The same command goes on with what is not finished."
+            f"{there} Run the same command again to finish the rest."
         )
     elif tuned.feasible:
         whole = [trial for trial in tuned.trials if trial.held == 1.0]
@@ -400,8 +400,8 @@ def sentences(tuning: Tuning) -> list[str]:
     lines += _guided(tuning)
     if tuning.reverted:
         lines.append(
-            f"The start gains stay in {', '.join(tuning.reverted)}: nothing better was found beside the"
-            " others."
+            f"The start gains stay in {', '.join(tuning.reverted)}: the search found nothing"
+            " better that suits the other loops."
         )
     last = {group.name.partition(",")[0]: group for group in tuning.groups}
     moved = {name for group in tuning.groups if group.name != _MARGINS for name in group.gains}
@@ -464,8 +464,8 @@ def _worse_than_start(tuning: Tuning) -> list[str]:
     if not worse:
         return []
     return [
-        f"Further outside than with the start gains: {'; '.join(worse)}. What another loop or the margins"
-        " need was bought with it: widen that loop's corridor, or ask for less margin."
+        f"Further outside than with the start gains: {'; '.join(worse)}. This loop was traded"
+        " off against other loops or the margins: widen that loop's corridor, or ask for less margin."
     ]
 
 

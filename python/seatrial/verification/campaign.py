@@ -213,7 +213,7 @@ def _begins_in_flight(between: Between | None, end_s: float) -> None:
     if between is not None and between[0] > end_s:
         raise SimulationError(
             f"expected a beginning within the longest flight, 0 to {end_s:.0f} s, found"
-            f" {between[0]:g} s; nothing would ever fail"
+            f" {between[0]:g} s; the failure would never occur"
         )
 
 
@@ -298,7 +298,7 @@ def verified_campaign(
     requirements, notes = _requirements(campaign, flights)
     notes.extend(ignored)
     if table.coefficients == "covariance" and not flights.fitted.names:
-        notes.append("Every vehicle flies with the same coefficients, for no covariance of them is known.")
+        notes.append("Every vehicle flies with the same coefficients, because their covariance is unknown.")
     flights.check()
     for other in others.values():
         flights.with_autopilot(other).check()

@@ -192,7 +192,7 @@ _HINTS = {
     ast.Attribute: "metrics have no parts; the decimal mark is a point between digits",
     ast.In: 'write ending == "complete" or ending == "surfaced"',
     ast.NamedExpr: 'write "=="',
-    ast.Tuple: 'the decimal mark is a point, and between conditions stands "and"',
+    ast.Tuple: 'the decimal mark is a point, and conditions are joined by "and"',
 }
 
 _ALLOWED = (

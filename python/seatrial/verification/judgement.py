@@ -282,7 +282,9 @@ def metrics_without_value(requirements: Sequence[Requirement], flown: FlownMissi
             values = np.asarray(flown.metrics[name], dtype=float)
             known = values[~np.isnan(values)]
             if not len(known) and none_held:
-                said.append(f'"{one.name}" asks for {name}, which no mission has: it was bound to fail.')
+                said.append(
+                    f'"{one.name}" asks for {name}, which no mission has, so the requirement always fails.'
+                )
             if name in _MISSING and len(known) and np.isposinf(known).all():
                 said.append(
                     f'"{one.name}" asks for {name}, and {_MISSING[name]}: as it is, the metric is infinite'

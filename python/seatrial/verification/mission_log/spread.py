@@ -239,7 +239,7 @@ def spread_of_noise(log: PredictedLog) -> Spread:
     keep = np.unique(np.linspace(0, width - 1, 4 * _BINS).astype(int))
     sigma = np.sqrt(noise**2 + variance[keep])
     sigma[:, ~np.isfinite(noise)] = np.inf
-    source = "the log's own noise alone, without room for what every model leaves out"
+    source = "the log's own noise alone, without room for the usual error of a valid model"
     return Spread(since[keep], sigma, noise, len(log.spans), source)
 
 
