@@ -8,7 +8,7 @@
 //! row of a table of thrust) stand under the key of the list. The same rows say which keys are tables, so that a list in
 //! the place of a table is refused, and how many entries a list may have.
 //!
-//! Tests: `tests/ranges.rs` (every key has a row; either side of every bound), `tests/campaign/test_files_fuzzed.py`.
+//! Tests: `tests/ranges.rs` (every key has a row; either side of every bound), `tests/check/test_fuzzed_files.py`.
 
 mod rows;
 mod walk;
