@@ -241,15 +241,16 @@ class Mission:
         Itself: nothing of it can change.
         """
     def __reduce__(self, /) -> tuple[Any, tuple[str]]: ...
+    def clearance(self, /, vehicle: Vehicle | None, position: ArrayLike, euler: ArrayLike, *, obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ...) -> NDArray[float64]:
+        """
+        Horizontal distance in m of the hull of a vehicle, without one of its origin, from the nearest of what stands in the water, and the smallest one
+        beyond what the mission promises, shape (n, 2), at positions (n, 3) and attitudes (n, 3), roll, pitch, yaw in rad;
+        infinite where there is none. `obstacles` are further cylinders: north, east and radius in m.
+        """
     @property
     def description(self, /) -> str:
         """
         What the mission is for, in a sentence.
-        """
-    @property
-    def farms(self, /) -> list[dict[str, Any]]:
-        """
-        The fish farms that the mission goes about: per farm north_m, east_m and radius_m, or corners_m [[north, east], …].
         """
     @property
     def fence(self, /) -> NDArray[float64]:
@@ -287,6 +288,13 @@ class Mission:
     def name(self, /) -> str:
         """
         Name of the mission.
+        """
+    @property
+    def obstacles(self, /) -> list[dict[str, Any]]:
+        """
+        What stands in the water: the farms that the mission goes about, then its obstacles. Per thing north_m, east_m and
+        radius_m, or corners_m [[north, east], …]; distance_m, how near the hull may come as the mission promises; and leg,
+        the number of the leg that goes about it, 0 without.
         """
     @property
     def origin(self, /) -> tuple[float, float] | None:
@@ -698,7 +706,7 @@ def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: Support
     faults: rows (case, actuator, time in s, command or nan: where it is). errors (16, 4): noise, bias, drift and
     quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
     rows (group, from, until in s), case_outages: rows (case, group, from, until). seabed (3,): depth in m and slopes
-    north and east; obstacles: rows (north, east, radius in m). turbulence (k, 3) or (3,): standard deviation of the
+    north and east; obstacles: rows (north, east, radius in m) besides those of the mission. turbulence (k, 3) or (3,): standard deviation of the
     current about its mean, NED, m/s, with the time constants turbulence_times_s. set_points {"times": (S,),
     name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its
     plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target,

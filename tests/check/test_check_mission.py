@@ -340,8 +340,8 @@ def test_the_verb_prints_legs_in_80_columns_and_sentences(
     assert list(tmp_path.iterdir()) == []
     rows = result.stdout[result.stdout.index("Legs") : result.stdout.index("Path:")].splitlines()
     assert max(map(len, map(str.rstrip, rows))) <= 80
-    assert any("perimeter" in row and "37" in row for row in rows)
-    assert "Path: 454 m in 14 min 34 s" in result.stdout
+    assert any("perimeter" in row and "49" in row for row in rows)
+    assert "Path: 536 m in 16 min 49 s" in result.stdout
     assert "nothing looks wrong" in result.stdout
 
 
@@ -349,7 +349,7 @@ def test_the_verb_prints_json() -> None:
     result = call("check", EXAMPLES / "farm.toml", "--vehicle", "cwolf", "--no-figures", "--json")
     data = json.loads(result.stdout)
     assert data["legs"][1]["kind"] == "perimeter"
-    assert data["energy"]["total_wh"] == pytest.approx(27.5, abs=0.1)
+    assert data["energy"]["total_wh"] == pytest.approx(31.8, abs=0.1)
     assert data["warnings"] == []
 
 

@@ -242,7 +242,8 @@ def test_issue_a_stuck_fin_is_found_and_buoyancy_brings_remus_up(fin: str, angle
             assert flown.outcome == "aborted"
             assert flown.alert == "actuator"
             assert flown.surfaced
-            assert flown.duration < 400.0
+            # Found when something else is asked of it than what it does: in the third turn at the latest.
+            assert flown.duration < 500.0
 
 
 @pytest.mark.parametrize("angle", STUCK_DEG)

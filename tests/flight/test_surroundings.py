@@ -86,9 +86,17 @@ def test_without_turbulence_the_current_is_the_mean() -> None:
 def test_the_clearance_is_to_the_edge_of_the_nearest_obstacle() -> None:
     rows = [(30.0, 8.0, 2.0), (10.0, -20.0, 1.0), (55.0, -5.0, 0.0)]
     flight = out(obstacles=rows)
-    place = flight.position[:, None, :2] - np.array(rows)[None, :, :2]
-    edge = (np.linalg.norm(place, axis=2) - np.array(rows)[:, 2]).min()
-    assert flight.metrics["clearance_m"] == pytest.approx(edge, abs=1e-9)
+    # A capsule: points on the line between bow and stern, as thick as the hull.
+    size = flight.vehicle.geometry()
+    radius = 0.5 * size["diameter"]
+    way = np.linspace(-1.0, 1.0, 2001) * (0.5 * size["length"] - radius)
+    yaw, level = flight.euler[:, 2], np.cos(flight.euler[:, 1])
+    ahead = np.stack([np.cos(yaw) * level, np.sin(yaw) * level], axis=1)
+    edge = np.inf
+    for north, east, own in rows:
+        place = flight.position[:, None, :2] + way[None, :, None] * ahead[:, None] - (north, east)
+        edge = min(edge, float(np.linalg.norm(place, axis=2).min()) - own - radius)
+    assert flight.metrics["clearance_m"] == pytest.approx(edge, abs=1e-5)
     assert np.isinf(out().metrics["clearance_m"]) or np.isnan(out().metrics["clearance_m"])
 
 

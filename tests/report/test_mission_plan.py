@@ -96,7 +96,14 @@ def test_missions_can_be_printed(text: str) -> None:
 def test_the_plan_of_a_mission_shows_fence_farm_limit_stops_and_heading() -> None:
     figure = mission_plan(mission(FARM))
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    for said in ("fence", "fish farm", "depth limit", "station kept, 30 s", "start and heading", "lawnmower"):
+    for said in (
+        "fence",
+        "net or obstacle",
+        "depth limit",
+        "station kept, 30 s",
+        "start and heading",
+        "lawnmower",
+    ):
         assert said in legend
     plan = panel(figure, "plan")
     assert line(plan, "fence")[0].tolist() == [-150.0, -150.0]

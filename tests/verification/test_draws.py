@@ -353,26 +353,23 @@ def test_missions_must_be_those_of_the_table(farm: st.Mission) -> None:
         draw_missions(parsed(""), Fitted.of("cwolf"), [farm, farm], seed=1)
 
 
-def test_polygon_of_cages_becomes_circles_with_its_clearances() -> None:
+def test_the_clearance_of_a_polygon_of_cages_is_that_of_its_edges() -> None:
     text = 'format = 1\nname = "cages"\nspeed_m_s = 1.0\nacceptance_radius_m = 3.0\n[[legs]]\n'
     text = text.replace("[[legs]]", "start = { north_m = 0.0, east_m = -20.0 }\n[[legs]]")
     text += 'kind = "perimeter"\ncorners_m = [[20.0, 0.0], [60.0, 0.0], [60.0, 30.0], [20.0, 30.0]]\n'
     text += "distance_m = 5.0\ndepths_m = [4.0]\nstart_bearing_deg = 225.0\n"
-    circles = np.array(obstacles([Obstacle(from_mission=True)], st.Mission.from_toml(text)))
-    north, east = np.meshgrid(np.linspace(10.0, 70.0, 61), np.linspace(-10.0, 40.0, 51))
-    out = np.maximum(np.abs(north - 40.0) - 20.0, 0.0), np.maximum(np.abs(east - 15.0) - 15.0, 0.0)
-    true = np.hypot(*out)
-    gaps = np.hypot(north[..., None] - circles[:, 0], east[..., None] - circles[:, 1]) - circles[:, 2]
-    outside = true > 0.0
-    found = gaps.min(axis=-1)[outside]
-    assert (found >= true[outside] - 1e-9).all()  # no circle reaches out of the polygon
-    # 5 cm lie open between two circles; beside a corner the first circle is a radius away from it: 0.13 m.
-    assert (found - true[outside]).max() < 0.15
-    on_edge = np.hypot(circles[:, 0] - 20.0, circles[:, 1] - 15.3) - circles[:, 2]
-    assert on_edge.min() < 0.05 + 1e-9
+    north, east = (
+        grid.ravel() for grid in np.meshgrid(np.linspace(10.0, 70.0, 61), np.linspace(-10.0, 40.0, 51))
+    )
+    a, b = np.abs(north - 40.0) - 20.0, np.abs(east - 15.0) - 15.0
+    true = np.hypot(np.maximum(a, 0.0), np.maximum(b, 0.0)) + np.minimum(np.maximum(a, b), 0.0)
+    places = np.stack([north, east, 0.0 * north], axis=1)
+    found = st.Mission.from_toml(text).core.clearance(None, places, 0.0 * places)
+    np.testing.assert_allclose(found[:, 0], true, atol=1e-12)
+    np.testing.assert_allclose(found[:, 1], true - 5.0, atol=1e-12)
 
 
-def test_circles_of_the_campaign_stand_beside_the_farm(farm: st.Mission) -> None:
+def test_circles_of_the_campaign_stand_beside_what_the_mission_states() -> None:
     entries = [Obstacle(from_mission=True), Obstacle(north_m=1.0, east_m=2.0, radius_m=0.5)]
-    assert obstacles(entries, farm) == [(60.0, 20.0, 25.0), (1.0, 2.0, 0.5)]
-    assert obstacles([], farm) == []
+    assert obstacles(entries) == [(1.0, 2.0, 0.5)]
+    assert obstacles([]) == []

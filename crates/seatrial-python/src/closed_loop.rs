@@ -3,7 +3,7 @@
 use crate::autopilot::Autopilot;
 use crate::convert::{Array, Named, Numbers};
 use crate::error::{raised, refused};
-use crate::mission::Mission;
+use crate::mission::{Mission, with_cylinders};
 use crate::pickle::{self, Parts, parts, restorer};
 use crate::trial::{CorridorRow, Trials};
 use crate::vehicle::Vehicle;
@@ -18,7 +18,6 @@ use seatrial::flight::batch::{Case, Cases, Outcome};
 use seatrial::flight::exceedance::{EDGES, edges};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log;
-use seatrial::flight::obstacle::Obstacle;
 use seatrial::flight::summary::Summary;
 use seatrial::model::integrate;
 use std::collections::{BTreeMap, HashSet};
@@ -114,7 +113,13 @@ impl Flights {
             ("alert_time", column(|s| s.alert[2])),
             ("roll_largest", column(|s| s.tilt[0])),
             ("pitch_largest", column(|s| s.tilt[1])),
-            ("clearance", column(|s| s.clearance)),
+            ("clearance", column(|s| s.clearance[0])),
+            ("clearance_time", column(|s| s.clearance[1])),
+            ("clearance_reserve", column(|s| s.clearance[2])),
+            ("depth_smallest", column(|s| s.shallowest[0])),
+            ("depth_smallest_time", column(|s| s.shallowest[1])),
+            ("roll_time", column(|s| s.tilt_time[0])),
+            ("pitch_time", column(|s| s.tilt_time[1])),
             ("travel", column(|s| s.travel)),
         ])
     }
@@ -208,7 +213,7 @@ pub fn error_edges() -> Array {
 /// faults: rows (case, actuator, time in s, command or nan: where it is). errors (16, 4): noise, bias, drift and
 /// quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
 /// rows (group, from, until in s), case_outages: rows (case, group, from, until). seabed (3,): depth in m and slopes
-/// north and east; obstacles: rows (north, east, radius in m). turbulence (k, 3) or (3,): standard deviation of the
+/// north and east; obstacles: rows (north, east, radius in m) besides those of the mission. turbulence (k, 3) or (3,): standard deviation of the
 /// current about its mean, NED, m/s, with the time constants turbulence_times_s. set_points {"times": (S,),
 /// name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its
 /// plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target,
@@ -320,8 +325,7 @@ pub fn fly(
             }
         }
     }
-    let obstacle = |(north, east, radius)| Obstacle { centre: [north, east], radius };
-    let obstacles: Vec<Obstacle> = obstacles.into_iter().map(obstacle).collect();
+    let obstacles = with_cylinders(&mission.core, obstacles);
     let sensors = sensors(&errors, &timing, outages)?;
     let model = model.as_ref().map_or(description, |m| &m.description);
     let same = |(a, b): (&ActuatorDescription, &ActuatorDescription)| a.name == b.name && a.unit == b.unit;

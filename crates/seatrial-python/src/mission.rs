@@ -1,12 +1,14 @@
 //! `Mission`: a mission file, and its waypoints as columns.
 
-use crate::convert::{Array, Fact, Table};
-use crate::error::raised;
+use crate::convert::{Array, Fact, Numbers, Table};
+use crate::error::{raised, refused};
 use crate::pickle::restorer;
+use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::description::facts::Value;
-use seatrial::mission::file::Leg;
-use seatrial::mission::{Mission as Core, Task, Vertical, Waypoint};
+use seatrial::flight::obstacle::{Hull, clearance};
+use seatrial::mission::farm::Farm;
+use seatrial::mission::{Mission as Core, Obstacle, Task, Vertical, Waypoint};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -65,24 +67,56 @@ impl Mission {
         self.core.file.legs.iter().map(Table::of).collect()
     }
 
-    /// The fish farms that the mission goes about: per farm north_m, east_m and radius_m, or corners_m [[north, east], …].
+    /// What stands in the water: the farms that the mission goes about, then its obstacles. Per thing north_m, east_m and
+    /// radius_m, or corners_m [[north, east], …]; distance_m, how near the hull may come as the mission promises; and leg,
+    /// the number of the leg that goes about it, 0 without.
     #[getter]
-    fn farms(&self) -> Vec<BTreeMap<&'static str, Fact>> {
-        let farm = |leg: &Leg| {
-            let Leg::Perimeter(farm) = leg else { return None };
-            let number = |x: Option<f64>| Fact::of(Value::Number(x.unwrap_or(f64::NAN)));
-            Some(if farm.corners_m.is_empty() {
-                BTreeMap::from([
-                    ("north_m", number(farm.north_m)),
-                    ("east_m", number(farm.east_m)),
-                    ("radius_m", number(farm.radius_m)),
-                ])
-            } else {
-                let corners = farm.corners_m.iter().map(|corner| Value::Vector(corner.to_vec()));
-                BTreeMap::from([("corners_m", Fact::of(Value::List(corners.collect())))])
-            })
+    fn obstacles(&self) -> Vec<BTreeMap<&'static str, Fact>> {
+        let shown = |obstacle: &Obstacle| {
+            let number = |x: f64| Fact::of(Value::Number(x));
+            let mut facts = match &obstacle.shape {
+                Farm::Circle { centre: [north, east], radius } => BTreeMap::from([
+                    ("north_m", number(*north)),
+                    ("east_m", number(*east)),
+                    ("radius_m", number(*radius)),
+                ]),
+                Farm::Polygon(corners) => {
+                    let corners = corners.iter().map(|corner| Value::Vector(corner.to_vec()));
+                    BTreeMap::from([("corners_m", Fact::of(Value::List(corners.collect())))])
+                }
+            };
+            facts.insert("distance_m", number(obstacle.distance));
+            facts.insert("leg", number(obstacle.leg.unwrap_or(0) as f64));
+            facts
         };
-        self.core.file.legs.iter().filter_map(farm).collect()
+        self.core.obstacles.iter().map(shown).collect()
+    }
+
+    /// Horizontal distance in m of the hull of a vehicle, without one of its origin, from the nearest of what stands in the water, and the smallest one
+    /// beyond what the mission promises, shape (n, 2), at positions (n, 3) and attitudes (n, 3), roll, pitch, yaw in rad;
+    /// infinite where there is none. `obstacles` are further cylinders: north, east and radius in m.
+    #[pyo3(signature = (vehicle, position, euler, *, obstacles = Vec::new()))]
+    fn clearance(
+        &self,
+        vehicle: Option<PyRef<'_, Vehicle>>,
+        position: Numbers,
+        euler: Numbers,
+        obstacles: Vec<(f64, f64, f64)>,
+    ) -> PyResult<Array> {
+        let (position, euler) = (position.rows::<3>("position")?, euler.rows::<3>("euler")?);
+        if position.len() != euler.len() {
+            return Err(refused(format!(
+                "euler: expected {} rows as position, found {}",
+                position.len(),
+                euler.len()
+            )));
+        }
+        let standing = with_cylinders(&self.core, obstacles);
+        let hull = vehicle.map_or(Hull::default(), |vehicle| Hull::of(&vehicle.description));
+        let rows = position.iter().zip(&euler).map(|([x, y, z], [roll, pitch, yaw])| {
+            clearance(&standing, hull, &[*x, *y, *z, *roll, *pitch, *yaw])
+        });
+        Ok(Array::rows(&rows.collect::<Vec<_>>(), false))
     }
 
     /// Number of the leg in the file, from 1, that each waypoint belongs to.
@@ -218,4 +252,14 @@ impl Mission {
 #[pyo3(name = "_restored_mission")]
 pub fn restored_mission(text: &str) -> PyResult<Mission> {
     Mission::from_toml(text, "<pickle>")
+}
+
+/// What stands in the water of a mission, and further cylinders: north, east and radius, m.
+pub fn with_cylinders(mission: &Core, cylinders: Vec<(f64, f64, f64)>) -> Vec<Obstacle> {
+    let cylinder = |(north, east, radius)| Obstacle {
+        shape: Farm::Circle { centre: [north, east], radius },
+        distance: 0.0,
+        leg: None,
+    };
+    mission.obstacles.iter().cloned().chain(cylinders.into_iter().map(cylinder)).collect()
 }

@@ -27,8 +27,8 @@ use crate::error::Error;
 pub use fence::{inside, outside};
 use file::Leg;
 pub use file::MissionFile;
-use legs::{Side, WaypointLeg};
-pub use waypoint::{Limits, MOST_WAYPOINTS, Mission, Start, Task, Vertical, Waypoint};
+use legs::{ObstacleTable, Side, WaypointLeg};
+pub use waypoint::{Limits, MOST_WAYPOINTS, Mission, Obstacle, Start, Task, Vertical, Waypoint};
 
 impl Mission {
     /// Reads, expands and checks a mission file; `source_name` stands in messages.
@@ -61,10 +61,25 @@ impl Mission {
                 time: file.limits.max_time_s.unwrap_or(f64::INFINITY),
                 fence: file.limits.fence_m.clone(),
             },
+            obstacles: std::mem::take(&mut expansion.obstacles),
             file,
         };
         check::mission(&mission, &expansion)?;
         Ok(mission)
+    }
+
+    /// What messages call an obstacle: the farm of a leg, or the number in the file, from 1.
+    ///
+    /// # Panics
+    /// Where there is no such obstacle.
+    pub fn obstacle_name(&self, index: usize) -> String {
+        match self.obstacles[index].leg {
+            Some(leg) => format!("the farm of leg {leg}"),
+            None => {
+                let own = self.obstacles[..=index].iter().filter(|o| o.leg.is_none()).count();
+                format!("obstacle {own}")
+            }
+        }
     }
 
     /// The mission file as written, TOML.
@@ -74,7 +89,7 @@ impl Mission {
 
     /// The mission file with every pattern as waypoints, TOML: the same mission again.
     ///
-    /// What a pattern alone knows, the farm that no leg may come near, is not in it.
+    /// A farm that a pattern goes about becomes one of the obstacles.
     pub fn to_expanded_toml(&self) -> String {
         let leg = |waypoint: &Waypoint| {
             let [north_m, east_m, third] = waypoint.position;
@@ -103,6 +118,28 @@ impl Mission {
             }
             Leg::Waypoint(leg)
         };
-        MissionFile { legs: self.waypoints.iter().map(leg).collect(), ..self.file.clone() }.to_toml()
+        let standing = |obstacle: &Obstacle| {
+            let mut table = ObstacleTable {
+                north_m: None,
+                east_m: None,
+                radius_m: None,
+                corners_m: Vec::new(),
+                distance_m: obstacle.distance,
+            };
+            match &obstacle.shape {
+                farm::Farm::Circle { centre, radius } => {
+                    (table.north_m, table.east_m, table.radius_m) =
+                        (Some(centre[0]), Some(centre[1]), Some(*radius));
+                }
+                farm::Farm::Polygon(corners) => table.corners_m.clone_from(corners),
+            }
+            table
+        };
+        MissionFile {
+            legs: self.waypoints.iter().map(leg).collect(),
+            obstacles: self.obstacles.iter().map(standing).collect(),
+            ..self.file.clone()
+        }
+        .to_toml()
     }
 }

@@ -18,5 +18,7 @@ mod scalar;
 mod switching;
 #[path = "guidance/table.rs"]
 mod table;
+#[path = "guidance/turn.rs"]
+mod turn;
 #[path = "guidance/vessel.rs"]
 mod vessel;

@@ -310,7 +310,7 @@ class Seabed(Section):
 
 
 class Obstacle(Section):
-    """A round thing in the water, or with ``from_mission`` the farms that the mission goes about."""
+    """A round thing in the water; ``from_mission``: what the mission states, which is there anyway."""
 
     north_m: Number | None = None
     east_m: Number | None = None

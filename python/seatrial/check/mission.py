@@ -3,18 +3,21 @@
 What is planned is straight between waypoints, in still water; energy is that of running ahead at the speeds
 of the legs, and the hotel load. Of an autopilot the mode at the speed of a leg decides: with the depth by
 pitch a slope is held up to ``pitch_max_deg``; with the depth by heave the desired depth changes at
-``depth_rate_max_m_s`` at most. Held by tests/check/test_check_mission.py.
+``depth_rate_max_m_s`` at most. With vehicle and autopilot the mission is flown (`seatrial.check.flown`). Held
+by tests/check/test_check_mission.py.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.report import Report, Section
+from seatrial.check.flown import FlownCheck, flown_sentences, flown_table, fly_beforehand
 from seatrial.check.legs import LegRow, fence_sentences, leg_rows, legs_table
 from seatrial.check.turns import turn_sentences
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts, mode_at
@@ -24,6 +27,7 @@ from seatrial.vehicle.turning import turning_radius
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.flight.mission import Mission
+    from seatrial.sensors.sensor import Sensor
 
 __all__ = [
     "Energy",
@@ -102,6 +106,27 @@ def vehicle_warnings(rows: Sequence[LegRow], vehicle: Vehicle, voltage_v: float)
         spoken = ", ".join(f"{speed:g}" for speed in unturned)
         sentences.append(f"{vehicle.name} cannot turn while it runs at {spoken} m/s; fly slower or faster")
     return sentences
+
+
+def speed_reserve(
+    vehicle: Vehicle, rows: Sequence[LegRow], current: tuple[float, float, float] | None, voltage_v: float
+) -> list[str]:
+    """Sentence about legs whose speed over ground leaves nothing against the current."""
+    from seatrial.vehicle.steady_state import drivers, speeds
+
+    if current is None or not any(current) or not drivers(vehicle):
+        return []
+    against = float(np.hypot(current[0], current[1]))
+    top = speeds(vehicle, voltage_v=voltage_v, shares=(1.0,))[-1].speed_m_s
+    if short := [row for row in rows if row.speed_m_s <= top < row.speed_m_s + against]:
+        worst = max(short, key=lambda row: row.speed_m_s)
+        return [
+            f'leg {worst.number} "{worst.label}" asks for {worst.speed_m_s:g} m/s over ground; against the'
+            f" current of {against:.2g} m/s that is {worst.speed_m_s + against:.2f} m/s through the water,"
+            f" more than the top speed of {top:.2f} m/s{_others(short)}; fly slower than"
+            f" {max(top - against, 0.0):.2f} m/s"
+        ]
+    return []
 
 
 def _turns(vehicle: Vehicle, speed: float, voltage_v: float) -> bool:
@@ -215,6 +240,10 @@ class MissionCheck:
         The tightest circle by speed in m/s; None where the vehicle cannot turn at that speed.
     notes, warnings
         Sentences about what is worth knowing, and about what will not go as written.
+    flown
+        What came of it, flown beforehand in still water and in currents; none without vehicle and autopilot.
+    sensors
+        With which it was flown, in words.
     """
 
     name: str
@@ -227,6 +256,8 @@ class MissionCheck:
     turning_radius_m: dict[float, float | None]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    flown: tuple[FlownCheck, ...] = ()
+    sensors: str = "perfect sensors"
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
@@ -239,6 +270,11 @@ class MissionCheck:
     def report(self) -> Report:
         """Length and time, the worst problem, what to do next; then legs and notes."""
         worst, next_step = "nothing stands out: legs, limits and fence fit each other", "fly it: seatrial fly"
+        if self.flown:
+            worst = f"nothing stands out in {self.flown[0].water}"
+            if len(self.flown) > 1:
+                waters = "currents from four sides" if len(self.flown) > 2 else self.flown[1].water
+                worst += f" and in {waters}"
         if self.warnings:
             worst, next_step = self.warnings[0], "change the mission or the vehicle's limits, and check again"
         count = len(self.warnings)
@@ -256,7 +292,10 @@ class MissionCheck:
                 Section(
                     self.description,
                     (*(f"WARNING: {text}" for text in self.warnings), *self.notes),
-                    (legs_table(self.legs, duration),),
+                    (
+                        legs_table(self.legs, duration),
+                        *((flown_table(self.flown, self.sensors),) if self.flown else ()),
+                    ),
                 ),
             ),
         )
@@ -275,6 +314,9 @@ def check_mission(
     vehicle: Vehicle | None = None,
     autopilot: Autopilot | None = None,
     voltage_v: float = NOMINAL_V,
+    current: tuple[float, float, float] | None = None,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
+    seabed: float | None = None,
 ) -> MissionCheck:
     """Check of a mission, by itself or for a vehicle and its autopilot.
 
@@ -287,6 +329,13 @@ def check_mission(
         Tells largest pitch, speed and rates.
     voltage_v : float
         Supply voltage at which tables of thrust are read, V.
+    current : (float, float, float), optional
+        Velocity of the water in which vehicle and autopilot fly it besides still water, north, east, down,
+        m/s; 0.3 m/s from four sides when omitted.
+    sensors : mapping of str to Sensor, str or Path, optional
+        With which they fly it; perfect ones when omitted.
+    seabed : float, optional
+        Depth of the bottom, m; missions along the bottom are flown with it only.
 
     Raises
     ------
@@ -300,7 +349,7 @@ def check_mission(
     >>> mission = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> found = check_mission(mission, vehicle=st.Vehicle.load("cwolf"))
     >>> round(found.length_m), found.warnings
-    (454, ())
+    (536, ())
     """
     if vehicle is not None and autopilot is not None:
         autopilot.engage(vehicle, mission.core)
@@ -319,7 +368,21 @@ def check_mission(
         warnings += [*empty, *vehicle_warnings(rows, vehicle, voltage_v)]
     if autopilot is not None:
         warnings += autopilot_warnings(mission, rows, autopilot)
+    flown: tuple[FlownCheck, ...] = ()
+    fitted = "perfect sensors"
+    if sensors is not None:
+        fitted = f"{sensors} sensors" if isinstance(sensors, str) else "given sensors"
+    if vehicle is not None:
+        warnings += speed_reserve(vehicle, rows, current, voltage_v)
+    if vehicle is not None and autopilot is not None:
+        flown, left_out = fly_beforehand(
+            mission, vehicle, autopilot, current=current, sensors=sensors, seabed=seabed, voltage_v=voltage_v
+        )
+        told, short = flown_sentences(flown, fitted)
+        notes += [*left_out, *told]
+        warnings = [*short, *warnings]
     turned, tight = turn_sentences(mission, circles, autopilot)
+    flown_well = bool(flown) and all(one.complete for one in flown)
     return MissionCheck(
         name=mission.name,
         description=mission.description,
@@ -329,8 +392,11 @@ def check_mission(
         legs=rows,
         energy=energy,
         turning_radius_m=circles,
-        notes=(*notes, *turned),
-        warnings=(*warnings, *tight),
+        # Turns that were flown well are no reason to warn.
+        notes=(*notes, *turned, *(tight if flown_well else ())),
+        warnings=(*warnings, *(() if flown_well else tight)),
+        flown=flown,
+        sensors=fitted,
     )
 
 

@@ -3,7 +3,8 @@
 A turn by an angle psi on a circle of radius R that begins at the radius of acceptance R_0 before its corner
 runs R (1 - cos psi) - R_0 sin psi beyond the next leg. A corner is tight where no circle of radius R
 touches both ways within their nearer halves. R is the vehicle's (`seatrial.vehicle.turning`) or what the
-largest rate of the desired heading allows, U/omega, whichever is larger. Held by
+largest rate of the desired heading allows, U/omega, whichever is larger. An autopilot with ``turn_radius_m``
+begins its turns before the corner; what it makes of them is flown (`seatrial.check.flown`). Held by
 tests/check/test_check_mission.py.
 """
 
@@ -105,7 +106,8 @@ def turn_sentences(
         (beyond(radii[_speed(mission, c)][0], c.turn, float(points["acceptance_radius_m"][c.index])), c.index)
         for c in found
     ]
-    if over and max(over)[0] > _SEEN_M:
+    anticipated = autopilot is not None and autopilot_facts(autopilot).guidance["turn_radius_m"] > 0.0
+    if over and max(over)[0] > _SEEN_M and not anticipated:
         widest, index = max(over)
         notes.append(f'Widest turn: {widest:.1f} m beyond the next leg, at "{points["label"][index]}"')
     tight = _tight(mission, found, radii)

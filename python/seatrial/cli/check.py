@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -33,7 +34,7 @@ _ADVICE = {
 _OPTIONS: dict[str, tuple[str, ...]] = {
     "a vehicle": ("--speed-kn", "--out"),
     "a campaign": (),
-    "a mission": ("--vehicle", "--autopilot", "--out"),
+    "a mission": ("--vehicle", "--autopilot", "--out", "--current", "--sensors", "--seabed"),
     "an autopilot": ("--vehicle",),
 }
 """Options that only some files have."""
@@ -61,6 +62,23 @@ def check(
     autopilot: Annotated[
         str | None, typer.Option(help="Autopilot that flies a mission: file or name.", metavar="AUTOPILOT")
     ] = None,
+    current: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            metavar="NORTH EAST DOWN",
+            help="Velocity of the water in which vehicle and autopilot fly a mission, m/s; 0.3 m/s from four"
+            " sides when missing.",
+        ),
+    ] = None,
+    sensors: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Sensors with which they fly it, or: typical. Perfect when missing."
+        ),
+    ] = None,
+    seabed: Annotated[
+        float | None, typer.Option(metavar="DEPTH", help="Depth of the bottom over which they fly it, m.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for figures; runs/check-NAME by default.")
     ] = None,
@@ -87,15 +105,20 @@ def check(
     _check_options(voltage, speed_kn or [])
     kind = _kind(target)
     given = {"--vehicle": vehicle, "--autopilot": autopilot, "--speed-kn": speed_kn or None, "--out": out}
-    for option, value in given.items():
+    flying = {"--current": current, "--sensors": sensors, "--seabed": seabed}
+    for option, value in (given | flying).items():
         if value is not None and option not in _OPTIONS[kind]:
             fitting = " or ".join(name for name, options in _OPTIONS.items() if option in options)
             raise SeatrialError(f"{option} is for {fitting}, and {target} is {kind}; leave it out")
+    for option, value in flying.items():
+        if value is not None and (vehicle is None or autopilot is None):
+            raise SeatrialError(f"{option}: a mission is flown with --vehicle and --autopilot; give both")
     drawing = _Drawing(figures, formats(pdf))
     if kind == "a campaign":
         _check_campaign(target, verbose=verbose, json=json)
     elif kind == "a mission":
-        _check_mission(target, vehicle, autopilot, voltage, out, drawing=drawing, verbose=verbose, json=json)
+        water = {"current": current, "sensors": sensors, "seabed": seabed, "voltage_v": voltage}
+        _check_mission(target, (vehicle, autopilot), water, out, drawing=drawing, verbose=verbose, json=json)
     elif kind == "an autopilot":
         _check_autopilot(target, vehicle, voltage, verbose=verbose, json=json)
     else:
@@ -200,9 +223,8 @@ def _check_campaign(target: str, *, verbose: bool, json: bool) -> None:
 
 def _check_mission(
     target: str,
-    vehicle: str | None,
-    autopilot: str | None,
-    voltage: float,
+    flown_by: tuple[str | None, str | None],
+    water: Mapping[str, Any],
     out: Path | None,
     *,
     drawing: _Drawing,
@@ -216,11 +238,12 @@ def _check_mission(
     from seatrial.flight.mission import Mission
 
     mission = Mission.load(target)
+    vehicle, autopilot = flown_by
     found = check_mission(
         mission,
         vehicle=None if vehicle is None else loaded(Vehicle, vehicle, "--vehicle"),
         autopilot=None if autopilot is None else loaded(Autopilot, autopilot, "--autopilot"),
-        voltage_v=voltage,
+        **water,
     )
     folder = out or Path("runs") / file_name(f"check-{Path(target).stem}")
 

@@ -141,6 +141,8 @@ def _reasons(vehicle: Vehicle, start: StartGains) -> Mapping[tuple[str, str], st
         ("guidance", "lookahead_m"): f"2 U tau; the course follows {late['heading']:.2g} s late",
         ("guidance", "integral_gain_m_s"): "U/4: critically damped",
         ("guidance", "turn_speed_share"): "turns on the spot: no waypoint is missed in a bend",
+        ("guidance", "turn_radius_m"): "the turning circle at cruising speed",
+        ("guidance", "turn_delay_s"): "half of the course's delay",
         ("guidance", "acceleration_max_m_s2"): "a quarter of the thrust, or 4 s to cruising speed",
         (
             "allocation",

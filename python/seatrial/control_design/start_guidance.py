@@ -13,6 +13,9 @@ slower: the integral has learnt the drift after about ten of them. tau is the ph
 behind lag and dead time at that crossover, over its frequency; the third-order reference filter has ``3
 atan(w / w_r) / w`` of it, 3/w_r when slow.
 
+Turns begin on the identified turning circle (`seatrial.vehicle.turning`), half of tau early; a vehicle with
+sway turns on the spot instead.
+
 The integral gains are a quarter of the speed in the horizontal plane (critical damping) and a tenth in the
 vertical one, where only trim and lift are to be learnt. Turns and accelerations take a share of the largest
 demands. The core's default reactions suit a vehicle that is lighter than water, hovers, and has a substitute
@@ -36,6 +39,7 @@ from seatrial.control_design.operating_points import mode_law, mode_loop
 from seatrial.control_design.pole_placement import LoopGain, law, three_digits
 from seatrial.control_design.start_gains import StartGains
 from seatrial.vehicle.authority import LOOPS, ROWS, Delay, reach
+from seatrial.vehicle.turning import turning_radius
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -178,6 +182,8 @@ _SHARE = 0.5  # of the largest demand, for what the guidance asks
 
 _START_S = 4.0  # to the cruising speed, at the least
 
+_TURN_DELAY = 0.5  # of the course's delay: the loop follows a ramp of the heading closer than a sine
+
 _TURN_SHARE = 0.2  # of the speed while the bow is a right angle off: who can stop turns on the spot
 
 _HOLD_RADIUS_M, _WATCH = 2.0, 2.5  # largest; watch radius over hold radius
@@ -211,6 +217,9 @@ def guidance(vehicle: Vehicle, start: StartGains) -> tuple[dict[str, Any], dict[
         "loiter_radius_m": max(5.0, 1.5 * cruise / max(min(turn, np.deg2rad(_TURN_DEG_S)), 1e-3)),
         "hold_gain_per_s": hold,
     }
+    if "sway" not in start.loops:  # else it slows down and turns on the spot
+        table["turn_radius_m"] = turning_radius(vehicle, cruise) or cruise / np.deg2rad(_TURN_DEG_S)
+        table["turn_delay_s"] = _TURN_DELAY * late["heading"]
     if "heave" in start.loops:
         radius = float(np.clip(length, 0.5, _HOLD_RADIUS_M))
         table |= {"hold_radius_m": radius, "watch_radius_m": _WATCH * radius}

@@ -23,6 +23,7 @@ from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
     DIVERGED,
+    OFF_PROMISE,
     ActuatorUse,
     Leg,
     Loop,
@@ -106,14 +107,18 @@ class Flight(FlightLog):
 
     @property
     def complete(self) -> bool:
-        """Whether the mission was flown to its end and every waypoint reached."""
-        return self.outcome == "complete" and all(leg.reached for leg in self.legs)
+        """Whether the mission was flown to its end, every waypoint reached, and its distances were kept."""
+        reached = all(leg.reached for leg in self.legs)
+        return self.outcome == "complete" and reached and not too_near(self)
 
     @property
     def outcome_in_words(self) -> str:
-        """How it ended; a mission whose waypoints were missed is not called complete."""
-        missed = self.outcome == "complete" and not self.complete
-        return "flown to its end, waypoints missed" if missed else self.outcome
+        """How it ended; one that missed waypoints or came too near to something is not called complete."""
+        if self.outcome != "complete" or self.complete:
+            return self.outcome
+        faults = ["too near to what stands in the water"] if too_near(self) else []
+        faults += [] if all(leg.reached for leg in self.legs) else ["waypoints missed"]
+        return f"flown to its end, {' and '.join(faults)}"
 
     @cached_property
     def alerts(self) -> tuple[Alert, ...]:
@@ -274,6 +279,7 @@ def sentences(flight: Flight) -> list[str]:
             f" ({worst.label}), the vertical error {metrics['vertical_rms_m']:.2f} m rms and at most"
             f" {max(leg.vertical_largest_m for leg in straight):.2f} m."
         )
+    found += [*_clear(flight), *_beyond_the_model(flight)]
     found += _speeds(flight)
     found += _depth(legs)
     found += _stations(legs)
@@ -314,7 +320,9 @@ def _how_good(flight: Flight) -> str:
         largest = metrics["cross_track_largest_m"]
         most = f", at most {largest:.2f} m" if math.isfinite(largest) else ""
         across = f"; cross-track error {metrics['cross_track_rms_m']:.2f} m rms{most}"
-    return f"{reached} in {_time(metrics['duration_s'])}, {metrics['distance_m']:.0f} m over ground{across}"
+    clear = f"; {metrics['clearance_m']:.1f} m clear" if math.isfinite(metrics["clearance_m"]) else ""
+    way = f"{metrics['distance_m']:.0f} m over ground"
+    return f"{reached} in {_time(metrics['duration_s'])}, {way}{clear}{across}"
 
 
 def _worst(flight: Flight) -> tuple[str, str]:
@@ -323,6 +331,12 @@ def _worst(flight: Flight) -> tuple[str, str]:
         return (
             "the motion diverged",
             "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)",
+        )
+    if too_near(flight):
+        return _clear(flight)[0].removesuffix("."), (
+            "lay the way farther out (margin_m of the perimeter, or other waypoints), slow down before"
+            " stops, or wait for less current; seatrial check with --vehicle, --autopilot and --current tells"
+            " beforehand"
         )
     if flight.alerts:
         first = flight.alerts[0]
@@ -339,6 +353,10 @@ def _worst(flight: Flight) -> tuple[str, str]:
         return (
             _not_reached(first_missed),
             "enlarge its acceptance radius, slow the leg down, or tune the heading loop (seatrial tune)",
+        )
+    if beyond := _beyond_the_model(flight):
+        return beyond[0].removesuffix("."), (
+            "begin deeper ([start] depth_m) or under way, and limit the pitch (pitch_max_deg)"
         )
     if saturated := _loops(flight):
         return saturated[0], "lower the speed or the gains of this loop; its actuators have no more to give"
@@ -374,13 +392,66 @@ def _ending(flight: Flight) -> str:
     missed = [leg for leg in flight.legs if not leg.reached and not math.isnan(leg.begin_s)]
     by = "".join(f"; {_not_reached(leg)}" for leg in missed[:3])
     what = {
-        "complete": "complete" if flight.complete else "flown to its end",
+        "complete": flight.outcome_in_words,
         "surfaced": "the vehicle surfaced before the end",
         "aborted": "aborted",
         "out of time": f"not complete after {_time(float(flight.t[-1]))}, the longest time allowed",
         "diverged": "the motion diverged; check gains, vehicle and the largest step",
     }[flight.outcome]
     return f"{who}: {what}, {count}{by if flight.outcome == 'complete' else ''}."
+
+
+def too_near(flight: Flight) -> bool:
+    """Whether the hull touched something, or came nearer than the mission promises by more than a tenth."""
+    clear, reserve = (flight.metrics[name] for name in ("clearance_m", "clearance_reserve_m"))
+    return clear <= 0.0 or reserve < -OFF_PROMISE * flight.mission.promised_m
+
+
+def _clear(flight: Flight) -> list[str]:
+    """How near the hull came to what stands in the water, when and where, and what was promised."""
+    clear = flight.metrics["clearance_m"]
+    if not math.isfinite(clear):
+        return []
+    when = _at(flight, flight.metrics["clearance_time_s"])
+    promised, reserve = flight.mission.promised_m, flight.metrics["clearance_reserve_m"]
+    said = f"; the mission promises {promised:g} m"
+    if promised > 0.0 and reserve < 0.0:
+        said += f", {-reserve:.2f} m more"
+    near = f"The hull came to {clear:.2f} m from" if clear > 0.0 else f"The hull was {-clear:.2f} m inside"
+    return [f"{near} what stands in the water, {when}{said if promised > 0.0 else ''}."]
+
+
+def _at(flight: Flight, time_s: float) -> str:
+    """When and where, in words."""
+    row = int(np.argmin(np.abs(flight.t - time_s)))
+    north, east, down = flight.position[row]
+    label = flight.route.stops[min(int(flight.leg[row]), len(flight.route.stops) - 1)].label
+    return (
+        f"at {time_s:.1f} s, north {north:.1f} m, east {east:.1f} m, {down:.1f} m deep, on the way to {label}"
+    )
+
+
+_IN_THE_AIR_M = 0.1  # above the surface: less is a wave
+
+_STEEP_DEG = 45.0  # of pitch: neither the coefficients nor the loops were made for more
+
+
+def _beyond_the_model(flight: Flight) -> list[str]:
+    """Where the vehicle left the water, or pitched beyond what its model and loops are made for."""
+    metrics = flight.metrics
+    found = []
+    if (height := -metrics["depth_smallest_m"]) > _IN_THE_AIR_M:
+        found.append(
+            f"{flight.vehicle.name} rose to {height:.1f} m above the surface,"
+            f" {_at(flight, metrics['depth_smallest_time_s'])}: the model knows no surface,"
+            " and a real vehicle stays in it."
+        )
+    if (pitch := metrics["pitch_largest_deg"]) > _STEEP_DEG:
+        found.append(
+            f"{flight.vehicle.name} pitched to {pitch:.0f} deg, {_at(flight, metrics['pitch_time_s'])}; more"
+            f" than {_STEEP_DEG:g} deg is beyond what coefficients and loops are made for."
+        )
+    return found
 
 
 def _reactions(flight: Flight) -> list[str]:
@@ -395,12 +466,19 @@ def _reactions(flight: Flight) -> list[str]:
 
 
 def _speeds(flight: Flight) -> list[str]:
-    """Legs that ask for more than guidance gives."""
+    """Legs that ask for more than guidance gives, or for a stop of who cannot stop."""
     asked = max(stop.speed for stop in flight.route.stops)
     most = flight.autopilot.gains()["guidance.speed_max_m_s"]
-    if asked <= most:
-        return []
-    return [f"Legs ask for up to {asked:g} m/s, and guidance keeps to speed_max_m_s = {most:g} m/s."]
+    found = []
+    if asked > most:
+        found.append(f"Legs ask for up to {asked:g} m/s, and guidance keeps to speed_max_m_s = {most:g} m/s.")
+    stops = sum(stop.task == "hold" for stop in flight.route.stops)
+    if stops and flight.loiter_radius > 0.0:
+        found.append(
+            f"{flight.vehicle.name} cannot stop: at {stops} stop{'s' if stops > 1 else ''} it circles at"
+            f" {flight.loiter_radius:g} m, so much nearer to what stands beside them."
+        )
+    return found
 
 
 def _depth(legs: Sequence[Leg]) -> list[str]:

@@ -4,11 +4,13 @@ The whole is summed by the core while it flies (`flight/tally.rs`); names carry 
 count on the second half of straight legs, where the vehicle has had time to settle, and are those that
 guidance perceived; ``true_...`` is where the vehicle really was. Without a settled sample there is none. The
 depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends. The quantiles
-p50, p95 and p99 are those of one flight's error over time; the clearance is the smallest distance to an
-obstacle's edge, and travel the mean rate at which commands move, in shares of an actuator's range.
+p50, p95 and p99 are those of one flight's error over time; the clearance is the smallest horizontal distance
+of the hull from what stands in the water, its reserve that beyond what the mission promises (both infinite
+without), and travel the mean rate at which commands move, in shares of an actuator's range.
 
 A waypoint is reached when the autopilot perceived the vehicle within its radius of acceptance R, and the
-vehicle truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. The overshoot in depth
+vehicle truly was within 1.5 R: sensors err, and a leg ends as soon as they show R. A turn begins before its
+waypoint, so that the next leg counts too where the vehicle only passes. The overshoot in depth
 counts after a change of depth, beyond the new one, until the next change, as a share of the change.
 
 The error of a loop is what was desired less what the vehicle really did, over the time in which the loop was
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CODED",
     "DIVERGED",
+    "OFF_PROMISE",
     "ActuatorUse",
     "Leg",
     "Loop",
@@ -51,6 +54,9 @@ __all__ = [
 ]
 
 DIVERGED = "diverged"
+
+OFF_PROMISE = 0.1
+"""Share of the distance promised by a mission by which a flight may fall short of it."""
 
 CODED = ("ending", "alert", "alert_cause", "alert_time_s")
 """Metrics that a single flight tells in words: its ending and its alerts."""
@@ -77,6 +83,12 @@ _NAMES = {
     "roll_largest": ("roll_largest_deg", _DEG),
     "pitch_largest": ("pitch_largest_deg", _DEG),
     "clearance": ("clearance_m", 1.0),
+    "clearance_time": ("clearance_time_s", 1.0),
+    "clearance_reserve": ("clearance_reserve_m", 1.0),
+    "depth_smallest": ("depth_smallest_m", 1.0),
+    "depth_smallest_time": ("depth_smallest_time_s", 1.0),
+    "roll_time": ("roll_time_s", 1.0),
+    "pitch_time": ("pitch_time_s", 1.0),
     "travel": ("travel_per_s", 1.0),
 }
 
@@ -221,8 +233,11 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
     rows = np.zeros(switched + 1 - first, dtype=bool)
     rows[found - first] = True
     distance = _distance(flight, k, flight.position[part], flight.altitude[part])
-    shown = _distance(flight, k, told[part], flight.measured["altitude"][part])
-    smallest, perceived = float(np.nanmin(distance)), float(np.nanmin(shown))
+    near = slice(first, 1 + _passed(flight, k, of_legs, switched))
+    smallest, perceived = (
+        float(np.nanmin(_distance(flight, k, position[near], altitude[near])))
+        for position, altitude in ((flight.position, flight.altitude), (told, flight.measured["altitude"]))
+    )
     half = 0.5 * path.length(k)
     holding = flight.holding[part]
     settled = rows & ~holding & (flight.distance[part] < half) & (stop.task != "circle")
@@ -251,6 +266,14 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, told: Array) -> Leg:
         hold_largest_m=_largest(distance[held]),
         modes={name: float(share) for name, share in zip(flight.modes, modes, strict=True) if share},
     )
+
+
+def _passed(flight: FlightLog, k: int, of_legs: _Rows, switched: int) -> int:
+    """Last row of the way past waypoint `k`: guidance turns before one that it passes, to come nearer yet."""
+    if flight.route.stops[k].task != "pass" or k + 1 == len(flight.route.stops):
+        return switched
+    after = of_legs.of(k + 1, k + 1)
+    return min(int(after.max()) + 1, len(flight.t) - 1) if len(after) else switched
 
 
 def _never(path: Route, k: int) -> Leg:

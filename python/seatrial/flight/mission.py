@@ -198,9 +198,15 @@ class Mission:
         return np.asarray(self.core.fence).reshape(-1, 2)
 
     @property
-    def farms(self) -> list[dict[str, Any]]:
-        """Farms that the mission goes about: ``north_m``, ``east_m``, ``radius_m``, or ``corners_m`` each."""
-        return self.core.farms
+    def obstacles(self) -> list[dict[str, Any]]:
+        """What stands in the water, farms first: see `seatrial._core.Mission.obstacles`."""
+        return self.core.obstacles
+
+    @cached_property
+    def promised_m(self) -> float:
+        """Smallest distance in m that the mission promises of what stands in the water; 0 without."""
+        promised = [float(one["distance_m"]) for one in self.obstacles]
+        return min((distance for distance in promised if distance > 0.0), default=0.0)
 
     @property
     def length(self) -> float:
@@ -229,10 +235,11 @@ def _tables(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     for key in ("start", "limits"):
         if isinstance(table := data.get(key), dict):
             yield f"{key}.", table
-    legs = data.get("legs")
-    for number, leg in enumerate(legs if isinstance(legs, list) else [], start=1):
-        if isinstance(leg, dict):
-            yield f"leg {number}: ", leg
+    for key, name in (("legs", "leg"), ("obstacles", "obstacle")):
+        tables = data.get(key)
+        for number, table in enumerate(tables if isinstance(tables, list) else [], start=1):
+            if isinstance(table, dict):
+                yield f"{name} {number}: ", table
 
 
 def _geographic(table: dict[str, Any]) -> bool:

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.arrays import Array
 from seatrial.base.report import Section
-from seatrial.flight.metrics import CODED, ending_of, metrics_of
+from seatrial.base.toml_file import loaded
+from seatrial.flight.metrics import CODED, OFF_PROMISE, ending_of, metrics_of
+from seatrial.flight.mission import Mission
 from seatrial.flight.tables import spread_table
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.flight.mission import Mission
 
 __all__ = ["Seeds", "fly_seeds"]
 
@@ -34,16 +35,19 @@ class Seeds:
         Metrics by name, one value per seed.
     endings
         How each flight ended.
+    too_near
+        Seeds of the flights that touched something or came nearer than the mission promises.
     """
 
     seeds: tuple[int, ...]
     metrics: Mapping[str, Array]
     endings: tuple[str, ...]
+    too_near: tuple[int, ...] = ()
 
     @property
     def all_complete(self) -> bool:
-        """Whether every flight came to the end of the mission."""
-        return all(ending == "complete" for ending in self.endings)
+        """Whether every flight came to the end of the mission and kept its distances."""
+        return all(ending == "complete" for ending in self.endings) and not self.too_near
 
     def sentence(self) -> str:
         """How many flights ended in which way, and the seeds that did not complete the mission."""
@@ -51,7 +55,10 @@ class Seeds:
         ends = ", ".join(f"{count} {ending}" for ending, count in counts.items())
         others = [seed for seed, end in zip(self.seeds, self.endings, strict=True) if end != "complete"]
         which = f"; not complete: seed {', '.join(map(str, others[:8]))}" if others else ""
-        return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}."
+        near = ""
+        if self.too_near:
+            near = f"; too near to what stands in the water: seed {', '.join(map(str, self.too_near[:8]))}"
+        return f"{len(self.seeds)} seeds from {self.seeds[0]} on: {ends}{which}{near}."
 
     def section(self) -> Section:
         """What a report shows of them."""
@@ -86,4 +93,11 @@ def fly_seeds(
 
     seeds = tuple(range(first, first + count))
     metrics = metrics_of(fly_batch(vehicle, autopilot, mission, seeds=list(seeds), **options))
-    return Seeds(seeds, metrics, tuple(ending_of(metrics, case) for case in range(count)))
+    promised = loaded(Mission, mission).promised_m
+    short = (metrics["clearance_m"] <= 0.0) | (metrics["clearance_reserve_m"] < -OFF_PROMISE * promised)
+    return Seeds(
+        seeds,
+        metrics,
+        tuple(ending_of(metrics, case) for case in range(count)),
+        tuple(seed for seed, near in zip(seeds, short, strict=True) if near),
+    )

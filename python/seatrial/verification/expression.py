@@ -150,9 +150,10 @@ _ERRORS = ("rms", "largest", "p50", "p95", "p99")
 _NUMBERS = (
     "duration_s", "distance_m", "energy_wh", *(f"cross_track_{x}_m" for x in _ERRORS),
     *(f"true_cross_track_{x}_m" for x in _ERRORS), *(f"vertical_{x}_m" for x in _ERRORS),
-    "depth_excursion_m", "depth_largest_m", "altitude_smallest_m", "clearance_m", "waypoints_behind",
+    "depth_excursion_m", "depth_largest_m", "altitude_smallest_m", "clearance_m", "clearance_time_s",
+    "clearance_reserve_m", "depth_smallest_m", "depth_smallest_time_s", "waypoints_behind",
     "missed_by_m", "switches_per_minute", "travel_per_s", "alert_time_s", "roll_largest_deg",
-    "pitch_largest_deg",
+    "pitch_largest_deg", "roll_time_s", "pitch_time_s",
 )  # fmt: skip
 
 PERCEIVED = (*(f"{error}_{x}_m" for error in ("cross_track", "vertical") for x in _ERRORS), "missed_by_m")

@@ -238,7 +238,8 @@ def _worst(
 
 _MISSING = {
     "altitude_smallest_m": "there is no bottom; add seabed under [verification]",
-    "clearance_m": "nothing stands in the water; add obstacles under [verification]",
+    "clearance_m": "nothing stands in the water; add [[obstacles]] to the mission",
+    "clearance_reserve_m": "no mission promises a distance; add distance_m to its [[obstacles]]",
 }
 
 

@@ -210,7 +210,7 @@ class CampaignFlights:
                 model=self.model,
                 sensors=self.sensors,
                 turbulence_times_s=table.current.turbulence_times_s,
-                obstacles=obstacles(table.obstacles, mission),
+                obstacles=obstacles(table.obstacles),
                 seabed=None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east),
                 voltage_v=table.voltage_v,
                 max_step_s=_LARGEST_STEP_S,

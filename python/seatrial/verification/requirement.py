@@ -14,12 +14,11 @@ A campaign that states no requirements gets those that every mission is meant fo
 missions: to be complete without an abort; on settled legs to be truly no further from the path than the
 sphere of acceptance of the tightest waypoint in 95 % of the time, with what the position of the sensors is
 off by in 95 % of the missions (1.96 standard deviations) on top; to touch neither an obstacle nor the bottom,
-and to stay above the mission's depth limit, where there are such.
+to keep the distance that the mission promises of what stands in the water, less a tenth, and to stay above
+its depth limit, where there are such.
 
-Obstacles are circles: those of the campaign, and the farms of the mission. Several cages within a polygon
-become circles of a metre (less in a narrow polygon) along the inside of its edges, close enough together that
-between two of them at most 5 cm of the farm lie open, and a point at every corner: clearances are those of
-the polygon to 5 cm along the edges, and contact cannot slip through.
+What the mission states stands in the water, the farms it goes about and its obstacles; the campaign may add
+circles. Clearances are of the hull, horizontal (`seatrial._core`, flight/obstacle.rs).
 
 Held by ``test_requirement.py``, ``test_verify.py`` and ``test_draws.py`` in ``tests/verification/``.
 """
@@ -38,6 +37,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.verification_table import Obstacle, VerificationTable
+from seatrial.flight.metrics import OFF_PROMISE
 from seatrial.verification.expression import KNOWN, Metric, check, names_in, parse, unit_of
 
 if TYPE_CHECKING:
@@ -280,72 +280,20 @@ _FUNCTIONS = {"abs": np.abs, "sqrt": np.sqrt, "min": np.minimum, "max": np.maxim
 
 Circle = tuple[float, float, float]
 
-_RADIUS_M = 1.0
 
-_OPEN_M = 0.05
-
-
-def obstacles(entries: Sequence[Obstacle], mission: Mission) -> list[Circle]:
-    """Circles (north, east, radius), m, that a flight of the mission must not touch.
+def obstacles(entries: Sequence[Obstacle]) -> list[Circle]:
+    """Circles (north, east, radius), m, of a campaign; what a mission itself states stands there anyway.
 
     Parameters
     ----------
     entries : sequence of Obstacle
-        Of the campaign.
-    mission : Mission
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> from seatrial.cli.new import EXAMPLES
-    >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
-    >>> obstacles([Obstacle(from_mission=True)], farm)
-    [(60.0, 20.0, 25.0)]
+        Of the campaign; one ``from_mission`` adds nothing.
     """
-    found: list[Circle] = []
-    for entry in entries:
-        if entry.from_mission:
-            found += [circle for circle in _farms(mission) if circle not in found]
-        elif entry.north_m is not None and entry.east_m is not None and entry.radius_m is not None:
-            found.append((entry.north_m, entry.east_m, entry.radius_m))
-    return found
-
-
-def _farms(mission: Mission) -> list[Circle]:
-    found: list[Circle] = []
-    for farm in mission.farms:
-        if "corners_m" in farm:
-            found += _along(np.asarray(farm["corners_m"], dtype=float))
-        else:
-            found.append((float(farm["north_m"]), float(farm["east_m"]), float(farm["radius_m"])))
-    return found
-
-
-def _along(corners: Array) -> list[Circle]:
-    """Circles inside the edges of a convex polygon (n, 2), whose corners run either way."""
-    centre = corners.mean(axis=0)
-    edges = [
-        (one, other)
-        for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True)
-        if math.dist(one, other) > 0.0
+    return [
+        (entry.north_m, entry.east_m, entry.radius_m)
+        for entry in entries
+        if entry.north_m is not None and entry.east_m is not None and entry.radius_m is not None
     ]
-    inward = []
-    for one, other in edges:
-        along = (other - one) / math.dist(one, other)
-        normal = np.array([-along[1], along[0]])
-        inward.append(normal if normal @ (centre - one) > 0.0 else -normal)
-    reach = min(float(normal @ (centre - one)) for normal, (one, _) in zip(inward, edges, strict=True))
-    radius = min(_RADIUS_M, reach)
-    spacing = 2.0 * math.sqrt(max(radius**2 - max(radius - _OPEN_M, 0.0) ** 2, 1e-6))
-    found: list[Circle] = [(float(north), float(east), 0.0) for north, east in corners]
-    for normal, (one, other) in zip(inward, edges, strict=True):
-        length = math.dist(one, other)
-        count = max(math.ceil(length / spacing), 1)
-        for share in (np.arange(count) + 0.5) / count:
-            place = one + share * (other - one) + radius * normal
-            if all(n @ (place - a) >= radius - 1e-9 for n, (a, _) in zip(inward, edges, strict=True)):
-                found.append((float(place[0]), float(place[1]), radius))
-    return found
 
 
 _DEFAULT_SHARE = 0.95
@@ -374,7 +322,7 @@ def default_requirements(
     >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
     >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
     >>> [one.holds for one in default_requirements(table, [farm])][1:]
-    ['true_cross_track_p95_m <= 3', 'clearance_m > 0', 'depth_largest_m <= 15']
+    ['true_cross_track_p95_m <= 4', 'clearance_m > 0', 'clearance_reserve_m >= -0.5', 'depth_largest_m <= 15']
     """
     radius = min(float(np.min(one.waypoints["acceptance_radius_m"])) for one in missions)
     # Rounded up to a decimetre: nobody states a finer one.
@@ -384,8 +332,10 @@ def default_requirements(
         ("is complete", 'ending == "complete" and not abort'),
         ("keeps its path", f"true_cross_track_p95_m <= {radius + allowance:g}"),
     ]
-    if any(obstacles(table.obstacles, one) for one in missions):
+    if obstacles(table.obstacles) or any(one.obstacles for one in missions):
         asked.append(("touches nothing", "clearance_m > 0"))
+    if promised := [one.promised_m for one in missions if one.promised_m > 0.0]:
+        asked.append(("keeps its distance", f"clearance_reserve_m >= {-OFF_PROMISE * min(promised):g}"))
     if table.seabed is not None:
         asked.append(("stays off the bottom", "altitude_smallest_m > 0"))
     if np.isfinite(deepest):

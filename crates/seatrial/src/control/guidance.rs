@@ -29,14 +29,18 @@ pub mod limits;
 pub mod path;
 pub mod progress;
 pub mod table;
+pub mod turn;
 
 use crate::mission::{Start, Waypoint};
 use crate::number::real::Real;
 pub use constants::Guidance;
 pub use fix::Fix;
-use flag::{holds, not};
+use flag::{below, holds, not};
 pub use progress::Progress;
 pub use table::{GuidanceTable, Method, TUNABLE};
+
+/// Angle off the course within which a vehicle that sets off from a station has turned, rad.
+const SET_OFF: f64 = 0.35;
 
 /// What the control loops are asked for.
 #[derive(Clone, Copy, Debug)]
@@ -119,7 +123,8 @@ impl<T: Real> Guidance<T> {
         let work = arrival::Work::new(self, progress);
         let place = progress.leg.place(fix, progress.terrain);
         progress.terrain = place.target;
-        let mut path = progress.leg.path(&place, fix);
+        let line = progress.leg.path(&place, fix);
+        let mut path = turn::path(self, progress, &work, (&place, &line));
         if T::any(holds(work.circling)) {
             let round = circle::path(&work, &place);
             path = path.select(holds(work.circling), &round);
@@ -128,6 +133,8 @@ impl<T: Real> Guidance<T> {
             path = path.select(at, &path.level_at(depth, fix.position[2]));
         }
         let under_way = law::follow(self, progress, &path, &place, fix);
+        let off = (under_way.heading - fix.attitude[2]).wrap().abs();
+        progress.setting_off *= below(off.splat(SET_OFF), off);
         let asked = if T::any(holds(work.holding)) {
             let kept = hold::keep(self, progress, fix, &place, dt);
             under_way.select(holds(work.holding), &kept)

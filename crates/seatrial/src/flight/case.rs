@@ -1,13 +1,12 @@
 //! A flight: what all its cases share, and what is one case's own.
 
 use super::faults::Faults;
-use super::obstacle::Obstacle;
 use super::trial::Trial;
 use crate::control::autopilot::settings::Settings;
 use crate::control::navigation::{GroupOutage, Seabed, Sensors};
 use crate::description::Description;
 use crate::description::vehicle_file::Environment;
-use crate::mission::Mission;
+use crate::mission::{Mission, Obstacle};
 use crate::model::integrate::State;
 use crate::number::algebra::Vec3;
 use std::sync::Arc;
@@ -28,7 +27,7 @@ pub struct Flight<'a> {
     pub feedback: bool,
     /// The bottom, where there is one.
     pub seabed: Option<Seabed>,
-    /// What stands in the water.
+    /// What stands in the water: the mission's obstacles, and others.
     pub obstacles: &'a [Obstacle],
     /// Set points in place of guidance, and what their responses are held against.
     pub trial: &'a Trial,

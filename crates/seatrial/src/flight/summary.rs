@@ -46,8 +46,13 @@ pub struct Summary<T> {
     pub alert: [T; 3],
     /// Largest roll and pitch, rad.
     pub tilt: [T; 2],
-    /// Smallest horizontal distance to the edge of an obstacle, m; infinite without any.
-    pub clearance: T,
+    /// When the largest roll and pitch were, s.
+    pub tilt_time: [T; 2],
+    /// Smallest depth, m: negative above the surface, and when, s.
+    pub shallowest: [T; 2],
+    /// Smallest horizontal distance of the hull from an obstacle, m, infinite without any; when, s; and the smallest one
+    /// less what the mission promises of that obstacle, m, infinite without a promise.
+    pub clearance: [T; 3],
     /// Mean rate at which commands move, shares of an actuator's range per s.
     pub travel: T,
     /// Samples on settled legs, and those of them whose cross-track and vertical error exceeds each threshold.
@@ -78,7 +83,9 @@ impl<T: Real> Summary<T> {
             switches: zero,
             alert: [zero; 3],
             tilt: [zero; 2],
-            clearance: zero.splat(f64::INFINITY),
+            tilt_time: [zero; 2],
+            shallowest: [zero.splat(f64::INFINITY), zero],
+            clearance: [zero.splat(f64::INFINITY), zero, zero.splat(f64::INFINITY)],
             travel: zero,
             settled: zero,
             exceedance: [Exceedance::new(zero); 3],
@@ -106,7 +113,9 @@ impl<T: Real> Summary<T> {
             switches: lane(&self.switches),
             alert: three(&self.alert),
             tilt: two(&self.tilt),
-            clearance: lane(&self.clearance),
+            tilt_time: two(&self.tilt_time),
+            shallowest: two(&self.shallowest),
+            clearance: three(&self.clearance),
             travel: lane(&self.travel),
             settled: lane(&self.settled),
             exceedance: std::array::from_fn(|i| self.exceedance[i].read(&lane)),

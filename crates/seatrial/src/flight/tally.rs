@@ -5,7 +5,7 @@
 use super::case::Flight;
 use super::exceedance::{EDGES, edges};
 use super::legs::Legs;
-use super::obstacle::clearance;
+use super::obstacle::{Hull, clearance};
 use super::summary::Summary;
 use super::trial::Violations;
 use crate::actuator::motor::Limits;
@@ -29,6 +29,7 @@ pub struct Tally<T> {
     range: Vec<f64>,
     legs: Legs,
     edges: [f64; EDGES],
+    hull: Hull,
 }
 
 impl<T: Real> Tally<T> {
@@ -44,6 +45,7 @@ impl<T: Real> Tally<T> {
             range: limits.iter().map(|l| 1.0 / (l.maximum[0] + l.maximum[1])).collect(),
             legs: Legs::of(flight.mission),
             edges: edges(),
+            hull: Hull::of(flight.description),
         }
     }
 
@@ -82,12 +84,22 @@ impl<T: Real> Tally<T> {
         figures.energy = keep(used, figures.energy);
         figures.depth = keep(figures.depth.max(z), figures.depth);
         figures.altitude = keep(figures.altitude.min(truth[12]), figures.altitude);
-        figures.clearance =
-            keep(figures.clearance.min(clearance(flight.obstacles, [x, y])), figures.clearance);
-        figures.tilt = [
-            keep(figures.tilt[0].max(roll.abs()), figures.tilt[0]),
-            keep(figures.tilt[1].max(pitch.abs()), figures.tilt[1]),
-        ];
+        let time = zero.splat(k as f64 * dt);
+        if !flight.obstacles.is_empty() {
+            let [free, reserve] = clearance(flight.obstacles, self.hull, truth);
+            let nearer = T::both(flying, free.lt(figures.clearance[0]));
+            figures.clearance[0] = T::select(nearer, free, figures.clearance[0]);
+            figures.clearance[1] = T::select(nearer, time, figures.clearance[1]);
+            figures.clearance[2] = keep(figures.clearance[2].min(reserve), figures.clearance[2]);
+        }
+        let higher = T::both(flying, z.lt(figures.shallowest[0]));
+        figures.shallowest[0] = T::select(higher, z, figures.shallowest[0]);
+        figures.shallowest[1] = T::select(higher, time, figures.shallowest[1]);
+        for (i, angle) in [roll.abs(), pitch.abs()].into_iter().enumerate() {
+            let larger = T::both(flying, figures.tilt[i].lt(angle));
+            figures.tilt[i] = T::select(larger, angle, figures.tilt[i]);
+            figures.tilt_time[i] = T::select(larger, time, figures.tilt_time[i]);
+        }
         let desired = &thought.desired;
         let alert = thought.alert;
         let on_mission = T::both(flying, T::both(alert.level.lt(half), desired.done.lt(half)));
@@ -153,12 +165,13 @@ impl<T: Real> Tally<T> {
         let sound = figures.duration.abs().lt(one.splat(f64::INFINITY));
         let errors = figures.cross_track.iter_mut().chain(&mut figures.true_cross_track);
         let pairs = errors.chain(&mut figures.vertical).chain(&mut figures.tilt);
+        let pairs = pairs.chain(&mut figures.tilt_time).chain(&mut figures.shallowest);
+        let pairs = pairs.chain(&mut figures.clearance);
         for figure in pairs.chain([
             &mut figures.energy,
             &mut figures.excursion,
             &mut figures.depth,
             &mut figures.altitude,
-            &mut figures.clearance,
             &mut figures.distance,
             &mut figures.missed_by,
         ]) {

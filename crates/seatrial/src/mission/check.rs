@@ -9,7 +9,7 @@ use super::fence::inside;
 use super::file::MissionFile;
 use super::numbers::{finite, not_negative, positive};
 use super::plane::{Place, cross_each_other, distance_to_stretch};
-use super::waypoint::{Mission, Task, Vertical};
+use super::waypoint::{Mission, Obstacle, Task, Vertical};
 
 /// A leg shorter than this has no direction, m.
 const SHORTEST: f64 = 1e-6;
@@ -66,7 +66,7 @@ pub(super) fn mission(mission: &Mission, expansion: &Expansion) -> Result<(), St
         level(mission, k).map_err(|message| at(k, message))?;
         fence(mission, k).map_err(|message| at(k, message))?;
         length(mission, k).map_err(|message| at(k, message))?;
-        farms(mission, k, expansion).map_err(|message| at(k, message))?;
+        obstacles(mission, k).map_err(|message| at(k, message))?;
     }
     Ok(())
 }
@@ -137,9 +137,9 @@ fn length(mission: &Mission, k: usize) -> Result<(), String> {
     Ok(())
 }
 
-fn farms(mission: &Mission, k: usize, expansion: &Expansion) -> Result<(), String> {
+fn obstacles(mission: &Mission, k: usize) -> Result<(), String> {
     let [from, to] = stretch(mission, k);
-    for (leg, farm, wanted) in &expansion.farms {
+    for (number, Obstacle { shape: farm, distance: wanted, .. }) in mission.obstacles.iter().enumerate() {
         let about = match mission.waypoints[k].task {
             Task::Circle { radius, .. } => farm.distance(to, to) - radius,
             _ => f64::INFINITY,
@@ -148,7 +148,8 @@ fn farms(mission: &Mission, k: usize, expansion: &Expansion) -> Result<(), Strin
         // Rounding of the pattern's own chords.
         if found < wanted - SHORTEST {
             return Err(format!(
-                "distance_m: expected to stay {wanted} m from the farm of leg {leg} on the way there, found {found:.2} m; begin the round elsewhere or go round by further waypoints"
+                "distance_m: expected to stay {wanted} m from {} on the way there, found {found:.2} m; begin the round elsewhere or go round by further waypoints",
+                mission.obstacle_name(number)
             ));
         }
     }

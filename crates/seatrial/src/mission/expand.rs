@@ -6,11 +6,11 @@
 
 use super::farm::{Farm, Round, descent};
 use super::file::{Leg, MissionFile};
-use super::legs::{Lawnmower, Perimeter, Side, Spiral, WaypointLeg};
+use super::legs::{Lawnmower, ObstacleTable, Perimeter, Side, Spiral, WaypointLeg};
 use super::numbers::{angle, finite, not_negative, place, positive};
 use super::patterns::{Coil, Rectangle};
 use super::plane::Place;
-use super::waypoint::{MOST_WAYPOINTS, Task, Vertical, Waypoint};
+use super::waypoint::{MOST_WAYPOINTS, Obstacle, Task, Vertical, Waypoint};
 
 /// The waypoints of a mission, and what belongs to them.
 pub(super) struct Expansion {
@@ -18,8 +18,8 @@ pub(super) struct Expansion {
     pub waypoints: Vec<Waypoint>,
     /// Number of the leg of each, from 1.
     pub leg: Vec<usize>,
-    /// Farms: number of the leg, shape, distance to keep in m.
-    pub farms: Vec<(usize, Farm, f64)>,
+    /// What stands in the water.
+    pub obstacles: Vec<Obstacle>,
 }
 
 /// Speed in m/s and radius of acceptance in m.
@@ -35,7 +35,7 @@ pub(super) fn expand(file: &MissionFile) -> Result<Expansion, String> {
     let mut way = Way {
         file,
         level: (Vertical::Depth, not_negative("start.depth_m", file.start.depth_m)?),
-        out: Expansion { waypoints: Vec::new(), leg: Vec::new(), farms: Vec::new() },
+        out: Expansion { waypoints: Vec::new(), leg: Vec::new(), obstacles: Vec::new() },
     };
     for (k, leg) in file.legs.iter().enumerate() {
         let added = match leg {
@@ -47,7 +47,37 @@ pub(super) fn expand(file: &MissionFile) -> Result<Expansion, String> {
         added.and_then(|()| way.room(0.0)).map_err(|message| format!("leg {}: {message}", k + 1))?;
         way.out.leg.resize(way.out.waypoints.len(), k + 1);
     }
+    for (k, table) in file.obstacles.iter().enumerate() {
+        let obstacle = obstacle(table).map_err(|message| format!("obstacle {}: {message}", k + 1))?;
+        way.out.obstacles.push(obstacle);
+    }
     Ok(way.out)
+}
+
+/// A circle of centre and radius, or a polygon of corners.
+fn outline(
+    circle: (Option<f64>, Option<f64>, Option<f64>),
+    corners: &[Place],
+    what: &str,
+) -> Result<Farm, String> {
+    match (circle, corners) {
+        ((Some(north), Some(east), Some(radius)), []) => {
+            Ok(Farm::Circle { centre: place(north, east)?, radius: positive("radius_m", radius)? })
+        }
+        ((None, None, None), [_, ..]) => {
+            corners.iter().flatten().try_for_each(|x| finite("corners_m", *x).map(drop))?;
+            Farm::polygon(corners).map_err(|message| format!("corners_m: {message}"))
+        }
+        _ => Err(format!("expected either north_m, east_m and radius_m of a circular {what} or corners_m")),
+    }
+}
+
+fn obstacle(table: &ObstacleTable) -> Result<Obstacle, String> {
+    Ok(Obstacle {
+        shape: outline((table.north_m, table.east_m, table.radius_m), &table.corners_m, "obstacle")?,
+        distance: not_negative("distance_m", table.distance_m)?,
+        leg: None,
+    })
 }
 
 struct Way<'a> {
@@ -224,22 +254,10 @@ impl Way<'_> {
     }
 
     fn perimeter(&mut self, leg: &Perimeter, number: usize) -> Result<(), String> {
-        let farm = match (leg.north_m, leg.east_m, leg.radius_m, &leg.corners_m[..]) {
-            (Some(north), Some(east), Some(radius), []) => {
-                Farm::Circle { centre: place(north, east)?, radius: positive("radius_m", radius)? }
-            }
-            (None, None, None, [_, ..]) => {
-                leg.corners_m.iter().flatten().try_for_each(|x| finite("corners_m", *x).map(drop))?;
-                Farm::polygon(&leg.corners_m).map_err(|message| format!("corners_m: {message}"))?
-            }
-            _ => {
-                return Err(
-                    "expected either north_m, east_m and radius_m of a circular farm or corners_m".into()
-                );
-            }
-        };
+        let farm = outline((leg.north_m, leg.east_m, leg.radius_m), &leg.corners_m, "farm")?;
+        let promised = positive("distance_m", leg.distance_m)?;
         let round = Round {
-            distance: positive("distance_m", leg.distance_m)?,
+            distance: promised + not_negative("margin_m", leg.margin_m)?,
             tolerance: positive("tolerance_m", leg.tolerance_m)?,
             bearing: angle("start_bearing_deg", leg.start_bearing_deg)?,
             side: leg.direction.sign(),
@@ -300,7 +318,7 @@ impl Way<'_> {
                 );
             }
         }
-        self.out.farms.push((number, farm, round.distance));
+        self.out.obstacles.push(Obstacle { shape: farm, distance: promised, leg: Some(number) });
         Ok(())
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! Tests: `tests/mission.rs`.
 
-use super::legs::{Lawnmower, Perimeter, Spiral, WaypointLeg, corners};
+use super::legs::{Lawnmower, ObstacleTable, Perimeter, Spiral, WaypointLeg, corners};
 use crate::error::{Error, nearest};
 use crate::ranges;
 use crate::toml_file::{explain, parsed};
@@ -38,6 +38,9 @@ pub struct MissionFile {
     /// What the mission may not leave.
     #[serde(default)]
     pub limits: LimitsTable,
+    /// What stands in the water besides the farms of the legs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<ObstacleTable>,
     /// The legs, in order.
     #[serde(default, deserialize_with = "legs")]
     pub legs: Vec<Leg>,

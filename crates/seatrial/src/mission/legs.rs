@@ -149,8 +149,11 @@ pub struct Perimeter {
     /// Corners of a convex farm in order, north and east, m, instead of centre and radius.
     #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "corners")]
     pub corners_m: Vec<[f64; 2]>,
-    /// Smallest distance kept from the farm, m.
+    /// Smallest distance of the hull from the farm that the mission promises, m.
     pub distance_m: f64,
+    /// How much farther out the way is laid, m: room for turns, current and errors of the sensors.
+    #[serde(default)]
+    pub margin_m: f64,
     /// Depths of the rounds in turn, m; one round as the leg before when missing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub depths_m: Vec<f64>,
@@ -166,7 +169,7 @@ pub struct Perimeter {
     /// Side on which the farm lies.
     #[serde(default)]
     pub direction: Side,
-    /// Largest excess over `distance_m` along the way, m.
+    /// Largest excess over `distance_m + margin_m` along the way, m.
     #[serde(default = "tolerance")]
     pub tolerance_m: f64,
     /// Speed over ground, m/s.
@@ -178,6 +181,27 @@ pub struct Perimeter {
     /// Begins the labels; `farm` when missing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub label: Option<String>,
+}
+
+/// What stands in the water from the surface to the bottom.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ObstacleTable {
+    /// Centre of a round one: north of the origin, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub north_m: Option<f64>,
+    /// Centre of a round one: east of the origin, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub east_m: Option<f64>,
+    /// Radius of a round one, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius_m: Option<f64>,
+    /// Corners of a convex one in order, north and east, m, instead of centre and radius.
+    #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "corners")]
+    pub corners_m: Vec<[f64; 2]>,
+    /// Smallest distance of the hull from it that the mission promises, m.
+    #[serde(default)]
+    pub distance_m: f64,
 }
 
 /// A side of the vehicle.

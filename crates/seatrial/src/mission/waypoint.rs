@@ -1,5 +1,6 @@
 //! A checked mission: start, waypoints, limits. Guidance knows nothing but these.
 
+use super::farm::Farm;
 use super::file::MissionFile;
 use crate::number::algebra::Vec3;
 
@@ -68,6 +69,17 @@ pub struct Limits {
     pub fence: Vec<[f64; 2]>,
 }
 
+/// What stands in the water from the surface to the bottom.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Obstacle {
+    /// Its outline seen from above.
+    pub shape: Farm,
+    /// Smallest distance of the hull from it that the mission promises, m; 0: it may come near, but not touch.
+    pub distance: f64,
+    /// Number of the leg that goes about it, from 1; none for one of `[[obstacles]]`.
+    pub leg: Option<usize>,
+}
+
 /// Where the first leg begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
@@ -90,4 +102,6 @@ pub struct Mission {
     pub legs: Vec<usize>,
     /// What the mission may not leave.
     pub limits: Limits,
+    /// What stands in the water: the farms of the legs, then those of `[[obstacles]]`.
+    pub obstacles: Vec<Obstacle>,
 }

@@ -16,12 +16,12 @@ fn example(k: usize) -> Mission {
 }
 
 #[test]
-fn examples_are_flights_of_five_to_fifteen_minutes_under_their_own_names() {
+fn examples_are_flights_of_five_to_twenty_minutes_under_their_own_names() {
     for (k, (name, _)) in EXAMPLES.iter().enumerate() {
         let m = example(k);
         assert_eq!(m.file.name, *name);
         let minutes = m.planned_time() / 60.0;
-        assert!((5.0..15.0).contains(&minutes), "{name} takes {minutes:.1} minutes");
+        assert!((5.0..20.0).contains(&minutes), "{name} takes {minutes:.1} minutes");
         assert!(m.path_length() > 50.0);
     }
 }

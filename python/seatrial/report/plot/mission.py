@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.report.plot.track import Plan, PlannedPath, Seabed
 
-__all__ = ["mission_plan"]
+__all__ = ["mission_plan", "outlines"]
 
 _INK = "#262626"
 
@@ -69,7 +69,7 @@ def mission_plan(mission: Mission, *, seabed: Seabed | None = None) -> Figure:
     columns = mission.waypoints
     acceptance = np.asarray(columns["acceptance_radius_m"], dtype=float)
     runs = patterns(columns["label"])[:_MOST_PATTERNS]
-    farms = _farms(mission)
+    farms = outlines(mission)
     around = [path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]]
     fence = [mission.fence] if len(mission.fence) else []
     corners = extent(path.points, *around, *fence, *farms)
@@ -113,15 +113,15 @@ def _extra(mission: Mission, farms: list[Array]) -> list[str]:
     """Words of the legend that only some missions have."""
     said = ["station kept"] if np.any(np.asarray(mission.waypoints["hold_s"]) > 0.0) else []
     said += ["fence"] if len(mission.fence) else []
-    said += ["fish farm"] if farms else []
+    said += ["net or obstacle"] if farms else []
     said += ["depth limit"] if np.isfinite(mission.limits["max_depth_m"]) else []
     return said + (["bottom not known"] if "altitude" in mission.waypoints["vertical"] else [])
 
 
-def _farms(mission: Mission) -> list[Array]:
-    """Outlines (n, 2) of the farms that a mission goes about, north and east in m."""
+def outlines(mission: Mission) -> list[Array]:
+    """Outlines (n, 2) of what stands in the water of a mission, north and east in m."""
     found = []
-    for farm in mission.farms:
+    for farm in mission.obstacles:
         if "corners_m" in farm:
             found.append(np.asarray(farm["corners_m"], dtype=float))
         else:
@@ -142,7 +142,7 @@ def _surroundings(plan: Plan, mission: Mission, farms: list[Array]) -> None:
             linewidth=0.7,
             hatch="////",
             alpha=0.8,
-            label=None if k else "fish farm",
+            label=None if k else "net or obstacle",
             zorder=1.5,
         )
     if len(mission.fence):

@@ -138,7 +138,7 @@ def log_metrics(
     vehicle : Vehicle, optional
         Gives the neutral command of the actuators.
     obstacles : sequence of Obstacle, optional
-        What stands in the water; the mission's farms when omitted.
+        What stands in the water besides the mission's own.
     """
     trial = log.trial
     here = set(trial.channels)
@@ -151,6 +151,7 @@ def log_metrics(
         found["energy_wh"] = float(np.nansum(log.beside["power"][:-1]) * trial.dt / 3600.0)
     if "z" in here:
         found["depth_largest_m"] = float(np.nanmax(trial.channel("z")))
+        found["depth_smallest_m"] = float(np.nanmin(trial.channel("z")))
     altitude = log.beside.get("altitude")
     if altitude is not None and np.isfinite(altitude).any():
         found["altitude_smallest_m"] = float(np.nanmin(altitude))
@@ -165,7 +166,7 @@ def log_metrics(
         ]
         found["switches_per_minute"] = 60.0 * float(np.mean(turns)) / max(found["duration_s"], 1e-9)
     if mission is not None and {"x", "y"} <= here:
-        found |= _of_guidance(log, mission) | _clearance(log, mission, obstacles)
+        found |= _of_guidance(log, mission) | _clearance(log, mission, vehicle, obstacles)
     return found
 
 
@@ -207,16 +208,29 @@ def _of_guidance(log: MissionLog, mission: Mission) -> dict[str, Any]:
     return found
 
 
-def _clearance(log: MissionLog, mission: Mission, given: Sequence[Obstacle] | None) -> dict[str, float]:
-    """Smallest horizontal distance of the measured positions from what stands in the water, m."""
-    from seatrial.campaign.verification_table import Obstacle
+def _clearance(
+    log: MissionLog, mission: Mission, vehicle: Vehicle | None, given: Sequence[Obstacle] | None
+) -> dict[str, float]:
+    """Smallest distance of the hull at the measured positions from what stands in the water, m."""
     from seatrial.verification.requirement import obstacles
 
-    circles = np.array(obstacles((Obstacle(from_mission=True),) if given is None else given, mission))
-    if not len(circles):
+    trial = log.trial
+    columns = [
+        trial.channel(name) if name in trial.channels else np.zeros(len(trial.t))
+        for name in ("x", "y", "z", "roll", "pitch", "yaw")
+    ]
+    pose = np.stack(columns, axis=1)
+    told = np.isfinite(pose).all(axis=1)
+    if not told.any():
         return {"clearance_m": float("inf")}
-    away = log.trial.position[:, None, :2] - circles[None, :, :2]
-    return {"clearance_m": float(np.nanmin(np.hypot(away[..., 0], away[..., 1]) - circles[:, 2]))}
+    hull = vehicle if "yaw" in trial.channels else None  # else nobody knows how it lies
+    away = mission.core.clearance(hull, pose[told, :3], pose[told, 3:], obstacles=obstacles(given or ()))
+    nearest = int(np.argmin(away[:, 0]))
+    return {
+        "clearance_m": float(away[nearest, 0]),
+        "clearance_time_s": float(trial.t[told][nearest]),
+        "clearance_reserve_m": float(np.min(away[:, 1])),
+    }
 
 
 def _excursion(log: MissionLog, path: Route, progress: Progress, under_way: Mask) -> float:

@@ -126,7 +126,7 @@ def verify_log(
     corridors : mapping of str to Corridor, optional
         By loop, for the steps of logged set points.
     obstacles : sequence of Obstacle, optional
-        What stands in the water, for ``clearance_m``; the mission's farms when omitted.
+        What stands in the water besides the mission's own, for ``clearance_m``.
     sensors, current : optional
         As for `seatrial.fly`. The sensors' offsets belong to the band, those of "typical" ones when omitted;
         both are those of the envelope.

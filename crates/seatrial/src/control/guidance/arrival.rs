@@ -6,6 +6,9 @@
 //! any cross-track distance, since nobody should turn round for a missed point; [`Progress::farthest_miss`] tells how
 //! far off it was.
 //!
+//! The turn at a waypoint that is passed begins before it ([`turn`](super::turn)): the leg ends there too, and the smallest
+//! distance to the waypoint goes on counting on the next leg.
+//!
 //! | task | busy at the point from | ends |
 //! |---|---|---|
 //! | pass | never, or on a leg steeper than `pitch_max` from its plane on | at the sphere or plane; after a steep leg when the depth is within `R_0` |
@@ -22,6 +25,7 @@ use super::fix::Fix;
 use super::flag::{below, holds, not, pick};
 use super::leg::Place;
 use super::progress::Progress;
+use super::turn;
 use crate::mission::Waypoint;
 use crate::number::real::Real;
 
@@ -82,6 +86,9 @@ pub fn update<T: Real>(
     let work = Work::new(guidance, progress);
     let miss = work.miss(&place);
     progress.closest = progress.closest.min(miss);
+    let [x, y, z] = [0, 1, 2].map(|i| fix.position[i] - progress.passing[i]);
+    let behind = x.mul_add(x, y.mul_add(y, z * z)).sqrt();
+    progress.passed_by = progress.passed_by.min(behind);
     let at_once = pass(guidance, progress, &place, passed, miss);
     begin_work(guidance, progress, &work, &place, (passed, at_once));
     let work = Work::new(guidance, progress);
@@ -89,7 +96,7 @@ pub fn update<T: Real>(
 
     let complete = at_once.max(ended) * not(progress.done);
     if T::any(holds(complete)) {
-        finish(waypoints, progress, fix, &work, complete);
+        finish(guidance, waypoints, progress, (fix, &work), complete);
     }
 }
 
@@ -101,7 +108,8 @@ fn pass<T: Real>(guidance: &Guidance<T>, progress: &Progress<T>, place: &Place<T
     let deep_enough = not(below(leg.acceptance, place.below.abs()));
     let inside = not(below(leg.acceptance, miss));
     let steep = below(guidance.pitch_max, leg.slope.abs()).max(leg.upright);
-    plain * inside.max(passed * not(steep)).max(progress.busy.max(passed) * deep_enough)
+    let turns = turn::begins(guidance, leg, place) * progress.armed * not(steep);
+    plain * inside.max(turns).max(passed * not(steep)).max(progress.busy.max(passed) * deep_enough)
 }
 
 /// Marks the vehicle busy where it has come to its work.
@@ -165,14 +173,26 @@ fn count<T: Real>(
 /// Goes on to the next waypoint, or completes the mission at the last.
 #[inline(always)]
 fn finish<T: Real>(
+    guidance: &Guidance<T>,
     waypoints: &[Waypoint],
     progress: &mut Progress<T>,
-    fix: &Fix<T>,
-    work: &Work<T>,
+    (fix, work): (&Fix<T>, &Work<T>),
     complete: T,
 ) {
     let last = not(below(progress.index, progress.index.splat(waypoints.len() as f64 - 1.0)));
-    progress.farthest = pick(complete, progress.farthest.max(progress.closest), progress.farthest);
+    progress.farthest = pick(complete, progress.farthest.max(progress.passed_by), progress.farthest);
+    // What was busy at its waypoint has been there; a turn may bring the vehicle nearer to one that it passes.
+    let passes = not(progress.leg.hold.max(progress.leg.circle));
+    progress.farthest =
+        pick(complete * not(passes), progress.farthest.max(progress.closest), progress.farthest);
+    progress.passed_by = pick(complete, progress.closest * passes, progress.passed_by);
+    let place = progress.leg.place(fix, progress.terrain);
+    let behind = [progress.leg.end[0], progress.leg.end[1], place.target];
+    for (to, from) in progress.passing.iter_mut().zip(behind) {
+        *to = pick(complete, from, *to);
+    }
+    progress.setting_off = pick(complete, work.holding, progress.setting_off);
+    turn::lay(guidance, progress, &place, complete * passes);
     let ends = complete * last;
     progress.done = progress.done.max(ends);
     progress.busy = progress.busy.max(ends);

@@ -48,6 +48,10 @@ pub struct Guidance<T> {
     pub weathervane_gain: T,
     /// Radius of the circle of a vehicle that cannot stop, m.
     pub loiter_radius: T,
+    /// Radius of the turning circle, m; 0: turns begin at the sphere of acceptance, and follow no circle.
+    pub turn_radius: T,
+    /// Delay of the course by which turns are asked for earlier, s.
+    pub turn_delay: T,
 }
 
 /// Least share of the lookahead distances on slow legs.
@@ -79,6 +83,8 @@ impl<T: Real> Guidance<T> {
             watch_radius: zero,
             weathervane_gain: zero,
             loiter_radius: zero,
+            turn_radius: zero,
+            turn_delay: zero,
         };
         for (index, value) in table.tunable().into_iter().enumerate() {
             guidance.set(index, zero.splat(value));
@@ -113,6 +119,8 @@ impl<T: Real> Guidance<T> {
             13 => self.watch_radius = value,
             14 => self.weathervane_gain = value,
             15 => self.loiter_radius = value,
+            16 => self.turn_radius = value,
+            17 => self.turn_delay = value,
             _ => {}
         }
     }

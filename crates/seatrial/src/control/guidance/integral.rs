@@ -11,7 +11,7 @@
 //! The vertical integral (trim, buoyancy, an upwelling) is independent of the course and stays. `I` is in proportion
 //! to current over speed; after a change of speed the rest is learnt.
 //!
-//! **Wind-up.** Nothing is learnt on station, beyond the end of a leg, while the heading is more than 60° off the
+//! **Wind-up.** Nothing is learnt on station, on the turn between two legs, beyond the end of a leg, while the heading is more than 60° off the
 //! desired one, and while a limit of heading or pitch binds. The crab angle that is learnt stays within 45°, the
 //! pitch within its limit.
 //!
@@ -45,7 +45,7 @@ pub fn learn<T: Real>(
     (fix, work, dt): (&Fix<T>, &Work<T>, f64),
 ) {
     let (learnt, learnt_vertical) = offsets(guidance, progress, path);
-    let under_way = not(work.holding) * not(path.direct);
+    let under_way = not(work.holding) * not(path.direct) * not(progress.turn.under_way);
 
     let off = (aim.heading - fix.attitude[2]).wrap().abs();
     let free = under_way * below(off, off.splat(FAR_OFF)) * heading_follows(progress, aim.heading);

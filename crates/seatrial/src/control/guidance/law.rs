@@ -24,6 +24,9 @@ use super::progress::Progress;
 use super::table::Method;
 use crate::number::real::Real;
 
+/// How much the crab angle's tangent grows at most on the way to a station.
+const MOST_CRAB: f64 = 4.0;
+
 /// What is asked for before any limit.
 #[derive(Clone, Copy, Debug)]
 pub struct Aim<T> {
@@ -65,7 +68,17 @@ pub fn follow<T: Real>(
 ) -> Aim<T> {
     let zero = path.cross.zero();
     let (learnt, learnt_vertical) = offsets(guidance, progress, path);
-    let lookahead = path.course - (path.cross + learnt).atan2(guidance.lookahead);
+    let slow = progress.leg.hold * not(progress.busy) * zero.splat(if guidance.hover { 1.0 } else { 0.0 });
+    let braking = (guidance.acceleration_max * place.range).sqrt();
+    let full = progress.leg.speed;
+    let speed = pick(slow, full.min(braking).min(guidance.hold_gain * place.range), full);
+    // The slower, the farther the bow must turn into the current to keep to the line.
+    let crab = if guidance.sway {
+        zero.splat(1.0)
+    } else {
+        (full / speed.max(zero.splat(1e-9))).min(zero.splat(MOST_CRAB))
+    };
+    let lookahead = path.course - learnt.mul_add(crab, path.cross).atan2(guidance.lookahead);
     let pitch = path.slope + (path.vertical + learnt_vertical).atan2(guidance.lookahead_vertical);
 
     let pursuit = zero.splat(if guidance.method == Method::Pursuit { 1.0 } else { 0.0 }) * not(path.circling);
@@ -73,12 +86,9 @@ pub fn follow<T: Real>(
     let bearing = place.to_end[1].atan2(place.to_end[0]);
     let heading = pick(direct, bearing, lookahead);
     let to_point = pursuit * not(progress.leg.terrain.max(path.set));
-    let speed = progress.leg.speed;
-    let slow = progress.leg.hold * not(progress.busy) * zero.splat(if guidance.hover { 1.0 } else { 0.0 });
-    let braking = (guidance.acceleration_max * place.range).sqrt();
-    let speed = pick(slow, speed.min(braking).min(guidance.hold_gain * place.range), speed);
+    let share = pick(progress.setting_off, zero, guidance.turn_speed_share);
     Aim {
-        speed: speed * left_in_turn(guidance.turn_speed_share, heading - fix.attitude[2]),
+        speed: speed * left_in_turn(share, heading - fix.attitude[2]),
         lateral: zero,
         heading,
         pitch: pick(to_point, place.below.atan2(place.range), pitch),

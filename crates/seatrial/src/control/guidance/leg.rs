@@ -14,6 +14,7 @@
 use super::fix::Fix;
 use super::flag::{below, not, pick};
 use super::path::Path;
+use super::turn;
 use crate::mission::{Task, Vertical, Waypoint};
 use crate::number::algebra::Vec3;
 use crate::number::real::Real;
@@ -65,6 +66,10 @@ pub struct Leg<T> {
     pub slope: T,
     /// Depth gained per metre of way.
     pub fall: T,
+    /// Tangent of half the change of course at its end, positive to starboard.
+    pub bend: T,
+    /// Largest radius of the turn there, m; 0 where the vehicle does not turn on its way.
+    pub widest: T,
 }
 
 /// The vehicle against its leg.
@@ -114,11 +119,14 @@ impl<T: Real> Leg<T> {
         let (sine, cosine) = course.sin_cos();
         let level = terrain.max(upright);
         let zero = length.zero();
+        let next = |i: usize| index.tabulated(|k| (after(waypoints, k.max(0.0) as usize)[i], 0.0));
+        let acceptance = get(|w| w.acceptance);
+        let (bend, widest) = turn::corner((next(0) - course).wrap(), acceptance, length.min(next(1)));
         Self {
             end,
             terrain,
             speed: get(|w| w.speed),
-            acceptance: get(|w| w.acceptance),
+            acceptance,
             hold: one_if(|w| matches!(w.task, Task::Hold { .. })),
             seconds: get(|w| if let Task::Hold { seconds, .. } = w.task { seconds } else { 0.0 }),
             wished: one_if(|w| matches!(w.task, Task::Hold { heading: Some(_), .. })),
@@ -136,6 +144,8 @@ impl<T: Real> Leg<T> {
             upright,
             slope: pick(level, zero, (-down).atan2(length)),
             fall: pick(level, zero, down / length),
+            bend,
+            widest,
         }
     }
 
@@ -167,6 +177,8 @@ impl<T: Real> Leg<T> {
             upright: f(self.upright, other.upright),
             slope: f(self.slope, other.slope),
             fall: f(self.fall, other.fall),
+            bend: f(self.bend, other.bend),
+            widest: f(self.widest, other.widest),
         }
     }
 
@@ -209,5 +221,17 @@ impl<T: Real> Leg<T> {
             direct: below(zero, place.along) * not(self.upright),
             set: zero,
         }
+    }
+}
+
+/// Course and horizontal length of the leg behind a waypoint that is passed, rad and m; 0 m where the vehicle does not
+/// pass it, or goes nowhere from there.
+fn after(waypoints: &[Waypoint], k: usize) -> [f64; 2] {
+    match (waypoints.get(k), waypoints.get(k + 1)) {
+        (Some(here), Some(next)) if here.task == Task::Pass => {
+            let [north, east] = [0, 1].map(|i| next.position[i] - here.position[i]);
+            [east.atan2(north), north.hypot(east)]
+        }
+        _ => [0.0; 2],
     }
 }

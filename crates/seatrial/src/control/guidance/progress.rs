@@ -3,6 +3,7 @@
 use super::fix::Fix;
 use super::flag::{holds, pick};
 use super::leg::Leg;
+use super::turn::Turn;
 use crate::mission::{Start, Waypoint};
 use crate::number::real::Real;
 
@@ -36,6 +37,14 @@ pub struct Progress<T> {
     pub(super) closest: T,
     /// Largest of these distances over the waypoints that are done with, m.
     pub(super) farthest: T,
+    /// The waypoint behind the vehicle, whose turn may have begun before it: north, east, depth, m.
+    pub(super) passing: [T; 3],
+    /// Smallest distance to it so far, m.
+    pub(super) passed_by: T,
+    /// The turn onto the active leg.
+    pub(super) turn: Turn<T>,
+    /// The vehicle sets off from a station with its bow off the course.
+    pub(super) setting_off: T,
     /// Heading that is kept on station, rad.
     pub(super) kept_heading: T,
     /// Station was kept at the last step.
@@ -80,6 +89,10 @@ impl<T: Real> Progress<T> {
             done: zero,
             closest: zero.splat(FAR),
             farthest: zero,
+            passing: [zero; 3],
+            passed_by: zero,
+            turn: Turn::none(zero),
+            setting_off: zero,
             kept_heading: zero,
             was_holding: zero,
             drift: [zero; 2],
@@ -108,11 +121,11 @@ impl<T: Real> Progress<T> {
         self.closest
     }
 
-    /// Largest of the smallest distances to the waypoints that are done with, m: every waypoint was reached when it
+    /// Largest of the smallest distances to the waypoints that are done with, m, the last of them until now: every waypoint was reached when it
     /// is not above the radius of acceptance.
     #[inline(always)]
     pub fn farthest_miss(&self) -> T {
-        self.farthest
+        self.farthest.max(self.passed_by)
     }
 
     /// Drift that the integral has learnt, north and east, as multiples of κ/Δ in s: the crab angle that it asks

@@ -60,6 +60,11 @@ pub struct GuidanceTable {
     pub weathervane_gain_rad_m: f64,
     /// Radius of the circle of a vehicle that cannot stop, m.
     pub loiter_radius_m: f64,
+    /// Radius of the turning circle with which turns begin before their waypoint, m; at least speed over
+    /// `turn_rate_max_deg_s` counts. 0: a turn begins at the sphere of acceptance.
+    pub turn_radius_m: f64,
+    /// Delay of the course, s, by which turns begin earlier; with `turn_radius_m` only.
+    pub turn_delay_s: f64,
 }
 
 impl Default for GuidanceTable {
@@ -83,12 +88,14 @@ impl Default for GuidanceTable {
             watch_radius_m: 5.0,
             weathervane_gain_rad_m: 1.0,
             loiter_radius_m: 20.0,
+            turn_radius_m: 0.0,
+            turn_delay_s: 0.0,
         }
     }
 }
 
 /// The numbers that may differ from candidate to candidate: keys of the table.
-pub const TUNABLE: [&str; 16] = [
+pub const TUNABLE: [&str; 18] = [
     "lookahead_m",
     "lookahead_vertical_m",
     "integral_gain_m_s",
@@ -105,10 +112,12 @@ pub const TUNABLE: [&str; 16] = [
     "watch_radius_m",
     "weathervane_gain_rad_m",
     "loiter_radius_m",
+    "turn_radius_m",
+    "turn_delay_s",
 ];
 
 /// Indices in [`TUNABLE`] of what may be zero.
-const MAY_BE_ZERO: [usize; 4] = [2, 3, 10, 14];
+const MAY_BE_ZERO: [usize; 6] = [2, 3, 10, 14, 16, 17];
 const PITCH_MAX: usize = 4;
 const TURN_SPEED_SHARE: usize = 10;
 
@@ -144,6 +153,8 @@ impl GuidanceTable {
             &mut self.watch_radius_m,
             &mut self.weathervane_gain_rad_m,
             &mut self.loiter_radius_m,
+            &mut self.turn_radius_m,
+            &mut self.turn_delay_s,
         ]
     }
 
