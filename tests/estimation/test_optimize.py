@@ -172,3 +172,38 @@ def test_error_of_the_objective_reaches_the_caller() -> None:
 def test_bounds_must_enclose_a_range() -> None:
     with pytest.raises(ValueError, match="upper"):
         evolve(rosenbrock, [0, 0], lower=[0, 1], upper=[1, 1])
+
+
+def test_the_strategy_finds_the_valley_from_ten_far_starts_by_itself() -> None:
+    """Damping and lift trade against each other: eight parameters, of which pairs nearly cancel."""
+
+    def valley(x: Array) -> Array:
+        away = x - 0.6
+        total, difference = away[:, ::2] + away[:, 1::2], away[:, ::2] - away[:, 1::2]
+        return np.asarray(0.1 + np.abs(total).mean(axis=1) + 0.1 * np.abs(difference).mean(axis=1))
+
+    generator = np.random.default_rng(3)
+    for seed in range(10):
+        start = generator.uniform(0.0, 0.05, 8) + (0.95 if seed % 2 else 0.0)
+        found = evolve(valley, start, lower=[0.0] * 8, upper=[1.0] * 8, seed=seed, tolerance=0.1)
+        # The tolerance of the stages' global search: what is left of the valley is the descent's work.
+        assert found.history[-1].best < 0.13, seed
+        assert found.history[-1].best < 0.2 * found.start_cost
+
+
+def test_a_good_start_is_not_what_the_strategy_found() -> None:
+    """At the optimum nothing is gained; the strategy searches all the same and comes as close."""
+    bowl = lambda x: 1.0 + 50.0 * ((x - 0.5) ** 2).sum(axis=1)  # noqa: E731
+    found = evolve(bowl, [0.5] * 8, lower=[0.0] * 8, upper=[1.0] * 8, seed=2, tolerance=0.01)
+    assert found.cost == found.start_cost == 1.0
+    assert found.history[0].best > 2.0
+    assert found.history[-1].best < 1.1
+
+
+def test_the_strategy_begins_elsewhere_where_everything_diverges() -> None:
+    def island(x: Array) -> Array:
+        away = np.abs(x - 0.85).max(axis=1)
+        return np.where(away < 0.12, 1.0 + away, np.inf)
+
+    found = evolve(island, [0.05, 0.05], lower=[0.0, 0.0], upper=[1.0, 1.0], seed=1)
+    assert found.cost < 1.05

@@ -15,6 +15,7 @@ from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError
 from seatrial.base.progress import Progress
 from seatrial.campaign.campaign import Campaign
+from seatrial.check.campaign import check_campaign
 from seatrial.estimation.criterion import Criterion
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
@@ -257,3 +258,19 @@ def test_all_candidates_diverged(campaign: Callable[..., Campaign], monkeypatch:
     monkeypatch.setattr(Criterion, "__call__", lambda self, candidates: np.full(len(candidates), np.inf))
     with pytest.raises(SimulationError, match="candidates diverged; check the units"):
         identify(campaign(SURGE))
+
+
+def test_a_start_vehicle_that_diverges_is_said_and_searched_away_from(
+    recordings: dict[str, pl.DataFrame],
+) -> None:
+    """Damping with the wrong sign: every segment runs away, and so do the derivatives."""
+    drag = SURGE.replace("[-30.0, -4.0]", "[-30.0, 90.0]")
+    start = Vehicle.load("cwolf").with_coefficients({"X_uu": 80.0})
+    made = Campaign.from_toml(
+        HEAD + TRIALS + drag + "[polish]\n", source="made.toml", trials=recordings, vehicle=start
+    )
+    check = check_campaign(made)
+    assert any("'surge': the vehicle that the search starts from diverges" in line for line in check.warnings)
+    fit = identify(made)
+    assert any("'surge': the vehicle that the search starts from diverges" in line for line in fit.before)
+    assert found(fit)["X_uu"] == pytest.approx(TRUTH["X_uu"], rel=0.03)

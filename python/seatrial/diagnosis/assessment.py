@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.parameters import Parameter
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
@@ -133,7 +131,17 @@ def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]
         As for `seatrial.estimation.joint.Joint`.
     """
     joint = Joint(campaign, threads=threads)
-    return warnings_before(linearise(joint, joint.start))
+    lin = linearise(joint, joint.start)
+    lost = sum(not piece.counted.any() for piece in lin.pieces)
+    if lost == len(lin.pieces):
+        return ["what the data tell is judged after the search: the start vehicle diverges on every segment"]
+    said = warnings_before(lin)
+    if lost and said:
+        said.append(
+            f"the sentences before are of {len(lin.pieces) - lost} of {len(lin.pieces)} segments: on the"
+            " others the start vehicle diverges"
+        )
+    return said
 
 
 def assess(joint: Joint, polished: Polished) -> Assessment:
@@ -151,7 +159,7 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
         The model diverges on every segment.
     """
     lin = linearise(joint, polished.values, initial=polished.initial, noise=polished.noise)
-    if not any(np.isfinite(piece.residual).all() for piece in lin.pieces):
+    if not any(piece.counted.any() for piece in lin.pieces):
         raise CampaignError(
             f"{joint.campaign.source}: polish: the model diverges on every segment; check the bounds"
         )

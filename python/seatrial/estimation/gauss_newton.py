@@ -31,6 +31,9 @@ _TRIALS = 6
 
 _NOISE_FLOOR = 1e-3
 
+_DIVERGED = 1e3
+"""Error, in standard deviations of the channel, from which a simulation counts as diverged."""
+
 
 @dataclass(frozen=True)
 class _Local:
@@ -245,8 +248,13 @@ class GaussNewton:
         size = len(self.unknowns) + len(extra)
         slopes = joint.slopes(values, initial, extra=extra)
         for index, (error, by_unknown, by_initial, places) in enumerate(slopes):
-            local, _, _ = self._eliminated(error, by_unknown, by_initial, places, initial[index])
             segment = joint.data.segments[index]
+            counted = joint.counted(index)
+            if not np.all(np.abs(error) < _DIVERGED * joint.data.scale[joint.used]):
+                # A simulation that ran away tells nothing of its coefficients, here.
+                error, by_unknown, by_initial = (np.zeros_like(x) for x in (error, by_unknown, by_initial))
+                counted = np.zeros_like(counted)
+            local, _, _ = self._eliminated(error, by_unknown, by_initial, places, initial[index])
             trial = joint.data.trials[segment.record]
             full = np.zeros((*error.shape, size))
             full[:, :, places] = local.jacobian.reshape(*error.shape, -1)
@@ -255,7 +263,7 @@ class GaussNewton:
                     trial=joint.data.names[segment.record],
                     t=trial.t[segment.start : segment.stop],
                     residual=error / self.noise,
-                    counted=joint.counted(index),
+                    counted=counted,
                     weight=local.weight.reshape(error.shape),
                     jacobian=full,
                     nu=trial.smooth_nu(trial.t[segment.start : segment.stop])[0],

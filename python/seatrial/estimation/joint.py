@@ -224,12 +224,7 @@ class Joint:
         self.noise = 0.1 * self.data.scale[self.used]
         started = self.vehicle.with_coefficients(self.coefficients(self.start))
         self.substeps = stage_step(
-            started,
-            (),
-            free=self.stage.axes.free,
-            speeds=self.data.largest_speeds(),
-            dt=self.data.dt,
-            where=where,
+            started, (), free=self.stage.axes.free, speeds=self.data.largest_speeds(), dt=self.data.dt
         ).substeps
         self.initials, self.initial_sd = self._initial_conditions()
         self.problem = Problem(

@@ -211,8 +211,9 @@ class _Descent:
             initial = initial + rounds.settled(start, initial)
         here = first = self._placed(start, initial, centre)
         count, evaluations, converged, interrupted = 0, rounds.evaluations, False, False
+        limit = self.limit if np.isfinite(here.merit) else 0  # a start that diverges has no derivatives
         try:
-            while count < self.limit and not converged:
+            while count < limit and not converged:
                 count += 1
                 rounds.noise = here.noise.copy()
                 values, begun, promised = rounds.round(here.values, here.initial, centre)

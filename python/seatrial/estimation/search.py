@@ -52,6 +52,15 @@ LANES = 8
 
 _DISTINCT = 0.02
 
+_SPREAD = 0.3
+"""Standard deviation of a restarted population, a share of the box."""
+
+_DOUBLED = 2
+"""How often a restart doubles the population."""
+
+_LOST = 4
+"""Generations after which a run without a single finite cost begins elsewhere."""
+
 
 @dataclass(frozen=True)
 class Optimum:
@@ -167,7 +176,7 @@ class Ledger:
         elite = self.elite()
         return Optimum(
             x=self.from_box(elite[0]),
-            cost=self.best_cost,
+            cost=min(float(costs.min()) for costs in self.candidate_costs),
             start_cost=self.start_cost,
             elite=self.from_box(elite),
             evaluations=sum(len(costs) for costs in self.candidate_costs),
@@ -279,7 +288,13 @@ def evolve(
     tolerance: float = 1e-4,
     watch: Watch | None = None,
 ) -> Optimum:
-    """Optimum of a global search inside the bounds by an evolution strategy (CMA-ES).
+    """Optimum of a global search inside the bounds by an evolution strategy (CMA-ES) with restarts.
+
+    A run ends when its own best has gained less than the tolerance over the last generations: the start's
+    cost does not count, which a wide population takes long to reach. A search that ends above its start, or
+    where everything diverges, begins again at a random place in the box with twice the population (Auger &
+    Hansen 2005, IPOP), until the generations are used up. The history holds what the strategy found by
+    itself; the optimum is the best candidate, the start among them.
 
     Parameters
     ----------
@@ -298,7 +313,7 @@ def evolve(
     spread : float
         Standard deviation of the first population, a share of the box: small where the start is good already.
     tolerance : float
-        Stop when the best cost has not improved by this fraction over the last generations.
+        End a run when its best cost has not improved by this fraction over the last generations.
     watch : callable, optional
         Called with a `Step` after every generation; a KeyboardInterrupt that it raises ends the search.
 
@@ -318,32 +333,47 @@ def evolve(
     ledger = Ledger(objective, lower, upper, "evolution", generations, watch)
     first = ledger.to_box(start)
     size = batch_size(len(first), population)
-    # The package does not search one dimension: a second one without effect takes its place.
-    padded = np.append(first, 0.5) if len(first) == 1 else first
     generator = np.random.default_rng(seed)
-    options: dict[str, Any] = {
-        "bounds": [0.0, 1.0],
-        "popsize": size,
-        "seed": np.nan,  # leaves NumPy's global generator alone, which other threads may use
-        "randn": lambda *shape: generator.standard_normal(shape),
-        "tolflatfitness": 10,
-        "verbose": -9,
-        "verb_log": 0,
-        "verb_disp": 0,
-        "signals_filename": "",
-    }
-    patience = 10 + math.ceil(30 * len(first) / size)
+
+    def descend(centre: Array, sigma: float, size: int) -> float:
+        """Best cost of one run, which ends when it has gained nothing for long or has contracted."""
+        # The package does not search one dimension: a second one without effect takes its place.
+        padded = np.append(centre, 0.5) if len(centre) == 1 else centre
+        options: dict[str, Any] = {
+            "bounds": [0.0, 1.0],
+            "popsize": size,
+            "seed": np.nan,  # leaves NumPy's global generator alone, which other threads may use
+            "randn": lambda *shape: generator.standard_normal(shape),
+            "tolflatfitness": 10,
+            "verbose": -9,
+            "verb_log": 0,
+            "verb_disp": 0,
+            "signals_filename": "",
+        }
+        patience = 10 + math.ceil(30 * len(centre) / size)
+        strategy, own = cma.CMAEvolutionStrategy(padded, sigma, options), list[float]()
+        while ledger.generation < generations and not strategy.stop():
+            candidates = strategy.ask()
+            costs = ledger.costs(np.array(candidates)[:, : len(centre)])
+            strategy.tell(candidates, np.where(np.isfinite(costs), costs, DIVERGED))
+            ledger.close_generation()
+            own.append(min(own[-1] if own else math.inf, float(costs.min())))
+            if len(own) >= _LOST and not math.isfinite(own[-1]):
+                break
+            before = own[-1 - patience] if len(own) > patience else math.inf
+            if math.isfinite(before) and not before - own[-1] > tolerance * abs(before):
+                break
+        return own[-1] if own else math.inf
 
     def search() -> None:
         ledger.start_cost = float(ledger.costs(first[None, :])[0])
-        strategy = cma.CMAEvolutionStrategy(padded, spread, options)
-        while ledger.generation < generations and not strategy.stop():
-            candidates = strategy.ask()
-            costs = ledger.costs(np.array(candidates)[:, : len(first)])
-            strategy.tell(candidates, np.where(np.isfinite(costs), costs, DIVERGED))
-            ledger.close_generation()
-            if ledger.stalled(patience, tolerance):
-                break
+        ledger.best_cost = math.inf  # what the strategy finds, without its start
+        best, run = descend(first, spread, size), 0
+        good = min(ledger.start_cost * (1.0 + tolerance), DIVERGED)
+        while ledger.generation < generations and not best <= good:
+            run += 1
+            centre = generator.uniform(0.0, 1.0, len(first))
+            best = min(best, descend(centre, _SPREAD, size * 2 ** min(run, _DOUBLED)))
 
     return ledger.run(search)
 

@@ -123,6 +123,14 @@ class StageResult:
     interrupted: bool
     reused: bool = False
 
+    @property
+    def phases(self) -> dict[str, float]:
+        """Best cost that each phase of the search found by itself, each in its own criterion.
+
+        The global search has a longer step, and the segments' starts may be estimated after it.
+        """
+        return {step.phase: step.best for step in self.history}
+
     def to_dict(self) -> dict[str, Any]:
         """Result as plain numbers, texts, lists and dicts."""
         return asdict(self) | {"trials": list(self.trials), "history": [asdict(s) for s in self.history]}
@@ -158,7 +166,6 @@ def plan(campaign: Campaign) -> tuple[StagePlan, ...]:
             free=stage.axes.free,
             speeds=data.largest_speeds(),
             dt=data.dt,
-            where=campaign.where(stage),
         )
         budget = campaign.budget(stage)
         plans[stage.name] = StagePlan(
@@ -225,7 +232,7 @@ def run_stage(
         generations=plan.generations,
         **box | {"tolerance": max(plan.tolerance, _COARSE)},
     )
-    step = _fine_step(plan, vehicle, best.elite, campaign.where(stage))
+    step = _fine_step(plan, vehicle, best.elite)
     if step.substeps != plan.step.search:
         criterion = stepped(step.substeps)
     estimated = stage.start == "estimated"
@@ -285,7 +292,7 @@ def refitted_stage(
         Threads of the core.
     """
     start = np.array([optimum.estimates[parameter.name] for parameter in plan.parameters])
-    step = _fine_step(plan, vehicle, start[None, :], campaign.where(plan.stage))
+    step = _fine_step(plan, vehicle, start[None, :])
     problem = Problem(vehicle, plan.stage, plan.data, plan.parameters, step.substeps, threads)
     criterion = Criterion(problem)
     if plan.stage.start == "estimated":
@@ -312,7 +319,7 @@ def start_cost(campaign: Campaign, plan: StagePlan, *, threads: int | None = Non
     return float(criterion(start[None, :])[0])
 
 
-def _fine_step(plan: StagePlan, vehicle: Vehicle, elite: Array, where: str) -> StageStep:
+def _fine_step(plan: StagePlan, vehicle: Vehicle, elite: Array) -> StageStep:
     """Step of the fine search, from a bound around what the global search found."""
     step = stage_step(
         vehicle,
@@ -320,7 +327,6 @@ def _fine_step(plan: StagePlan, vehicle: Vehicle, elite: Array, where: str) -> S
         free=plan.stage.axes.free,
         speeds=plan.data.largest_speeds(),
         dt=plan.data.dt,
-        where=where,
     )
     return replace(step, substeps=max(step.substeps, plan.step.search))
 
@@ -351,6 +357,12 @@ def _start(parameter: Parameter, found: Mapping[str, float]) -> float:
     if parameter.start_given or member not in found:
         return parameter.start
     return min(max(found[member] / factor, parameter.lower), parameter.upper)
+
+
+def step_sentences(plans: Sequence[StagePlan]) -> tuple[str, ...]:
+    """A sentence per stage whose bounds admit vehicles that the search cannot follow."""
+    said = ((one.stage.name, one.step.sentence(one.data.dt)) for one in plans)
+    return tuple(f"stage {name!r}: {sentence}" for name, sentence in said if sentence)
 
 
 _PART = 0.1

@@ -9,13 +9,18 @@ The global search only ranks candidates: it takes h|lambda| <= 1, stable everywh
 search flies its best ones again at h|lambda| <= 0.25, the bound sought over the part of the box around them:
 corners of the whole box hold vehicles several times as fast as those that follow the log.
 
+Bounds that admit almost no mass hold vehicles of any rate. The search takes `_MOST_SEARCH` steps per sample
+at most; what is faster diverges there and ranks last. Which coefficients admit such vehicles, and the bounds
+from which none is left, is said before the search. All of it follows from the bounds alone, so that the same
+campaign is answered alike in every run.
+
 Tests: ``tests/estimation/test_step.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -23,7 +28,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
-from seatrial.base.errors import CampaignError, SeatrialError
+from seatrial.base.errors import SeatrialError
 from seatrial.campaign.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -45,6 +50,10 @@ _SPEED_MARGIN = 1.2
 
 _MOST_SUBSTEPS = 100
 
+_MOST_SEARCH = 40
+
+_BISECTIONS = 30
+
 _DIFFERENCE = 1e-4
 
 
@@ -52,16 +61,41 @@ _DIFFERENCE = 1e-4
 class StageStep:
     """Substeps per sample of the log and the bound that asked for them, rad/s.
 
-    ``search`` are the substeps of the global search, at most as many.
+    ``search`` are the substeps of the global search, at most as many. ``fast`` names what admits vehicles
+    that they do not follow: coefficient, its bound, and the bound that leaves none; the coefficient is empty
+    where the vehicle itself is one of them.
     """
 
     substeps: int
     rate: float
     search: int
+    fast: tuple[tuple[str, float, float], ...] = ()
+
+    def sentence(self, dt: float) -> str:
+        """What the search will not follow, and the bounds that mend it; empty where it follows all."""
+        if not self.fast:
+            return ""
+        limit = _MOST_SEARCH * SEARCH_RATE_LIMIT / dt
+        what = f"vehicles with rates up to {self.rate:.3g} rad/s"
+        said = (
+            f"the search follows {limit:.3g} rad/s ({_MOST_SEARCH} steps per sample of {dt:g} s) and takes"
+            " faster ones for diverged"
+        )
+        named = [
+            f"{name} no further than {_digits(good, bound)} (now {bound:.4g})"
+            for name, bound, good in self.fast
+            if name
+        ]
+        if not named:
+            return (
+                f"the start vehicle itself has a rate of {self.rate:.3g} rad/s; {said}: check its masses,"
+                " inertias and damping, or log at a higher rate"
+            )
+        return f"the bounds admit {what}; {said}. To exclude them bound {', '.join(named)}"
 
 
 def stage_step(
-    vehicle: Vehicle, parameters: Sequence[Parameter], *, free: str, speeds: Array, dt: float, where: str
+    vehicle: Vehicle, parameters: Sequence[Parameter], *, free: str, speeds: Array, dt: float
 ) -> StageStep:
     """Step for a vehicle whose parameters roam their bounds.
 
@@ -76,40 +110,86 @@ def stage_step(
         Largest measured speeds, m/s and rad/s.
     dt : float
         Step of the log, s.
-    where : str
-        Words for messages.
-
-    Raises
-    ------
-    CampaignError
-        The bounds admit a vehicle so light or so damped that no reasonable step follows it.
     """
     points = _operating_points(_SPEED_MARGIN * speeds)
     axes = [AXES.index(letter) for letter in free]
 
-    def rate(values: dict[str, float]) -> float:
+    def rate(values: Mapping[str, float]) -> float:
         try:
-            return _fastest_rate(vehicle.with_coefficients(values), points, axes)
+            return _fastest_rate(vehicle.with_coefficients(dict(values)), points, axes)
         except SeatrialError:
             return 0.0  # no vehicle at this corner: such a candidate diverges whatever the step
 
-    worst: dict[str, float] = {}
+    corner: dict[str, float] = {}
     rates = [rate({})]
     for parameter in parameters:
-        ends = [parameter.coefficients(bound) for bound in (parameter.lower, parameter.upper)]
-        found = [rate(end) for end in ends]
+        ends = (parameter.lower, parameter.upper)
+        found = [rate(parameter.coefficients(end)) for end in ends]
         rates += found
-        worst |= ends[int(np.argmax(found))]
-    rates.append(rate(worst))
+        corner[parameter.name] = ends[int(np.argmax(found))]
+    rates.append(rate(_values(parameters, corner)))
     bound = _MARGIN * max(rates)
-    substeps, search = (max(math.ceil(dt * bound / limit), 1) for limit in (RATE_LIMIT, SEARCH_RATE_LIMIT))
-    if substeps > _MOST_SUBSTEPS:
-        raise CampaignError(
-            f"{where}: the bounds admit a vehicle with a rate of {bound:.3g} rad/s, which needs {substeps}"
-            f" steps per sample of {dt:g} s; keep the bounds of the inertias and added masses away from zero"
-            " mass, or narrow those of the damping"
-        )
-    return StageStep(substeps, bound, search)
+    fine, search = (max(math.ceil(dt * bound / limit), 1) for limit in (RATE_LIMIT, SEARCH_RATE_LIMIT))
+    fast: tuple[tuple[str, float, float], ...] = ()
+    if search > _MOST_SEARCH:
+        limit = _MOST_SEARCH * SEARCH_RATE_LIMIT / (dt * _MARGIN)
+        fast = _too_fast(parameters, corner, rate, limit)
+    return StageStep(min(fine, _MOST_SUBSTEPS), bound, min(search, _MOST_SEARCH), fast)
+
+
+def _values(parameters: Sequence[Parameter], chosen: Mapping[str, float]) -> dict[str, float]:
+    """Coefficients that the chosen values of parameters set."""
+    found: dict[str, float] = {}
+    for parameter in parameters:
+        if parameter.name in chosen:
+            found |= parameter.coefficients(chosen[parameter.name])
+    return found
+
+
+def _too_fast(
+    parameters: Sequence[Parameter],
+    corner: Mapping[str, float],
+    rate: Callable[[Mapping[str, float]], float],
+    limit: float,
+) -> tuple[tuple[str, float, float], ...]:
+    """Parameters whose bounds admit faster vehicles than the limit, rad/s, with the bounds that do not.
+
+    The one whose start value slows the fastest corner most goes first; where it does not suffice, it stays
+    there and the next one is sought.
+    """
+    by_name = {parameter.name: parameter for parameter in parameters}
+    # Each parameter's own fast end counts as well as the corner of all of them together.
+    left = {name: end for name, end in corner.items() if by_name[name].start != end}
+    found: list[tuple[str, float, float]] = []
+    while left:
+
+        def at(name: str, value: float, others: Mapping[str, float] = left) -> float:
+            return max(
+                rate(_values(parameters, {**others, name: value})), rate(_values(parameters, {name: value}))
+            )
+
+        slowest = min(left, key=lambda name: at(name, by_name[name].start))
+        bound, good, bad = left[slowest], by_name[slowest].start, left[slowest]
+        if at(slowest, bound) <= limit:
+            break
+        if at(slowest, good) <= limit:
+            for _ in range(_BISECTIONS):
+                middle = 0.5 * (good + bad)
+                good, bad = (middle, bad) if at(slowest, middle) <= limit else (good, middle)
+        found.append((slowest, bound, good))
+        del left[slowest]
+        if good != by_name[slowest].start:
+            break
+    return tuple(found) if found and rate({}) <= limit else (("", 0.0, 0.0),)
+
+
+def _digits(value: float, bound: float) -> str:
+    """A value rounded to three digits away from the bound that it replaces."""
+    if value == 0.0:
+        return "0"
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 2)
+    rounded = math.floor(value / unit) if value < bound else math.ceil(value / unit)
+    return f"{rounded * unit:.3g}"
 
 
 def around(parameters: Sequence[Parameter], points: Array) -> tuple[Parameter, ...]:

@@ -232,9 +232,7 @@ def _segments(
 def _substeps(vehicle: Vehicle, run: Run, manoeuvre: Manoeuvre) -> int:
     """Steps per sample that follow the fastest motion."""
     speeds = np.abs(np.asarray(run.nu)).max(axis=0)
-    return stage_step(
-        vehicle, (), free="XYZKMN", speeds=speeds, dt=manoeuvre.dt, where=manoeuvre.name
-    ).substeps
+    return stage_step(vehicle, (), free="XYZKMN", speeds=speeds, dt=manoeuvre.dt).substeps
 
 
 def _noise(rows: Array, channels: Sequence[str], instruments: Instruments) -> Array:

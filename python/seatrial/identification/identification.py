@@ -523,6 +523,7 @@ def _stage_table(fit: Identification) -> Table:
         (
             stage.name + (" (interrupted)" if stage.interrupted else " (kept)" if stage.reused else ""),
             f"{stage.start_cost:.4g}",
+            f"{stage.phases.get('evolution', math.nan):.4g}",
             f"{stage.cost:.4g}",
             str(stage.evaluations),
             str(stage.samples),
@@ -536,13 +537,15 @@ def _stage_table(fit: Identification) -> Table:
         costs = [f"{polished.rms(cost):.4g}" for cost in (polished.start_cost, polished.cost)]
         rows.append((
             "joint estimate (rms in sd of the residual)" + ("" if polished.converged else ", not converged"),
-            *costs,
+            costs[0],
+            "",
+            costs[1],
             str(polished.evaluations),
             "",
             "",
             f"{polished.wall_s:.1f} s",
         ))
-    head = ("stage", "cost at start", "best", "candidates", "samples", "step", "time")
+    head = ("stage", "cost at start", "global search", "best", "candidates", "samples", "step", "time")
     return Table.of("Stages (cost: mean weighted error in standard deviations)", head, rows)
 
 

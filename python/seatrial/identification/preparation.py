@@ -13,7 +13,7 @@ from seatrial.base.errors import CampaignError, TrialError
 from seatrial.diagnosis.assessment import conditioning
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.scale import judge_scale
-from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost
+from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost, step_sentences
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -54,7 +54,8 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
         if not one.stage.after and not math.isfinite(start_cost(campaign, one, threads=threads))
     )
     sentences, no_joint = _conditioning(campaign, threads, linear=not diverging)
-    return Preparation(plans, (*silent, *diverging, *sentences, *frozen_sentences(plans)), no_joint)
+    steps = (*step_sentences(plans), *frozen_sentences(plans))
+    return Preparation(plans, (*silent, *diverging, *sentences, *steps), no_joint)
 
 
 def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:

@@ -50,15 +50,7 @@ if TYPE_CHECKING:
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.identification import Identification
 
-__all__ = [
-    "Row",
-    "above_optimum",
-    "coefficient_bars",
-    "convergence",
-    "gallery",
-    "intervals",
-    "residual_figure",
-]
+__all__ = ["Row", "coefficient_bars", "convergence", "gallery", "intervals", "phase_costs", "residual_figure"]
 
 _COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
 
@@ -226,16 +218,13 @@ _PHASES = {
 
 _CONVERGENCE_ROW_IN = 1.75
 
-_LEAST = 1e-4
-"""Per cent above the optimum that are drawn at the foot: the budget's usual tolerance is a hundred times"
-" as much."""
-
 
 def convergence(stages: Sequence[StageResult]) -> Figure:
-    """Figure of the best cost above the optimum over the candidates tried, stage by stage.
+    """Figure of the best cost that each phase found over the candidates tried, stage by stage.
 
-    The cost is the mean weighted error per sample in standard deviations of the channels; a panel's remark
-    gives it at the start values and at the optimum.
+    The cross is the cost at the start values, the dot the optimum's. The cost is the mean weighted error per
+    sample in standard deviations of the channels; a panel's remark gives it at the start values and at the
+    optimum.
     """
     columns = min(_COLUMNS, max(len(stages), 1))
     rows = -(-max(len(stages), 1) // columns)
@@ -245,7 +234,7 @@ def convergence(stages: Sequence[StageResult]) -> Figure:
         for axes, stage in zip(grid.flat, stages, strict=False):
             _panel(axes, stage)
         for axes in grid[:, 0]:
-            axes.set_ylabel("above the optimum, %")
+            axes.set_ylabel("cost, sd")
         for axes in list(grid.flat)[len(stages) :]:
             axes.set_axis_off()
         handles = [
@@ -258,41 +247,43 @@ def convergence(stages: Sequence[StageResult]) -> Figure:
     return figure
 
 
-def above_optimum(stage: StageResult) -> list[tuple[str, Array, Array]]:
-    """Per phase its name, candidates tried so far, and best cost above the optimum, %, from the start on."""
-    known = [(0.0, stage.start_cost)] if np.isfinite(stage.start_cost) else []
-    optimum = min([s.best for s in stage.history if np.isfinite(s.best)] + [stage.cost])
-    found = []
-    for phase in dict.fromkeys(s.phase for s in stage.history):
-        steps = [(float(s.evaluations), s.best) for s in stage.history if s.phase == phase]
-        points = np.array(known + [step for step in steps if np.isfinite(step[1])]).reshape(-1, 2)
-        if len(points) > len(known):
-            # An objective that changed on the way may have been lower before.
-            above = np.maximum(points[:, 1] / optimum - 1.0, 0.0) * 100.0
-            found.append((phase, points[:, 0], above))
-            known = [(float(points[-1, 0]), float(points[-1, 1]))]
-    return found
+def phase_costs(stage: StageResult) -> list[tuple[str, Array, Array]]:
+    """Per phase its name, candidates tried so far, and the best cost that this phase has found by itself.
+
+    The criterion of the global search has a longer step, and the segments' starts may be estimated between
+    the phases: a phase may begin above or below the end of the one before.
+    """
+    found: list[tuple[str, list[float], list[float]]] = []
+    for step in stage.history:
+        if not found or found[-1][0] != step.phase:
+            found.append((step.phase, [], []))
+        if np.isfinite(step.best):
+            found[-1][1].append(float(step.evaluations))
+            found[-1][2].append(step.best)
+    return [(phase, np.array(tried), np.array(best)) for phase, tried, best in found if tried]
 
 
 def _panel(axes: Axes, stage: StageResult) -> None:
-    from matplotlib.ticker import LogLocator, NullLocator
+    from matplotlib.ticker import FixedLocator, NullLocator
 
-    phases = above_optimum(stage)
-    seen = np.concatenate([above for _, _, above in phases] or [np.ones(1)])
-    positive = seen[seen > _LEAST]
-    low = 10.0 ** np.floor(np.log10(positive.min(initial=1.0) * 0.5))
-    high = 10.0 ** np.ceil(np.log10(positive.max(initial=1.0) * 2.0))
-    high = max(high, 100.0 * low)
-    for number_, (phase, tried, above) in enumerate(phases):
+    phases = phase_costs(stage)
+    starts = [stage.start_cost] if np.isfinite(stage.start_cost) else []
+    seen = np.concatenate([*(best for _, _, best in phases), np.array([*starts, stage.cost])])
+    positive = seen[np.isfinite(seen) & (seen > 0.0)]
+    low, high = 0.8 * positive.min(initial=1.0), 1.25 * positive.max(initial=1.0)
+    for number_, (phase, tried, best) in enumerate(phases):
         _, colour, dashes = _PHASES.get(phase, (phase, FAINT, ":"))
-        axes.step(tried, np.maximum(above, low), where="post", color=colour, linestyle=dashes, linewidth=1.3)
+        axes.step(tried, best, where="post", color=colour, linestyle=dashes, linewidth=1.3)
         if number_:
             axes.axvline(tried[0], 0.0, 0.84, color=FAINT, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+    if starts:
+        axes.plot(0.0, starts[0], "+", color="#262626", markersize=4, clip_on=False, zorder=6)
     if phases:
-        axes.plot(phases[-1][1][-1], low, "o", color="#262626", markersize=3, clip_on=False, zorder=6)
+        axes.plot(phases[-1][1][-1], stage.cost, "o", color="#262626", markersize=3, clip_on=False, zorder=6)
     axes.set_yscale("log")
     axes.set_ylim(low, high)
-    axes.yaxis.set_major_locator(LogLocator(numticks=6))
+    axes.yaxis.set_major_locator(FixedLocator(np.geomspace(low, high, 5)[1:-1].tolist()))
+    axes.yaxis.set_major_formatter("{x:.2g}")
     axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(left=0.0)
     axes.locator_params(axis="x", nbins=4)
