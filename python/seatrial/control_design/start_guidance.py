@@ -116,8 +116,8 @@ def lookahead_of(
     >>> import seatrial as st
     >>> cwolf, autopilot = st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")
     >>> distance, tau = lookahead_of(cwolf, autopilot, "heading", 1.951, late_s={})
-    >>> round(distance, 1), autopilot.gains()["guidance.lookahead_m"]
-    (17.2, 17.2)
+    >>> abs(distance - autopilot.gains()["guidance.lookahead_m"]) < 0.1
+    True
     """
     facts = autopilot_facts(autopilot)
     mode = mode_at(facts, speed).name
