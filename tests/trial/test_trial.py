@@ -309,7 +309,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         Trial.read(empty)
     with pytest.raises(TrialError, match="there is no file"):
         Trial.read(tmp_path / "nowhere.csv")
-    with pytest.raises(TrialError, match="this is a folder"):
+    with pytest.raises(TrialError, match="is a folder, not a file"):
         Trial.read(tmp_path)
     other = write(tmp_path / "log.xyz", ROWS)
     with pytest.raises(TrialError, match=r'no reader for the ending "\.xyz"; expected one of \.csv'):
