@@ -22,7 +22,13 @@ from seatrial.control_design.mode_table import flies, top_speeds
 from seatrial.control_design.pole_placement import law
 from seatrial.control_design.start_autopilot import autopilot_text, commented, start_autopilot
 from seatrial.control_design.start_gains import StartGains, start_gains
-from seatrial.control_design.start_guidance import following_delay, guidance, heavy, without_substitute
+from seatrial.control_design.start_guidance import (
+    following_delay,
+    guidance,
+    heavy,
+    safety,
+    without_substitute,
+)
 from seatrial.control_design.trim import trim
 from seatrial.vehicle.authority import LOOPS, ROWS, delays
 
@@ -229,6 +235,15 @@ def test_reactions_suit_the_vehicle() -> None:
             }
         assert ("surface_speed_m_s" in table) == (len(start(name).modes) == 1)
         assert (table.get("actuator", {}).get("reaction") == "abort") == bool(found[name])
+
+
+def test_a_vehicle_that_sinks_is_never_stopped_for_a_lost_sensor_with_fins_or_without() -> None:
+    remus = Vehicle.load("remus100")
+    heavier = remus.with_coefficients({"B": remus.coefficients()["B"] - 50.0})
+    assert heavy(heavier)
+    table = safety(heavier, start("remus100"))
+    for group in ("depth", "attitude", "rates"):
+        assert table[f"stale_{group}"]["reaction"] == "surface"
 
 
 def test_fins_keep_their_own_stability_and_comments_say_why() -> None:

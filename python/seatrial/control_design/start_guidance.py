@@ -304,7 +304,7 @@ def safety(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
     table["stale_velocity"] = {"after_s": _DOPPLER_S, "reaction": "surface"}
     if heavy(vehicle):
         for group, after in (("depth", 5.0), ("attitude", 2.0), ("rates", 2.0)):
-            table[f"stale_{group}"] = {"after_s": after, "reaction": "surface" if hovers else "abort"}
+            table[f"stale_{group}"] = {"after_s": after, "reaction": "surface"}
     elif not hovers:
         table["depth"] = "abort"
     if without_substitute(vehicle, start):
