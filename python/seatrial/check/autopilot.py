@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.check.autopilot_on_vehicle import on_vehicle
 from seatrial.control_design.autopilot_facts import AutopilotFacts, autopilot_facts
+from seatrial.flight.watches import GROUPS
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
@@ -36,15 +37,6 @@ _REACTIONS = {
     "hold": "keep station",
     "surface": "surface under control",
     "abort": "stop all actuators",
-}
-
-_GROUPS = {
-    "position": "position",
-    "depth": "depth",
-    "attitude": "attitude",
-    "velocity": "velocity over ground",
-    "rates": "turn rates",
-    "altitude": "altitude",
 }
 
 _LIMITS = {
@@ -78,7 +70,7 @@ def safety_sentences(safety: Mapping[str, Any], *, hovers: bool, loiter_radius_m
     if not hovers:
         words["hold"] = f"circle at {loiter_radius_m:g} m"
     said = []
-    for key, name in _GROUPS.items():
+    for key, name in GROUPS.items():
         stale = safety[f"stale_{key}"]
         where = " on a leg that follows the bottom" if key == "altitude" else ""
         said.append(f"No {name} for {stale['after_s']:g} s{where}: {words[stale['reaction']]}")

@@ -19,6 +19,7 @@ from seatrial.base.atomic_write import parquet
 from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
+from seatrial.flight import watches
 from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
@@ -236,16 +237,6 @@ def _inputs(flight: Flight) -> dict[str, str]:
     return found if model == found["vehicle"] else found | {"model": model}
 
 
-_CAUSES = {
-    "depth": "the mission's largest depth was passed",
-    "altitude": "the bottom came nearer than the mission's smallest altitude",
-    "fence": "the vehicle was outside the mission's fence",
-    "time": "the mission took longer than its limit",
-    "battery": "the battery was low",
-    "actuator": "an actuator did not follow its command",
-    "progress": "the next waypoint came no nearer for too long",
-}
-
 _SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the minimum
 
 _LEAST_S = 20.0  # of a flight from which starts per minute can be told
@@ -341,8 +332,9 @@ def _worst(flight: Flight) -> tuple[str, str]:
     if flight.alerts:
         first = flight.alerts[0]
         return (
-            f"the safety called for {first.reaction} at {first.t_s:.1f} s, because {_cause(first.cause)}",
-            f"correct what triggered the {first.cause} watch, or the mission's limit if it is too tight",
+            f"the safety called for {first.reaction} at {first.t_s:.1f} s,"
+            f" because {watches.cause(first.cause)}",
+            watches.remedy(first.cause),
         )
     if missed := [leg for leg in flight.legs if not leg.reached]:
         first_missed = missed[0]
@@ -379,10 +371,6 @@ def _not_reached(leg: Leg) -> str:
         f"{leg.label} not reached: the autopilot perceived it at {leg.perceived_m:.2f} m at the nearest"
         f" (radius {leg.acceptance_m:g} m), the true distance was {leg.smallest_m:.2f} m"
     )
-
-
-def _cause(watch: str) -> str:
-    return _CAUSES.get(watch, f"no good sample of {watch.removeprefix('stale_')} for too long")
 
 
 def _ending(flight: Flight) -> str:
@@ -459,7 +447,9 @@ def _reactions(flight: Flight) -> list[str]:
     said += [outage.sentence() for outage in flight.circumstances.outages]
     found = [f"Failures: {'; '.join(said)}."] if said else []
     for alert in flight.alerts:
-        found.append(f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {_cause(alert.cause)}.")
+        found.append(
+            f"Reaction at {alert.t_s:.1f} s: {alert.reaction}, because {watches.cause(alert.cause)}."
+        )
     if said and not flight.alerts:
         found.append("No reaction of the safety was called for.")
     return found

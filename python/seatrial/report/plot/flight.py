@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array, Mask
+from seatrial.flight.watches import cause
 from seatrial.report.plot.style import (
     FAINT,
     FOURTH,
@@ -193,8 +194,7 @@ def events(flight: Flight) -> list[Event]:
     found = [(fault.at_s, fault.sentence()) for fault in what.faults]
     found += [(outage.from_s, outage.sentence()) for outage in what.outages]
     found += [
-        (alert.t_s, f"{alert.reaction} at {alert.t_s:.0f} s: {alert.cause.replace('_', ' ')}")
-        for alert in flight.alerts
+        (alert.t_s, f"{alert.reaction} at {alert.t_s:.0f} s: {cause(alert.cause)}") for alert in flight.alerts
     ]
     found = sorted(one for one in found if one[0] <= flight.t[-1])[:_MOST_EVENTS]
     return [Event(t, words, mark) for (t, words), mark in zip(found, _EVENT_MARKS, strict=False)]
