@@ -185,27 +185,43 @@ class Helm:
     """
     An autopilot at work: a measurement in, commands out, once per control period.
     """
+    @property
+    def ages(self, /) -> dict[str, float]:
+        """
+        The age in s of every channel that the autopilot uses: the time since its last good sample, inf before the first.
+        """
     def declare_failed(self, /, actuator: str, failed: bool = True) -> None:
         """
         Takes an actuator out of the allocation from the next step on, or back into it.
         """
-    def step(self, /, measurement: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike] | None = None, *, set_points: Mapping[str, ArrayLike] | None = None) -> dict[str, float]:
+    @property
+    def refused(self, /) -> dict[str, tuple[int, str]]:
         """
-        Commands {actuator: value in its own unit} for the next control period.
+        Samples that were not believed, by channel: how many, and what was wrong last: impossible, a jump, or the same value
+        for too long.
+        """
+    def step(self, /, measurement: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike] | None = None, *, set_points: Mapping[str, ArrayLike] | None = None, time_s: SupportsFloat | SupportsIndex | None = None, dt_s: SupportsFloat | SupportsIndex | None = None) -> dict[str, float]:
+        """
+        Commands {actuator: value in its own unit} from now on.
 
         measurement: the channels that were measured since the last step: x y z in m (NED), roll pitch yaw in rad,
         u v w over ground in m/s, p q r in rad/s, altitude in m (inf: no bottom within reach), u_water v_water w_water in
-        m/s, battery (share left), voltage in V. Missing channels keep their last value and grow old; a number that is
-        not finite was not measured. signals: measured commands of the actuators, in the unit of the command, by which
-        a failed one is found. The autopilot begins when position, depth, attitude and rates have been measured once
-        (`waiting_for`); before, commands are neutral. set_points: speed and lateral (m/s), heading and pitch (rad), depth
-        (m) in place of guidance's, or north, east and down (m) by which the plan is moved: steering by hand, while safety
-        does not react.
+        m/s, battery (share left), voltage in V. A missing channel, None or nan keeps its last value and grows old by itself;
+        what is impossible (yaw = 270 rad, u = inf) was not measured either, and is counted in `refused`. signals: measured
+        commands of the actuators, in the unit of the command, by which a failed one is found. The autopilot begins when
+        all that it needs of position, depth, attitude and rates has been measured once (`waiting_for`); before, commands
+        are neutral. set_points: speed and lateral (m/s), heading and pitch (rad), depth (m) in place of guidance's, or
+        north, east and down (m) by which the plan is moved: steering by hand, while safety does not react. time_s: when
+        the samples were taken, s on a clock that runs forward, or dt_s: how long after the last step; a control period
+        without either. Sooner than half a period after the last commands, these stay.
+
+        Raises SimulationError for an unknown name, what is no number, and a time that does not advance; nothing of such a
+        call is taken. Before the autopilot has begun, for an impossible battery or voltage too.
         """
     @property
     def thought(self, /) -> dict[str, Any]:
         """
-        What the autopilot thought at the last step: mode, reaction and its cause, whether it has ended, the waypoint in
+        What the autopilot thought at the last step: mode, reaction, its cause and the channel that was stale, whether it has ended, the waypoint in
         hand, desired speed (m/s), heading (rad) and depth (m), errors (m), actuators given up; empty before the first.
         """
     @property

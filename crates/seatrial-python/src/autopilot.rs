@@ -11,11 +11,13 @@ use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
 use pyo3::{type_hint_identifier, type_hint_union};
 use seatrial::control::allocation::Allocator;
+use seatrial::control::autopilot::channels::Use;
 use seatrial::control::autopilot::file::Control;
 use seatrial::control::autopilot::set_point::SET_POINTS;
 use seatrial::control::autopilot::settings::{Settings, built_in, built_in_names};
 use seatrial::control::autopilot::{Autopilot as Engaged, AutopilotState, Thought};
-use seatrial::control::navigation::{CHANNEL_NAMES, GROUP, GROUP_NAMES, Measurement};
+use seatrial::control::intake::{Intake, Quantity};
+use seatrial::control::navigation::{CHANNEL_NAMES, CHANNELS, GROUP_NAMES, Measurement};
 use seatrial::control::safety::{REACTIONS, WATCH_NAMES};
 use seatrial::description::facts::Value;
 use seatrial::description::{Description, Effect};
@@ -194,7 +196,7 @@ impl Autopilot {
         let allocator =
             Allocator::single(&vehicle.description, autopilot.model(), allocation).map_err(raised)?;
         let state = autopilot.begin(allocator);
-        let memory = Memory { state, known: Measurement::nothing(0.0), thought: None };
+        let memory = Memory { state, intake: Intake::default(), thought: None, clock: Clock::default() };
         Ok(Helm { autopilot, description: vehicle.description.clone(), memory: Mutex::new(memory) })
     }
 
@@ -243,11 +245,98 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Planned {
     }
 }
 
-/// What a helm remembers: the autopilot's state, the measurement, and what was thought of it last.
+/// What a helm is told, by its name.
+fn quantity(name: &str) -> Option<Quantity> {
+    match name {
+        "battery" => Some(Quantity::Battery),
+        "voltage" => Some(Quantity::Voltage),
+        _ => CHANNEL_NAMES.iter().position(|known| *known == name).map(Quantity::Channel),
+    }
+}
+
+/// The name of what a helm is told.
+fn name_of(of: Quantity) -> &'static str {
+    match of {
+        Quantity::Battery => "battery",
+        Quantity::Voltage => "voltage",
+        Quantity::Channel(c) => CHANNEL_NAMES[c],
+    }
+}
+
+/// A measurement as samples.
+fn quantities(measurement: Named) -> PyResult<Vec<(Quantity, f64)>> {
+    let sample = |(name, value): (String, f64)| {
+        let of = quantity(&name).ok_or_else(|| {
+            let known = CHANNEL_NAMES.iter().copied().chain(["battery", "voltage"]);
+            refused(format!("measurement: unknown channel \"{name}\"{}", nearest(&name, known)))
+        })?;
+        Ok((of, value))
+    };
+    Named::scalars(Some(measurement))?.into_iter().map(sample).collect()
+}
+
+/// What a helm remembers: the autopilot's state, what was measured, what was thought of it last, and when.
 struct Memory {
     state: AutopilotState<f64>,
-    known: Measurement<f64>,
+    intake: Intake,
     thought: Option<Thought<f64>>,
+    clock: Clock,
+}
+
+impl Memory {
+    /// What the autopilot goes by: what is believed, once it has begun.
+    fn known(&self) -> &Measurement<f64> {
+        if self.thought.is_some() { self.state.screen().believed() } else { self.intake.measured() }
+    }
+}
+
+/// The time of a helm.
+#[derive(Clone, Copy, Default)]
+struct Clock {
+    /// The last time that was told, or what has passed since the first step, s.
+    now: f64,
+    /// Whether any time was told: the first one has none before it.
+    told: bool,
+    /// Since the last commands were made, s.
+    held: f64,
+}
+
+/// Commands are made anew after this share of a control period; what comes sooner only brings samples.
+const SOONEST: f64 = 0.5;
+
+impl Clock {
+    /// The clock after a step at `time_s`, or `dt_s` after the last one, or a control period after it; and how much
+    /// later that is.
+    fn after(self, time_s: Option<f64>, dt_s: Option<f64>, period: f64) -> PyResult<(Self, f64)> {
+        let (now, mut elapsed) = match (time_s, dt_s) {
+            (Some(_), Some(_)) => return Err(refused("step: expected time_s or dt_s, found both")),
+            (None, None) => (self.now + period, period),
+            (None, Some(dt)) if dt.is_finite() && dt > 0.0 => (self.now + dt, dt),
+            (None, Some(dt)) => {
+                return Err(refused(format!(
+                    "dt_s: expected a positive time since the last step in s, found {dt}"
+                )));
+            }
+            (Some(time), None) if !time.is_finite() => {
+                return Err(refused(format!("time_s: expected a finite time in s, found {time}")));
+            }
+            (Some(time), None) if !self.told => (time, period),
+            (Some(time), None) if time > self.now => (time, time - self.now),
+            (Some(time), None) => {
+                return Err(refused(format!(
+                    "time_s: expected a time after that of the last step, {} s, found {time}; give the time of a clock \
+                     that only runs forward",
+                    self.now
+                )));
+            }
+        };
+        // Differences of a clock are rounded.
+        if (elapsed - period).abs() < 1e-6 * period {
+            elapsed = period;
+        }
+        let told = self.told || time_s.is_some();
+        Ok((Self { now, told, held: self.held + elapsed }, elapsed))
+    }
 }
 
 /// An autopilot at work: a measurement in, commands out, once per control period.
@@ -281,22 +370,29 @@ impl Helm {
 
 #[pymethods]
 impl Helm {
-    /// Commands {actuator: value in its own unit} for the next control period.
+    /// Commands {actuator: value in its own unit} from now on.
     ///
     /// measurement: the channels that were measured since the last step: x y z in m (NED), roll pitch yaw in rad,
     /// u v w over ground in m/s, p q r in rad/s, altitude in m (inf: no bottom within reach), u_water v_water w_water in
-    /// m/s, battery (share left), voltage in V. Missing channels keep their last value and grow old; a number that is
-    /// not finite was not measured. signals: measured commands of the actuators, in the unit of the command, by which
-    /// a failed one is found. The autopilot begins when position, depth, attitude and rates have been measured once
-    /// (`waiting_for`); before, commands are neutral. set_points: speed and lateral (m/s), heading and pitch (rad), depth
-    /// (m) in place of guidance's, or north, east and down (m) by which the plan is moved: steering by hand, while safety
-    /// does not react.
-    #[pyo3(signature = (measurement, signals = None, *, set_points = None))]
+    /// m/s, battery (share left), voltage in V. A missing channel, None or nan keeps its last value and grows old by itself;
+    /// what is impossible (yaw = 270 rad, u = inf) was not measured either, and is counted in `refused`. signals: measured
+    /// commands of the actuators, in the unit of the command, by which a failed one is found. The autopilot begins when
+    /// all that it needs of position, depth, attitude and rates has been measured once (`waiting_for`); before, commands
+    /// are neutral. set_points: speed and lateral (m/s), heading and pitch (rad), depth (m) in place of guidance's, or
+    /// north, east and down (m) by which the plan is moved: steering by hand, while safety does not react. time_s: when
+    /// the samples were taken, s on a clock that runs forward, or dt_s: how long after the last step; a control period
+    /// without either. Sooner than half a period after the last commands, these stay.
+    ///
+    /// Raises SimulationError for an unknown name, what is no number, and a time that does not advance; nothing of such a
+    /// call is taken. Before the autopilot has begun, for an impossible battery or voltage too.
+    #[pyo3(signature = (measurement, signals = None, *, set_points = None, time_s = None, dt_s = None))]
     fn step(
         &self,
         measurement: Named,
         signals: Option<Named>,
         set_points: Option<Named>,
+        time_s: Option<f64>,
+        dt_s: Option<f64>,
     ) -> PyResult<BTreeMap<String, f64>> {
         let set_point = set_point(set_points)?;
         let mut feedback = vec![f64::NAN; self.description.actuators.len()];
@@ -306,49 +402,37 @@ impl Helm {
                 feedback[index] = self.description.actuators[index].signal(command);
             }
         }
-        let measurement = Named::scalars(Some(measurement))?;
-        let channel = |name: &str| CHANNEL_NAMES.iter().position(|known| *known == name);
-        for name in measurement.keys().filter(|name| channel(name).is_none()) {
-            if !["battery", "voltage"].contains(&name.as_str()) {
-                let known = CHANNEL_NAMES.iter().copied().chain(["battery", "voltage"]);
+        let samples = quantities(measurement)?;
+        let mut memory = self.memory()?;
+        let Memory { state, intake, thought, clock } = &mut *memory;
+        let (now, elapsed) = clock.after(time_s, dt_s, self.autopilot.period())?;
+        let begun = thought.is_some();
+        let mut next = intake.clone();
+        next.elapse(elapsed);
+        for &(of, value) in &samples {
+            next.take(of, value);
+        }
+        if !begun {
+            // At the desk a wrong unit is an error; under way it must not stop the vehicle.
+            let told = samples.iter().filter(|(_, value)| value.is_finite());
+            for of in told.map(|(of, _)| *of).filter(|of| !matches!(of, Quantity::Channel(_))) {
+                if let Some(wrong) = next.refused().find(|wrong| wrong.of == of) {
+                    return Err(refused(format!("{}: {wrong}", name_of(of))));
+                }
+            }
+            if let Some(name) = self.thrust_of_supply().filter(|_| next.measured().voltage.is_nan()) {
                 return Err(refused(format!(
-                    "measurement: unknown channel \"{name}\"{}",
-                    nearest(name, known)
+                    "voltage: expected the supply in V with the first measurement, the thrust of {name} depends on it"
                 )));
             }
         }
-        let given = |name: &str| measurement.get(name).copied().filter(|x| x.is_finite());
-        if let Some(battery) = given("battery").filter(|share| !(0.0..=1.0).contains(share)) {
-            return Err(refused(format!("battery: expected the share left, from 0 to 1, found {battery}")));
-        }
-        if let Some(voltage) = given("voltage").filter(|v| *v <= 0.0) {
-            return Err(refused(format!("voltage: expected a positive supply in V, found {voltage}")));
-        }
-        let mut memory = self.memory()?;
-        let Memory { state, known, thought } = &mut *memory;
-        let supplied = given("voltage").is_some() || known.voltage.is_finite();
-        if let Some(name) = self.thrust_of_supply().filter(|_| !supplied) {
-            return Err(refused(format!(
-                "voltage: expected the supply in V with the first measurement, the thrust of {name} depends on it"
-            )));
-        }
-        for age in &mut known.age {
-            *age += self.autopilot.period();
-        }
-        for (name, value) in measurement {
-            match channel(&name) {
-                // No bottom within reach is a measurement; what is not a number was not measured.
-                Some(c) if value.is_finite() || (name == "altitude" && value == f64::INFINITY) => {
-                    known.channels[c] = value;
-                    known.age[GROUP[c]] = 0.0;
-                }
-                None if name == "battery" && value.is_finite() => known.battery = value,
-                None if name == "voltage" && value.is_finite() => known.voltage = value,
-                _ => {}
-            }
-        }
-        if known.waiting_for().next().is_none() {
-            *thought = Some(self.autopilot.step_to(state, known, Some(&feedback), set_point.as_ref()));
+        (*intake, *clock) = (next, now);
+        let known = intake.measured();
+        let ready = begun || self.autopilot.waiting_for(known).next().is_none();
+        if ready && (!begun || clock.held >= SOONEST * self.autopilot.period()) {
+            let around = (set_point.as_ref(), clock.held);
+            *thought = Some(self.autopilot.step_after(state, known, Some(&feedback), around));
+            clock.held = 0.0;
         }
         let commands = self.description.actuators.iter().zip(&state.signals);
         Ok(commands.map(|(actuator, signal)| (actuator.name.clone(), actuator.command(*signal))).collect())
@@ -357,10 +441,51 @@ impl Helm {
     /// The groups of channels that must be measured before the autopilot begins; empty once it has begun.
     #[getter]
     fn waiting_for(&self) -> PyResult<Vec<&'static str>> {
-        Ok(self.memory()?.known.waiting_for().collect())
+        let memory = self.memory()?;
+        Ok(self.autopilot.waiting_for(memory.intake.measured()).collect())
     }
 
-    /// What the autopilot thought at the last step: mode, reaction and its cause, whether it has ended, the waypoint in
+    /// The age in s of every channel that the autopilot uses: the time since its last good sample, inf before the first.
+    #[getter]
+    fn ages(&self) -> PyResult<BTreeMap<&'static str, f64>> {
+        let memory = self.memory()?;
+        let age = &memory.known().age;
+        let used = (0..CHANNELS).filter(|&c| self.autopilot.uses()[c] != Use::Idle);
+        Ok(used.map(|c| (CHANNEL_NAMES[c], age[c])).collect())
+    }
+
+    /// Samples that were not believed, by channel: how many, and what was wrong last: impossible, a jump, or the same value
+    /// for too long.
+    #[getter]
+    fn refused(&self) -> PyResult<BTreeMap<&'static str, (u64, String)>> {
+        let memory = self.memory()?;
+        let impossible = memory.intake.refused();
+        let mut refused: BTreeMap<_, _> =
+            impossible.map(|wrong| (name_of(wrong.of), (wrong.count, wrong.to_string()))).collect();
+        let screen = memory.state.screen();
+        for (c, name) in CHANNEL_NAMES.into_iter().enumerate() {
+            let (count, frozen) = (screen.refused(c) as u64, screen.frozen_for(c));
+            if count > 0 {
+                let shown = memory.intake.measured().channels[c];
+                let (_, _, unit) = Quantity::Channel(c).range();
+                let why = if frozen > 0.0 {
+                    format!(
+                        "{shown:.4} {unit} for {frozen:.1} s, while the other sensors say that it must have changed"
+                    )
+                } else {
+                    "changed faster than any vehicle".to_owned()
+                };
+                let entry = refused.entry(name).or_insert((0, why.clone()));
+                entry.0 += count;
+                if frozen > 0.0 {
+                    entry.1 = why;
+                }
+            }
+        }
+        Ok(refused)
+    }
+
+    /// What the autopilot thought at the last step: mode, reaction, its cause and the channel that was stale, whether it has ended, the waypoint in
     /// hand, desired speed (m/s), heading (rad) and depth (m), errors (m), actuators given up; empty before the first.
     #[getter]
     fn thought(&self) -> PyResult<BTreeMap<&'static str, Fact>> {
@@ -368,6 +493,7 @@ impl Helm {
         let Some(thought) = &memory.thought else { return Ok(BTreeMap::new()) };
         let desired = &thought.desired;
         let cause = (thought.alert.cause as usize).checked_sub(1).map_or("", |i| WATCH_NAMES[i]);
+        let channel = (thought.alert.channel as usize).checked_sub(1).map_or("", |c| CHANNEL_NAMES[c]);
         let given_up = self.description.actuators.iter().enumerate();
         let given_up = given_up.filter(|(i, _)| (thought.given_up as u64 >> i) & 1 == 1);
         let names: Vec<&str> = given_up.map(|(_, actuator)| actuator.name.as_str()).collect();
@@ -375,6 +501,7 @@ impl Helm {
             ("mode", Value::Text(self.autopilot.mode_name(thought.mode as usize).to_owned())),
             ("reaction", Value::Text(REACTIONS[thought.alert.level as usize].to_owned())),
             ("cause", Value::Text(cause.to_owned())),
+            ("channel", Value::Text(channel.to_owned())),
             ("ended", Value::Flag(thought.ended > 0.5)),
             ("waypoint", Value::Number(desired.leg + 1.0)),
             ("distance", Value::Number(desired.distance)),

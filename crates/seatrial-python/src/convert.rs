@@ -6,7 +6,7 @@ use numpy::{AllowTypeChange, IntoPyArray, PyArrayDyn, PyArrayLikeDyn, PyUntypedA
 use pyo3::IntoPyObjectExt;
 use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyMapping};
+use pyo3::types::{PyDict, PyMapping, PyString};
 use pyo3::{type_hint_identifier, type_hint_subscript};
 use seatrial::description::facts::{Facts, Value, written};
 use seatrial::model::kinematics::{from_euler, normalised};
@@ -235,9 +235,31 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Named {
         type_hint_identifier!("numpy.typing", "ArrayLike")
     );
     fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
-        let items = object.cast::<PyMapping>()?.items()?;
-        Ok(Self(items.iter().map(|item| item.extract()).collect::<PyResult<_>>()?))
+        let Ok(map) = object.cast::<PyMapping>() else {
+            return Err(refused(format!(
+                "expected numbers by name, {{\"yaw\": 0.1}}, found {}",
+                kind(&object)?
+            )));
+        };
+        let pair = |item: Bound<'py, PyAny>| {
+            let (key, value): (Bound<'py, PyAny>, Bound<'py, PyAny>) = item.extract()?;
+            let Ok(name) = key.extract::<String>() else {
+                return Err(refused(format!("expected names as text, found {}", kind(&key)?)));
+            };
+            // NumPy would read the text "1.0" as a number.
+            match value.extract::<Numbers>() {
+                Ok(numbers) if !value.is_instance_of::<PyString>() => Ok((name, numbers)),
+                _ => Err(refused(format!("{name}: expected numbers, found {}", kind(&value)?))),
+            }
+        };
+        Ok(Self(map.items()?.iter().map(pair).collect::<PyResult<_>>()?))
     }
+}
+
+/// A value as messages name it, with its type.
+fn kind(object: &Bound<'_, PyAny>) -> PyResult<String> {
+    let shown: String = object.repr()?.to_string().chars().take(40).collect();
+    Ok(format!("{shown} ({})", object.get_type().name()?))
 }
 
 impl Named {

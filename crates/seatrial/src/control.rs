@@ -1,6 +1,7 @@
 //! The autopilot and its parts.
 //!
-//! In the order of the signal: [`navigation`], what the autopilot is told of the motion; [`guidance`], from the plan
+//! In the order of the signal: [`navigation`], what the autopilot is told of the motion; [`intake`], the samples of a
+//! vehicle at sea; [`screen`], which of them are believed; [`guidance`], from the plan
 //! to desired speed, heading, pitch and depth; [`reference_filter`], which makes them smooth; [`schedule`],
 //! interpolation of gains over the speed; [`control_law`], what both laws share; [`pid`] and [`lqr`], the laws;
 //! [`allocation`], from the demanded wrench to commands; [`safety`], what is watched meanwhile; [`autopilot`], which
@@ -10,9 +11,11 @@ pub mod allocation;
 pub mod autopilot;
 pub mod control_law;
 pub mod guidance;
+pub mod intake;
 pub mod lqr;
 pub mod navigation;
 pub mod pid;
 pub mod reference_filter;
 pub mod safety;
 pub mod schedule;
+pub mod screen;

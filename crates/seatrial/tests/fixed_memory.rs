@@ -3,7 +3,7 @@
 use seatrial::control::allocation::Allocator;
 use seatrial::control::autopilot::Autopilot;
 use seatrial::control::autopilot::settings::{Settings, built_in};
-use seatrial::control::navigation::{GROUPS, Measurement};
+use seatrial::control::navigation::{CHANNELS, Measurement};
 use seatrial::description::{Description, built_in as vehicle};
 use seatrial::mission::Mission;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
@@ -30,7 +30,7 @@ fn allocations(name: &str, steps: usize) -> usize {
     let allocator = Allocator::single(&description, autopilot.model(), allocation).expect("fits");
     let mut state = autopilot.begin(allocator);
     let mut measured = Measurement::nothing(0.0);
-    measured.age = [0.0; GROUPS];
+    measured.age = [0.0; CHANNELS];
     measured.channels[12] = 10.0;
     measured.voltage = 14.8;
     let mut feedback = vec![0.0; description.actuators.len()];

@@ -1,6 +1,6 @@
 //! The autopilot: from a measurement to commands, once per control period, in fixed memory.
 //!
-//! `guidance → mode → reference filters → control law → allocation → commands`, watched by [`crate::control::safety`].
+//! `screen → guidance → mode → reference filters → control law → allocation → commands`, watched by [`crate::control::safety`].
 //!
 //! The mode table says which loops and actuators work from which forward speed on (with hysteresis): hover with the
 //! depth by vertical thrusters, cruise with the depth by pitch. While station-keeping the first mode works. The
@@ -9,17 +9,19 @@
 //! The same code flies one vehicle in real time (`f64`) and eight candidates side by side ([`crate::number::lanes`]).
 //!
 //! In reading order: [`file`](mod@file), what users write; [`settings`], the same checked and resolved; [`set_point`], steering by
-//! hand or by a trial; `rates`, speeds from what is measured; `monitor`, the actuators watched; [`state`], the
+//! hand or by a trial; [`channels`], what of a measurement is in use; `rates`, speeds from what is measured; `monitor`, the actuators watched; [`state`], the
 //! [`Autopilot`] and what it remembers; then the steps of a period: `reaction` (guidance, or what stands in for it),
 //! `modes`, `situation` (what the laws are told), `feed_forward`, `wrench` (allocation and back); [`Autopilot::step`] last.
 //!
-//! It must not begin while it waits for a first sample ([`Measurement::waiting_for`]), and no channel may be
-//! other than a number, the altitude apart.
+//! It must not begin while it waits for a first sample ([`Autopilot::waiting_for`]), and no channel may be
+//! other than a number, the altitude apart. Steps that come early or late, or after a pause, tell the time since the last
+//! one ([`Autopilot::step_after`]).
 //!
 //! Source: Taubert et al. (2014), figures 16–18 (control loop, line of sight, PID controller), equations 49–54,
 //! corrected; Fossen (2011), chapter 12.
 //! Tests: `tests/control.rs`, `tests/closed_loop.rs`, `tests/fixed_memory.rs`.
 
+pub mod channels;
 mod feed_forward;
 pub mod file;
 mod modes;
@@ -41,6 +43,9 @@ use crate::number::real::Real;
 use file::Control;
 use set_point::SetPoint;
 pub use state::{Autopilot, AutopilotState};
+
+/// The longest step of control, in periods: an integral must not take up a pause at once.
+pub const LONGEST_STEP: f64 = 5.0;
 
 /// What an autopilot thinks at one step.
 #[derive(Clone, Copy, Debug)]
@@ -84,9 +89,27 @@ impl<T: Real> Autopilot<T> {
         feedback: Option<&[T]>,
         set_point: Option<&SetPoint<T>>,
     ) -> Thought<T> {
+        self.step_after(state, measured, feedback, (set_point, self.period()))
+    }
+
+    /// As [`step_to`](Self::step_to), `elapsed` seconds after the last step. Ages and the clock of the mission count
+    /// all of it; after a pause, control goes on as if [`LONGEST_STEP`] periods had passed.
+    #[inline(always)]
+    pub fn step_after(
+        &self,
+        state: &mut AutopilotState<T>,
+        measured: &Measurement<T>,
+        feedback: Option<&[T]>,
+        (set_point, elapsed): (Option<&SetPoint<T>>, f64),
+    ) -> Thought<T> {
         let (zero, one, half) = (self.unit, self.unit.splat(1.0), self.unit.splat(0.5));
         let flag = |mask: T::Mask| T::select(mask, one, zero);
-        let dt = self.settings.file.period_s;
+        let dt = self.pass(state, elapsed);
+        let patience = self.settings.file.safety.frozen_after_s;
+        if let Some(leap) = state.screen.look(measured, (patience, state.speed), elapsed) {
+            state.follow(leap);
+        }
+        let measured = &state.screen.believed().clone();
         if let Some(signals) = feedback {
             state.monitor.compare(signals, &self.settings.file.safety.actuator, dt);
         }
@@ -97,7 +120,8 @@ impl<T: Real> Autopilot<T> {
             measured,
             &Circumstances {
                 limits: &self.mission.limits,
-                time: state.steps as f64 * dt,
+                uses: &self.uses,
+                time: state.steps as f64 * self.period() + state.late,
                 dt,
                 needs_altitude: self.needs_altitude(state),
                 failed: state.monitor.any_failed(),
@@ -129,6 +153,22 @@ impl<T: Real> Autopilot<T> {
             missed_by: state.progress.farthest_miss(),
             ended: flag(T::either(surfaced, T::both(state.alert.level.lt(half), half.lt(desired.done)))),
         }
+    }
+
+    /// Lets `elapsed` seconds pass; those over which control integrates.
+    #[inline(always)]
+    fn pass(&self, state: &mut AutopilotState<T>, elapsed: f64) -> f64 {
+        let period = self.period();
+        let longest = LONGEST_STEP * period;
+        if state.steps > 0 {
+            state.late += elapsed - period;
+            state.monitor.elapse(elapsed);
+        }
+        if elapsed > longest {
+            state.rates.restart();
+        }
+        state.dt = elapsed.min(longest);
+        state.dt
     }
 
     /// Declares an actuator failed (`failed` 1), from outside.

@@ -1,6 +1,7 @@
 //! What the autopilot is told of the motion, and what the sensors of a simulated vehicle make of the truth.
 //!
-//! Sixteen channels in seven groups; a group is sampled together and grows old together. Sensor errors: white noise per
+//! Sixteen channels in seven groups. Every channel has its own age; the sensors of a simulated vehicle sample a group
+//! together, so that there it grows old together. Sensor errors: white noise per
 //! sample, an offset drawn once per run, a random walk (the drift of dead reckoning), a sampling interval, a
 //! latency in whole control periods, and drop-outs that begin at random. Each number that is drawn is a function of
 //! seed, sample and channel alone ([`crate::number::random`]). At the start of a run every sensor shows a first sample: the
@@ -40,8 +41,8 @@ pub const GROUP: [usize; CHANNELS] = [0, 0, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5, 6, 
 pub struct Measurement<T> {
     /// The channels in the order of [`CHANNEL_NAMES`].
     pub channels: [T; CHANNELS],
-    /// Seconds since each group was last true; infinite before its first sample.
-    pub age: [T; GROUPS],
+    /// Seconds since each channel was last true; infinite before its first sample.
+    pub age: [T; CHANNELS],
     /// Share of the battery that is left.
     pub battery: T,
     /// Supply voltage, V; not a number where it is not known.
@@ -55,17 +56,10 @@ impl<T: Real> Measurement<T> {
         channels[ALTITUDE] = unit.splat(f64::INFINITY);
         Self {
             channels,
-            age: [unit.splat(f64::INFINITY); GROUPS],
+            age: [unit.splat(f64::INFINITY); CHANNELS],
             battery: unit.splat(1.0),
             voltage: f64::NAN,
         }
-    }
-
-    /// The groups that an autopilot waits for: position, depth, attitude and rates must have been measured, in every
-    /// lane, before it begins.
-    pub fn waiting_for(&self) -> impl Iterator<Item = &'static str> + '_ {
-        let needed = [0, 1, 2, 4].into_iter();
-        needed.filter(|&g| self.age[g].largest() == f64::INFINITY).map(|g| GROUP_NAMES[g])
     }
 
     /// Position N E D, m.
@@ -89,8 +83,9 @@ impl<T: Real> Measurement<T> {
     /// Altitude above the bottom, m; infinite without a fresh one: what was measured does not rule what follows.
     #[inline(always)]
     pub fn altitude(&self) -> T {
-        let fresh = self.age[5].lt(self.age[5].splat(ALTITUDE_IS_OLD_S));
-        T::select(fresh, self.channels[ALTITUDE], self.age[5].splat(f64::INFINITY))
+        let age = self.age[ALTITUDE];
+        let fresh = age.lt(age.splat(ALTITUDE_IS_OLD_S));
+        T::select(fresh, self.channels[ALTITUDE], age.splat(f64::INFINITY))
     }
 
     /// p, q, r, rad/s.
@@ -99,14 +94,13 @@ impl<T: Real> Measurement<T> {
         self.three(9)
     }
 
-    /// Velocity through the water, body frame, m/s; over ground where no sensor tells it.
+    /// Velocity through the water, body frame, m/s; over ground in the components that no sensor tells.
     #[inline(always)]
     pub fn water(&self) -> Vec3<T> {
-        let known = self.age[6].lt(self.age[6].splat(WATER_IS_OLD_S));
-        let (water, ground) = (self.three(13), self.velocity());
-        let mut velocity = ground;
-        for i in 0..3 {
-            velocity[i] = T::select(known, water[i], ground[i]);
+        let mut velocity = self.velocity();
+        for (i, component) in velocity.iter_mut().enumerate() {
+            let (age, water) = (self.age[WATER + i], self.channels[WATER + i]);
+            *component = T::select(age.lt(age.splat(WATER_IS_OLD_S)), water, *component);
         }
         velocity
     }
@@ -117,8 +111,26 @@ impl<T: Real> Measurement<T> {
     }
 }
 
+/// The channel of the depth.
+pub const DEPTH: usize = 2;
+
+/// The channel of the yaw.
+pub const YAW: usize = 5;
+
+/// The first channel of the velocity over ground.
+pub const VELOCITY: usize = 6;
+
+/// The first channel of the turn rates.
+pub const RATES: usize = 9;
+
 /// The channel of the altitude; those before it are always finite.
 pub const ALTITUDE: usize = 12;
+
+/// The first channel of the velocity through the water.
+pub const WATER: usize = 13;
+
+/// The first channel of each group.
+const FIRST: [usize; GROUPS] = [0, DEPTH, 3, VELOCITY, RATES, ALTITUDE, WATER];
 
 /// Beyond this age an altitude is none, s: at a metre per second the bottom is elsewhere.
 const ALTITUDE_IS_OLD_S: f64 = 2.0;
@@ -235,8 +247,8 @@ impl<'a, T: Real> Navigation<'a, T> {
             let time = k as f64 * dt;
             let due = k >= timing.latency && (k - timing.latency) % timing.every == 0;
             fresh[g] = timing.present && (due || k == 0);
-            let older = self.measurement.age[g] + dt;
-            self.measurement.age[g] = older;
+            let older = self.measurement.age[FIRST[g]] + dt;
+            let mut age = older;
             if timing.dropout_every.is_finite() {
                 let chance = seed.tabulated(|s| (uniform(s, k, 2 * CHANNELS + g), 0.0));
                 let length = seed.tabulated(|s| (-uniform(s, k, 2 * CHANNELS + GROUPS + g).ln(), 0.0));
@@ -261,7 +273,10 @@ impl<'a, T: Real> Navigation<'a, T> {
             heard[g] = silent.lt(zero.splat(0.5 * dt));
             if fresh[g] {
                 let new = zero.splat(timing.latency.min(k) as f64 * dt);
-                self.measurement.age[g] = T::select(heard[g], new, older);
+                age = T::select(heard[g], new, older);
+            }
+            for c in (FIRST[g]..CHANNELS).take_while(|&c| GROUP[c] == g) {
+                self.measurement.age[c] = age;
             }
         }
         for c in 0..CHANNELS {

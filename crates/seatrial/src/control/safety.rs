@@ -2,7 +2,7 @@
 //!
 //! | watch | true when |
 //! |---|---|
-//! | `stale_position` … `stale_altitude` | no good sample of the group for so many seconds |
+//! | `stale_position` … `stale_altitude` | no good sample for so many seconds of one of the group's channels in use |
 //! | `depth`, `altitude`, `fence`, `time` | a limit of the mission is passed |
 //! | `battery` | less than the share is left |
 //! | `actuator` | an actuator does not follow its command |
@@ -12,11 +12,15 @@
 //! back at a limit must not take up its mission again. *Hold* keeps the station, or circles where the vehicle cannot;
 //! *surface* comes up under control; *abort* stops all actuators and lets buoyancy bring the vehicle up.
 //!
-//! A limit must be passed for a second, since one sample may be wrong.
+//! Every channel grows old by itself: yaw that is lost while roll and pitch arrive is stale attitude. Which channels are
+//! in use says [`crate::control::autopilot::channels`]. Samples that jump and
+//! sensors that repeat one value grow old too ([`crate::control::screen`]). A limit must be passed for a second, since one
+//! sample may be wrong.
 //!
 //! Tests: `tests/closed_loop/safety.rs` (each watch, each reaction).
 
-use crate::control::navigation::{GROUP_NAMES, Measurement};
+use crate::control::autopilot::channels::{Use, Uses};
+use crate::control::navigation::{CHANNELS, GROUP, GROUP_NAMES, Measurement};
 use crate::mission::{Limits, outside};
 use crate::number::real::Real;
 use serde::{Deserialize, Serialize};
@@ -41,6 +45,9 @@ pub const REACTIONS: [&str; 4] = ["continue", "hold", "surface", "abort"];
 
 /// The number of watches.
 pub const WATCHES: usize = 13;
+
+/// The number of watches over the age of a group's channels, which are the first.
+const STALE: usize = 6;
 
 /// The names of the watches; cause `i + 1` is watch `i`, cause 0 is none.
 pub const WATCH_NAMES: [&str; WATCHES] = [
@@ -102,6 +109,9 @@ pub struct SafetyTable {
     pub surface_speed_m_s: f64,
     /// Depth at which the vehicle counts as surfaced, m.
     pub surfaced_above_m: f64,
+    /// A channel that repeats one value for so long, s, while the others say that it must have changed, is frozen: it
+    /// is as old as that value.
+    pub frozen_after_s: f64,
     /// Horizontal position.
     pub stale_position: Stale,
     /// Depth.
@@ -136,6 +146,7 @@ impl Default for SafetyTable {
         Self {
             surface_speed_m_s: 0.5,
             surfaced_above_m: 0.5,
+            frozen_after_s: 2.0,
             stale_position: stale(60.0, Reaction::Surface),
             stale_depth: stale(5.0, Reaction::Abort),
             stale_attitude: stale(2.0, Reaction::Abort),
@@ -162,6 +173,7 @@ impl SafetyTable {
         let others = [
             ("surface_speed_m_s".to_owned(), self.surface_speed_m_s),
             ("surfaced_above_m".to_owned(), self.surfaced_above_m),
+            ("frozen_after_s".to_owned(), self.frozen_after_s),
             ("actuator.after_s".to_owned(), self.actuator.after_s),
             ("actuator.deviation".to_owned(), self.actuator.deviation),
             ("progress.after_s".to_owned(), self.progress.after_s),
@@ -177,7 +189,7 @@ impl SafetyTable {
         None
     }
 
-    fn stale(&self) -> [Stale; 6] {
+    fn stale(&self) -> [Stale; STALE] {
         [
             self.stale_position,
             self.stale_depth,
@@ -203,6 +215,8 @@ pub struct Alert<T> {
     pub level: T,
     /// The watch that called for it, counted from 1; 0 for none.
     pub cause: T,
+    /// The channel that was stale, counted from 1; 0 where something else called for it.
+    pub channel: T,
     /// When, s.
     pub since: T,
     /// For how long each watch has been true, s.
@@ -216,7 +230,7 @@ impl<T: Real> Alert<T> {
     /// Nothing yet.
     pub fn none(unit: T) -> Self {
         let zero = unit.zero();
-        Self { level: zero, cause: zero, since: zero, lasting: [zero; WATCHES] }
+        Self { level: zero, cause: zero, channel: zero, since: zero, lasting: [zero; WATCHES] }
     }
 }
 
@@ -225,9 +239,11 @@ impl<T: Real> Alert<T> {
 pub struct Circumstances<'a, T> {
     /// Limits of the mission.
     pub limits: &'a Limits,
+    /// How the channels are used.
+    pub uses: &'a Uses,
     /// Time since the start, s.
     pub time: f64,
-    /// Control period, s.
+    /// Time since the last look, s.
     pub dt: f64,
     /// 1 on a leg that follows the bottom, and on missions that keep off it.
     pub needs_altitude: T,
@@ -281,10 +297,24 @@ pub fn watch<T: Real>(
     let flag = |mask: T::Mask| T::select(mask, one, zero);
     let [north, east, depth] = measured.position();
     let mut called = [zero; WATCHES];
+    let mut oldest = [(zero, zero); STALE];
+    for c in 0..CHANNELS {
+        let Some((age, channel)) = oldest.get_mut(GROUP[c]) else { continue };
+        // What was never measured counts from the start; what can be done without is not missed before its first sample.
+        let since_start = zero.splat(around.time);
+        let own = match around.uses[c] {
+            Use::Idle => continue,
+            Use::Needed => measured.age[c].min(since_start),
+            Use::Replaceable => {
+                let known = measured.age[c].lt(zero.splat(f64::INFINITY));
+                T::select(known, measured.age[c].min(since_start), zero)
+            }
+        };
+        *channel = T::select(age.lt(own), zero.splat(c as f64 + 1.0), *channel);
+        *age = age.max(own);
+    }
     for (i, stale) in table.stale().iter().enumerate() {
-        // What was never measured counts from the start.
-        let age = measured.age[i].min(zero.splat(around.time));
-        called[i] = flag(zero.splat(stale.after_s).lt(age));
+        called[i] = flag(zero.splat(stale.after_s).lt(oldest[i].0));
     }
     // A sensor of the altitude matters where the mission asks for one.
     called[5] *= around.needs_altitude;
@@ -309,6 +339,7 @@ pub fn watch<T: Real>(
         let stronger = T::both(half.lt(called[i]), next.level.lt(level));
         next.level = T::select(stronger, level, next.level);
         next.cause = T::select(stronger, zero.splat(i as f64 + 1.0), next.cause);
+        next.channel = T::select(stronger, oldest.get(i).map_or(zero, |(_, channel)| *channel), next.channel);
         next.since = T::select(stronger, zero.splat(around.time), next.since);
     }
     next

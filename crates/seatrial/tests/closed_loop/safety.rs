@@ -1,7 +1,8 @@
 //! Each watch calls for its reaction, and each reaction does what it says.
 
 use crate::flights::{DIVE, Trip, case, column, fault};
-use seatrial::control::navigation::{GROUPS, Measurement, Outage};
+use seatrial::control::autopilot::channels::Use;
+use seatrial::control::navigation::{CHANNELS, Measurement, Outage};
 use seatrial::control::safety::{Alert, Circumstances, Reaction, SafetyTable, WATCH_NAMES, watch};
 use seatrial::flight::batch::Outcome;
 use seatrial::mission::Limits;
@@ -210,14 +211,22 @@ fn law_safety_limits_need_more_than_a_sample() {
     let table = SafetyTable::default();
     let limits = Limits { depth: 10.0, altitude: 0.0, time: f64::INFINITY, fence: Vec::new() };
     let mut measured = Measurement::nothing(0.0);
-    measured.age = [0.0; GROUPS];
+    measured.age = [0.0; CHANNELS];
+    let uses = [Use::Needed; CHANNELS];
     let mut alert = Alert::none(0.0);
     for k in 0..40 {
         let deep = k == 5 || k >= 20;
         measured.channels[2] = if deep { 12.0 } else { 9.0 };
         let time = f64::from(k) * 0.1;
-        let around =
-            Circumstances { limits: &limits, time, dt: 0.1, needs_altitude: 0.0, failed: 0.0, stalled: 0.0 };
+        let around = Circumstances {
+            limits: &limits,
+            uses: &uses,
+            time,
+            dt: 0.1,
+            needs_altitude: 0.0,
+            failed: 0.0,
+            stalled: 0.0,
+        };
         alert = watch(&table, &alert, &measured, &around);
         assert_eq!(alert.level > 0.0, k >= 30, "step {k}");
     }

@@ -45,7 +45,7 @@ fn law_sensors_are_silent_in_an_outage_and_grow_old() {
     for k in 0..30 {
         let shown = navigation.sample(ramp(k), (k, DT));
         let out = (10..20).contains(&k);
-        assert_eq!(shown.age[3] > 0.0, out, "step {k}");
+        assert_eq!(shown.age[7] > 0.0, out, "step {k}");
         if out {
             assert_eq!(shown.channels[7], ramp(9)[7], "held at step {k}");
         }
@@ -58,7 +58,7 @@ fn law_sensors_drop_out_as_often_and_as_long_as_they_are_told() {
     sensors.timing[3] = GroupTiming { dropout_every: 20.0, dropout: 2.0, ..GroupTiming::default() };
     let mut navigation = Navigation::new(&sensors, 5.0, &[]);
     let steps = 200_000;
-    let silent = (0..steps).filter(|&k| navigation.sample(ramp(k), (k, DT)).age[3] > 0.0).count();
+    let silent = (0..steps).filter(|&k| navigation.sample(ramp(k), (k, DT)).age[7] > 0.0).count();
     // Drop-outs that begin at the rate 1/20 s and last 2 s on average cover 1 − exp(−0.1) of the time, those of a
     // period or less round up or down; 1000 drop-outs tell the share to 3 %.
     let share = silent as f64 / steps as f64;
@@ -148,10 +148,10 @@ fn law_sensors_know_the_place_of_the_launch_whatever_goes_silent_there() {
     let launch = ramp(0);
     for k in 0..8 {
         let shown = *navigation.sample(ramp(k), (k, DT));
-        assert_eq!(shown.waiting_for().count(), 0, "step {k}");
-        for (channel, group) in [(0, 0), (2, 1), (5, 2)] {
+        assert!(shown.age.iter().all(|age| age.is_finite()), "step {k}");
+        for channel in [0, 2, 5] {
             assert_eq!(shown.channels[channel], launch[channel], "step {k}");
-            assert!((shown.age[group] - k as f64 * DT).abs() < 1e-12, "step {k}"); // sums of 0.1
+            assert!((shown.age[channel] - k as f64 * DT).abs() < 1e-12, "step {k}"); // sums of 0.1
         }
         assert_eq!(shown.channels[6], ramp(k)[6], "what is not silent goes on");
     }

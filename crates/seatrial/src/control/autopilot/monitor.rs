@@ -28,7 +28,14 @@ pub struct Monitor<T> {
     /// The last measured signals.
     shown: Vec<T>,
     any: bool,
+    /// Control period, s, of which the drive moves by halves.
+    period: f64,
+    /// Share of a half period that the drive is behind the time.
+    rest: f64,
 }
+
+/// Every motor has reached its target after so long, s.
+const SETTLED_S: f64 = 60.0;
 
 impl<T: Real> Monitor<T> {
     /// All actuators at rest and trusted.
@@ -44,16 +51,27 @@ impl<T: Real> Monitor<T> {
             failed: zeros.clone(),
             shown: zeros,
             any: false,
+            period,
+            rest: 0.0,
         }
     }
 
-    /// Takes the commands of the next period.
+    /// Takes the commands that are given from here on.
     #[inline(always)]
     pub fn expect(&mut self, signals: &[T], limits: &[Limits]) {
         for i in 0..signals.len() {
             self.targets[i] = limits[i].apply(signals[i]);
         }
-        for _half in 0..2 {
+    }
+
+    /// Moves the expected signals on by the time, s, for which the commands were held.
+    #[inline(always)]
+    pub fn elapse(&mut self, time: f64) {
+        let halves = 2.0 * time.min(SETTLED_S) / self.period + self.rest;
+        // A regular period is two halves, whatever it is rounded to.
+        let whole = (halves + 1e-6).floor();
+        self.rest = halves - whole;
+        for _half in 0..whole as usize {
             self.drive.advance(&self.targets);
         }
     }

@@ -1,11 +1,11 @@
 //! The rates of what the loops control, from the sensors that tell them.
 //!
-//! Angles by the gyro (Euler rates), depth by the velocity over ground while it is fresh and by differences of the
-//! depth, through a lag, where it is not; surge and sway accelerations are differences of samples.
+//! Angles by the gyro (Euler rates), depth by the velocity over ground while all of its components are fresh and by
+//! differences of the depth, through a lag, where one is not; surge and sway accelerations are differences of samples.
 //!
 //! Source: Fossen (2011), section 2.2. Tests: `tests/closed_loop/safety.rs`.
 
-use crate::control::navigation::Measurement;
+use crate::control::navigation::{DEPTH, Measurement, VELOCITY};
 use crate::number::algebra::Vec6;
 use crate::number::real::Real;
 
@@ -30,29 +30,43 @@ impl<T: Real> Rates<T> {
         Self { velocity: [unit; 2], depth: unit, sink: unit, begun: false }
     }
 
-    /// Where the velocity over ground is too old to be used.
+    /// Where component `i` of the velocity over ground is too old to be used.
     #[inline(always)]
-    pub fn blind(measured: &Measurement<T>) -> T::Mask {
-        measured.age[3].splat(VELOCITY_IS_OLD_S).lt(measured.age[3])
+    pub fn blind(measured: &Measurement<T>, i: usize) -> T::Mask {
+        let age = measured.age[VELOCITY + i];
+        age.splat(VELOCITY_IS_OLD_S).lt(age)
     }
 
-    /// The rates in the order of the loops: m/s², m/s, rad/s; a control period of `dt` seconds after the last call.
+    /// Forgets the last samples: after a pause their differences mean nothing.
+    pub fn restart(&mut self) {
+        self.begun = false;
+    }
+
+    /// Moves the last depth with a jump that is believed, m.
+    #[inline(always)]
+    pub fn moved_by(&mut self, depth: T) {
+        self.depth += depth;
+    }
+
+    /// The rates in the order of the loops: m/s², m/s, rad/s; `dt` seconds after the last call.
     #[inline(always)]
     pub fn see(&mut self, measured: &Measurement<T>, dt: f64) -> Vec6<T> {
         let [roll, pitch, _] = measured.attitude();
         let ([p, q, r], [u, v, w]) = (measured.rates(), measured.velocity());
-        let (zero, depth, blind) = (u.zero(), measured.channels[2], Self::blind(measured));
+        let (zero, depth) = (u.zero(), measured.channels[DEPTH]);
+        let [no_u, no_v, no_w] = [0, 1, 2].map(|i| Self::blind(measured, i));
+        let blind = T::either(no_u, T::either(no_v, no_w));
         let ((s_roll, c_roll), (s_pitch, c_pitch)) = (roll.sin_cos(), pitch.sin_cos());
         let yaw = q.mul_add(s_roll, r * c_roll) / c_pitch.max(zero.splat(0.1));
         let sink = (v * s_roll + w * c_roll).mul_add(c_pitch, -(u * s_pitch));
         let per_dt = f64::from(u8::from(self.begun)) / dt;
         let share = dt / (DEPTH_RATE_LAG_S + dt);
         self.sink = T::select(blind, self.sink + ((depth - self.depth) * per_dt - self.sink) * share, sink);
-        let change = |now: T, before: T| T::select(blind, zero, (now - before) * per_dt);
+        let change = |blind, now: T, before: T| T::select(blind, zero, (now - before) * per_dt);
         let [u_before, v_before] = self.velocity;
         let rates = [
-            change(u, u_before),
-            change(v, v_before),
+            change(no_u, u, u_before),
+            change(no_v, v, v_before),
             self.sink,
             s_pitch.mul_add(yaw, p),
             q.mul_sub(c_roll, r * s_roll),

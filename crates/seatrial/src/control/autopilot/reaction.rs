@@ -45,8 +45,8 @@ impl<T: Real> Autopilot<T> {
         let calm = state.alert.level.lt(half);
         let begins = T::both(before.lt(half), half.lt(state.alert.level));
         let mut fresh = measured.velocity();
-        for x in &mut fresh {
-            *x = T::select(Rates::blind(measured), x.zero(), *x);
+        for (i, x) in fresh.iter_mut().enumerate() {
+            *x = T::select(Rates::blind(measured, i), x.zero(), *x);
         }
         let mut position = measured.position();
         let set_point = set_point.map(|set_point| set_point.moved_only(calm));
@@ -61,11 +61,11 @@ impl<T: Real> Autopilot<T> {
             self.guidance.stop_here(&mut state.progress, &fix, begins);
             state.heading = T::select(begins, fix.attitude[2], state.heading);
         }
-        let dt = self.settings.file.period_s;
         // Guidance makes the pitch towards a depth: one that is set has to be told to it, in the moved plan's frame.
         let depth = set_point.as_ref().and_then(|set| Some((set.depth()? - set.shift[2], calm)));
         let waypoints = &self.mission.waypoints;
-        let mut desired = self.guidance.step_at_depth(waypoints, &mut state.progress, &fix, (dt, depth));
+        let mut desired =
+            self.guidance.step_at_depth(waypoints, &mut state.progress, &fix, (state.dt, depth));
         if let Some(set_point) = set_point {
             set_point.over(&mut desired, calm);
         }
@@ -91,7 +91,7 @@ impl<T: Real> Autopilot<T> {
         if T::any(surface) {
             let still = self.settings.modes[0].depth_by == DepthBy::Heave;
             let speed = zero.splat(if still { 0.0 } else { file.safety.surface_speed_m_s });
-            let dt = file.period_s;
+            let dt = state.dt;
             let pick = |to: &mut T, from: T| *to = T::select(surface, from, *to);
             pick(&mut desired.speed, towards(state.speed, speed, guidance.acceleration_max * dt));
             pick(&mut desired.lateral, zero);

@@ -1,7 +1,7 @@
 //! From desired and measured values to what the control laws are told: filtered references, errors, rates.
 //!
 //! A loop that enters starts its reference filter from what is measured, so that its demand does not jump. Without a
-//! fresh velocity surge and sway have no error: the feed-forward alone drives.
+//! fresh velocity of its own, surge or sway has no error: the feed-forward alone drives.
 //!
 //! Tests: `tests/closed_loop/modes.rs`, `tests/control/reference_filter.rs`.
 
@@ -25,7 +25,7 @@ impl<T: Real> Autopilot<T> {
         (active, by_pitch): (Vec6<T>, T),
     ) -> (Situation<T>, Vec6<T>) {
         let (zero, half) = (self.unit, self.unit.splat(0.5));
-        let dt = self.settings.file.period_s;
+        let dt = state.dt;
         let [roll, pitch, yaw] = measured.attitude();
         // Hover wants no pitch; what guidance has in mind meanwhile is reached at its own rate.
         let pitch_wanted = T::select(half.lt(by_pitch), desired.pitch, zero);
@@ -35,8 +35,8 @@ impl<T: Real> Autopilot<T> {
         let wanted = [desired.speed, desired.lateral, desired.depth, zero, state.pitch, desired.heading];
         let ([u, v, w], [p, q, r]) = (measured.velocity(), measured.rates());
         // What is too old is no velocity: a law must not push against it.
-        let blind = Rates::blind(measured);
-        let known = |x: T| T::select(blind, zero, x);
+        let blind = [0, 1, 2].map(|i| Rates::blind(measured, i));
+        let known = |x: T, i: usize| T::select(blind[i], zero, x);
         let shown = [u, v, measured.channels[2], roll, pitch, yaw];
         let mut situation = Situation {
             dt,
@@ -44,7 +44,7 @@ impl<T: Real> Autopilot<T> {
             error: [zero; 6],
             rate: state.rates.see(measured, dt),
             reference_rate: [zero; 6],
-            velocity: [known(u), known(v), known(w), p, q, r],
+            velocity: [known(u, 0), known(v, 1), known(w, 2), p, q, r],
             attitude: [roll, pitch, yaw],
             feed_forward: [zero; 6],
             achieved: state.achieved,
@@ -77,7 +77,7 @@ impl<T: Real> Autopilot<T> {
             situation.error[i] = if angle { error.wrap() } else { error };
         }
         for i in [SURGE, SWAY] {
-            situation.error[i] = T::select(blind, zero, situation.error[i]);
+            situation.error[i] = known(situation.error[i], i);
         }
         (situation, acceleration)
     }

@@ -1,18 +1,20 @@
 //! What an autopilot is made of: constants that do not change under way, and what is remembered from step to step.
 
+use super::channels::Uses;
 use super::file::DepthBy;
 use super::monitor::Monitor;
 use super::rates::Rates;
 use super::settings::{PER_LOOP, Settings};
 use crate::actuator::motor::Limits;
 use crate::control::allocation::Allocator;
-use crate::control::control_law::SWAY;
+use crate::control::control_law::{HEADING, HEAVE, PITCH, SWAY};
 use crate::control::guidance::{Guidance, Progress};
 use crate::control::lqr::{Lqr, LqrState};
 use crate::control::pid::{Pid, PidState};
 use crate::control::reference_filter::Reference;
 use crate::control::safety::{Alert, Approach};
 use crate::control::schedule::POINTS;
+use crate::control::screen::{Leap, Screen};
 use crate::description::Description;
 use crate::description::assembly::Structure;
 use crate::description::coefficients::FORCES;
@@ -47,12 +49,18 @@ pub struct Autopilot<T> {
     pub(super) limits: Vec<Limits>,
     /// Weights of the rows that no loop commands.
     pub(super) idle_rows: Vec6<f64>,
+    pub(super) uses: Uses,
     pub(super) unit: T,
 }
 
 /// What an autopilot remembers from step to step.
 pub struct AutopilotState<T> {
     pub(super) steps: usize,
+    /// How much longer the steps have taken than the control period, s.
+    pub(super) late: f64,
+    /// Time over which this step integrates and moves limited values, s.
+    pub(super) dt: f64,
+    pub(super) screen: Screen<T>,
     pub(super) progress: Progress<T>,
     /// Per mode above the first, 1 while its speed is reached.
     pub(super) reached: Vec<T>,
@@ -78,6 +86,27 @@ pub struct AutopilotState<T> {
     pub(super) approach: Approach<T>,
     /// Commands as signals: in the unit of the command, from neutral, positive ahead.
     pub signals: Vec<T>,
+}
+
+impl<T: Real> AutopilotState<T> {
+    /// Which samples are believed.
+    pub fn screen(&self) -> &Screen<T> {
+        &self.screen
+    }
+
+    /// Moves what is desired along with a jump of depth, pitch and yaw that is believed: the errors of the loops do not
+    /// jump, and guidance goes from here to where it wants to be at its own rates.
+    #[inline(always)]
+    pub(super) fn follow(&mut self, [depth, pitch, yaw]: Leap<T>) {
+        self.progress.moved_by(depth, pitch, yaw);
+        self.rates.moved_by(depth);
+        self.depth += depth;
+        self.pitch += pitch;
+        self.heading = (self.heading + yaw).wrap();
+        self.references[HEAVE].value += depth;
+        self.references[PITCH].value += pitch;
+        self.references[HEADING].value = (self.references[HEADING].value + yaw).wrap();
+    }
 }
 
 impl<T: Real> Autopilot<T> {
@@ -128,6 +157,7 @@ impl<T: Real> Autopilot<T> {
                 let commanded = description.file.controllable.iter().any(|known| known == row);
                 if commanded { IDLE_ROW } else { 0.0 }
             }),
+            uses: settings.uses(description),
             model,
             unit,
         })
@@ -140,6 +170,9 @@ impl<T: Real> Autopilot<T> {
         let count = self.limits.len();
         AutopilotState {
             steps: 0,
+            late: 0.0,
+            dt: self.settings.file.period_s,
+            screen: Screen::new(unit),
             progress: self.guidance.begin(&self.mission.start, &self.mission.waypoints),
             reached: vec![unit; self.settings.modes.len() - 1],
             active: zeros,

@@ -159,6 +159,15 @@ impl<T: Real> Progress<T> {
         self.terrain = fix.position[2];
     }
 
+    /// Moves the limited quantities with a jump of what is measured, m and rad.
+    #[inline(always)]
+    pub fn moved_by(&mut self, depth: T, pitch: T, yaw: T) {
+        self.depth += depth;
+        self.terrain += depth;
+        self.pitch += pitch;
+        self.heading = (self.heading + yaw).wrap();
+    }
+
     /// Ends the mission at the place of the fix.
     #[inline(always)]
     pub(super) fn stop(&mut self, fix: &Fix<T>, at: T::Mask) {
