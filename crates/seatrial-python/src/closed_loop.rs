@@ -3,6 +3,7 @@
 use crate::autopilot::Autopilot;
 use crate::convert::{Array, Named, Numbers};
 use crate::error::{raised, refused};
+use crate::log_store::LogStore;
 use crate::mission::{Mission, with_cylinders};
 use crate::pickle::{self, Parts, parts, restorer};
 use crate::trial::{CorridorRow, Trials};
@@ -17,9 +18,10 @@ use seatrial::flight::Flight;
 use seatrial::flight::batch::{Case, Cases, Outcome};
 use seatrial::flight::exceedance::{EDGES, edges};
 use seatrial::flight::faults::ActuatorFault;
-use seatrial::flight::log;
+use seatrial::flight::log::{self, Log};
 use seatrial::flight::summary::Summary;
 use seatrial::model::integrate;
+use seatrial::number::lanes::LANES;
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
@@ -27,24 +29,26 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "seatrial")]
 pub struct Flights {
     description: Arc<Description>,
-    outcomes: Vec<Outcome>,
+    summaries: Vec<Summary<f64>>,
+    logs: LogStore,
     dt: f64,
 }
 
 impl Flights {
-    fn outcome(&self, case: usize) -> PyResult<&Outcome> {
-        self.outcomes
-            .get(case)
-            .ok_or_else(|| refused(format!("case: expected below {}, found {case}", self.outcomes.len())))
+    fn check_case(&self, case: usize) -> PyResult<()> {
+        if case < self.logs.len() {
+            return Ok(());
+        }
+        Err(refused(format!("case: expected below {}, found {case}", self.logs.len())))
     }
 
     /// Settled samples and those above each threshold, of the cross-track (0), vertical (1) or true cross-track error (2).
     fn counts(&self, error: usize) -> Array {
-        let row = |o: &Outcome| {
-            let above = o.summary.exceedance[error].counts;
-            std::iter::once(o.summary.settled).chain(above).collect::<Vec<f64>>()
+        let row = |s: &Summary<f64>| {
+            let above = s.exceedance[error].counts;
+            std::iter::once(s.settled).chain(above).collect::<Vec<f64>>()
         };
-        Array::new(&[self.outcomes.len(), 1 + EDGES], self.outcomes.iter().flat_map(row).collect())
+        Array::new(&[self.summaries.len(), 1 + EDGES], self.summaries.iter().flat_map(row).collect())
     }
 }
 
@@ -52,7 +56,7 @@ impl Flights {
 impl Flights {
     /// Number of cases.
     fn __len__(&self) -> usize {
-        self.outcomes.len()
+        self.summaries.len()
     }
 
     /// Names of the columns of a log; cmd.<actuator> and act.<actuator> are in the unit of the command.
@@ -65,23 +69,23 @@ impl Flights {
 
     /// The log of a case, shape (n, columns), one row per control period; SI and rad.
     fn log(&self, case: usize) -> PyResult<Array> {
-        let outcome = self.outcome(case)?;
+        self.check_case(case)?;
         let actuators = &self.description.actuators;
-        let log = &outcome.log;
+        let Log { mut values, rows } = self.logs.get(case).map_err(raised)?.into_owned();
         let width = self.columns().len();
-        let mut values = log.values.clone();
         let first = width - 2 * actuators.len();
         for row in values.chunks_exact_mut(width) {
             for (i, value) in row[first..].iter_mut().enumerate() {
                 *value = actuators[i % actuators.len()].command(*value);
             }
         }
-        Ok(Array::new(&[log.rows, width], values))
+        Ok(Array::new(&[rows, width], values))
     }
 
     /// Time of the rows of a case, shape (n,), s.
     fn t(&self, case: usize) -> PyResult<Array> {
-        let rows = self.outcome(case)?.log.rows;
+        self.check_case(case)?;
+        let rows = self.logs.rows(case);
         Ok(Array::new(&[rows], (0..rows).map(|k| k as f64 * self.dt).collect()))
     }
 
@@ -89,7 +93,7 @@ impl Flights {
     #[getter]
     fn figures(&self) -> BTreeMap<&'static str, Array> {
         let column = |read: fn(&Summary<f64>) -> f64| {
-            Array::new(&[self.outcomes.len()], self.outcomes.iter().map(|o| read(&o.summary)).collect())
+            Array::new(&[self.summaries.len()], self.summaries.iter().map(read).collect())
         };
         BTreeMap::from([
             ("ending", column(|s| s.ending)),
@@ -147,9 +151,9 @@ impl Flights {
     /// the lower bound and of the excess over the upper one, s, and of clock times deviation from the target, s².
     #[getter]
     fn violations(&self) -> Array {
-        let sums = |o: &Outcome| o.summary.violations.sums.concat();
-        let corridors = self.outcomes.first().map_or(0, |o| o.summary.violations.sums.len());
-        Array::new(&[self.outcomes.len(), corridors, 3], self.outcomes.iter().flat_map(sums).collect())
+        let sums = |s: &Summary<f64>| s.violations.sums.concat();
+        let corridors = self.summaries.first().map_or(0, |s| s.violations.sums.len());
+        Array::new(&[self.summaries.len(), corridors, 3], self.summaries.iter().flat_map(sums).collect())
     }
 
     /// Itself: nothing of it can change.
@@ -164,14 +168,14 @@ impl Flights {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, FlightsParts)> {
-        let summaries: Vec<Vec<f64>> = self.outcomes.iter().map(|o| o.summary.to_row()).collect();
+        let summaries: Vec<Vec<f64>> = self.summaries.iter().map(Summary::to_row).collect();
         let width = summaries.first().map_or(0, Vec::len);
-        let summaries = Array::new(&[self.outcomes.len(), width], summaries.concat());
-        let log = |o: &Outcome| {
-            let columns = o.log.values.len() / o.log.rows.max(1);
-            Array::new(&[o.log.rows, columns], o.log.values.clone())
+        let summaries = Array::new(&[self.summaries.len(), width], summaries.concat());
+        let log = |case: usize| {
+            let Log { values, rows } = self.logs.get(case).map_err(raised)?.into_owned();
+            Ok(Array::new(&[rows, values.len() / rows.max(1)], values))
         };
-        let logs = self.outcomes.iter().map(log).collect();
+        let logs = (0..self.logs.len()).map(log).collect::<PyResult<_>>()?;
         Ok((restorer(py, "_restored_flights")?, (parts(&self.description), self.dt, summaries, logs)))
     }
 }
@@ -191,13 +195,15 @@ pub fn restored_flights(
     let description = Arc::new(pickle::description(&vehicle.0, vehicle.1)?);
     let (_, figures) = figures.table("figures")?;
     let width = figures.len() / logs.len().max(1);
-    let outcomes = logs.into_iter().enumerate().map(|(case, log)| {
+    let mut flights = Flights { description, summaries: Vec::new(), logs: LogStore::default(), dt: period_s };
+    for (case, log) in logs.into_iter().enumerate() {
         let (rows, values) = log.table("log")?;
         let summary = Summary::of_row(&figures[case * width..(case + 1) * width])
             .ok_or_else(|| refused(format!("figures: expected those of a flight, found {width} numbers")))?;
-        Ok(Outcome { summary, log: log::Log { values, rows } })
-    });
-    Ok(Flights { description, outcomes: outcomes.collect::<PyResult<_>>()?, dt: period_s })
+        flights.summaries.push(summary);
+        flights.logs.push(Log { values, rows }).map_err(raised)?;
+    }
+    Ok(flights)
 }
 
 /// The thresholds of the counts of errors, m, shape (edges,).
@@ -354,9 +360,32 @@ pub fn fly(
         substeps: whole(dt / max_step_s),
         periods: whole(max_time_s / dt),
     };
-    let cases = Cases { coefficients: &sought, tunables: &tuned, cases: &cases };
-    let outcomes = parallel(py, threads, |stop| flight.fly(&cases, logs, stop))?;
-    Ok(Flights { description: description.clone(), outcomes, dt })
+    let (summaries, logs) = parallel(py, threads, |stop| {
+        let (mut summaries, mut kept) = (Vec::with_capacity(k), LogStore::default());
+        while summaries.len() < k {
+            let first = summaries.len();
+            // A case that flies alone has no lanes and rounds otherwise: none is left over.
+            let last = if logs { first + at_once(&kept) } else { k };
+            let last = if last + 1 < k { last } else { k };
+            let cases = Cases { coefficients: &sought, tunables: &tuned, cases: &cases[first..last] };
+            for Outcome { summary, log } in flight.fly(&cases, logs, stop)? {
+                summaries.push(summary);
+                kept.push(log)?;
+            }
+        }
+        Ok((summaries, kept))
+    })?;
+    Ok(Flights { description: description.clone(), summaries, logs, dt })
+}
+
+/// Number of flights whose logs are in memory together: no more than some megabytes of them, but work for all threads.
+fn at_once(kept: &LogStore) -> usize {
+    const TOGETHER: usize = 64 << 20;
+    let least = LANES * rayon::current_num_threads();
+    match kept.mean_bytes() {
+        0 => least,
+        bytes => (TOGETHER / bytes).clamp(least, 64 * least).next_multiple_of(LANES),
+    }
 }
 
 /// The smallest whole number, at least 1, that is not below a ratio of times but for rounding: 2.1 s are 7 periods of 0.3 s.

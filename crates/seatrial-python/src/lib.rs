@@ -7,6 +7,7 @@ mod closed_loop;
 mod convert;
 mod error;
 mod identify;
+mod log_store;
 mod mission;
 mod motor;
 mod pickle;
