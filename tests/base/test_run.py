@@ -14,11 +14,13 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from typer.testing import CliRunner
 
 from seatrial.base.atomic_write import write_table
 from seatrial.base.errors import SeatrialError, TrialError
 from seatrial.base.progress import Clock
-from seatrial.base.run import RUN_FILE, RunDirectory, check_writable, part_file, run_facts, to_json
+from seatrial.base.run import RUN_FILE, RunDirectory, check_writable, only_user, part_file, run_facts, to_json
+from seatrial.cli import app
 
 KEYS = [
     "kind", "name", "options", "seed", "started_utc", "finished_utc", "wall_s", "interrupted", "versions",
@@ -352,3 +354,39 @@ def test_a_file_that_cannot_be_finished_leaves_the_former_one(
     with pytest.raises(TrialError, match=r"cannot be written \(No space left on device\)"):
         write_table(pl.DataFrame({"t_s": [0.0]}), tmp_path / name)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["former"]
+
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+CWOLF = str(EXAMPLES / "cwolf" / "campaign.toml")
+CAGE = str(EXAMPLES / "missions" / "cage_survey.toml")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fly", "cwolf", "cwolf", CAGE, "--no-figures"],
+        ["check", "cwolf"],
+        ["check", CAGE],
+        ["plan", "cwolf"],
+        ["demo"],
+        ["coverage", CWOLF],
+        ["identify", CWOLF],
+        ["tune", CWOLF],
+        ["verify", CWOLF],
+        ["bench", str(EXAMPLES / "t200" / "bench.toml"), "--no-figures"],
+    ],
+    ids=lambda arguments: " ".join(Path(word).name for word in arguments),
+)
+def test_every_verb_that_writes_is_refused_a_folder_in_use(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The message names the process, and nothing is left behind."""
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / ("out.csv" if arguments[0] == "plan" else "out")
+    with only_user(out):
+        said = CliRunner().invoke(app, [*arguments, "--out", str(out)])
+        assert said.exit_code == 2, said.output
+        assert f"run directory {out}: expected to be its only user, found it in use by process" in said.stderr
+        assert f"kill {os.getpid()}" in said.stderr
+        assert [path.name for path in tmp_path.iterdir()] == [f"{out.name}.lock"]
+    assert not list(tmp_path.iterdir())

@@ -41,7 +41,7 @@ import shutil
 import socket
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -59,6 +59,7 @@ __all__ = [
     "RunDirectory",
     "RunResult",
     "check_writable",
+    "only_user",
     "part_file",
     "run_facts",
     "sha256",
@@ -306,6 +307,31 @@ def check_writable(path: str | Path) -> None:
         The folder cannot be written, holds something that is not a run, or another process works in it.
     """
     RunDirectory(path).close()
+
+
+@contextlib.contextmanager
+def only_user(folder: str | Path) -> Iterator[None]:
+    """Hold the lock on a folder that gets files but is no run directory, as of figures or of command files.
+
+    Raises
+    ------
+    SeatrialError
+        Another process works in it, or its lock cannot be written.
+    """
+    path = Path(folder).absolute()
+    _refuse_name(path)
+    try:
+        made = _make_folders(path.parent)
+        held = _lock(path)
+    except OSError as error:
+        raise _refusal(path, error) from None
+    try:
+        yield
+    finally:
+        _unlock(*held)
+        for above in reversed(made):
+            with contextlib.suppress(OSError):
+                above.rmdir()
 
 
 def run_facts(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -136,23 +137,22 @@ def _check_vehicle(
     json: bool,
 ) -> None:
     from seatrial._core import Vehicle
-    from seatrial.base.run import check_writable
+    from seatrial.base.run import only_user
     from seatrial.check.vehicle import check_vehicle
     from seatrial.cli.console import answer, print_json
 
     vehicle = Vehicle.load(target)
-    if out is not None:
-        check_writable(out)
-    found = check_vehicle(vehicle, voltage_v=voltage, speeds_kn=speed_kn or None)
     folder = out or Path("runs") / file_name(f"check-{vehicle.name}")
 
     def drawn() -> list[Path]:
         return _draw_vehicle(vehicle, voltage, folder, drawing.formats) if drawing.wanted else []
 
-    if json:
-        print_json(found.to_dict() | {"figures": [str(path) for path in drawn()]})
-    else:
-        answer(found.report(), verbose=verbose, draw=drawn)
+    with only_user(folder) if drawing.wanted else nullcontext():
+        found = check_vehicle(vehicle, voltage_v=voltage, speeds_kn=speed_kn or None)
+        if json:
+            print_json(found.to_dict() | {"figures": [str(path) for path in drawn()]})
+        else:
+            answer(found.report(), verbose=verbose, draw=drawn)
 
 
 def _draw_vehicle(vehicle: Vehicle, voltage: float, folder: Path, endings: tuple[str, ...]) -> list[Path]:
@@ -232,6 +232,8 @@ def _check_mission(
     json: bool,
 ) -> None:
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.base.atomic_write import write_atomic
+    from seatrial.base.run import only_user
     from seatrial.base.toml_file import loaded
     from seatrial.check.mission import check_mission
     from seatrial.cli.console import answer, print_json
@@ -256,15 +258,16 @@ def _check_mission(
         return save(mission_plan(mission), folder / "mission_plan", formats=drawing.formats)
 
     results = ""
-    if mission.origin is not None and (drawing.wanted or out is not None):
-        metres = folder / "mission_metres.toml"
-        folder.mkdir(parents=True, exist_ok=True)
-        metres.write_text(mission.to_toml(), encoding="utf-8")
-        results = f"In metres, as the autopilot reads it: {metres}"
-    if json:
-        print_json(found.to_dict() | {"figures": [str(path) for path in drawn()]})
-    else:
-        answer(found.report(), verbose=verbose, results=results, draw=drawn)
+    with only_user(folder) if drawing.wanted or out is not None else nullcontext():
+        if mission.origin is not None and (drawing.wanted or out is not None):
+            metres = folder / "mission_metres.toml"
+            folder.mkdir(parents=True, exist_ok=True)
+            write_atomic(metres, mission.to_toml().encode())
+            results = f"In metres, as the autopilot reads it: {metres}"
+        if json:
+            print_json(found.to_dict() | {"figures": [str(path) for path in drawn()]})
+        else:
+            answer(found.report(), verbose=verbose, results=results, draw=drawn)
 
 
 def _check_autopilot(target: str, vehicle: str | None, voltage: float, *, verbose: bool, json: bool) -> None:

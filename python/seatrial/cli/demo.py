@@ -42,21 +42,23 @@ def demo(
     Beluga's turn comes where its recordings are at hand. The exit code is 1 where CWolf's verdict is not
     held.
     """
+    from seatrial.base.run import only_user
     from seatrial.cli.console import output, print_json
 
-    console = output()
-    fit, truth = _cwolf(console, out / "cwolf", threads=threads, quiet=json)
-    results = {"cwolf": fit.to_dict()}
-    interrupted, held = fit.interrupted, True
-    asked = fit.campaign.file
-    if not interrupted and asked.tuning is not None and asked.verification is not None:
-        chain = demonstrate(console, fit, truth, out, threads=threads, quiet=json)
-        results |= chain.results
-        interrupted, held = chain.interrupted, chain.held
-    if not interrupted and (campaign := _beluga(console, quiet=json)) is not None:
-        beluga = _identified(campaign, out / "beluga", threads=threads, quiet=json)
-        results["beluga"] = beluga.to_dict()
-        interrupted = beluga.interrupted
+    with only_user(out):
+        console = output()
+        fit, truth = _cwolf(console, out / "cwolf", threads=threads, quiet=json)
+        results = {"cwolf": fit.to_dict()}
+        interrupted, held = fit.interrupted, True
+        asked = fit.campaign.file
+        if not interrupted and asked.tuning is not None and asked.verification is not None:
+            chain = demonstrate(console, fit, truth, out, threads=threads, quiet=json)
+            results |= chain.results
+            interrupted, held = chain.interrupted, chain.held
+        if not interrupted and (campaign := _beluga(console, quiet=json)) is not None:
+            beluga = _identified(campaign, out / "beluga", threads=threads, quiet=json)
+            results["beluga"] = beluga.to_dict()
+            interrupted = beluga.interrupted
     if json:
         print_json(results)
     if interrupted:

@@ -66,6 +66,7 @@ def plan(
     Everything is simulated: open loop, on the model as it is. Plan again after each trial.
     """
     from seatrial.base.errors import TrialError
+    from seatrial.base.run import only_user
     from seatrial.cli.console import answer, formats, print_json, say, search_progress
     from seatrial.experiment.forecast import Limits
     from seatrial.experiment.plan import plan as planned
@@ -75,46 +76,49 @@ def plan(
     limits = Limits(depth_m=max_depth, area_m=_area(area), tilt_deg=max_tilt)
     instruments = _instruments(sensors, current)
     loaded, vehicle = _load(target)
-    with search_progress("reading", quiet=json) as progress:
-        found = planned(
-            loaded,
-            coefficients=_list(coefficients),
-            budget_s=duration,
-            count=count,
-            limits=limits,
-            instruments=instruments,
-            use_recorded=recorded,
-            voltage_v=voltage,
-            threads=threads,
-            progress=progress,
-        )
-    first = out or Path("runs") / file_name(f"plan-{found.vehicle}") / "trial.csv"
-    paths = [
-        first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
-        for number in range(1, count + 1)
-    ]
-    written = [file for number, path in enumerate(paths, 1) for file in found.write(path, trial=number)]
-
-    def drawn() -> list[Path]:
-        from seatrial.report.plot.planned_trial import planned_trial
-        from seatrial.report.plot.style import save
-
-        figures_of = [planned_trial(vehicle, found, trial=k, voltage_v=voltage) for k in range(1, count + 1)]
-        return [
-            figure
-            for drawing, path in zip(figures_of, paths, strict=True)
-            for figure in save(drawing, path.with_suffix(""), formats=formats(pdf))
+    first = out or Path("runs") / file_name(f"plan-{vehicle.name}") / "trial.csv"
+    with only_user(first):
+        with search_progress("reading", quiet=json) as progress:
+            found = planned(
+                loaded,
+                coefficients=_list(coefficients),
+                budget_s=duration,
+                count=count,
+                limits=limits,
+                instruments=instruments,
+                use_recorded=recorded,
+                voltage_v=voltage,
+                threads=threads,
+                progress=progress,
+            )
+        paths = [
+            first if number == 1 else first.with_name(f"{first.stem}-{number}.csv")
+            for number in range(1, count + 1)
         ]
+        written = [file for number, path in enumerate(paths, 1) for file in found.write(path, trial=number)]
 
-    if json:
-        shown = [str(path) for path in drawn()] if figures else []
-        print_json(found.to_dict() | {"files": [str(path) for path in written], "figures": shown})
-        return
-    names = ", ".join(path.name for path in written)
-    results = f"Commands and sheets in {first.parent}: {names}"
-    answer(found.report(), verbose=verbose, results=results, draw=drawn if figures else None)
-    if loaded is vehicle and found.sequence[0].manoeuvre.kind != "free decay":
-        say(f"Try it:  seatrial simulate {target} {first}")
+        def drawn() -> list[Path]:
+            from seatrial.report.plot.planned_trial import planned_trial
+            from seatrial.report.plot.style import save
+
+            figures_of = [
+                planned_trial(vehicle, found, trial=k, voltage_v=voltage) for k in range(1, count + 1)
+            ]
+            return [
+                figure
+                for drawing, path in zip(figures_of, paths, strict=True)
+                for figure in save(drawing, path.with_suffix(""), formats=formats(pdf))
+            ]
+
+        if json:
+            shown = [str(path) for path in drawn()] if figures else []
+            print_json(found.to_dict() | {"files": [str(path) for path in written], "figures": shown})
+            return
+        names = ", ".join(path.name for path in written)
+        results = f"Commands and sheets in {first.parent}: {names}"
+        answer(found.report(), verbose=verbose, results=results, draw=drawn if figures else None)
+        if loaded is vehicle and found.sequence[0].manoeuvre.kind != "free decay":
+            say(f"Try it:  seatrial simulate {target} {first}")
 
 
 def _load(target: str) -> tuple[Vehicle | Campaign, Vehicle]:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from seatrial.base.atomic_write import write_atomic
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
@@ -206,7 +207,7 @@ class Plan(RunResult):
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             ranked.manoeuvre.write_csv(target)
-            sheet.write_text(self.sheet(ranked, target.name, trial), encoding="utf-8")
+            write_atomic(sheet, self.sheet(ranked, target.name, trial).encode())
         except OSError as error:
             raise TrialError(
                 f"{target}: cannot be written ({error.strerror}); choose a folder that you may write to"

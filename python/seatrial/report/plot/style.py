@@ -8,6 +8,7 @@ two columns (IEEE: 88 and 180 mm); fonts are embedded in PDF as TrueType and dra
 from __future__ import annotations
 
 import errno
+import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError
 
 if TYPE_CHECKING:
@@ -148,7 +150,9 @@ def save(
                 target = base.with_name(f"{base.name}.{ending}")
                 # No date inside: the same data give the same file.
                 dated = {"pdf": "CreationDate", "svg": "Date"}.get(ending)
-                figure.savefig(target, dpi=dpi, metadata={dated: None} if dated else None)
+                content = io.BytesIO()
+                figure.savefig(content, format=ending, dpi=dpi, metadata={dated: None} if dated else None)
+                write_atomic(target, content.getvalue())
                 written.append(target)
                 figure.set_layout_engine(None)
     except OSError as error:
