@@ -41,6 +41,7 @@ __all__ = [
     "loaded",
     "tables",
     "text_of",
+    "twice",
 ]
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -236,6 +237,22 @@ def _key_path(data: Any, loc: tuple[int | str, ...]) -> str:
         else:
             parts.append(str(key))
     return ", ".join([*parts[:-1], f"key {parts[-1]}"]) if parts else "the file"
+
+
+def twice(names: Iterable[str]) -> str | None:
+    """The first name that stands there for the second time.
+
+    Examples
+    --------
+    >>> twice(["ahead", "astern", "ahead"]), twice(["ahead"])
+    ('ahead', None)
+    """
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            return name
+        seen.add(name)
+    return None
 
 
 def is_path(name: str) -> bool:

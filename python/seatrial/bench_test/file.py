@@ -10,7 +10,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from seatrial.base.toml_file import FolderName, Name, NotNegative, Number, Positive, Section, checked, tables
+from seatrial.base.toml_file import (
+    FolderName,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Section,
+    checked,
+    tables,
+    twice,
+)
 
 __all__ = ["SENSES", "BenchFile", "Pull", "Regression", "Steps", "parse"]
 
@@ -44,9 +54,8 @@ class _Driven(Section):
     def _one_choice(self) -> _Driven:
         if (self.group is None) == (self.actuators is None):
             raise ValueError('give what was driven, either group = "NAME" or actuators = ["NAME", ...]')
-        for name in self.actuators or ():
-            if (self.actuators or ()).count(name) > 1:
-                raise ValueError(f"actuators names {name!r} twice; name it once")
+        if (name := twice(self.actuators or ())) is not None:
+            raise ValueError(f"actuators names {name!r} twice; name it once")
         return self
 
 
@@ -147,10 +156,8 @@ class BenchFile(Section):
         if not (self.pulls or self.steps):
             raise ValueError("holds no test; add [[pulls]] (load cell) or [[steps]] (revolutions)")
         for kind, entries in (("pulls", self.pulls), ("steps", self.steps)):
-            names = [entry.name for entry in entries]
-            for name in names:
-                if names.count(name) > 1:
-                    raise ValueError(f"two {kind} are called {name!r}; rename one")
+            if (name := twice(entry.name for entry in entries)) is not None:
+                raise ValueError(f"two {kind} are called {name!r}; rename one")
         return self
 
     def regression_of(self, unit: str) -> Regression:

@@ -8,6 +8,7 @@ tables ``[tuning]`` and ``[verification]`` have files of their own. Held by
 from __future__ import annotations
 
 from collections.abc import Mapping
+from heapq import heappop, heappush
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -24,6 +25,7 @@ from seatrial.base.toml_file import (
     Section,
     checked,
     tables,
+    twice,
 )
 from seatrial.campaign.search_budget import Budget
 from seatrial.campaign.tuning_table import TuningTable
@@ -293,6 +295,9 @@ class Anchor(Section):
     ballast: Annotated[tuple[Ballast, ...], BeforeValidator(_as_list)] = ()
 
 
+_MOST_STAGES = 1000  # each is planned by itself, in about a millisecond
+
+
 class CampaignFile(Section):
     """The whole file."""
 
@@ -319,6 +324,11 @@ class CampaignFile(Section):
 
     @model_validator(mode="after")
     def _something_to_do(self) -> CampaignFile:
+        if len(self.stages) > _MOST_STAGES:
+            raise ValueError(
+                f"expected at most {_MOST_STAGES} [[stages]], found {len(self.stages)}; free the coefficients"
+                " of several in one"
+            )
         alone = self.tuning is not None or self.verification is not None
         for key, given in (("trials", self.trials), ("stages", self.stages)):
             if not given and not alone:
@@ -344,24 +354,32 @@ def parse(text: str, source: str) -> CampaignFile:
 def in_order(stages: tuple[Stage, ...], source: str) -> tuple[Stage, ...]:
     """Stages so that each comes after those it names, otherwise as in the file."""
     known = [stage.name for stage in stages]
+    if (name := twice(known)) is not None:
+        raise CampaignError(f"{source}: two stages are called {name!r}; rename one")
+    names = set(known)
     for stage in stages:
-        if known.count(stage.name) > 1:
-            raise CampaignError(f"{source}: two stages are called {stage.name!r}; rename one")
         for name in stage.after:
-            if name not in known:
+            if name not in names:
                 raise CampaignError(
                     f"{source}: stage {stage.name!r}, key after: unknown stage {name!r}{nearest(name, known)}"
                 )
+    # The first of the file that waits for nothing comes next: by their places, smallest first.
+    open_ = [set(stage.after) for stage in stages]
+    after: dict[str, list[int]] = {}
+    for k, waits in enumerate(open_):
+        for name in waits:
+            after.setdefault(name, []).append(k)
+    ready = [k for k, waits in enumerate(open_) if not waits]
     ordered: list[Stage] = []
-    waiting = list(stages)
-    while waiting:
+    while ready:
+        stage = stages[heappop(ready)]
+        ordered.append(stage)
+        for k in after.get(stage.name, ()):
+            open_[k].discard(stage.name)
+            if not open_[k]:
+                heappush(ready, k)
+    if len(ordered) < len(stages):
         done = {stage.name for stage in ordered}
-        ready = next((stage for stage in waiting if done.issuperset(stage.after)), None)
-        if ready is None:
-            circle = ", ".join(repr(stage.name) for stage in waiting)
-            raise CampaignError(
-                f"{source}: the stages {circle} wait for one another; remove one of their after"
-            )
-        ordered.append(ready)
-        waiting.remove(ready)
+        waiting = ", ".join(repr(name) for name in known if name not in done)
+        raise CampaignError(f"{source}: the stages {waiting} wait for one another; remove one of their after")
     return tuple(ordered)

@@ -47,6 +47,7 @@ from seatrial.base.toml_file import (
     Section,
     checked,
     tables,
+    twice,
 )
 
 __all__ = [
@@ -371,9 +372,8 @@ class VerificationTable(Section):
             ("missions", [one.title for one in self.missions]),
             ("requirements", [one.name for one in self.requirements]),
         ):
-            for name in given:
-                if given.count(name) > 1:
-                    raise ValueError(f"{what}: the name {name!r} stands twice; give each its own name")
+            if (name := twice(given)) is not None:
+                raise ValueError(f"{what}: the name {name!r} stands twice; give each its own name")
         return self
 
 

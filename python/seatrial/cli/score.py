@@ -100,10 +100,11 @@ def _labels(names: list[str]) -> dict[str, str]:
 def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
     """Trials, each a file or a name that the campaign knows."""
     from seatrial.base.errors import TrialError, nearest
+    from seatrial.base.toml_file import twice
 
-    if twice := next((path for path in trials if trials.count(path) > 1), None):
+    if (path := twice(trials)) is not None:
         raise TrialError(
-            f"TRIAL {twice}: it is given twice, and counting it twice tells nothing; name it once"
+            f"TRIAL {path}: it is given twice, and counting it twice tells nothing; name it once"
         )
     if columns_from is None:
         from seatrial.trial.trial import Trial

@@ -319,7 +319,7 @@ def _why(one: Role, moving: Collection[str], silent: bool) -> str:
     if still:
         return f"nothing {join([_VERBS[VELOCITIES.index(v)] for v in still])} in these trials;"
     if not silent:
-        return "excited too weakly; do more of it, longer or larger:"
+        return "excited too weakly; at larger amplitude or for longer,"
     if one.force:
         letters = dict.fromkeys(one.force)
         words, keys = join([axis(f) for f in letters]), join(list(letters))

@@ -18,7 +18,7 @@ import numpy as np
 from seatrial._core import Autopilot, Vehicle
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, nearest
 from seatrial.base.file_names import no_file
-from seatrial.base.toml_file import is_path, loaded
+from seatrial.base.toml_file import is_path, loaded, twice
 from seatrial.campaign.verification_table import MissionTable, RequirementTable, VerificationTable
 from seatrial.flight.checks import (
     checked_rows,
@@ -396,9 +396,8 @@ def _table(
         Path(one).stem if isinstance(one, str | Path) else loaded_one.name
         for one, loaded_one in zip(missions, flown, strict=True)
     ]
-    for title in titles:
-        if titles.count(title) > 1:
-            raise CampaignError(f"missions: two are called {title!r}; rename one of them")
+    if (title := twice(titles)) is not None:
+        raise CampaignError(f"missions: two are called {title!r}; rename one of them")
     tables = tuple(MissionTable(file=title, name=title) for title in titles)
     if table is None:
         return VerificationTable(missions=tables), flown

@@ -1,0 +1,86 @@
+"""Files with many thousand entries are answered in time that grows with their length, not with its square."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from seatrial.base.errors import CampaignError
+from seatrial.bench_test.file import parse as parse_bench
+from seatrial.campaign.file import CampaignFile, in_order, parse
+from seatrial.campaign.verification_table import parse_verification
+
+HEAD = 'format = 1\nname = "long"\nvehicle = "cwolf"\n'
+STAGE = (
+    '[[stages]]\nname = "s{k}"\ntrials = ["there"]\naxes = {{ free = "X", measured = "YZKMN" }}\n'
+    'coefficients = {{ X_uu = "default" }}\n'
+)
+MANY = 4000
+
+STAGES = 960
+
+
+def stages(afters: list[str]) -> str:
+    text = HEAD + 'trials.there.file = "log.csv"\n'
+    return text + "".join(STAGE.format(k=k) + after for k, after in enumerate(afters))
+
+
+def campaign(count: int) -> CampaignFile:
+    """Stages of which each waits for the one that follows it in the file."""
+    afters = [f'after = ["s{k + 1}"]\n' if k + 1 < count else "" for k in range(count)]
+    return parse(stages(afters), "long.toml")
+
+
+def test_the_order_of_many_stages_takes_linear_time() -> None:
+    files = {count: campaign(count).stages for count in (STAGES // 8, STAGES)}
+    spent = {}
+    for count, given in files.items():
+        begun = time.process_time()
+        ordered = in_order(given, "long.toml")
+        spent[count] = time.process_time() - begun
+        assert [stage.name for stage in ordered] == [f"s{k}" for k in reversed(range(count))]
+    assert spent[STAGES] < 30.0 * spent[STAGES // 8] + 0.02  # 64 times with the square
+
+
+def test_more_stages_than_can_be_planned_are_refused() -> None:
+    with pytest.raises(CampaignError, match=r"at most 1000 \[\[stages\]\], found 1001"):
+        campaign(1001)
+
+
+def test_stages_keep_the_order_of_the_file_where_nothing_waits() -> None:
+    given = parse(stages(["", 'after = ["s3"]\n', "", "", 'after = ["s1", "s0"]\n']), "long.toml").stages
+    names = [stage.name for stage in in_order(given, "long.toml")]
+    assert names == ["s0", "s2", "s3", "s1", "s4"]
+
+
+def test_stages_that_wait_for_one_another_are_named() -> None:
+    given = parse(stages(['after = ["s1"]\n', 'after = ["s0"]\n', ""]), "long.toml").stages
+    with pytest.raises(CampaignError, match="the stages 's0', 's1' wait for one another"):
+        in_order(given, "long.toml")
+
+
+@pytest.mark.parametrize("kind", ["pulls", "requirements", "missions"])
+def test_names_are_compared_in_linear_time(kind: str) -> None:
+    spent = {}
+    for count in (MANY // 8, MANY):
+        begun = time.process_time()
+        if kind == "pulls":
+            pull = '[[pulls]]\nname = "p{k}"\nfile = "log.csv"\ngroup = "stern"\naxis = "X"\n'
+            parse_bench(HEAD + "".join(pull.format(k=k) for k in range(count)), "bench.toml")
+        elif kind == "missions":
+            missions = ", ".join(f'"m{k}.toml"' for k in range(count))
+            parse_verification(f"[verification]\nmissions = [{missions}]\n", "long.toml")
+        else:
+            table = '[[verification.requirements]]\nname = "r{k}"\nholds = "complete"\n'
+            text = '[verification]\nmissions = ["m.toml"]\n'
+            parse_verification(text + "".join(table.format(k=k) for k in range(count)), "long.toml")
+        spent[count] = time.process_time() - begun
+    assert spent[MANY] < 30.0 * spent[MANY // 8] + 0.05
+
+
+def test_a_name_that_stands_twice_is_still_refused(tmp_path: Path) -> None:
+    text = stages(["", ""]).replace('"s1"', '"s0"')
+    with pytest.raises(CampaignError, match="two stages are called 's0'"):
+        in_order(parse(text, str(tmp_path)).stages, "long.toml")
