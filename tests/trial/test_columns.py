@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +154,17 @@ def test_brackets_in_the_name_of_a_file_are_no_pattern(tmp_path: Path) -> None:
 
 
 def test_a_file_of_null_bytes_is_no_text(tmp_path: Path) -> None:
-    (tmp_path / "log.csv").write_bytes("t_s,u_m_s\n0,1\n".encode("utf-16"))
-    with pytest.raises(TrialError, match="not a text file in UTF-8"):
+    (tmp_path / "log.csv").write_bytes(b"t_s,u_m_s\n0\0,1\n")
+    with pytest.raises(TrialError, match="not a text file"):
         Trial.read(tmp_path / "log.csv")
+
+
+def test_wide_characters_titles_units_and_decimal_commas_are_read(tmp_path: Path) -> None:
+    rows = "".join(f"{0.1 * k:.1f};{1000.0 * math.sin(0.1 * k):.3f}\n".replace(".", ",") for k in range(50))
+    (tmp_path / "log.csv").write_bytes(("Export 4\n\nTime;speed\ns;mm/s\n" + rows).encode("utf-16"))
+    trial = Trial.read(tmp_path / "log.csv", columns={"t_s": "Time", "u_m_s": "speed"}, align=False)
+    assert np.allclose(trial.channel("u"), np.sin(trial.t), atol=1e-6)
+    knots = Trial.read(
+        tmp_path / "log.csv", columns={"t_s": "Time", "u_m_s": {"from": "speed", "unit": "knot"}}, align=False
+    )
+    assert np.allclose(knots.channel("u"), 514.444 * np.sin(trial.t), atol=1e-2)  # what the map says counts

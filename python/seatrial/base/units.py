@@ -7,7 +7,7 @@ from typing import Any
 
 from seatrial.base.errors import TrialError
 
-__all__ = ["ACTUATOR_UNITS", "factor"]
+__all__ = ["ACTUATOR_UNITS", "factor", "known"]
 
 ACTUATOR_UNITS = ("rpm", "us", "N", "rad")
 """What a command may be: revolutions, pulse width, force or angle, told apart by dimension."""
@@ -51,3 +51,21 @@ def factor(unit: str, wanted: tuple[str, ...], where: str) -> float:
         f'{where}: unit "{unit}" has the dimension {one.dimensionality}; '
         f"expected one that converts to {expected}"
     )
+
+
+@lru_cache(maxsize=256)
+def known(unit: str) -> bool:
+    """Whether a text is a unit.
+
+    Examples
+    --------
+    >>> known("mm/s"), known("filtered"), known("")
+    (True, False, False)
+    """
+    if not unit:
+        return False
+    try:
+        _registry().Quantity(1.0, unit)
+    except Exception:  # pint raises errors of its parser as well as its own
+        return False
+    return True

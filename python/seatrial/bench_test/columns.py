@@ -19,7 +19,7 @@ import numpy as np
 from seatrial.base import frames, units
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, TrialError, nearest
-from seatrial.trial.columns import Source, mapped
+from seatrial.trial.columns import Source, columns_of, mapped
 from seatrial.trial.readers import read_table
 from seatrial.trial.table import numbers, time_base
 from seatrial.vehicle.actuators import actuator_groups
@@ -93,7 +93,7 @@ def read_bench_table(
     TrialError
         The file cannot be read, or the map names what is not there.
     """
-    table, file = read_table(path, reader)
+    table, file, _ = read_table(path, reader, columns_of(columns))
     if table.height == 0:
         raise TrialError(f"{file}: expected rows of samples, found the header only")
     sources = _sources(table.columns, columns or {}, vehicle, file)

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import SeatrialError
 from seatrial.base.report import Report, Section, Table
+from seatrial.trial.feedback import feedback
+from seatrial.trial.waves import waves
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.estimation.inputs import InputJudgement
     from seatrial.estimation.scale import ScaleReport
     from seatrial.trial.signals import RecordingReport
+    from seatrial.trial.trial import Trial
 
 __all__ = ["CampaignCheck", "StageOutline", "check_campaign"]
 
@@ -38,7 +41,8 @@ class CampaignCheck:
     """Recording reports by trial, stages in the order of their run, and what stops the campaign.
 
     ``inputs`` and ``scale`` say what the inputs can tell and what the scale of all forces rests on; None
-    where a problem is found before. ``warnings`` is what an identification says before its first search.
+    where a problem is found before. ``warnings`` is what an identification says before its first search,
+    ``disturbances`` what closed loops and waves the recordings show.
     """
 
     name: str
@@ -49,6 +53,7 @@ class CampaignCheck:
     scale: ScaleReport | None
     problems: tuple[str, ...]
     warnings: tuple[str, ...] = ()
+    disturbances: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
@@ -61,6 +66,7 @@ class CampaignCheck:
             "scale": self.scale.to_dict() if self.scale else None,
             "problems": list(self.problems),
             "warnings": list(self.warnings),
+            "disturbances": list(self.disturbances),
         }
 
     def report(self) -> Report:
@@ -97,6 +103,7 @@ def _report(check: CampaignCheck) -> Report:
         sections=(
             Section(sentences=(*check.problems, *check.warnings)),
             Section(sentences=free, tables=(_trial_table(check), _stage_table(check))),
+            Section("Closed loops and waves", check.disturbances),
             Section("Inputs over what is fitted", inputs, (_input_table(check),)),
             Section("Scale of all forces", scale),
             *findings,
@@ -208,6 +215,43 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
             )
         except SeatrialError as error:
             problems.append(str(error))
-    return CampaignCheck(
-        campaign.name, campaign.vehicle.name, reports, stages, inputs, scale, tuple(problems), warnings
+    disturbances = tuple(
+        f"trial {name}: {sentence}" for name in reports for sentence in _disturbances(campaign.trials[name])
     )
+    return CampaignCheck(
+        campaign.name,
+        campaign.vehicle.name,
+        reports,
+        stages,
+        inputs,
+        scale,
+        tuple(problems),
+        warnings,
+        disturbances,
+    )
+
+
+def _disturbances(trial: Trial) -> list[str]:
+    """Sentences on closed loops and waves in a recording."""
+    sentences = []
+    closed = [one for one in feedback(trial) if one.closed]
+    if closed:
+        loops = "; ".join(
+            f"{one.command} follows {one.channel} ({100.0 * one.explained:.0f} % of its changes)"
+            for one in sorted(closed, key=lambda one: -one.explained)
+        )
+        sentences.append(
+            f"recorded in closed loop: {loops}. A fit on such data may bend gains and damping, and its score"
+            " also rates the controller: add a trial with preset steps of these actuators"
+        )
+    found = waves(trial)
+    if found is not None:
+        unit = dict.fromkeys("uvw", "m/s") | {"z": "m"} | dict.fromkeys("pqr", "rad/s")
+        sizes = ", ".join(
+            f"{channel} {size:.2g} {unit.get(channel, 'rad')}" for channel, size in found.amplitude.items()
+        )
+        sentences.append(
+            f"an oscillation with a period of {found.period_s:.1f} s, as of waves (amplitude {sizes}), which"
+            " no command explains; the model takes it for its own error"
+        )
+    return sentences

@@ -9,13 +9,14 @@ mix axes (ENU), ``from`` of the first component is the recording's first compone
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.units import known
 
-__all__ = ["CANONICAL", "GROUPS", "Group", "Source", "mapped", "parse"]
+__all__ = ["CANONICAL", "GROUPS", "Group", "Source", "columns_of", "mapped", "parse"]
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,15 @@ class Source:
         return "{ " + ", ".join([*parts, f"sign = {self.sign:g}"]) + " }"
 
 
-def parse(columns: Mapping[str, Any] | None, present: Sequence[str], file: str) -> dict[str, Source]:
+def parse(
+    columns: Mapping[str, Any] | None,
+    present: Sequence[str],
+    file: str,
+    units: Mapping[str, str] | None = None,
+) -> dict[str, Source]:
     """Source of every canonical column of the recording `file`, from the map and its `present` columns.
+
+    A unit that the recording states for a column (`units`) counts where the map gives none.
 
     Raises
     ------
@@ -104,12 +112,28 @@ def parse(columns: Mapping[str, Any] | None, present: Sequence[str], file: str) 
             f'{file}: no time: expected a column "t_s" or its source in the column map, for example '
             f'columns={{"t_s": "Time"}}; the recording has {_listed(present)}'
         )
+    for canonical, source in sources.items():
+        stated = (units or {}).get(source.column, "")
+        if source.unit is None and known(stated):
+            sources[canonical] = replace(source, unit=stated)
     if len(sources) == 1:
         raise TrialError(
             f"{file}: no column but the time has a canonical name; give the column map, for example "
             f'columns={{"u_m_s": "speed"}}; the recording has {_listed(present)}'
         )
     return sources
+
+
+def columns_of(columns: Mapping[str, Any] | None) -> list[str]:
+    """Columns of the recording that a column map names; what is wrong with the map is said by `parse`.
+
+    Examples
+    --------
+    >>> columns_of({"t_s": "Time", "u_m_s": {"from": "speed", "unit": "km/h"}})
+    ['Time', 'speed']
+    """
+    given = [entry.get("from") if isinstance(entry, Mapping) else entry for entry in (columns or {}).values()]
+    return [column for column in given if isinstance(column, str)]
 
 
 def _actuator(name: str) -> bool:

@@ -24,7 +24,7 @@ from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError, nearest
 from seatrial.trial import alignment, defects, resampling, table, tilt
 from seatrial.trial.assembly import assemble
-from seatrial.trial.columns import GROUPS, parse
+from seatrial.trial.columns import GROUPS, columns_of, parse
 from seatrial.trial.readers import Reader, read_table
 from seatrial.trial.sensor_position import parse_positions, to_origin
 from seatrial.trial.signals import RecordingReport
@@ -109,7 +109,7 @@ class Trial:
         rho: float | None = None,
         g: float | None = None,
     ) -> Trial:
-        """Trial from a CSV or Parquet file or a polars or pandas frame.
+        """Trial from a log or table in any format of `seatrial.logs`, or from a polars or pandas frame.
 
         Parameters
         ----------
@@ -150,14 +150,14 @@ class Trial:
         >>> round(float(trial.channel("u")[10]), 3)
         0.5
         """
-        cells, file = read_table(source, reader)
+        cells, file, units = read_table(source, reader, columns_of(columns))
         if name is None:
             name = Path(file).stem
         for key, value in (("rate_hz", rate_hz), ("rho", rho), ("g", g)):
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise TrialError(f"{file}: {key}: expected a positive number, found {value!r}")
         report = RecordingReport(file)
-        sources = parse(columns, cells.columns, file)
+        sources = parse(columns, cells.columns, file, units)
         positions = parse_positions(sensor_positions, file)
         time = table.time_base(cells, sources["t_s"], file)
         signals = table.signals(cells, time, sources, file, report)

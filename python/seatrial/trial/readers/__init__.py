@@ -2,25 +2,27 @@
 
 A reader is a module with ``read(path) -> polars.DataFrame``. It converts nothing: the column map does, once
 (`seatrial.trial.columns`). An empty cell (null) means "no sample at this time", so that a log of several
-rates is one table; NaN means "the sensor gave no number". A further format is one more module and one more
-row in `FORMATS`.
+rates is one table; NaN means "the sensor gave no number". Logs of vehicles and middleware hold many topics:
+of these only the fields in the column map are read (`seatrial.logs`), with the column names
+``topic.field``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.file_names import no_file
 from seatrial.base.forked import before_table
+from seatrial.logs.formats import FORMATS as LOGS
 
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Reader", "read_table"]
+__all__ = ["Reader", "Recording", "read_table"]
 
 Reader: TypeAlias = "Callable[[Path], pl.DataFrame]"
 
@@ -28,12 +30,20 @@ FORMATS: dict[str, tuple[str, ...]] = {
     "csv": (".csv", ".tsv", ".txt"),
     "parquet": (".parquet", ".pq"),
     "generated": (".toml",),
-}
-"""Name of the reader (its module in this package) and the file endings it serves."""
+} | {name: entry.endings for name, entry in LOGS.items() if name not in ("csv", "parquet")}
+"""Name of the reader and the file endings it serves."""
 
 
-def read_table(source: Any, reader: str | Reader | None = None) -> tuple[pl.DataFrame, str]:
-    """Table of a recording and the name to call it by in messages.
+class Recording(NamedTuple):
+    """A recording's table, the name to call it by in messages, and the units that it states by column."""
+
+    table: pl.DataFrame
+    file: str
+    units: Mapping[str, str] = {}
+
+
+def read_table(source: Any, reader: str | Reader | None = None, columns: Iterable[str] = ()) -> Recording:
+    """Table of a recording, its name and the units that it states.
 
     Parameters
     ----------
@@ -42,6 +52,8 @@ def read_table(source: Any, reader: str | Reader | None = None) -> tuple[pl.Data
     reader
         Name of a reader in `FORMATS`, or a function from a path to a table; by the file's ending when
         omitted.
+    columns
+        Columns that will be used: of a log with topics no others are read.
 
     Raises
     ------
@@ -49,21 +61,29 @@ def read_table(source: Any, reader: str | Reader | None = None) -> tuple[pl.Data
         If there is no such file, no reader for it, or it cannot be read as what it says it is.
     """
     if not isinstance(source, str | Path):
-        return _read_frame(source), "frame"
+        return Recording(_read_frame(source), "frame")
     before_table()
     path = Path(source)
-    if wrong := no_file(path):
+    bag = reader in (None, "rosbag") and path.is_dir() and (path / "metadata.yaml").is_file()
+    if not bag and (wrong := no_file(path)):
         raise TrialError(f"{path}: expected a recording, but {wrong}; give the path of a file")
-    if path.stat().st_size == 0:
+    if not bag and path.stat().st_size == 0:
         raise TrialError(f"{path}: the file is empty; expected a header and rows of samples")
-    return _reader_of(path, reader)(path), str(path)
-
-
-def _reader_of(path: Path, reader: str | Reader | None) -> Reader:
     if callable(reader):
-        return reader
+        return Recording(reader(path), str(path))
+    name = "rosbag" if bag else _name_of(path, reader)
+    if name in LOGS and name not in ("csv", "parquet"):
+        from seatrial.trial.readers import log
+
+        return Recording(log.read(path, reader=name, columns=tuple(columns)), str(path))
+    module = import_module(f"seatrial.trial.readers.{name}")
+    return Recording(module.read(path), str(path), module.units(path) if name == "csv" else {})
+
+
+def _name_of(path: Path, reader: str | None) -> str:
+    """Name of the reader of a file."""
     if reader is None:
-        matching = [name for name, endings in FORMATS.items() if path.suffix.lower() in endings]
+        matching = [name for name, endings in FORMATS.items() if path.name.lower().endswith(endings)]
         if not matching:
             raise TrialError(
                 f'{path}: no reader for the ending "{path.suffix}"; expected one of '
@@ -72,8 +92,7 @@ def _reader_of(path: Path, reader: str | Reader | None) -> Reader:
         reader = matching[0]
     if reader not in FORMATS:
         raise TrialError(f'{path}: unknown reader "{reader}"{nearest(reader, FORMATS)}')
-    read: Reader = import_module(f"seatrial.trial.readers.{reader}").read
-    return read
+    return reader
 
 
 def _read_frame(source: Any) -> pl.DataFrame:

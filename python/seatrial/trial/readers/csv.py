@@ -1,4 +1,4 @@
-"""Comma-separated values: one header line, then rows; also tabs and semicolons, found from the header.
+"""Comma-separated values, and other tables of text, as their layout says (`seatrial.logs.delimited`).
 
 Every cell is read as text, so that the column map can name the row and the value of a cell that is no number.
 """
@@ -13,13 +13,13 @@ from seatrial.base.errors import TrialError
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["read"]
+    from seatrial.logs.delimited import Layout
 
-_HEAD = 4096
+__all__ = ["read", "units"]
 
 
 def read(path: Path) -> pl.DataFrame:
-    """Table of text cells with the header's names; an empty cell is null.
+    """Table of text cells with the names of its row of names; an empty cell is null, a decimal comma a point.
 
     Raises
     ------
@@ -28,12 +28,17 @@ def read(path: Path) -> pl.DataFrame:
     """
     import polars as pl
 
-    with path.open("rb") as stream:
-        if b"\0" in stream.read(_HEAD):
-            raise TrialError(
-                f"{path}: not a text file in UTF-8 (it holds null bytes); expected one header line and rows"
-                " of values; save it as UTF-8 text, or name its reader"
-            )
+    from seatrial.logs.delimited import Table
+
+    layout = _layout(path)
+    if layout is not None and not _plain(layout):
+        parts = list(Table(path, "csv", layout=layout).cells())
+        table = pl.concat(parts) if parts else pl.DataFrame(schema=dict.fromkeys(layout.names, pl.String))
+        return (
+            table.with_columns(pl.all().str.replace(",", ".", literal=True))
+            if layout.decimal_comma
+            else table
+        )
     with path.open(encoding="utf-8", errors="replace") as file:
         header = next((line for line in file if line.strip() and not line.startswith("#")), "")
     separator = max(",;\t", key=header.count)
@@ -46,3 +51,28 @@ def read(path: Path) -> pl.DataFrame:
             f"{path}: not readable as a table of values separated by {separator!r} ({reason}); "
             "expected one header line and rows with as many cells; repair the file or name its reader"
         ) from None
+
+
+def units(path: Path) -> dict[str, str]:
+    """Units that a row of units or brackets behind a name state, by column."""
+    layout = _layout(path)
+    if layout is None:
+        return {}
+    return {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
+
+
+def _layout(path: Path) -> Layout | None:
+    """Layout of the table; None where it shows no row of numbers: what is wrong with it is said later."""
+    from seatrial.logs.delimited import encoding_of, layout_of
+
+    encoding_of(path)
+    try:
+        return layout_of(path)
+    except TrialError:
+        return None
+
+
+def _plain(layout: Layout) -> bool:
+    """Whether it is a table of UTF-8 text that polars reads as it is."""
+    simple = layout.encoding.startswith("utf-8") and layout.separator != " " and not layout.decimal_comma
+    return simple and layout.plain

@@ -31,6 +31,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
+from seatrial.trial.columns import columns_of
 from seatrial.trial.readers import read_table
 from seatrial.trial.trial import Trial
 
@@ -127,7 +128,7 @@ class MissionLog:
                     " give the log's file"
                 )
             name = name or folder.name
-        table, file = read_table(source, options.pop("reader", None))
+        table, file, _ = read_table(source, options.pop("reader", None), columns_of(columns))
         told = {c.removeprefix(_MEASURED): c for c in table.columns if c.startswith(_MEASURED)}
         told.pop("altitude_m", None)
         mapped: dict[str, Any] = dict(told) | dict(columns or {})

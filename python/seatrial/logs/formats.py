@@ -1,0 +1,167 @@
+"""Which reader a file needs, told by its first bytes and its ending.
+
+A reader is a module with ``open_log(path) -> Log``. A further format is one more module and one more row in
+`FORMATS`. Packages that only one format needs are imported by its module, when such a file is opened.
+"""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from seatrial.base.errors import TrialError, nearest, reason
+
+if TYPE_CHECKING:
+    from seatrial.logs.log import Log
+
+__all__ = ["DAMAGED", "FORMATS", "Format", "extra", "format_of", "open_log", "unpacked"]
+
+DAMAGED = (OSError, EOFError, zlib.error)
+"""What reading a file raises that is damaged or packed and cut short."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of logs: the module that reads it, its file endings, how its files begin, what it is."""
+
+    module: str
+    endings: tuple[str, ...]
+    magic: tuple[bytes, ...]
+    description: str
+
+
+FORMATS: dict[str, Format] = {
+    "dataflash": Format("dataflash", (".bin",), (b"\xa3\x95", b"FMT, "), "ArduPilot DataFlash log"),
+    "mavlink": Format("mavlink", (".tlog",), (), "MAVLink telemetry log"),
+    "ulog": Format("ulog", (".ulg", ".ulog"), (b"ULog\x01\x12\x35",), "PX4 ULog"),
+    "rosbag": Format(
+        "rosbag", (".bag", ".db3", ".mcap"), (b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"), "ROS bag, MCAP"
+    ),
+    "matlab": Format("matlab", (".mat",), (b"MATLAB ", b"\x89HDF\r\n"), "MATLAB file"),
+    "moos": Format("moos", (".alog",), (b"%%",), "MOOS alog"),
+    "imc": Format("imc", (".lsf", ".lsf.gz"), (b"\x54\xfe", b"\xfe\x54"), "IMC log of DUNE (LSF)"),
+    "parquet": Format("parquet", (".parquet", ".pq"), (b"PAR1",), "Apache Parquet"),
+    "csv": Format("delimited", (".csv", ".tsv", ".txt", ".dat", ".csv.gz"), (), "table of text"),
+}
+"""Formats by name."""
+
+_HEAD = 512
+
+
+def format_of(path: Path) -> str:
+    """Name of the format of a file; of a ROS 2 bag also its folder.
+
+    Raises
+    ------
+    TrialError
+        If there is no such file or it is in no format that has a reader.
+    """
+    if path.is_dir():
+        if (path / "metadata.yaml").is_file():
+            return "rosbag"
+        raise TrialError(f"{path}: expected a log, but this is a folder; give its files")
+    if not path.exists():
+        raise TrialError(f"{path}: expected a log, but this does not exist; give the path of a file")
+    if not path.is_file():
+        raise TrialError(f"{path}: expected a log, but this is no regular file; give the path of a file")
+    head = _head(path)
+    if not head:
+        raise TrialError(f"{path}: the file is empty; expected a log")
+    for name, entry in FORMATS.items():
+        if head.startswith(entry.magic) and entry.magic:
+            return name
+    ending = path.name.lower()
+    for name, entry in FORMATS.items():
+        if ending.endswith(entry.endings):
+            return name
+    # A telemetry log begins with a stamp in us, then the mark of a MAVLink frame.
+    if len(head) > 8 and head[8] in (0xFD, 0xFE) and 9e14 < int.from_bytes(head[:8], "big") < 5e15:
+        return "mavlink"
+    if b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "csv"
+    known = ", ".join(f"{entry.description} ({'/'.join(entry.endings)})" for entry in FORMATS.values())
+    raise TrialError(f"{path}: no known format; expected one of: {known}")
+
+
+def open_log(path: str | Path, reader: str | Callable[[Path], Log] | None = None) -> Log:
+    """A log, open for reading.
+
+    Parameters
+    ----------
+    path
+        File, or folder of a ROS 2 bag.
+    reader
+        Name of a format in `FORMATS`, or a function from a path to a `Log`; told from the file when omitted.
+
+    Raises
+    ------
+    TrialError
+        If the file is in no known format, is not what it says it is, or a package is missing.
+    """
+    path = Path(path)
+    if callable(reader):
+        return reader(path)
+    if reader is not None and reader not in FORMATS:
+        raise TrialError(f'{path}: unknown reader "{reader}"{nearest(reader, FORMATS)}')
+    name = format_of(path) if reader is None else reader
+    module = import_module(f"seatrial.logs.{FORMATS[name].module}")
+    log: Log = module.open_log(path)
+    return log
+
+
+def extra(package: str, path: Path) -> Any:
+    """A package that only some formats need.
+
+    Raises
+    ------
+    TrialError
+        If it is not installed.
+    """
+    try:
+        return import_module(package)
+    except ImportError:
+        raise TrialError(
+            f'{path}: reading this format needs the package "{package.partition(".")[0]}", which is not '
+            "installed; install the readers: pip install 'seatrial[logs]'"
+        ) from None
+
+
+class _Unpacked:
+    """A stream packed with gzip that gives all that is before the damage."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("rb")
+        self._stream = gzip.GzipFile(fileobj=self._file)
+        self.tell = self._file.tell
+
+    def read(self, size: int = -1) -> bytes:
+        """At most `size` bytes, as many as one read of the file gives."""
+        return self._stream.read1(min(size, 65_536) if size > 0 else 65_536)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+        self._file.close()
+
+
+def unpacked(path: Path) -> Any:
+    """A binary stream of a file, unpacked where gzip packed it; its `tell` is the place in the file."""
+    with path.open("rb") as stream:
+        packed = stream.read(2) == b"\x1f\x8b"
+    return _Unpacked(path) if packed else path.open("rb")
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with unpacked(path) as stream:
+            head: bytes = stream.read(_HEAD)
+    except DAMAGED as error:
+        raise TrialError(f"{path}: cannot be read: {reason(error)}") from None
+    return head

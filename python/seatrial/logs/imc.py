@@ -1,0 +1,167 @@
+"""IMC logs of DUNE (`.lsf`, also packed with gzip); messages decoded by imcpy.
+
+An LSF file is a row of IMC packets: a header of 20 bytes (synchronisation number, message, size, time stamp
+in s Unix time, source and entity, destination and entity), the content, and a check sum. A message type of
+the vehicle is a topic, ``Type[entity]`` where several entities send it. Only the framing is read here:
+imcpy's own reader of files loads and writes a pickle beside the log, which may hold code.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from seatrial.base.errors import TrialError
+from seatrial.logs.formats import DAMAGED, extra, unpacked
+from seatrial.logs.log import Chunk, Event, Log, Share
+from seatrial.logs.rows import Gathered, number
+
+__all__ = ["open_log"]
+
+_HEADER, _FOOTER = 20, 2
+_SYNC = 0xFE54
+
+
+def open_log(path: Path) -> Log:
+    """Log of DUNE.
+
+    Raises
+    ------
+    TrialError
+        If imcpy is missing or the file holds no IMC packet.
+    """
+    log = _Lsf(path, "imc", epoch_s=0.0)
+    if not log.fields:
+        raise TrialError(f"{path}: no IMC message in it; is it another kind of file?")
+    return log
+
+
+@dataclass
+class _Lsf(Log):
+    _names: dict[str, dict[str, str]] = field(default_factory=dict)
+    _events: list[Event] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._imcpy = extra("imcpy", self.path)
+        senders: dict[str, Counter[int]] = {}
+        kinds: dict[str, Any] = {}
+        entities: dict[int, str] = {}
+        for _, entity, message, _ in self._messages(None):
+            kind = type(message).__name__
+            senders.setdefault(kind, Counter())[entity] += 1
+            kinds.setdefault(kind, message.clone())
+            if kind == "EntityInfo":
+                entities[int(message.id)] = str(message.label)
+            elif kind == "VehicleState":
+                self._mode(message)
+        self._entities = entities
+        self._several = {kind for kind, counts in senders.items() if len(counts) > 1}
+        for kind, counts in senders.items():
+            names = _numeric(kinds[kind])
+            for entity in counts:
+                if names:
+                    self._names[self._topic(kind, entity)] = dict.fromkeys(names, "")
+
+    def _mode(self, message: Any) -> None:
+        text = str(getattr(message, "op_mode", "")).rpartition(".")[2]
+        if not self._events or self._events[-1].text != text:
+            self._events.append(Event(float(message.timestamp), "mode", text))
+
+    def _topic(self, kind: str, entity: int) -> str:
+        if kind not in self._several:
+            return kind
+        return f"{kind}[{self._entities.get(entity, entity)}]"
+
+    @property
+    def fields(self) -> Mapping[str, Mapping[str, str]]:
+        """Numbers by message type."""
+        return self._names
+
+    def events(self) -> list[Event]:
+        """Changes of the vehicle's mode of operation."""
+        return self._events
+
+    def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
+        """Samples of the fields wanted."""
+        gathered = Gathered(wanted)
+        kinds = {topic.partition("[")[0] for topic in wanted}
+        for count, (stamp, entity, message, done) in enumerate(self._messages(kinds)):
+            if share is not None and count % 4096 == 0:
+                share(done)
+            topic = self._topic(type(message).__name__, entity)
+            if topic in wanted:
+                values = {name: number(getattr(message, name)) for name in wanted[topic]}
+                chunk = gathered.add(topic, stamp, {k: v for k, v in values.items() if v is not None})
+                if chunk is not None:
+                    yield chunk
+        yield from gathered.rest()
+
+    def _messages(self, kinds: set[str] | None) -> Iterator[tuple[float, int, Any, float]]:
+        """Stamp, entity and message of every packet of some kinds, and the share of the file up to each."""
+        size = max(self.path.stat().st_size, 1)
+        skipped = damaged = unknown = 0
+        names: dict[int, str] = {}
+        with unpacked(self.path) as stream:
+            data = b""
+            while True:
+                try:
+                    block = stream.read(1 << 20)
+                except DAMAGED as error:
+                    self.note(f"cut short ({error}); what came before was read")
+                    block = b""
+                data += block
+                begin = 0
+                while len(data) - begin >= _HEADER + _FOOTER:
+                    order = _order(data, begin)
+                    if order is None:
+                        begin += 1
+                        skipped += 1
+                        continue
+                    _, kind, length, stamp, _, entity = struct.unpack_from(order + "HHHdHB", data, begin)
+                    end = begin + _HEADER + length + _FOOTER
+                    if end > len(data):
+                        if block:
+                            break
+                        begin += 1
+                        skipped += 1
+                        continue
+                    if kinds is None or names.get(kind, "") in kinds or kind not in names:
+                        try:
+                            message = self._imcpy.Packet.deserialize(data[begin:end])
+                        except Exception:  # a damaged packet, or a message this imcpy does not know
+                            if kind in names or order is None:
+                                damaged += 1
+                                begin += 1
+                            else:
+                                unknown += 1
+                                begin = end
+                            continue
+                        names[kind] = type(message).__name__
+                        if kinds is None or names[kind] in kinds:
+                            yield stamp, entity, message, stream.tell() / size
+                    begin = end
+                data = data[begin:]
+                if not block:
+                    break
+        skipped += len(data)
+        if skipped:
+            self.note(f"{skipped} bytes between packets are damaged; the others were read")
+        if damaged or unknown:
+            self.note(f"{damaged} packets are damaged and {unknown} of unknown kind; the others were read")
+
+
+def _order(data: bytes, begin: int) -> str | None:
+    """Byte order of the packet that begins there: "<" or ">"; None if none does."""
+    mark = data[begin : begin + 2]
+    return {b"\x54\xfe": "<", b"\xfe\x54": ">"}.get(mark)
+
+
+def _numeric(message: Any) -> list[str]:
+    """Names of the numbers of a message."""
+    head = {"timestamp", "src", "src_ent", "dst", "dst_ent", "msg_id"}
+    names = [name for name in dir(message) if not name.startswith("_") and name not in head]
+    return [name for name in names if number(getattr(message, name, None)) is not None]

@@ -1,0 +1,184 @@
+"""Several topics, files and clocks on rows of one clock: the table that a trial is read from.
+
+Rows are all stamps of all topics; a cell is empty (null) where its topic has no sample at that stamp, so
+nothing is resampled here. Stamps that meet fill one row. Before that each topic is put in order: rows
+without a stamp are left out, rows out of order are sorted, of rows with one stamp the last stays; all of it
+is reported. A file with a clock of its own is brought to the first one's: ``t = (stamp - offset_s) / (1 +
+drift)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
+from seatrial.logs.log import Log, Samples, Share
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["Clock", "Joined", "Wanted", "join"]
+
+_MEET_S = 1e-6
+"""Stamps that differ by less are the same: rounding of a text file's six digits."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One column of the table to make: a field, divided by another one where it is an increment."""
+
+    topic: str
+    name: str
+    per: str = ""
+
+    @property
+    def column(self) -> str:
+        """Its name in the table."""
+        return f"{self.topic}.{self.name}" + (f"/{self.per}" if self.per else "")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Reading of a log's clock at the time zero of the first log's, s, and by how much faster it runs."""
+
+    offset_s: float = 0.0
+    drift: float = 0.0
+
+
+@dataclass
+class Joined:
+    """The table, the Unix time of its time zero (None where unknown) and what was done."""
+
+    table: pl.DataFrame
+    epoch_s: float | None
+    notes: list[str] = field(default_factory=list)
+
+
+def join(
+    logs: Sequence[Log],
+    wanted: Sequence[Wanted],
+    clocks: Mapping[str, Clock] | None = None,
+    share: Share | None = None,
+) -> Joined:
+    """Columns `wanted` of some logs as one table with the times `t_s` from the first sample on.
+
+    Parameters
+    ----------
+    logs
+        A topic is looked for in the order of the logs.
+    wanted
+        Columns.
+    clocks
+        Clock by file name, for logs whose clock is not that of the first.
+
+    Raises
+    ------
+    TrialError
+        If a topic is in none of the logs, has no stamps, or the logs' times do not meet.
+    """
+    import polars as pl
+
+    notes: list[str] = []
+    epoch = _epoch(logs, notes)
+    topics: dict[str, tuple[Log, list[Wanted]]] = {}
+    for one in wanted:
+        log = next((log for log in logs if one.topic in log.fields), None)
+        if log is None:
+            raise TrialError(f'no log has the topic "{one.topic}"; the logs are {_named(logs)}')
+        topics.setdefault(one.topic, (log, []))[1].append(one)
+    parts: list[tuple[str, Array, dict[str, Array]]] = []
+    for count, log in enumerate(logs):
+        own = {topic: columns for topic, (home, columns) in topics.items() if home is log}
+        names = {
+            topic: list(dict.fromkeys(n for c in columns for n in (c.name, c.per) if n))
+            for topic, columns in own.items()
+        }
+        clock = (clocks or {}).get(log.path.name, Clock())
+        offset = 0.0 if epoch is None else (log.epoch_s or 0.0) - epoch
+        for topic, samples in (log.read(names) if names else {}).items():
+            t, cells = _ordered(topic, samples, own[topic], notes, str(log.path))
+            parts.append((topic, (t - clock.offset_s) / (1.0 + clock.drift) + offset, cells))
+        if share is not None:
+            share((count + 1) / len(logs))
+    _together(parts, notes)
+    start = min(t[0] for _, t, _ in parts)
+    origin = float(np.floor(start)) if epoch is not None else 0.0
+    frame: pl.DataFrame | None = None
+    for _, t, cells in parts:
+        stamps = np.round((t - origin) / _MEET_S) * _MEET_S
+        part = pl.DataFrame({"t_s": stamps, **cells}).unique("t_s", keep="last", maintain_order=True)
+        frame = part if frame is None else frame.join(part, on="t_s", how="full", coalesce=True)
+    assert frame is not None
+    frame = frame.sort("t_s")
+    return Joined(frame, None if epoch is None else epoch + origin, notes)
+
+
+def _named(logs: Sequence[Log]) -> str:
+    return ", ".join(log.path.name for log in logs)
+
+
+def _epoch(logs: Sequence[Log], notes: list[str]) -> float | None:
+    """Unix time to which all logs are brought; None where not all have one."""
+    known = [log.epoch_s for log in logs if log.epoch_s is not None]
+    if len(known) == len(logs):
+        return min(known)
+    if known:
+        without = [log.path.name for log in logs if log.epoch_s is None]
+        notes.append(
+            f"{', '.join(without)}: no Unix time; taken to begin with the others': check, or give its clock"
+        )
+    return None
+
+
+def _ordered(
+    topic: str, samples: Samples, columns: Sequence[Wanted], notes: list[str], file: str
+) -> tuple[Array, dict[str, Array]]:
+    """Rising stamps of a topic and its columns."""
+    t = samples.t
+    known = np.isfinite(t)
+    if not known.any():
+        raise TrialError(f"{file}: topic {topic}: no row has a time; name its time column")
+    if not known.all():
+        notes.append(f"{topic}: {int((~known).sum())} rows without a time left out")
+    order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]
+    moved = int((np.diff(t[known]) < 0.0).sum())
+    if moved:
+        notes.append(f"{topic}: time runs backwards {moved} times; rows sorted")
+    last = np.append(np.diff(t[order]) > _MEET_S / 2.0, True)
+    if not last.all():
+        notes.append(f"{topic}: {int((~last).sum())} rows with the stamp of the next one left out")
+    order = order[last]
+    cells = {}
+    for column in columns:
+        values = samples.fields[column.name][order]
+        if column.per:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                values = values / samples.fields[column.per][order]
+        cells[column.column] = values
+    return t[order], cells
+
+
+def _together(parts: Sequence[tuple[str, Array, dict[str, Array]]], notes: list[str]) -> None:
+    """Note topics whose times hardly meet those of the others.
+
+    Raises
+    ------
+    TrialError
+        If two topics have no time in common.
+    """
+    first, last = max(t[0] for _, t, _ in parts), min(t[-1] for _, t, _ in parts)
+    if first >= last:
+        spans = "; ".join(f"{topic} {t[0]:.10g} to {t[-1]:.10g} s" for topic, t, _ in parts[:6])
+        raise TrialError(
+            f"the times of the topics do not meet: {spans}; the logs' clocks differ in origin: give the"
+            " offset of each under [clocks] in the map"
+        )
+    longest = max(t[-1] - t[0] for _, t, _ in parts)
+    for topic, t, _ in parts:
+        if t[-1] - t[0] < 0.5 * longest:
+            notes.append(f"{topic}: covers {t[-1] - t[0]:.4g} s of {longest:.4g} s")

@@ -1,0 +1,318 @@
+"""A log of any format: topics with fields, read in chunks, and what each field holds.
+
+A topic is what one instrument or process wrote at its own stamps: a message type, a ROS topic, a MOOS
+variable, a CSV file. Every format gives the same three things: the topics with their fields, their samples
+in chunks of bounded size, and notes on what could not be read. A reader converts nothing but time, which is
+in seconds: units, signs and frames stay those of the log, and the column map converts them once
+(`seatrial.trial.columns`).
+
+A log is untrusted: a reader never executes what a file holds, allocates no more than a chunk for what a
+header promises, and reads a damaged file up to where it is damaged, with a note.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError, nearest
+
+__all__ = ["Chunk", "Event", "Field", "Log", "Samples", "Share", "Topic", "listed"]
+
+CHUNK_ROWS = 65_536
+"""Most rows of a chunk: bounds the memory, not what a log may hold."""
+
+Share = Callable[[float], None]
+"""Called with the share of the file that was read, 0 to 1."""
+
+MOST_TOPICS, MOST_FIELDS = 10_000, 100_000
+"""A log with more is damaged or hostile."""
+
+
+class Chunk(NamedTuple):
+    """Samples of one topic in the order of the file.
+
+    Attributes
+    ----------
+    topic
+        Its name.
+    t
+        Stamps in s, shape (n,), in the log's own clock; NaN where a row has none.
+    values
+        The fields asked for, shape (n, k); NaN where a cell is empty or no number.
+    """
+
+    topic: str
+    t: Array
+    values: Array
+
+
+class Event(NamedTuple):
+    """Something a log says in words: a change of mode, a message of the autopilot. `t` in s."""
+
+    t: float
+    kind: str
+    text: str
+
+
+class Samples(NamedTuple):
+    """All samples of one topic: stamps in s, shape (n,), and by field an array (n,)."""
+
+    t: Array
+    fields: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Field:
+    """What one field of a topic holds.
+
+    Attributes
+    ----------
+    name
+        Within its topic; ``topic.field`` in a column map.
+    unit
+        As the log states it; "" where it does not.
+    samples
+        Finite numbers.
+    minimum, maximum, mean, deviation
+        Of these, in the unit of the log; NaN where there are none.
+    repeated
+        Share of the samples that equal the one before: near 1 for a value that was only written again.
+    """
+
+    name: str
+    unit: str
+    samples: int
+    minimum: float
+    maximum: float
+    mean: float
+    deviation: float
+    repeated: float
+
+
+@dataclass(frozen=True)
+class Topic:
+    """What one topic holds.
+
+    Attributes
+    ----------
+    name, samples
+        Its name, and its rows.
+    start_s, end_s
+        First and last stamp, in the log's own clock.
+    interval_s
+        Median time between samples.
+    longest_s
+        Longest time between samples.
+    disordered
+        Rows whose stamp is not later than the one before.
+    fields
+        In the order of the log.
+    """
+
+    name: str
+    samples: int
+    start_s: float
+    end_s: float
+    interval_s: float
+    longest_s: float
+    disordered: int
+    fields: tuple[Field, ...]
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean rate over the time between the first and last stamp; NaN for fewer than two."""
+        span = self.end_s - self.start_s
+        return (self.samples - 1) / span if self.samples > 1 and span > 0.0 else math.nan
+
+
+@dataclass
+class Log(ABC):
+    """A log that is open for reading.
+
+    Attributes
+    ----------
+    path, format
+        The file, and the name of its format.
+    notes
+        What could not be read and why; complete after everything was read once.
+    epoch_s
+        Unix time of stamp zero, s; None where the log does not say. Logs with an epoch share a clock.
+    parameters
+        Parameters of the vehicle that the log carries, by name.
+    """
+
+    path: Path
+    format: str
+    notes: list[str] = field(default_factory=list)
+    epoch_s: float | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+
+    @property
+    @abstractmethod
+    def fields(self) -> Mapping[str, Mapping[str, str]]:
+        """Unit ("" where not stated) by field, by topic."""
+
+    @abstractmethod
+    def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
+        """Samples of the fields `wanted` by topic, in chunks of at most `CHUNK_ROWS` rows.
+
+        Raises
+        ------
+        TrialError
+            If the file cannot be read any more.
+        """
+
+    def events(self) -> list[Event]:
+        """What the log says in words, in the order of time."""
+        return []
+
+    def topics(self, share: Share | None = None) -> list[Topic]:
+        """What every topic and field holds, from one pass over the log."""
+        wanted = {topic: tuple(fields) for topic, fields in self.fields.items()}
+        surveys = {topic: _Survey(fields) for topic, fields in wanted.items()}
+        for chunk in self.chunks(wanted, share):
+            surveys[chunk.topic].add(chunk)
+        return [
+            survey.topic(name, self.fields[name]) for name, survey in surveys.items() if survey.samples > 0
+        ]
+
+    def read(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> dict[str, Samples]:
+        """All samples of some fields by topic.
+
+        Raises
+        ------
+        TrialError
+            If a topic or field is not in the log.
+        """
+        for topic, names in wanted.items():
+            if topic not in self.fields:
+                raise TrialError(f'{self.path}: there is no topic "{topic}"{nearest(topic, self.fields)}')
+            for name in names:
+                if name not in self.fields[topic]:
+                    near = nearest(name, self.fields[topic])
+                    raise TrialError(f'{self.path}: topic "{topic}" has no field "{name}"{near}')
+        parts: dict[str, list[Chunk]] = {topic: [] for topic in wanted}
+        for chunk in self.chunks(wanted, share):
+            parts[chunk.topic].append(chunk)
+        result = {}
+        for topic, chunks in parts.items():
+            names = wanted[topic]
+            t = np.concatenate([chunk.t for chunk in chunks]) if chunks else np.empty(0)
+            values = np.concatenate([c.values for c in chunks]) if chunks else np.empty((0, len(names)))
+            result[topic] = Samples(t, {name: values[:, k] for k, name in enumerate(names)})
+        return result
+
+    def note(self, text: str) -> None:
+        """Keep a note, once."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+
+class _Survey:
+    """Sums over the chunks of one topic."""
+
+    INTERVALS = 100_000  # enough for a median
+
+    def __init__(self, fields: Sequence[str]) -> None:
+        k = len(fields)
+        self.names = fields
+        self.samples = 0
+        self.start, self.end = math.inf, -math.inf
+        self.last_t = math.nan
+        self.longest, self.disordered = 0.0, 0
+        self.intervals: list[Array] = []
+        self.kept = 0
+        self.count, self.repeated = np.zeros(k, int), np.zeros(k, int)
+        self.minimum, self.maximum = np.full(k, np.inf), np.full(k, -np.inf)
+        self.mean, self.squares = np.zeros(k), np.zeros(k)
+        self.last = np.full(k, np.nan)
+
+    def add(self, chunk: Chunk) -> None:
+        """Take in a chunk."""
+        self.samples += len(chunk.t)
+        self._stamps(chunk.t[np.isfinite(chunk.t)])
+        values = chunk.values
+        before = np.vstack([self.last, values[:-1]])
+        self.repeated += (values == before).sum(axis=0)
+        self.last = values[-1]
+        finite = np.isfinite(values)
+        count = finite.sum(axis=0)
+        some = count > 0
+        filled = np.where(finite, values, 0.0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            mean = filled.sum(axis=0) / np.maximum(count, 1)
+            squares = (np.where(finite, values - mean, 0.0) ** 2).sum(axis=0)
+            # Chan, Golub and LeVeque's rule joins the moments of two parts.
+            total = self.count + count
+            shift = mean - self.mean
+            share = count / np.maximum(total, 1)
+            self.squares += np.where(some, squares + shift**2 * self.count * share, 0.0)
+            self.mean += np.where(some, shift * share, 0.0)
+        self.minimum = np.fmin(self.minimum, np.where(finite, values, np.inf).min(axis=0))
+        self.maximum = np.fmax(self.maximum, np.where(finite, values, -np.inf).max(axis=0))
+        self.count = total
+
+    def _stamps(self, t: Array) -> None:
+        if not len(t):
+            return
+        self.start, self.end = min(self.start, float(t.min())), max(self.end, float(t.max()))
+        steps = np.diff(t, prepend=self.last_t)
+        steps = steps[np.isfinite(steps)]
+        self.last_t = float(t[-1])
+        self.longest = max(self.longest, float(steps.max(initial=0.0)))
+        self.disordered += int((steps <= 0.0).sum())
+        if self.kept < self.INTERVALS:
+            self.intervals.append(steps[steps > 0.0][: self.INTERVALS])
+            self.kept += len(self.intervals[-1])
+
+    def topic(self, name: str, units: Mapping[str, str]) -> Topic:
+        """What was seen."""
+        steps = np.concatenate(self.intervals) if self.intervals else np.empty(0)
+        none = self.count == 0
+        with np.errstate(over="ignore", invalid="ignore"):
+            deviation = np.sqrt(self.squares / np.maximum(self.count, 1))
+        columns = zip(
+            np.where(none, np.nan, self.minimum).tolist(),
+            np.where(none, np.nan, self.maximum).tolist(),
+            np.where(none, np.nan, self.mean).tolist(),
+            np.where(none, np.nan, deviation).tolist(),
+            (self.repeated / max(self.samples - 1, 1)).tolist(),
+            strict=True,
+        )
+        known = math.isfinite(self.start)
+        return Topic(
+            name,
+            self.samples,
+            self.start if known else math.nan,
+            self.end if known else math.nan,
+            float(np.median(steps)) if len(steps) else math.nan,
+            self.longest if len(steps) else math.nan,
+            self.disordered,
+            tuple(
+                Field(field, units[field], int(count), *numbers)
+                for field, count, numbers in zip(self.names, self.count, columns, strict=True)
+            ),
+        )
+
+
+_MOST = 12
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first of `names` for a message, and how many more there are."""
+    shown = ", ".join(f'"{printable(name)}"' for name in names[:_MOST])
+    return shown + (f" and {len(names) - _MOST} more" if len(names) > _MOST else "")
+
+
+def printable(name: str, longest: int = 60) -> str:
+    """A name from a file as it may be shown: no control characters, not too long."""
+    plain = name if name.isprintable() else repr(name)[1:-1]
+    return plain if len(plain) <= longest else plain[: longest - 3] + "..."

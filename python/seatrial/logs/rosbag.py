@@ -1,0 +1,243 @@
+"""ROS 1 and ROS 2 bags by rosbags, MCAP by mcap; no ROS needed.
+
+Fields are the numbers of a message with their path, ``twist.twist.linear.x``; short arrays by index. The
+stamp is the message's own ``header.stamp`` where it has one near the time of reception, else the time of
+reception. `epoch_s` is zero where stamps are Unix times. Message definitions come with the bag; where a ROS
+2 bag has none, those of the distribution Humble are taken, with a note. MCAP messages may also be JSON;
+others are noted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from seatrial.base.errors import TrialError
+from seatrial.logs.formats import extra
+from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share
+from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
+
+__all__ = ["open_log"]
+
+_LOOK_AT = 3  # messages of a topic from which its fields are learnt
+_NEAR_S = 86_400.0  # a stamp of a header further from the reception is from another clock
+_DEEPEST = 8
+_UNIX_S = 9e8
+
+
+class _Message(NamedTuple):
+    topic: str
+    received: float
+    decode: Callable[[], Any]
+    share: float
+
+
+def open_log(path: Path) -> Log:
+    """Bag or MCAP file.
+
+    Raises
+    ------
+    TrialError
+        If a package is missing or the file holds no message that can be read.
+    """
+    with (path / "metadata.yaml" if path.is_dir() else path).open("rb") as stream:
+        head = stream.read(8)
+    log: _Bag = _Mcap(path, "mcap") if head.startswith(b"\x89MCAP") else _Ros(path, "rosbag")
+    log.learn()
+    if not log.fields:
+        raise TrialError(
+            f"{path}: no message with numbers in it" + "".join(f"; {note}" for note in log.notes)
+        )
+    return log
+
+
+@dataclass
+class _Bag(Log):
+    _names: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def messages(self, topics: set[str] | None) -> Iterator[_Message]:
+        """Messages of some topics, or of all."""
+        raise NotImplementedError
+
+    def learn(self) -> None:
+        """Learn the fields of each topic from its first messages."""
+        seen: Counter[str] = Counter()
+        for message in self.messages(None):
+            if seen[message.topic] >= _LOOK_AT:
+                continue
+            seen[message.topic] += 1
+            if len(seen) > MOST_TOPICS:
+                raise TrialError(f"{self.path}: more than {MOST_TOPICS} topics; the file is damaged")
+            values = self._decoded(message)
+            if values:
+                known = self._names.setdefault(message.topic, {})
+                for name in values:
+                    known.setdefault(name, "")
+            if self.epoch_s is None and message.received > _UNIX_S:
+                self.epoch_s = 0.0
+
+    @property
+    def fields(self) -> Mapping[str, Mapping[str, str]]:
+        """Fields by topic; a bag states no units."""
+        return self._names
+
+    def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
+        """Samples of the fields wanted."""
+        gathered = Gathered(wanted)
+        for count, message in enumerate(self.messages(set(wanted))):
+            if share is not None and count % 4096 == 0:
+                share(message.share)
+            values = self._decoded(message)
+            if values is not None:
+                chunk = gathered.add(message.topic, _stamp(values, message.received), values)
+                if chunk is not None:
+                    yield chunk
+        yield from gathered.rest()
+
+    def _decoded(self, message: _Message) -> dict[str, float] | None:
+        try:
+            return dict(_flat("", message.decode(), 0))
+        except Exception as error:  # a damaged message may raise anything in the decoder
+            self.note(f"{message.topic}: a message cannot be decoded ({type(error).__name__}); left out")
+            return None
+
+
+class _Ros(_Bag):
+    """A bag of ROS 1 or ROS 2 by rosbags."""
+
+    def messages(self, topics: set[str] | None) -> Iterator[_Message]:
+        highlevel = extra("rosbags.highlevel", self.path)
+        typesys = extra("rosbags.typesys", self.path)
+        store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+        with contextlib.ExitStack() as stack:
+            try:
+                bag = stack.enter_context(highlevel.AnyReader([self.path], default_typestore=store))
+            except Exception as error:  # a damaged bag may raise anything in rosbags
+                raise TrialError(
+                    f"{self.path}: not readable as a bag ({type(error).__name__}: {error}); repair it with"
+                    " `rosbag reindex` or `ros2 bag reindex`"
+                ) from None
+            if bag.is2 and not any(connection.msgdef.data for connection in bag.connections):
+                self.note("the bag has no message definitions; those of ROS 2 Humble were taken")
+            used = [c for c in bag.connections if topics is None or c.topic in topics]
+            known = []
+            for connection in used:
+                if connection.msgtype in bag.typestore.fielddefs:
+                    known.append(connection)
+                else:
+                    self.note(
+                        f"{connection.topic}: messages of the unknown type {connection.msgtype}; left out"
+                    )
+            if not known:
+                return
+            total, count = max(bag.message_count, 1), 0
+            stream = bag.messages(connections=known)
+            while True:
+                try:
+                    connection, received, data = next(stream)
+                except StopIteration:
+                    return
+                except Exception as error:  # a damaged chunk may raise anything in rosbags
+                    self.note(
+                        f"stopped at a damaged part ({type(error).__name__}); what came before was read"
+                    )
+                    return
+                count += 1
+
+                def decode(data: Any = data, kind: str = connection.msgtype) -> Any:
+                    return bag.deserialize(data, kind)
+
+                yield _Message(connection.topic, received * 1e-9, decode, count / total)
+
+
+class _Mcap(_Bag):
+    """An MCAP file: messages of ROS 2 (CDR), ROS 1 and JSON."""
+
+    def messages(self, topics: set[str] | None) -> Iterator[_Message]:
+        reader = extra("mcap.reader", self.path)
+        size = max(self.path.stat().st_size, 1)
+        decoders: dict[int, Callable[[bytes], Any] | None] = {}
+        with self.path.open("rb") as stream:
+            messages = reader.NonSeekingReader(stream).iter_messages(log_time_order=False)
+            while True:
+                try:
+                    schema, channel, message = next(messages)
+                except StopIteration:
+                    return
+                except Exception as error:  # a damaged record may raise anything in mcap
+                    self.note(
+                        f"stopped at a damaged part ({type(error).__name__}); what came before was read"
+                    )
+                    return
+                if topics is not None and channel.topic not in topics:
+                    continue
+                if channel.id not in decoders:
+                    decoders[channel.id] = self._decoder(schema, channel)
+                decoder = decoders[channel.id]
+                if decoder is not None:
+                    decode = partial(decoder, message.data)
+                    yield _Message(channel.topic, message.log_time * 1e-9, decode, stream.tell() / size)
+
+    def _decoder(self, schema: Any, channel: Any) -> Callable[[bytes], Any] | None:
+        """What turns the bytes of a channel into a message; None, with a note, for an unknown encoding."""
+        if channel.message_encoding == "json":
+            return json.loads
+        if schema is None or schema.encoding not in ("ros2msg", "ros1msg"):
+            what = schema.encoding if schema is not None else channel.message_encoding
+            self.note(f'{channel.topic}: messages encoded as "{what}", which is not read; left out')
+            return None
+        typesys = extra("rosbags.typesys", self.path)
+        try:
+            store = typesys.get_typestore(typesys.Stores.EMPTY)
+            store.register(typesys.get_types_from_msg(schema.data.decode(), schema.name))
+        except Exception as error:  # a damaged definition may raise anything in rosbags
+            self.note(
+                f"{channel.topic}: its message definition is damaged ({type(error).__name__}); left out"
+            )
+            return None
+        kind = schema.name if schema.name.count("/") == 2 else schema.name.replace("/", "/msg/", 1)
+        if channel.message_encoding == "ros1":
+            return lambda data: store.deserialize_ros1(data, kind)
+        return lambda data: store.deserialize_cdr(data, kind)
+
+
+def _flat(path: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
+    """Numbers of a message by their path."""
+    plain = number(value)
+    if plain is not None:
+        yield path, plain
+    elif isinstance(value, np.ndarray):
+        if value.dtype.kind in "biuf" and value.size <= LONGEST_ARRAY:
+            for k, cell in enumerate(value.ravel().tolist()):
+                yield f"{path}[{k}]", float(cell)
+    elif isinstance(value, list | tuple):
+        if len(value) <= LONGEST_ARRAY and depth < _DEEPEST:
+            for k, cell in enumerate(value):
+                yield from _flat(f"{path}[{k}]", cell, depth + 1)
+    elif isinstance(value, Mapping):
+        if depth < _DEEPEST:
+            for name, cell in value.items():
+                yield from _flat(f"{path}.{name}" if path else str(name), cell, depth + 1)
+    elif hasattr(value, "__dataclass_fields__") and depth < _DEEPEST:
+        for name in value.__dataclass_fields__:
+            if not name.startswith("__"):
+                yield from _flat(f"{path}.{name}" if path else name, getattr(value, name), depth + 1)
+
+
+def _stamp(values: Mapping[str, float], received: float) -> float:
+    """Stamp of a message in s: of its header where it is near the reception, else the reception."""
+    for seconds, rest in (("header.stamp.sec", "header.stamp.nanosec"), ("timestamp.sec", "timestamp.nsec")):
+        if seconds in values:
+            stamp = values[seconds] + 1e-9 * values.get(rest, 0.0)
+            if math.isfinite(stamp) and abs(stamp - received) < _NEAR_S:
+                return stamp
+    return received

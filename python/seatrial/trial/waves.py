@@ -1,0 +1,166 @@
+"""Waves in a recording: their period, what they do to each channel, and how that fades with depth.
+
+A spectrum (Welch's method, windows of about a minute) of a vehicle that steers falls smoothly with
+frequency; waves are a peak on it at periods from 2 to 20 s. The amplitude of a channel is ``sqrt(2 P)``,
+with P its power in the band around the peak above the smooth spectrum. Linear waves in deep water fade as
+``exp(-k z)``, ``k = omega^2 / g`` (Fossen 2011, section 8.2). Held by ``tests/trial/test_waves.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import CHANNELS
+
+if TYPE_CHECKING:
+    from seatrial.trial.trial import Trial
+
+__all__ = ["Waves", "waves"]
+
+_LONGEST_S, _SHORTEST_S = 20.0, 2.0
+_WINDOW_S = 100.0
+_PROMINENT = 6.0  # times the smooth spectrum
+_BAND = 1.35  # around the peak, as a factor of its frequency
+_SEEN = ("u", "v", "w", "p", "q", "r", "z", "roll", "pitch", "yaw")
+_FEWEST_PERIODS = 20
+_SHARE = 0.02  # of a channel's variance: less is no wave
+
+
+@dataclass(frozen=True)
+class Waves:
+    """What waves do in a recording.
+
+    Attributes
+    ----------
+    period_s
+        Of the spectral peak, as the vehicle meets the waves.
+    amplitude
+        By channel in SI: m/s, rad/s, m, rad; channels that show the peak.
+    share
+        By channel: part of its variance in the wave band.
+    decay_1_m
+        Rate at which the motion fades with depth, 1/m, and `decay_deviation_1_m`; NaN where the depth hardly
+        changed.
+    """
+
+    period_s: float
+    amplitude: dict[str, float]
+    share: dict[str, float]
+    decay_1_m: float
+    decay_deviation_1_m: float
+
+
+def waves(trial: Trial) -> Waves | None:
+    """Waves in a recording; None where no channel shows any.
+
+    Parameters
+    ----------
+    trial
+        On its uniform time base.
+    """
+    spectra = {}
+    for channel in _SEEN:
+        if channel not in trial.channels:
+            continue
+        y = _filled(trial, channel)
+        if y is not None and y.std() > 0.0:
+            spectra[channel] = (y, *_spectrum(y, trial.dt))
+    peaks = {c: peak for c, (_, f, power) in spectra.items() if (peak := _peak(f, power)) is not None}
+    if not peaks:
+        return None
+    # The channels vote with the height of their peaks over the smooth spectrum.
+    logs = np.log([f for f, _ in peaks.values()])
+    weights = np.log([height for _, height in peaks.values()])
+    order = np.argsort(logs)
+    middle = np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())
+    frequency = float(np.exp(logs[order][min(middle, len(order) - 1)]))
+    amplitude, share = {}, {}
+    for channel, (y, f, power) in spectra.items():
+        inside = (f > frequency / _BAND) & (f < frequency * _BAND)
+        step = f[1] - f[0]
+        above = float(np.sum((power - _background(f, power))[inside]) * step)
+        part = above / float(np.var(y))
+        if channel in peaks and part > _SHARE:
+            amplitude[channel], share[channel] = math.sqrt(2.0 * above), part
+    if not set(amplitude) & {"u", "v", "w", "z"}:
+        return None  # a peak in angles and rates alone is the vehicle's own period
+    decay = _decay(trial, frequency, amplitude)
+    return Waves(1.0 / frequency, amplitude, share, *decay)
+
+
+def _filled(trial: Trial, channel: str) -> Array | None:
+    """Samples with gaps filled linearly; None where too few are valid."""
+    k = CHANNELS.index(channel)
+    good = trial.valid[:, k]
+    if good.mean() < 0.5 or len(trial) * trial.dt < _FEWEST_PERIODS * _SHORTEST_S:
+        return None
+    y = trial.observed[:, k]
+    if channel in ("roll", "pitch", "yaw"):
+        y = y.copy()
+        y[good] = np.unwrap(y[good])
+    return np.asarray(np.interp(trial.t, trial.t[good], y[good]))
+
+
+def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
+    """Frequencies in Hz and one-sided power density."""
+    from scipy.signal import welch
+
+    count = min(len(y), max(256, round(_WINDOW_S / dt)))
+    f, power = welch(y, 1.0 / dt, nperseg=count, detrend="linear")
+    return f[1:], power[1:]
+
+
+def _background(f: Array, power: Array) -> Array:
+    """Smooth spectrum: running median of the logarithm over about an octave and a half of frequency."""
+    log = np.log(np.maximum(power, 1e-300))
+    low = np.searchsorted(f, f / 1.7)
+    high = np.searchsorted(f, f * 1.7, side="right")
+    return np.asarray(np.exp([np.median(log[a:b]) for a, b in zip(low, high, strict=True)]))
+
+
+def _peak(f: Array, power: Array) -> tuple[float, float] | None:
+    """Frequency of the highest peak in the band of waves and its height over the smooth spectrum."""
+    inside = np.flatnonzero((f > 1.0 / _LONGEST_S) & (f < min(1.0 / _SHORTEST_S, 0.8 * f[-1])))
+    if len(inside) < 5:
+        return None
+    ratio = power / _background(f, power)
+    # Neighbours agree on a peak that is no accident of one frequency.
+    smooth = np.convolve(ratio, [0.25, 0.5, 0.25], mode="same")
+    best = inside[int(np.argmax(smooth[inside]))]
+    if best in (inside[0], inside[-1]) or smooth[best] < _PROMINENT:
+        return None
+    near = slice(max(best - 2, 0), best + 3)
+    frequency = float(np.sum(f[near] * power[near]) / np.sum(power[near]))
+    return frequency, float(smooth[best])
+
+
+def _decay(trial: Trial, frequency: float, amplitude: dict[str, float]) -> tuple[float, float]:
+    """Rate of decay with depth and its deviation, 1/m, from the band's power in windows of some periods."""
+    from scipy.signal import butter, sosfiltfilt
+
+    channels = [c for c in ("w", "q", "pitch", "p", "v") if c in amplitude]
+    depth = _filled(trial, "z") if "z" in trial.channels else None
+    if not channels or depth is None:
+        return math.nan, math.nan
+    y = _filled(trial, channels[0])
+    assert y is not None
+    limits = [frequency / _BAND, min(frequency * _BAND, 0.45 / trial.dt)]
+    band = sosfiltfilt(butter(2, limits, "bandpass", fs=1.0 / trial.dt, output="sos"), y)
+    count = max(8, round(6.0 / frequency / trial.dt))
+    windows = len(y) // count
+    if windows < 8:
+        return math.nan, math.nan
+    power = (band[: windows * count].reshape(windows, count) ** 2).mean(axis=1)
+    z = depth[: windows * count].reshape(windows, count).mean(axis=1)
+    if z.std() < 0.5:
+        return math.nan, math.nan
+    design = np.column_stack([np.ones(windows), -z])
+    fit, residual, *_ = np.linalg.lstsq(design, 0.5 * np.log(np.maximum(power, 1e-300)), rcond=None)
+    spread = float(residual[0]) / (windows - 2) if len(residual) else 0.0
+    covariance = np.linalg.inv(design.T @ design) * spread
+    return float(fit[1]), float(np.sqrt(covariance[1, 1]))

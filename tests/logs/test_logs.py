@@ -1,0 +1,162 @@
+"""Every reader gives the motion that a library of its format wrote, and survives a damaged file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seatrial.base.errors import TrialError
+from seatrial.logs.formats import FORMATS, format_of, open_log
+from tests.logs import log_files
+from tests.logs.fuzz import mutated, survives
+from tests.logs.log_files import UNIX_S, T, U
+
+# kind, topic, field, factor of the field to U, Unix time, tolerance
+READ = (
+    ("csv", "nav", "u", 1.0, False, 0.0),
+    ("spreadsheet", "export", "Speed (m/s)", 1.0, False, 0.0),
+    ("blanks", "table", "u", 1.0, False, 0.0),
+    ("utf16", "wide", "u", 1.0, False, 0.0),
+    ("parquet", "nav", "u", 1.0, False, 0.0),
+    ("matlab", "nav", "angles[2]", 3.0, False, 0.0),
+    ("matlab73", "nav", "angles[2]", 3.0, False, 0.0),
+    ("alog", "NAV_SPEED", "value", 1.0, False, 0.0),
+    ("alog", "NODE_REPORT", "SPD", 1.0, False, 0.0),
+    ("lsf", "EstimatedState", "u", 1.0, True, 1e-6),
+    ("lsf", "EulerAngles[2]", "psi", 2.0, True, 0.0),
+    ("lsf_gz", "EulerAngles[1]", "psi", 1.0, True, 0.0),
+    ("ulog", "nav", "angles[1]", 2.0, False, 1e-6),
+    ("dataflash", "NAV[0]", "U", 1.0, False, 1e-6),
+    ("dataflash", "NAV[0]", "Yaw", 1.0, False, 0.006),
+    ("dataflash_text", "NAV", "Yaw", 2.0, False, 0.0),
+    ("tlog", "ATTITUDE", "roll", 1.0, True, 1e-6),
+    ("bag1", "/u", "data", 1.0, True, 0.0),
+    ("bag2_sqlite", "/odom", "twist.twist.linear.x", 1.0, True, 0.0),
+    ("mcap_ros2", "/odom", "twist.twist.linear.x", 1.0, True, 0.0),
+    ("mcap_json", "/nav", "u", 1.0, True, 0.0),
+)
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A log of every format, by kind."""
+    return log_files.write(tmp_path_factory.mktemp("logs"))
+
+
+@pytest.mark.parametrize(("kind", "topic", "name", "factor", "unix", "tolerance"), READ)
+def test_a_log_gives_the_motion_that_was_written(
+    logs: dict[str, Path], kind: str, topic: str, name: str, factor: float, unix: bool, tolerance: float
+) -> None:
+    log = open_log(logs[kind])
+    samples = log.read({topic: [name]})[topic]
+    stamps = samples.t + (log.epoch_s or 0.0) - (UNIX_S if unix else log.epoch_s or 0.0)
+    np.testing.assert_allclose(stamps, T, atol=2e-6)
+    np.testing.assert_allclose(samples.fields[name], factor * U, atol=tolerance, rtol=0.0)
+
+
+def test_every_format_has_a_log_here(logs: dict[str, Path]) -> None:
+    assert {format_of(path) for path in logs.values()} == set(FORMATS)
+
+
+def test_the_survey_says_what_a_field_holds(logs: dict[str, Path]) -> None:
+    (topic,) = open_log(logs["csv"]).topics()
+    assert (topic.samples, topic.disordered) == (len(T), 0)
+    assert topic.rate_hz == pytest.approx(10.0)
+    assert topic.interval_s == pytest.approx(0.1)
+    field = topic.fields[1]
+    assert (field.name, field.unit, field.samples) == ("u", "m/s", len(T))
+    assert (field.minimum, field.maximum) == (U.min(), U.max())
+    assert field.mean == pytest.approx(U.mean())
+    assert field.deviation == pytest.approx(U.std())
+
+
+def test_moments_joined_from_chunks_are_those_of_the_whole(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from seatrial.logs import delimited
+
+    monkeypatch.setattr(delimited, "_BLOCK_BYTES", 400)
+    (topic,) = open_log(log_files.csv(tmp_path)).topics()
+    field = topic.fields[1]
+    assert field.samples == len(T)
+    assert field.deviation == pytest.approx(U.std(), rel=1e-12)
+
+
+def test_cells_of_a_spreadsheet_are_named_by_line(logs: dict[str, Path]) -> None:
+    log = open_log(logs["spreadsheet"])
+    samples = log.read({"export": ["Heading"]})["export"]
+    assert np.flatnonzero(np.isnan(samples.fields["Heading"])).tolist() == [55]
+    assert log.notes == ['column "Heading": 1 cells hold text, the first "#REF!" in line 60; read as empty']
+
+
+def test_a_late_receiver_does_not_shift_stamps_since_boot(logs: dict[str, Path]) -> None:
+    """The tlog's stamps of reception scatter by 40 ms; the messages' own do not."""
+    t = open_log(logs["tlog"]).read({"ATTITUDE": ["roll"]})["ATTITUDE"].t
+    assert np.ptp(np.diff(t)) < 1e-5
+
+
+def test_parameters_and_words_of_the_autopilot(logs: dict[str, Path]) -> None:
+    log = open_log(logs["dataflash"])
+    assert log.parameters == {"FRAME_CONFIG": 2.0}
+    assert [(event.t, event.kind, event.text) for event in log.events()] == [
+        (0.0, "message", "ArduSub V4.1.0"),
+        (0.5, "mode", "ALT_HOLD"),
+    ]
+
+
+def test_an_unknown_topic_or_field_is_named_with_its_neighbour(logs: dict[str, Path]) -> None:
+    log = open_log(logs["dataflash"])
+    with pytest.raises(TrialError, match=r'no topic "NAV\[2\]"; did you mean "NAV\[1\]"'):
+        log.read({"NAV[2]": ["U"]})
+    with pytest.raises(TrialError, match='no field "yaw"; did you mean "Yaw"'):
+        log.read({"NAV[0]": ["yaw"]})
+
+
+def test_a_missing_package_is_named_with_its_extra(
+    logs: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "imcpy", None)
+    with pytest.raises(TrialError, match=r'needs the package "imcpy".*seatrial\[logs\]'):
+        open_log(logs["lsf"])
+
+
+@pytest.mark.parametrize("kind", ["csv", "alog", "lsf", "lsf_gz", "ulog", "dataflash", "tlog"])
+def test_a_truncated_log_is_read_up_to_its_end(logs: dict[str, Path], kind: str, tmp_path: Path) -> None:
+    whole = logs[kind]
+    cut = tmp_path / whole.name
+    data = whole.read_bytes()
+    cut.write_bytes(data[: int(0.6 * len(data)) + 5])
+    topics = open_log(cut).topics()
+    most = max(topic.samples for topic in topics)
+    assert 0.4 * len(T) < most < len(T)
+
+
+def test_a_file_of_no_kind_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.dat"
+    path.write_bytes(bytes(range(256)) * 4)
+    with pytest.raises(TrialError, match=r"no known format|not a text file"):
+        open_log(path)
+    path.write_bytes(b"")
+    with pytest.raises(TrialError, match="empty"):
+        open_log(path)
+    with pytest.raises(TrialError, match="folder"):
+        open_log(tmp_path)
+    with pytest.raises(TrialError, match="does not exist"):
+        open_log(tmp_path / "nothing.csv")
+
+
+@pytest.mark.parametrize("kind", list(dict.fromkeys(row[0] for row in READ)))
+def test_damaged_logs_are_read_in_part_or_refused(logs: dict[str, Path], kind: str, tmp_path: Path) -> None:
+    source = logs[kind]
+    if source.is_dir():
+        pytest.skip("a folder: its files are those of the other kinds")
+    rng = np.random.default_rng(len(kind))
+    for _ in range(25):
+        path = tmp_path / source.name
+        path.write_bytes(mutated(source.read_bytes(), rng))
+        complaint = survives(path)
+        assert complaint is None, complaint

@@ -1,0 +1,48 @@
+"""Waves are found with their period, amplitude and decay, and nothing is found in calm water."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seatrial.trial.trial import Trial
+from seatrial.trial.waves import waves
+
+DT = 0.1
+
+
+def recording(amplitude: float, period: float, seed: int, decay: float = 0.0) -> Trial:
+    """Heave in random waves of a narrow band around a period, over coloured noise."""
+    rng = np.random.default_rng(seed)
+    t = DT * np.arange(12_000)
+    slow = np.zeros(len(t))
+    for k in range(1, len(t)):
+        slow[k] = 0.98 * slow[k - 1] + rng.normal(0.0, 0.004)
+    depth = 3.0 + 2.0 * (np.sin(2.0 * np.pi * t / 600.0) + 1.0)
+    parts = 2.0 * np.pi / (period * rng.uniform(0.97, 1.03, 12))
+    phases = rng.uniform(0.0, 2.0 * np.pi, 12)
+    swell = np.cos(parts[:, None] * t + phases[:, None]).sum(axis=0) / np.sqrt(12.0)
+    heave = slow + amplitude * swell * np.exp(-decay * (depth - 3.0)) + rng.normal(0.0, 0.002, len(t))
+    return Trial.read({"t_s": t, "w_m_s": heave, "z_m": depth}, align=False)
+
+
+@pytest.mark.parametrize("period", [4.0, 6.0, 10.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_period_and_amplitude(period: float, seed: int) -> None:
+    found = waves(recording(0.1, period, seed))
+    assert found is not None
+    assert found.period_s == pytest.approx(period, rel=0.08)
+    assert found.amplitude["w"] == pytest.approx(0.1, rel=0.35)
+    assert found.share["w"] > 0.3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_calm_water_has_no_waves(seed: int) -> None:
+    assert waves(recording(0.0, 6.0, seed)) is None
+
+
+def test_motion_fades_with_depth() -> None:
+    omega = 2.0 * np.pi / 6.0
+    found = waves(recording(0.2, 6.0, 1, decay=omega**2 / 9.81))
+    assert found is not None
+    assert abs(found.decay_1_m - omega**2 / 9.81) < 3.0 * found.decay_deviation_1_m < 0.15
