@@ -5,7 +5,7 @@
 //! from a convex polygon it is the smallest of bow, middle, stern and the polygon's corners against the line, exact but
 //! for a hull that lies across a corner. Inside it is negative.
 //!
-//! Tests: `tests/closed_loop/obstacles.rs`.
+//! Tests: `tests/flight/test_surroundings.py`.
 
 use crate::description::Description;
 use crate::mission::Obstacle;
