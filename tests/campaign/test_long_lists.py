@@ -17,7 +17,7 @@ STAGE = (
     '[[stages]]\nname = "s{k}"\ntrials = ["there"]\naxes = {{ free = "X", measured = "YZKMN" }}\n'
     'coefficients = {{ X_uu = "default" }}\n'
 )
-MANY = 4000
+MANY = 2000
 
 STAGES = 960
 

@@ -57,7 +57,7 @@ def test_lost_buoyancy_cannot_be_told_from_weight() -> None:
 
 def test_a_thrust_that_no_command_tells_names_its_actuator() -> None:
     """A vertical thruster pushes in pulses while the log has it at rest: no gain explains that."""
-    model, trial = fitted().vehicle, log(4).trial
+    model, trial = fitted().vehicle, log(6).trial
     pulses = np.where(np.sin(0.31 * trial.t) > 0.6, 300.0, 0.0)
     flown = model.simulate(
         trial.t, trial.commands | {"VTB": pulses}, initial=st.State(*trial.state(10)), max_step_s=0.05

@@ -135,7 +135,7 @@ def test_law_a_flight_without_figures_holds_nothing(holds: str) -> None:
             "cross_track < 1",
             '; did you mean "cross_track_rms_m", "cross_track_p99_m" or "cross_track_p95_m"?',
         ),
-        ("depth < 1", '; did you mean "depth_excursion_m" or "depth_largest_m"?'),
+        ("depth < 1", '; did you mean "depth_excursion_m", "depth_largest_m" or "depth_smallest_m"?'),
         (
             "fog < 1",
             "; known: duration_s, distance_m, energy_wh, cross_track_rms|largest|p50|p95|p99_m, true_",

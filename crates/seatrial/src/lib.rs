@@ -9,6 +9,7 @@
 //! | group | what it holds |
 //! |---|---|
 //! | [`error`] | what may go wrong, as one type |
+//! | [`ranges`] | what every number, list and name of a file may be |
 //! | `toml_file` | how a file of the core is read |
 //! | [`number`] | the number types (`f64`, eight lanes, dual numbers), algebra, random numbers |
 //! | [`actuator`] | from a command to a force: motor, characteristic of a thruster, fin |

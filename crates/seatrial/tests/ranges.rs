@@ -135,6 +135,7 @@ north_m = 200.0
 east_m = 200.0
 radius_m = 20.0
 distance_m = 5.0
+margin_m = 1.0
 depths_m = [2.0, 4.0]
 stops = 2
 stop_s = 5.0
@@ -144,6 +145,13 @@ tolerance_m = 0.2
 kind = "perimeter"
 corners_m = [[-180, 60], [-180, 80], [-200, 80], [-200, 60]]
 distance_m = 5.0
+[[obstacles]]
+north_m = 300.0
+east_m = -300.0
+radius_m = 5.0
+distance_m = 5.0
+[[obstacles]]
+corners_m = [[-380, 60], [-380, 80], [-390, 80]]
 "#;
 
 fn autopilot() -> String {

@@ -307,8 +307,9 @@ class Campaign:
         """Mask (n,): True where a sample of the trial is held out of the fit."""
         source, t = self._sources[trial], self.trials[trial].t
         mask = np.full(len(t), source.hold_out)
+        rounding = 1e-6 * self.trials[trial].dt  # a sample that lies on an end up to the clock's rounding
         for start, stop in source.hold_out_s:
-            mask |= (t >= start) & (t < stop)
+            mask |= (t >= start - rounding) & (t < stop - rounding)
             if stop <= t[0] or start > t[-1]:
                 raise CampaignError(
                     f"{self.source}: trial {trial!r}, key hold_out_s: [{start:g}, {stop:g}] lies outside the"

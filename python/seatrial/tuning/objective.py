@@ -382,7 +382,8 @@ class Objective:
             sums, travel, off = self.rig.violations(trials, self.samples, gains, headroom=headroom)
             total += violated(trials, sums).mean(axis=1) / len(self.trials)
             time += sums[..., 0, 2].mean(axis=(1, 2)) / trials.until_s / len(self.trials)
-            beyond = np.maximum(off - STEADY, 0.0) * trials.until_s
+            # What diverges is off without end.
+            beyond = np.maximum(np.where(np.isnan(off), np.inf, off) - STEADY, 0.0) * trials.until_s
             offset += (beyond.mean(axis=(1, 2)) + self._slow_integral(trials, gains)) / len(self.trials)
             effort += travel.mean(axis=(1, 2)) / len(self.trials)
         loops = {name.partition(".")[0] for name in gains}

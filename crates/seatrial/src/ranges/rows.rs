@@ -167,6 +167,8 @@ pub const AUTOPILOT: &[Range] = &[
     Range::upto("guidance.integral_gain_m_s", 100.0, DEFAULT),
     Range::upto("guidance.integral_gain_vertical_m_s", 100.0, DEFAULT),
     Range::above("guidance.pitch_max_deg", 85.0, DEFAULT),
+    Range::upto("guidance.turn_radius_m", 1e5, DEFAULT),
+    Range::upto("guidance.turn_delay_s", 600.0, DEFAULT),
     Range::above("guidance.turn_rate_max_deg_s", 1e4, DEFAULT),
     Range::above("guidance.pitch_rate_max_deg_s", 1e4, DEFAULT),
     Range::above("guidance.depth_rate_max_m_s", 100.0, DEFAULT),
@@ -191,6 +193,7 @@ pub const AUTOPILOT: &[Range] = &[
     Range::upto("allocation.fin_least_speed_m_s", 100.0, SPEED),
     Range::above("safety.surface_speed_m_s", 100.0, SPEED),
     Range::above("safety.surfaced_above_m", FAR, LENGTH),
+    Range::above("safety.frozen_after_s", YEAR, TIME),
     Range::above(
         "safety.*.after_s",
         YEAR,
@@ -242,7 +245,13 @@ pub const MISSION: &[Range] = &[
     Range::above("legs[].radius_m", 1e5, LENGTH),
     Range::sized("legs[].corners_m", FARTHEST, PLACE),
     Range::above("legs[].distance_m", 1e5, LENGTH),
+    Range::upto("legs[].margin_m", 1e5, LENGTH),
     Range::upto("legs[].stops", 1e4, "give the number of stops per round"),
+    Range::sized("obstacles[].north_m", FARTHEST, PLACE),
+    Range::sized("obstacles[].east_m", FARTHEST, PLACE),
+    Range::above("obstacles[].radius_m", 1e5, LENGTH),
+    Range::sized("obstacles[].corners_m", FARTHEST, PLACE),
+    Range::upto("obstacles[].distance_m", 1e5, LENGTH),
 ];
 
 /// Tables without a number, and lists of them: a list in the place of one is refused like that of any other table.
@@ -265,4 +274,6 @@ pub(super) const LENGTHS: &[(&str, usize)] = &[
     ("legs", 10_000),
     ("legs[].corners_m", 1_000),
     ("legs[].depths_m", 1_000),
+    ("obstacles", 1_000),
+    ("obstacles[].corners_m", 1_000),
 ];
