@@ -472,7 +472,7 @@ def test_missions_of_similar_names_have_files_of_their_own(folder: Path, tmp_pat
     found = verify(campaign(folder, SHORT.replace('"out.toml"', ", ".join(rows))), runs=6)
     run = found.save(tmp_path / "run")
     kept = {path.stem: st.Mission.load(path).to_toml() for path in (run / "missions").iterdir()}
-    assert set(kept) == {"leg--north", "leg--north-2", "leg-" + "n" * 56}
+    assert set(kept) == {"leg--north", "leg--north-2", "leg-" + "n" * 76}
     assert sorted(kept.values()) == sorted(one.to_toml() for one in found.flights.missions)
 
 

@@ -385,7 +385,7 @@ class Objective:
             # What diverges is off without end.
             beyond = np.maximum(np.where(np.isnan(off), np.inf, off) - STEADY, 0.0) * trials.until_s
             offset += (beyond.mean(axis=(1, 2)) + self._slow_integral(trials, gains)) / len(self.trials)
-            effort += travel.mean(axis=(1, 2)) / len(self.trials)
+            effort += np.where(np.isnan(travel), np.inf, travel).mean(axis=(1, 2)) / len(self.trials)
         loops = {name.partition(".")[0] for name in gains}
         # Points that another group sets belong to the schedule all the same.
         every = {name: np.full(1, value) for name, value in self.rig.autopilot.gains().items()}
