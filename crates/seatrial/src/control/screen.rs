@@ -307,7 +307,7 @@ impl<T: Real> Screen<T> {
         let pitch = pitch.clamped(zero.splat(-STEEPEST), zero.splat(STEEPEST));
         let mut rates = euler_rate(&[roll, pitch, yaw], &nu);
         let (sine, _) = pitch.sin_cos();
-        rates[DEPTH] = rates[DEPTH] - sine * T::select(young(VELOCITY), zero, speed);
+        rates[DEPTH] -= sine * T::select(young(VELOCITY), zero, speed);
         rates
     }
 }
