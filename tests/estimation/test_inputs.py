@@ -17,6 +17,7 @@ from seatrial._core import Vehicle
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.estimation.dependence import dependence
+from seatrial.estimation.homogeneity import homogeneity
 from seatrial.estimation.inputs import judge_inputs, thrusts, trained
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -56,6 +57,16 @@ motor = "slow"
 characteristic = "direct"
 """
 
+RUDDER = """
+[[fins]]
+name = "rudder"
+position_m = [-0.8, 0.0, 0.0]
+normal = [0.0, 1.0, 0.0]
+area_m2 = 0.02
+aspect_ratio = 2.0
+motor = "slow"
+"""
+
 CAMPAIGN = """
 format = 1
 name = "twin"
@@ -67,7 +78,7 @@ file = "one.csv"
 [[stages]]
 name = "surge"
 trials = ["one"]
-axes = {{ free = "X", measured = "N" }}
+axes = {{ free = "{free}", measured = "{measured}" }}
 [stages.coefficients]
 X_u = [-20.0, 0.0]
 {coefficients}
@@ -77,11 +88,19 @@ Array = NDArray[np.float64]
 
 
 def campaign(
-    folder: Path, columns: dict[str, Array], *, top: str = "", trial: str = "", coefficients: str = ""
+    folder: Path,
+    columns: dict[str, Array],
+    *,
+    top: str = "",
+    trial: str = "",
+    coefficients: str = "",
+    vehicle: str = TWIN,
+    free: str = "X",
 ) -> Campaign:
     """One trial of the twin-screw vehicle, as a frame."""
-    (folder / "twin.toml").write_text(TWIN)
-    text = CAMPAIGN.format(top=top, trial=trial, coefficients=coefficients)
+    (folder / "twin.toml").write_text(vehicle)
+    measured = "" if "N" in free else "N"
+    text = CAMPAIGN.format(top=top, trial=trial, coefficients=coefficients, free=free, measured=measured)
     frame = {"t_s": T, "u_m_s": np.sin(0.1 * T), "r_deg_s": np.cos(0.1 * T)} | columns
     return Campaign.from_toml(text, folder=folder, trials={"one": frame})
 
@@ -188,6 +207,23 @@ def test_an_actuator_that_never_moves_is_named(tmp_path: Path) -> None:
     quiet = judge_inputs(campaign(tmp_path, {"cmd.port": steps(1), "cmd.starboard": 0.0 * T}))
     assert quiet.thrusts.still == ("starboard",)
     assert "Never change their thrust: starboard" in str(quiet)
+
+
+def test_a_fin_that_never_moves_has_a_deflection_not_a_thrust(tmp_path: Path) -> None:
+    columns = {"cmd.port": steps(1), "cmd.starboard": 0.0 * T, "cmd.rudder": 0.0 * T}
+    said = judge_inputs(campaign(tmp_path, columns, vehicle=TWIN + RUDDER)).sentences()
+    assert "Never change their thrust: starboard" in said
+    assert "Never change their deflection: rudder" in said
+
+
+def test_the_scale_rests_on_the_lift_of_a_fin(tmp_path: Path) -> None:
+    columns = {"cmd.port": steps(1), "cmd.starboard": steps(2), "cmd.rudder": 0.01 * steps(3)}
+    text = '"main.gain" = [0.5, 2.0]'
+    found = homogeneity(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, coefficients=text, free="XN"))
+    assert "The scale rests on the lift of rudder as in the vehicle file" in found.sentences()
+    found = homogeneity(campaign(tmp_path, columns, vehicle=TWIN + RUDDER, free="XN"))
+    assert "The scale rests on the thrust of main as in the vehicle file" in found.sentences()
+    assert "beside it: lift of rudder" in " ".join(found.sentences())
 
 
 def test_the_thrust_is_that_behind_the_motor(tmp_path: Path) -> None:

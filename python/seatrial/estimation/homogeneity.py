@@ -47,7 +47,7 @@ _CURVE = (
 
 _LEVER = 1e-9  # kg m, N m: a product smaller than this is zero
 
-WRENCH, THRUST, MASS, NET = "wrench", "thrust", "mass and inertia", "net weight"
+WRENCH, THRUST, LIFT, MASS, NET = "wrench", "thrust", "fin lift", "mass and inertia", "net weight"
 
 RIGHTING, FORCES, STATIC = "righting moment", "damping, lift and bias", "static moment"
 
@@ -99,9 +99,10 @@ class Homogeneity:
                 " Hold a thrust gain, or mass and added mass of one axis",
             ]
         first = strong[0]
-        words = f"the thrust of {found[first]} as in the vehicle file" if first == THRUST else found[first]
+        made = {THRUST: "thrust", LIFT: "lift"}.get(first)
+        words = f"the {made} of {found[first]} as in the vehicle file" if made else found[first]
         said.append(f"The scale rests on {words}")
-        if beside := [found[kind] for kind in strong[1:]]:
+        if beside := [f"lift of {found[LIFT]}" if kind == LIFT else found[kind] for kind in strong[1:]]:
             said.append(
                 f"Held at the vehicle file's values beside it: {'; '.join(beside)}. If the scale is wrong, so"
                 " is their share: free them or scale them too"
@@ -181,8 +182,14 @@ def homogeneity(campaign: Campaign) -> Homogeneity:
     free = set(coefficient_names(parameters(stage, vehicle, f"{campaign.source}: polish")))
     rows = stage.axes.free
     logged = all(campaign.input_of(name) == "tau" for name in stage.trials)
+    facts = vehicle.actuator_info()
+    groups = actuator_groups(vehicle)
+    acting = () if logged else tuple(_thrust(vehicle, free, rows))
+    lifting = tuple(x for x in acting if all(facts[one]["kind"] == "fin" for one in groups.get(x, [x])))
     found = [
-        Held(WRENCH, ("the logged wrench",)) if logged else Held(THRUST, tuple(_thrust(vehicle, free, rows))),
+        Held(WRENCH, ("the logged wrench",) if logged else ()),
+        Held(THRUST, tuple(name for name in acting if name not in lifting)),
+        Held(LIFT, lifting),
         Held(MASS, tuple(_masses(free, rows))),
         Held(NET, tuple(_net_weight(vehicle, free, rows))),
         Held(RIGHTING, tuple(_righting(vehicle, free, rows))),

@@ -185,6 +185,8 @@ class InputJudgement:
         direction.
     freed
         Gains that the campaign frees singly although they cannot be told apart.
+    fins
+        Actuators that are fins: they deflect and lift, and have no thrust.
     """
 
     drives: tuple[Drive, ...]
@@ -194,6 +196,7 @@ class InputJudgement:
     options: tuple[GainOption, ...]
     offered: tuple[str, ...]
     freed: tuple[str, ...]
+    fins: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The judgement as plain data for JSON."""
@@ -218,7 +221,10 @@ class InputJudgement:
             f" (singular values {', '.join(_rounded(x) for x in self.thrusts.singular_values)})"
         ]
         if self.thrusts.still:
-            said.append(f"Never change their thrust: {_and(self.thrusts.still)}")
+            kinds: dict[str, list[str]] = {"thrust": [], "deflection": []}
+            for name in self.thrusts.still:
+                kinds["deflection" if name in self.fins else "thrust"].append(name)
+            said += [f"Never change their {what}: {_and(names)}" for what, names in kinds.items() if names]
         return said + self.thrusts.sentences()
 
     def _gain_sentences(self) -> list[str]:
@@ -299,6 +305,7 @@ def judge_inputs(campaign: Campaign) -> InputJudgement:
     drives = _drives(vehicle, thrust, weight)
     found = dependence(centred(thrust, weight), vehicle.actuators)
     single = tuple(f"{name}.gain" for name in vehicle.actuators)
+    facts = vehicle.actuator_info()
     return InputJudgement(
         drives=drives,
         thrusts=found,
@@ -311,6 +318,7 @@ def judge_inputs(campaign: Campaign) -> InputJudgement:
         ),
         offered=offered(vehicle, drives, found),
         freed=_freed(campaign, found.involved),
+        fins=tuple(name for name in vehicle.actuators if facts[name]["kind"] == "fin"),
     )
 
 
