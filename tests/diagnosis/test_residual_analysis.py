@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from seatrial._core import Vehicle
 from seatrial.diagnosis.missing_terms import (
     Candidate,
+    Suggestion,
     candidates,
     independent_blocks,
     missing_terms,
     signal_of,
+    worded,
 )
 from seatrial.diagnosis.residual_analysis import analyse
 from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
@@ -267,3 +269,12 @@ def test_recorded_signals_are_those_of_the_segments_samples() -> None:
     assert np.concatenate(found["voltage"]).mean() == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(np.diff(found["voltage"][3]), 0.01 * DT, rtol=1e-6)
     assert not found["voltage"][12].any()
+
+
+@pytest.mark.parametrize(("part", "words"), [("T_t", "dead time"), ("T_1", "lag")])
+def test_a_negative_delay_is_said_as_a_faster_response(part: str, words: str) -> None:
+    one = Suggestion(f"stern.{part}", "s", (), "u", "the thrust", 0.1, -0.24, 0.02, 5.0, 0.001, "")
+    said = worded(one).sentence
+    assert f"the response is faster than the file says ({words} of stern.{part} 0.1 s)" in said
+    assert "-0.24" not in said
+    assert f"free stern.{part}; stern.{part} would be 0.24 ±" in worded(replace(one, value=0.24)).sentence

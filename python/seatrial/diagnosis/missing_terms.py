@@ -371,6 +371,9 @@ def _channel(
     return lin.channels[int(np.argmax(energy))]
 
 
+_DELAYS = {"T_t": "dead time", "T_1": "lag"}
+
+
 def worded(one: Suggestion) -> Suggestion:
     """The suggestion with the sentence that its numbers make."""
     names = (one.name, *one.alternatives)
@@ -379,6 +382,14 @@ def worded(one: Suggestion) -> Suggestion:
         choice += f" (or one of {len(names) - _NAMED} more that look alike)"
     unit = "" if one.unit == "1" else f" {one.unit}"
     chance = "p < 1e-6" if one.p < 1e-6 else f"p = {one.p:.1g}"
+    delay = _DELAYS.get(one.name.rpartition(".")[2])
+    if delay and one.value < 0.0:
+        sentence = (
+            f"{one.channel} residual follows {one.follows}: the response is faster than the file says"
+            f" ({delay} of {one.name} {one.present:.3g}{unit}); hold a smaller one, 0 at least, and check the"
+            f" time stamps of commands and sensors ({chance})"
+        )
+        return replace(one, sentence=sentence)
     sentence = (
         f"{one.channel} residual follows {one.follows}: free {choice}; {one.name} would be {one.value:.3g} ±"
         f" {one.sigma:.2g}{unit}, the cost would fall by {one.gain:.2g} % ({chance})"
