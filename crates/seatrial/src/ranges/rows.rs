@@ -193,7 +193,7 @@ pub const AUTOPILOT: &[Range] = &[
     Range::upto("allocation.fin_least_speed_m_s", 100.0, SPEED),
     Range::above("safety.surface_speed_m_s", 100.0, SPEED),
     Range::above("safety.surfaced_above_m", FAR, LENGTH),
-    Range::above("safety.frozen_after_s", YEAR, TIME),
+    Range::above("safety.frozen_after_s", YEAR, "give it in seconds; a year is never"),
     Range::above(
         "safety.*.after_s",
         YEAR,
