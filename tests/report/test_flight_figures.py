@@ -204,3 +204,19 @@ def test_a_flight_that_diverges_is_drawn_as_far_as_it_went(draw: object) -> None
         changed[name] = {key: until_lost(one) for key, one in getattr(flight, name).items()}
     broken = replace(flight, outcome="diverged", **changed)
     assert_on_page(draw(broken))  # type: ignore[operator]
+
+
+def test_the_track_shows_obstacles_the_promised_distance_and_the_closest_point() -> None:
+    pile = "[[obstacles]]\nnorth_m = 30.0\neast_m = 9.0\nradius_m = 1.0\ndistance_m = 5.0\n"
+    flight = flown(OUT + pile)
+    figure = flight_track(flight)
+    axes = panel(figure, "track")
+    said = {label.get_text() for legend in figure.legends for label in legend.get_texts()}
+    closest = f"closest: hull {flight.metrics['clearance_m']:.1f} m away"
+    assert {"net or obstacle", "promised distance", closest} <= said
+    row = int(np.argmin(np.abs(flight.t - flight.metrics["clearance_time_s"])))
+    assert line(axes, closest)[0] == pytest.approx(flight.position[row, [1, 0]])
+    # The promised distance is a circle of 1 m + 5 m about the pile.
+    rings = [path.vertices for one in axes.collections for path in one.get_paths() if len(path.vertices) > 8]
+    radii = [np.hypot(ring[:, 0] - 9.0, ring[:, 1] - 30.0) for ring in rings]
+    assert any(np.allclose(radius, 6.0, atol=0.1) for radius in radii)

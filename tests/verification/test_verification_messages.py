@@ -166,3 +166,14 @@ def test_energy_that_the_vehicle_does_not_tell_is_refused(tmp_path: Path) -> Non
 def test_missions_that_can_be_flown_are_not_remarked_on(tmp_path: Path) -> None:
     notes = flown(tmp_path, "current = { speed_m_s = 0.3 }").notes
     assert not any("out of time" in note or "top speed" in note for note in notes)
+
+
+def test_the_first_lines_tell_who_came_too_near_or_left_the_water(tmp_path: Path) -> None:
+    easy = '[[verification.requirements]]\nname = "ends"\nholds = "duration_s < 1e4"\n'
+    pile = "obstacles = { north_m = 30.0, east_m = 1.0, radius_m = 2.0 }\n"
+    found = flown(tmp_path, pile + easy)
+    hit, count = found.report().worst, int((found.flown.metrics["clearance_m"] <= 0.0).sum())
+    assert count > 0
+    assert f"{count} of 4 missions came too near to what stands in the water" in hit
+    assert re.search(r"the worst is mission \d: \d\.\d\d m inside at \d+\.\d s", hit)
+    assert "too near" not in flown(tmp_path, easy).report().worst

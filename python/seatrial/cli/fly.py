@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -120,6 +121,8 @@ def fly(
         print_json(result if many is None else result | {"seeds": many.to_dict()})
     else:
         report = flight.report(sections=() if many is None else (many.section(),))
+        if many is not None and many.excesses:
+            report = replace(report, worst="; ".join((*many.excesses, report.worst)))
         answer(report, verbose=verbose, results=saved, draw=drawn)
     if not flight.complete or (many is not None and not many.all_complete):
         raise typer.Exit(1)

@@ -19,12 +19,12 @@ from seatrial.base.atomic_write import parquet
 from seatrial.base.progress import Clock
 from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
-from seatrial.flight import watches
+from seatrial.flight import excesses, watches
+from seatrial.flight.excesses import IN_THE_AIR_M, STEEP_DEG
 from seatrial.flight.log import FlightLog, log_fields
 from seatrial.flight.metrics import (
     CODED,
     DIVERGED,
-    OFF_PROMISE,
     ActuatorUse,
     Leg,
     Loop,
@@ -391,8 +391,7 @@ def _ending(flight: Flight) -> str:
 
 def too_near(flight: Flight) -> bool:
     """Whether the hull touched something, or came nearer than the mission promises by more than a tenth."""
-    clear, reserve = (flight.metrics[name] for name in ("clearance_m", "clearance_reserve_m"))
-    return clear <= 0.0 or reserve < -OFF_PROMISE * flight.mission.promised_m
+    return bool(excesses.too_near(flight.metrics, flight.mission.promised_m))
 
 
 def _clear(flight: Flight) -> list[str]:
@@ -419,25 +418,20 @@ def _at(flight: Flight, time_s: float) -> str:
     )
 
 
-_IN_THE_AIR_M = 0.1  # above the surface: less is a wave
-
-_STEEP_DEG = 45.0  # of pitch: neither the coefficients nor the loops were made for more
-
-
 def _beyond_the_model(flight: Flight) -> list[str]:
     """Where the vehicle left the water, or pitched beyond what its model and loops are made for."""
     metrics = flight.metrics
     found = []
-    if (height := -metrics["depth_smallest_m"]) > _IN_THE_AIR_M:
+    if (height := -metrics["depth_smallest_m"]) > IN_THE_AIR_M:
         found.append(
             f"{flight.vehicle.name} rose to {height:.1f} m above the surface,"
             f" {_at(flight, metrics['depth_smallest_time_s'])}: the model knows no surface,"
             " and a real vehicle stays in it."
         )
-    if (pitch := metrics["pitch_largest_deg"]) > _STEEP_DEG:
+    if (pitch := metrics["pitch_largest_deg"]) > STEEP_DEG:
         found.append(
             f"{flight.vehicle.name} pitched to {pitch:.0f} deg, {_at(flight, metrics['pitch_time_s'])}; more"
-            f" than {_STEEP_DEG:g} deg is beyond what coefficients and loops are made for."
+            f" than {STEEP_DEG:g} deg is beyond what coefficients and loops are made for."
         )
     return found
 

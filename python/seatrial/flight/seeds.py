@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.arrays import Array
 from seatrial.base.report import Section
 from seatrial.base.toml_file import loaded
-from seatrial.flight.metrics import CODED, OFF_PROMISE, ending_of, metrics_of
+from seatrial.flight.excesses import counted, too_near
+from seatrial.flight.metrics import CODED, ending_of, metrics_of
 from seatrial.flight.mission import Mission
 from seatrial.flight.tables import spread_table
 
@@ -37,12 +38,15 @@ class Seeds:
         How each flight ended.
     too_near
         Seeds of the flights that touched something or came nearer than the mission promises.
+    excesses
+        Sentences on flights that came too near, rose above the surface or pitched beyond reason.
     """
 
     seeds: tuple[int, ...]
     metrics: Mapping[str, Array]
     endings: tuple[str, ...]
     too_near: tuple[int, ...] = ()
+    excesses: tuple[str, ...] = ()
 
     @property
     def all_complete(self) -> bool:
@@ -62,7 +66,10 @@ class Seeds:
 
     def section(self) -> Section:
         """What a report shows of them."""
-        return Section(sentences=(self.sentence(),), tables=(spread_table(self.metrics, len(self.seeds)),))
+        return Section(
+            sentences=(self.sentence(), *(f"{one}." for one in self.excesses)),
+            tables=(spread_table(self.metrics, len(self.seeds)),),
+        )
 
     def parquet(self) -> bytes:
         """Metrics and endings, a row per seed."""
@@ -94,10 +101,11 @@ def fly_seeds(
     seeds = tuple(range(first, first + count))
     metrics = metrics_of(fly_batch(vehicle, autopilot, mission, seeds=list(seeds), **options))
     promised = loaded(Mission, mission).promised_m
-    short = (metrics["clearance_m"] <= 0.0) | (metrics["clearance_reserve_m"] < -OFF_PROMISE * promised)
+    short = too_near(metrics, promised)
     return Seeds(
         seeds,
         metrics,
         tuple(ending_of(metrics, case) for case in range(count)),
         tuple(seed for seed, near in zip(seeds, short, strict=True) if near),
+        tuple(counted(metrics, promised, [f"seed {seed}" for seed in seeds], "flights")),
     )

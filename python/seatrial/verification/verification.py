@@ -17,6 +17,7 @@ from seatrial.base.atomic_write import parquet
 from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunResult, to_json
+from seatrial.flight.excesses import counted
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
 from seatrial.verification.comparison import AutopilotComparison
@@ -181,6 +182,12 @@ WITHOUT_FILE = "verify"
 def report(found: Verification) -> Report:
     """Three lines, requirements, worst missions, comparison; causes, notes."""
     worst, next_step = _worst(found)
+    if beyond := _excesses(found):
+        worst = "; ".join(beyond if found.outcome == "held" and not found.interrupted else (worst, *beyond))
+        if found.outcome == "held" and not found.interrupted:
+            next_step = (
+                f"fly the worst one again to see where ({_again(found)}), then change mission or autopilot"
+            )
     comparison = () if found.comparison is None else (*_against(found.comparison), _medians(found.comparison))
     causes = [
         f"{one.requirement.name}: {text}"
@@ -271,6 +278,25 @@ def _worst(found: Verification) -> tuple[str, str]:
         f" {reserve(run.reserve, one.judgement.unit)}",
         after,
     )
+
+
+def _again(found: Verification) -> str:
+    """How to fly one of the missions again."""
+    if found.campaign.source == WITHOUT_FILE:
+        return "verification.replay(NUMBER)"
+    return f"seatrial verify {found.campaign.source} --replay NUMBER"
+
+
+def _excesses(found: Verification) -> list[str]:
+    """Missions that came too near, rose above the surface or pitched beyond reason, whatever is required."""
+    flown = found.flown
+    promised = np.array([one.promised_m for one in found.flights.missions])[flown.mission]
+    titles = found.flights.titles
+    names = [
+        f"mission {number}" + (f" ({titles[k]})" if len(titles) > 1 else "")
+        for number, k in zip(flown.numbers.tolist(), flown.mission.tolist(), strict=True)
+    ]
+    return counted(flown.metrics, promised, names)
 
 
 def _requirement_table(found: Verification) -> Table:

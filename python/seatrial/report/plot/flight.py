@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array, Mask
 from seatrial.flight.watches import cause
+from seatrial.report.plot.mission import draw_obstacles, outlines
 from seatrial.report.plot.style import (
     FAINT,
     FOURTH,
@@ -77,10 +78,10 @@ _MOST_LEGS = 50
 _EVENT_MARKS = "XPD*v^<>"
 
 _MODES: tuple[tuple[str, float, Any], ...] = (
-    (SECOND, 2.2, "-"),
+    (THIRD, 2.2, "-"),
     (SIMULATED, 1.2, "-"),
-    (THIRD, 1.2, (0, (4, 1.2))),
-    (FOURTH, 1.2, (0, (1.4, 1.2))),
+    (FOURTH, 1.2, (0, (4, 1.2))),
+    (MEASURED, 1.2, (0, (1.4, 1.2))),
 )
 
 
@@ -254,6 +255,8 @@ def mode_strip(axes: Axes, flight: Flight) -> None:
 
 _INK = "#262626"
 
+_GRID = 201  # of the promised distance, places a side
+
 
 def flight_track(flight: Flight) -> Figure:
     """Figure of a flight's track: from above with plan, modes and events, and the depth over time."""
@@ -262,12 +265,14 @@ def flight_track(flight: Flight) -> Figure:
     acceptance = np.array([stop.acceptance for stop in flight.route.stops])
     reach = np.concatenate([path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]])
     flown = flight.position[np.isfinite(flight.position).all(axis=1)]
-    corners = extent(path.points, flown, reach)
+    farms = outlines(flight.mission, what.obstacles)
+    corners = extent(path.points, flown, reach, *(_deep(farm) for farm in farms))
     page = layout(corners, _labels(flight, path))
     with house_style():
         figure = new_figure(page.height, constrained=False)
         plan = new_plan(figure, page.plan, corners)
         waypoints(plan, path, acceptance, flown)
+        _obstacles(plan, flight, farms)
         _flown(plan, flight)
         panel_title(plan.axes, "track", _remark(flight))
         profile = profile_axes(figure, page)
@@ -281,10 +286,59 @@ def flight_track(flight: Flight) -> Figure:
 def _labels(flight: Flight, path: PlannedPath) -> list[str]:
     """Words that the legend will have, as many and as long."""
     flown = [f"flown: {flight.modes[k]}" for k in np.unique(flight.mode)]
-    plain = ["planned path", waypoint_label(path), "sphere of acceptance", "start", "end", "station kept"]
+    beside = ["net or obstacle", "promised distance", "closest: hull 10.0 m away"]
+    shown = beside if math.isfinite(flight.metrics["clearance_m"]) else []
+    plain = [
+        *shown,
+        "planned path",
+        waypoint_label(path),
+        "sphere of acceptance",
+        "start",
+        "end",
+        "station kept",
+    ]
     return [*plain, "desired depth", "flown depth", "depth limit", "bottom", *flown] + [
         event.words for event in events(flight)
     ]
+
+
+def _deep(outline: Array) -> Array:
+    """Outline (n, 2) as places (n, 3)."""
+    return np.column_stack([outline, np.zeros(len(outline))])
+
+
+def _obstacles(plan: Plan, flight: Flight, farms: list[Array]) -> None:
+    """What stands in the water, the distance that the mission promises, and where the flight came closest."""
+    draw_obstacles(plan, farms)
+    axes, mission = plan.axes, flight.mission
+    if mission.promised_m > 0.0:
+        (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+        easts, norths = np.meshgrid(np.linspace(west, east, _GRID), np.linspace(south, north, _GRID))
+        places = np.column_stack([norths.ravel(), easts.ravel(), np.zeros(easts.size)])
+        reserve = mission.core.clearance(None, places, np.zeros_like(places))[:, 1].reshape(easts.shape)
+        axes.contour(
+            easts,
+            norths,
+            reserve,
+            levels=[0.0],
+            colors=RESIDUAL,
+            linewidths=0.8,
+            linestyles="dotted",
+            zorder=1.6,
+        )
+        axes.plot([], [], ":", color=RESIDUAL, linewidth=0.8, label="promised distance")
+    if math.isfinite(clear := flight.metrics["clearance_m"]):
+        row = int(np.argmin(np.abs(flight.t - flight.metrics["clearance_time_s"])))
+        axes.plot(
+            *flight.position[row, [1, 0]],
+            "D",
+            color="white",
+            markeredgecolor=RESIDUAL,
+            markersize=5.0,
+            label=f"closest: hull {clear:.1f} m away",
+            linestyle="none",
+            zorder=5.5,
+        )
 
 
 def _remark(flight: Flight) -> str:

@@ -6,6 +6,7 @@ Held by `tests/report/test_mission_plan.py`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.report.plot.track import Plan, PlannedPath, Seabed
 
-__all__ = ["mission_plan", "outlines"]
+__all__ = ["draw_obstacles", "mission_plan", "outlines"]
 
 _INK = "#262626"
 
@@ -118,10 +119,11 @@ def _extra(mission: Mission, farms: list[Array]) -> list[str]:
     return said + (["bottom not known"] if "altitude" in mission.waypoints["vertical"] else [])
 
 
-def outlines(mission: Mission) -> list[Array]:
-    """Outlines (n, 2) of what stands in the water of a mission, north and east in m."""
+def outlines(mission: Mission, cylinders: Sequence[tuple[float, float, float]] = ()) -> list[Array]:
+    """Outlines (n, 2) of what stands in the water, north and east in m; cylinders: north, east, radius."""
     found = []
-    for farm in mission.obstacles:
+    further = [{"north_m": n, "east_m": e, "radius_m": r} for n, e, r in cylinders]
+    for farm in [*mission.obstacles, *further]:
         if "corners_m" in farm:
             found.append(np.asarray(farm["corners_m"], dtype=float))
         else:
@@ -131,8 +133,8 @@ def outlines(mission: Mission) -> list[Array]:
     return found
 
 
-def _surroundings(plan: Plan, mission: Mission, farms: list[Array]) -> None:
-    """Farms and the fence."""
+def draw_obstacles(plan: Plan, farms: list[Array]) -> None:
+    """What stands in the water, from above."""
     for k, outline in enumerate(farms):
         plan.axes.fill(
             outline[:, 1],
@@ -145,6 +147,11 @@ def _surroundings(plan: Plan, mission: Mission, farms: list[Array]) -> None:
             label=None if k else "net or obstacle",
             zorder=1.5,
         )
+
+
+def _surroundings(plan: Plan, mission: Mission, farms: list[Array]) -> None:
+    """Farms and the fence."""
+    draw_obstacles(plan, farms)
     if len(mission.fence):
         closed = np.concatenate([mission.fence, mission.fence[:1]])
         plan.axes.plot(

@@ -166,6 +166,8 @@ def _spheres(plan: Plan, places: Array, acceptance: Array) -> None:
 
 def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
     """Names beside their waypoints, clear of each other, of waypoints and, if it can be, of the path."""
+    from matplotlib.patheffects import withStroke
+
     page, wide, high = plan.page(path.places), plan.box_in[2], plan.box_in[3]
     way = np.concatenate([_dense(plan.page(one), 0.06) for one in lines])
     taken: list[Box] = []
@@ -197,9 +199,11 @@ def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
         edge = {1: box[0], 0: 0.5 * (box[0] + box[2]), -1: box[2]}[side]
         east, north = low + plan.m_per_in * np.array([edge, 0.5 * (box[1] + box[3])])
         ha: Any = {1: "left", 0: "center", -1: "right"}[side]
-        plan.axes.text(
+        said = plan.axes.text(
             east, north, path.names[k], fontsize=6.5, color=_INK, ha=ha, va="center_baseline", zorder=6
         )
+        # A name may have to stand on a line: it stays readable on a white edge.
+        said.set_path_effects([withStroke(linewidth=1.8, foreground="white")])
 
 
 def _dense(page: Array, step_in: float) -> Array:

@@ -1,0 +1,103 @@
+"""Flights that came too near to something, left the water, or pitched beyond what the model is made for.
+
+Too near is a clearance of the hull of at most 0 m, or one short of the mission's promise by more than a tenth
+of it. The model knows no surface: a vehicle that rises above it would stay in the water at sea. Coefficients
+and loops are made for pitch angles up to about 45 deg.
+
+Tests: ``tests/flight/test_excesses.py``, ``tests/verification/test_verification_messages.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial.base.arrays import Mask
+from seatrial.flight.metrics import OFF_PROMISE
+
+__all__ = ["IN_THE_AIR_M", "STEEP_DEG", "counted", "too_near"]
+
+IN_THE_AIR_M = 0.1
+"""Height above the surface, m, from which a vehicle has left the water: less is a wave."""
+
+STEEP_DEG = 45.0
+"""Pitch angle, deg, beyond which neither coefficients nor loops hold."""
+
+
+def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
+    """Whether the hull touched something, or came nearer than promised by more than a tenth, (k,).
+
+    Parameters
+    ----------
+    metrics : mapping
+        Metrics of flights by name, (k,) each.
+    promised_m : array_like
+        What the mission of each promises, m; 0 where it promises nothing.
+    """
+    clear, reserve = (np.asarray(metrics[name]) for name in ("clearance_m", "clearance_reserve_m"))
+    return np.asarray((clear <= 0.0) | (reserve < -OFF_PROMISE * np.asarray(promised_m)))
+
+
+def counted(
+    metrics: Mapping[str, Any], promised_m: ArrayLike, names: Sequence[str], what: str = "missions"
+) -> list[str]:
+    """A sentence without a full stop for each kind of excess: how many flights, the worst one and when.
+
+    Parameters
+    ----------
+    metrics : mapping
+        Metrics of flights by name, (k,) each.
+    promised_m : array_like
+        What the mission of each promises, m, (k,) or one number.
+    names : sequence of str
+        What a flight is called, such as "mission 7".
+    what : str
+        What several flights are called.
+    """
+    clear, depth, pitch = (
+        np.asarray(metrics[name], dtype=float)
+        for name in ("clearance_m", "depth_smallest_m", "pitch_largest_deg")
+    )
+    promised = np.broadcast_to(np.asarray(promised_m, dtype=float), clear.shape)
+
+    def nearness(k: int) -> str:
+        asked = f" (promised: {promised[k]:g} m)" if promised[k] > 0.0 else ""
+        where = f"{clear[k]:.2f} m away" if clear[k] > 0.0 else f"{-clear[k]:.2f} m inside"
+        return where + asked
+
+    kinds: tuple[tuple[str, Mask, Any, Callable[[int], str], str], ...] = (
+        (
+            "came too near to what stands in the water",
+            too_near(metrics, promised),
+            np.fmin(clear, np.asarray(metrics["clearance_reserve_m"], dtype=float)),
+            nearness,
+            "clearance_time_s",
+        ),
+        (
+            "rose above the surface",
+            depth < -IN_THE_AIR_M,
+            depth,
+            lambda k: f"{-depth[k]:.1f} m high",
+            "depth_smallest_time_s",
+        ),
+        (
+            f"pitched beyond {STEEP_DEG:g} deg",
+            pitch > STEEP_DEG,
+            -pitch,
+            lambda k: f"{pitch[k]:.0f} deg",
+            "pitch_time_s",
+        ),
+    )
+    found = []
+    for words, mask, least, how_far, when in kinds:
+        if mask.any():
+            k = int(np.argmin(np.where(mask, least, math.inf)))
+            found.append(
+                f"{int(mask.sum())} of {len(names)} {what} {words}, the worst is {names[k]}:"
+                f" {how_far(k)} at {float(metrics[when][k]):.1f} s"
+            )
+    return found

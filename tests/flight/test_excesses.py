@@ -1,0 +1,45 @@
+"""What is counted of many flights: too near to something, above the surface, beyond a reasonable pitch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seatrial.flight.excesses import counted
+
+
+def _metrics(**changed: tuple[float, ...]) -> dict[str, np.ndarray]:
+    calm = {
+        "clearance_m": (np.inf, 6.0, 5.0),
+        "clearance_reserve_m": (np.inf, 1.0, 0.0),
+        "clearance_time_s": (np.nan, 10.0, 20.0),
+        "depth_smallest_m": (0.0, -0.05, 1.0),
+        "depth_smallest_time_s": (0.0, 1.0, 2.0),
+        "pitch_largest_deg": (5.0, 44.0, 10.0),
+        "pitch_time_s": (3.0, 4.0, 5.0),
+    }
+    return {name: np.array(values) for name, values in (calm | changed).items()}
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        (
+            {"clearance_m": (4.4, 6.0, -0.2), "clearance_reserve_m": (-0.6, 1.0, -5.2)},
+            "2 of 3 flights came too near to what stands in the water, the worst is c: 0.20 m inside"
+            " (promised: 5 m) at 20.0 s",
+        ),
+        (
+            {"depth_smallest_m": (0.0, -0.4, 1.0)},
+            "1 of 3 flights rose above the surface, the worst is b: 0.4 m",
+        ),
+        (
+            {"pitch_largest_deg": (50.0, 70.0, np.nan)},
+            "2 of 3 flights pitched beyond 45 deg, the worst is b: 70",
+        ),
+    ],
+)
+def test_each_kind_tells_how_many_and_the_worst(changed: dict[str, tuple[float, ...]], words: str) -> None:
+    assert counted(_metrics(), 5.0, "abc", "flights") == []
+    (said,) = counted(_metrics(**changed), 5.0, "abc", "flights")
+    assert said.startswith(words)
