@@ -34,6 +34,10 @@ def from_log(flight: st.Flight) -> dict[str, float]:
     going = (flight.alert == 0) & ~flight.done
     settled = going & ~flight.holding & (flight.distance < half)
     upper, lower = np.minimum(ends[:-1, 2], ends[1:, 2])[leg], np.maximum(ends[:-1, 2], ends[1:, 2])[leg]
+    courses = np.diff(ends[:, :2], axis=0)
+    turning = np.sum((flight.position[:, :2] - ends[leg, :2]) * courses[leg], axis=1) < 0.0
+    upper = np.where(turning, np.minimum(upper, ends[np.maximum(leg - 1, 0), 2]), upper)
+    lower = np.where(turning, np.maximum(lower, ends[np.maximum(leg - 1, 0), 2]), lower)
     out = np.maximum(np.maximum(z - lower, upper - z), 0.0)
     across, below = flight.errors["cross_track"][settled], flight.errors["vertical"][settled]
     runs = np.stack(list(flight.commands.values()), axis=1) != 0.0

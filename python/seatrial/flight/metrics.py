@@ -3,7 +3,8 @@
 The whole is summed by the core while it flies (`flight/tally.rs`); names carry units. Errors of guidance
 count on the second half of straight legs, where the vehicle has had time to settle, and are those that
 guidance perceived; ``true_...`` is where the vehicle really was. Without a settled sample there is none. The
-depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends. The quantiles
+depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends; while it turns
+onto the leg and is still behind its start, the depths of the leg before count too. The quantiles
 p50, p95 and p99 are those of one flight's error over time; the clearance is the smallest horizontal distance
 of the hull from what stands in the water, its reserve that beyond what the mission promises (both infinite
 without), and travel the mean rate at which commands move, in shares of an actuator's range.

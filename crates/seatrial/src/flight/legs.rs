@@ -16,6 +16,8 @@ struct Leg {
     half_length: f64,
     /// Smaller and larger depth of its two ends, m; without bounds where it follows the bottom.
     band: [f64; 2],
+    /// The same with the depths of the leg before: a turn begins before its waypoint, on the way to its depth.
+    entry: [f64; 2],
 }
 
 /// All of them.
@@ -26,23 +28,27 @@ impl Legs {
     /// Those of a mission.
     pub fn of(mission: &Mission) -> Self {
         let waypoints = &mission.waypoints;
+        let band = |i: usize| {
+            let (before, to) = (i.checked_sub(1).map(|i| &waypoints[i]), &waypoints[i]);
+            let from = before.map_or(mission.start.position, |w| w.position);
+            if [before, Some(to)].into_iter().flatten().any(|w| w.vertical == Vertical::Altitude) {
+                return [f64::NEG_INFINITY, f64::INFINITY];
+            }
+            [from[2].min(to.position[2]), from[2].max(to.position[2])]
+        };
         let leg = |i: usize| {
             let (before, waypoint) = (i.checked_sub(1).map(|i| &waypoints[i]), &waypoints[i]);
             let from = before.map_or(mission.start.position, |w| w.position);
             let to = waypoint.position;
             let (north, east) = (to[0] - from[0], to[1] - from[1]);
             let length = north.hypot(east);
-            let along_bottom = [before, Some(waypoint)].into_iter().flatten();
-            let free = along_bottom.into_iter().any(|w| w.vertical == Vertical::Altitude);
+            let (own, last) = (band(i), band(i.saturating_sub(1)));
             Leg {
                 from: [from[0], from[1]],
                 course: [north, east].map(|x| x / length.max(f64::MIN_POSITIVE)),
                 half_length: if matches!(waypoint.task, Task::Circle { .. }) { 0.0 } else { 0.5 * length },
-                band: if free {
-                    [f64::NEG_INFINITY, f64::INFINITY]
-                } else {
-                    [from[2].min(to[2]), from[2].max(to[2])]
-                },
+                band: own,
+                entry: [own[0].min(last[0]), own[1].max(last[1])],
             }
         };
         Self((0..waypoints.len()).map(leg).collect())
@@ -60,11 +66,19 @@ impl Legs {
         distance.lt(self.read(index, |leg| leg.half_length))
     }
 
-    /// How far a depth lies outside the band of the leg, m.
+    /// How far a place (north, east, depth, m) lies above or below the band of the leg, m. Behind the leg's start,
+    /// where the vehicle still turns onto it, the depths of the leg before count too.
     #[inline(always)]
-    pub fn excursion<T: Real>(&self, index: T, depth: T) -> T {
-        let (upper, lower) = (self.read(index, |leg| leg.band[0]), self.read(index, |leg| leg.band[1]));
-        (depth - lower).max(upper - depth).max(depth.zero())
+    pub fn excursion<T: Real>(&self, index: T, [x, y, depth]: [T; 3]) -> T {
+        let north = x - self.read(index, |leg| leg.from[0]);
+        let east = y - self.read(index, |leg| leg.from[1]);
+        let (cosine, sine) = (self.read(index, |leg| leg.course[0]), self.read(index, |leg| leg.course[1]));
+        let turning = (north * cosine + east * sine).lt(depth.zero());
+        let side = |k: usize| {
+            let (own, entry) = (self.read(index, |leg| leg.band[k]), self.read(index, |leg| leg.entry[k]));
+            T::select(turning, entry, own)
+        };
+        (depth - side(1)).max(side(0) - depth).max(depth.zero())
     }
 
     /// Cross-track error of a place (north, east, m) against the straight leg, m, positive to starboard.

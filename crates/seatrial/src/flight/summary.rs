@@ -1,7 +1,8 @@
 //! The figures of a flight; `tally` sums them up.
 //!
 //! Errors of guidance count on the second half of every straight leg, where the vehicle has had time to settle; the
-//! depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends.
+//! depth excursion is how far the vehicle leaves the band between the depths of a leg's two ends; while it turns onto
+//! the leg and is still behind its start, the depths of the leg before count too.
 //!
 //! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py` (equal to the same figures from the log).
 

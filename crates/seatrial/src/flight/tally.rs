@@ -116,7 +116,7 @@ impl<T: Real> Tally<T> {
                 above.add(error, counts, &self.edges);
             }
         }
-        let out = self.legs.excursion(desired.leg, z);
+        let out = self.legs.excursion(desired.leg, [x, y, z]);
         figures.excursion = T::select(on_mission, figures.excursion.max(out), figures.excursion);
         // A reaction ends the mission where the vehicle is: that waypoint is not behind it.
         let behind = desired.leg + T::select(alert.level.lt(half), desired.done, zero);

@@ -234,14 +234,23 @@ def _clearance(
 
 
 def _excursion(log: MissionLog, path: Route, progress: Progress, under_way: Mask) -> float:
-    """How far the vehicle left the band between the depths of a leg's two ends, m."""
-    ends = []
-    for k, stop in enumerate(path.stops):
-        pair = sorted((float(path.before(k)[2]), float(stop.position[2])))
-        ends.append((-np.inf, np.inf) if path.follows_bottom(k) else (pair[0], pair[1]))
-    band = np.array(ends)[progress.leg]
-    z = log.trial.channel("z")
-    out = np.maximum(z - band[:, 1], band[:, 0] - z)[under_way]
+    """How far the vehicle left the band between the depths of a leg's two ends, m.
+
+    Behind the start of a leg, where the vehicle still turns onto it, the depths of the leg before count too.
+    """
+    count = len(path.stops)
+    start, end = (
+        np.array([path.before(k) for k in range(count)]),
+        np.array([stop.position for stop in path.stops]),
+    )
+    band = np.sort(np.stack([start[:, 2], end[:, 2]], axis=1), axis=1)
+    band[[path.follows_bottom(k) for k in range(count)]] = -np.inf, np.inf
+    last = band[np.maximum(np.arange(count) - 1, 0)]
+    entry = np.stack([np.minimum(band, last)[:, 0], np.maximum(band, last)[:, 1]], axis=1)
+    leg, position = progress.leg, log.trial.position
+    along = np.sum((position - start[leg])[:, :2] * (end - start)[leg, :2], axis=1)
+    allowed = np.where((along < 0.0)[:, None], entry[leg], band[leg])
+    out = np.maximum(position[:, 2] - allowed[:, 1], allowed[:, 0] - position[:, 2])[under_way]
     return float(max(np.nanmax(out, initial=0.0), 0.0))
 
 
