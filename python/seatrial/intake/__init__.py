@@ -1,0 +1,3 @@
+"""What a log needs before it is a trial: whether its channels tell one motion, and what to correct."""
+
+from __future__ import annotations

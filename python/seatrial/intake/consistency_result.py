@@ -1,0 +1,172 @@
+"""What would make the channels of a log tell one motion: corrections, what cannot be told, the current."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.report import Report, Section, Table
+
+__all__ = ["Consistency", "Correction", "SlowCurrent"]
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One proposal: a key of a campaign or of an import's map, its value and what it improves.
+
+    Attributes
+    ----------
+    table, key
+        "corrections" (campaign) or "clocks" (map of an import), and the key in it.
+    value, sd, unit
+        What to write there, its standard deviation (0 for signs and units), the unit of both.
+    before, after, of
+        Root mean square of the residual without and with this correction, and of which comparison, with
+        its unit.
+    sentence
+        What was found, with deviation and effect.
+    """
+
+    table: str
+    key: str
+    value: Any
+    sd: Any
+    unit: str
+    before: float
+    after: float
+    of: str
+    sentence: str
+
+    @property
+    def line(self) -> str:
+        """The key and its value as a TOML file holds them."""
+        return f"{self.key} = {_toml(self.value)}"
+
+
+@dataclass(frozen=True, eq=False)
+class SlowCurrent:
+    """Current of the water over time.
+
+    Attributes
+    ----------
+    t
+        Times in s, shape (n,).
+    velocity, sd
+        North and east, m/s, shape (n, 2), and the standard deviation of each.
+    source
+        What it was estimated from.
+    """
+
+    t: Array
+    velocity: Array
+    sd: Array
+    source: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """The current as plain data for JSON."""
+        return {
+            "t": self.t.tolist(),
+            "velocity": self.velocity.tolist(),
+            "sd": self.sd.tolist(),
+            "source": self.source,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Consistency:
+    """Proposed corrections, the one with the largest effect first; nothing is applied.
+
+    Attributes
+    ----------
+    corrections
+        Each is significant and its effect is not small.
+    missing
+        What the log cannot tell, and what that costs.
+    current
+        Slow current of the water; None where the log does not tell it.
+    compared
+        What was compared, with the root mean square of the difference as recorded and corrected.
+    """
+
+    corrections: tuple[Correction, ...]
+    missing: tuple[str, ...]
+    current: SlowCurrent | None = None
+    compared: tuple[tuple[str, float, float], ...] = ()
+
+    def report(self) -> Report:
+        """How well the channels agree, the worst disagreement, what to do; then all proposals."""
+        worst = self.corrections[0].sentence if self.corrections else "no channel contradicts another one"
+        paste = "; ".join(f"[{one.table}] {one.line}" for one in self.corrections[:3])
+        return Report(
+            title="Consistency of the channels",
+            outcome=f"{len(self.corrections)} corrections proposed" if self.corrections else "consistent",
+            good="; ".join(
+                f"{of}: {_number(before)} as recorded, {_number(after)} corrected"
+                for of, before, after in self.compared
+            )
+            or "nothing could be compared",
+            worst=worst,
+            next_step=f"accept with {paste}" if paste else "identify",
+            sections=(
+                Section("Proposals", tuple(one.sentence for one in self.corrections), (self.table(),)),
+                Section("What the log cannot tell", self.missing),
+                Section("Current", () if self.current is None else (_current_sentence(self.current),)),
+            ),
+        )
+
+    def table(self) -> Table:
+        """Proposals with value, deviation and effect."""
+        rows = [
+            (
+                f"[{one.table}] {one.line}",
+                _deviation(one.sd),
+                one.unit,
+                _number(one.before),
+                _number(one.after),
+                one.of,
+            )
+            for one in self.corrections
+        ]
+        return Table.of("", ("key", "+/-", "unit", "rms before", "after", "of"), rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Corrections, what is missing and the current as plain data for JSON."""
+        return {
+            "corrections": [asdict(one) for one in self.corrections],
+            "missing": list(self.missing),
+            "current": None if self.current is None else self.current.to_dict(),
+            "compared": [{"of": of, "before": before, "after": after} for of, before, after in self.compared],
+        }
+
+
+def _current_sentence(current: SlowCurrent) -> str:
+    first, last = current.velocity[0], current.velocity[-1]
+    sd = float(np.sqrt(np.mean(current.sd**2)))
+    return (
+        f"({first[0]:+.3f}, {first[1]:+.3f}) m/s north, east at the beginning, ({last[0]:+.3f},"
+        f" {last[1]:+.3f}) m/s at the end (+/- {sd:.3f} m/s), from {current.source}"
+    )
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Sequence):
+        return f"[{', '.join(_toml(one) for one in value)}]"
+    return f"{value:.6g}"
+
+
+def _number(x: float) -> str:
+    return f"{x:.3g}"
+
+
+def _deviation(sd: Any) -> str:
+    if isinstance(sd, Sequence):
+        return ", ".join(_deviation(one) for one in sd)
+    return f"{sd:.2g}" if sd else ""
