@@ -2,9 +2,9 @@
 
 Rows are all stamps of all topics; a cell is empty (null) where its topic has no sample at that stamp, so
 nothing is resampled here. Stamps that meet fill one row. Before that each topic is put in order: rows
-without a stamp are left out, rows out of order are sorted, of rows with one stamp the last stays; all of it
-is reported. A file with a clock of its own is brought to the first one's: ``t = (stamp - offset_s) / (1 +
-drift)``.
+without a stamp are left out, rows out of order are sorted, bursts are spread (`seatrial.logs.stamps`), of
+rows with one stamp the last stays; all of it is reported. A file with a clock of its own is brought to the
+first one's: ``t = (stamp - offset_s) / (1 + drift)``.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.logs.log import Log, Samples, Share
+from seatrial.logs.stamps import spread_bursts
 
 if TYPE_CHECKING:
     import polars as pl
@@ -149,7 +150,14 @@ def _ordered(
     moved = int((np.diff(t[known]) < 0.0).sum())
     if moved:
         notes.append(f"{topic}: time runs backwards {moved} times; rows sorted")
-    last = np.append(np.diff(t[order]) > _MEET_S / 2.0, True)
+    stamps = t[order]
+    if (spread := spread_bursts(stamps)) is not None:
+        stamps = spread.t
+        notes.append(
+            f"{topic}: samples came in {spread.bursts} bursts with nearly one stamp each; spread evenly,"
+            f" {spread.step_s:.3g} s apart"
+        )
+    last = np.append(np.diff(stamps) > _MEET_S / 2.0, True)
     if not last.all():
         notes.append(f"{topic}: {int((~last).sum())} rows with the stamp of the next one left out")
     order = order[last]
@@ -160,7 +168,7 @@ def _ordered(
             with np.errstate(divide="ignore", invalid="ignore"):
                 values = values / samples.fields[column.per][order]
         cells[column.column] = values
-    return t[order], cells
+    return stamps[last], cells
 
 
 def _together(parts: Sequence[tuple[str, Array, dict[str, Array]]], notes: list[str]) -> None:

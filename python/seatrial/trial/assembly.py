@@ -259,7 +259,7 @@ def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingRep
 
 def _report_gaps(signal: Signal, report: RecordingReport) -> None:
     intervals = np.diff(signal.t)
-    gaps = intervals > GAP * signal.step
+    gaps = intervals > GAP * signal.interval
     longest = float(intervals.max()) if gaps.any() else 0.0
     report.add("warning", signal.name, f"gaps in time, the longest {longest:.2f} s; masked", int(gaps.sum()))
 

@@ -1,13 +1,15 @@
 """One uniform time base: continuous channels linearly between neighbours, commands held, gaps left open.
 
 A point of the base is valid where both neighbouring samples are good and no further apart than `GAP` times
-the sensor's own interval; elsewhere the value is a fill that no criterion may use.
+the sensor's own usual interval; elsewhere the value is a fill that no criterion may use. Stamps that came in
+bursts are spread first, and irregular ones get a base that is fine enough for all of them
+(`seatrial.logs.stamps`).
 
 In a log of several rates a row has cells of the sensors that sampled then and empty cells elsewhere. A depth
 that comes at other times than north and east is another sensor's: a signal of its own. Other components that
 come apart (a compass beside roll and pitch, a yaw gyro of its own rate) are brought to the stamps of the one
 with the most samples, linearly between their own neighbours and nowhere else. Held by
-``tests/trial/test_several_rates.py``.
+``tests/trial/test_several_rates.py`` and ``test_time_base.py``.
 """
 
 from __future__ import annotations
@@ -20,12 +22,13 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import continuous
+from seatrial.logs.stamps import Spread, base_step, spread_bursts, usual_interval
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["GAP", "angles", "common", "held", "instruments", "linear", "together"]
+__all__ = ["GAP", "angles", "common", "evenly_stamped", "held", "instruments", "linear", "together"]
 
 GAP = 1.9
-"""Longest distance between neighbours that is no gap, in median intervals: one lost sample is a gap."""
+"""Longest distance between neighbours that is no gap, in usual intervals: one lost sample is a gap."""
 
 _TICK = 1e-6  # two times closer than this share of an interval are the same
 
@@ -35,15 +38,16 @@ _MOST, _SPARSE = 1_000_000, 4
 
 
 def uniform(t: Array, rate_hz: float | None, file: str = "recording") -> Array:
-    """Uniform times in s from the first sample on, shape (n,), at `rate_hz` or the median interval of `t`.
+    """Uniform times in s from the first sample on, shape (n,), at `rate_hz` or the rate that suits `t`.
 
     Raises
     ------
     TrialError
         They are so many more than the rows that the recording has gaps or another unit of time.
     """
-    step = 1.0 / rate_hz if rate_hz else float(np.median(np.diff(t)))
-    if not rate_hz:
+    usual = float(np.median(np.diff(t)))
+    step = 1.0 / rate_hz if rate_hz else base_step(t)
+    if not rate_hz and step == usual:
         # The mean interval of an evenly sampled log is exact where the median carries the clock's rounding.
         mean = (t[-1] - t[0]) / (len(t) - 1)
         step = mean if abs(mean - step) * len(t) < 0.1 * step else step
@@ -70,7 +74,8 @@ def linear(signal: Signal, t: Array) -> tuple[Array, Mask]:
     if signal.name == "attitude":
         return _attitude(signal, t)
     columns = [
-        between(signal.t, signal.y[:, k], signal.bad[:, k], t, signal.step) for k in range(signal.y.shape[1])
+        between(signal.t, signal.y[:, k], signal.bad[:, k], t, signal.interval)
+        for k in range(signal.y.shape[1])
     ]
     return np.stack([y for y, _ in columns], axis=1), np.stack([valid for _, valid in columns], axis=1)
 
@@ -84,7 +89,7 @@ def _attitude(signal: Signal, t: Array) -> tuple[Array, Mask]:
     times = signal.t[good]
     value = np.stack([np.interp(t, times, q[:, k]) for k in range(4)], axis=1)
     value /= np.linalg.norm(value, axis=1)[:, None]
-    _, valid = between(signal.t, signal.y[:, 0], signal.bad[:, 0], t, signal.step)
+    _, valid = between(signal.t, signal.y[:, 0], signal.bad[:, 0], t, signal.interval)
     return value, np.repeat(valid[:, None], 4, axis=1)
 
 
@@ -98,12 +103,12 @@ def angles(signal: Signal, t: Array) -> tuple[Array, Mask]:
         return q, valid[:, :3]
     lost = np.logical_and.reduce(signal.unknown, axis=1)
     q, _ = _attitude(replace(signal, bad=np.repeat(lost[:, None], 4, axis=1)), t)
-    masks = [between(signal.t, signal.y[:, 0], signal.unknown[:, k], t, signal.step)[1] for k in range(3)]
+    masks = [between(signal.t, signal.y[:, 0], signal.unknown[:, k], t, signal.interval)[1] for k in range(3)]
     return q, np.stack(masks, axis=1)
 
 
 def between(times: Array, y: Array, bad: Mask, t: Array, step: float) -> tuple[Array, Mask]:
-    """Values (n,) at the times `t` of samples `y` (m,) at `times`, `step` apart, and which are valid."""
+    """Values (n,) at the times `t` of samples `y` (m,), `step` apart as a rule, and which are valid."""
     good = ~bad
     if not good.any():
         return np.zeros(len(t)), np.zeros(len(t), bool)
@@ -120,6 +125,8 @@ _SHARED = 0.5  # of the samples of the busiest component: below, the components 
 
 _WHOLE = 0.9  # of the rows: a sensor with samples in these makes the rows a time base
 
+_UNEVEN = 1.5  # ratio of the usual intervals to the base's above which the base is worth a word
+
 _FEWEST = 10  # samples of a sensor that may set the time base
 
 _MOVING = ("rates", "attitude", "velocity", "position", "depth", "water velocity")
@@ -133,19 +140,59 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
     """
     rows = max((len(signal.t) for signal in signals.values()), default=len(t))
     if rate_hz or rows >= _WHOLE * len(t):
+        step, usual = base_step(t), usual_interval(t)
+        if not rate_hz and usual > _UNEVEN * step:
+            report.add(
+                "info",
+                "time base",
+                f"stamps are {step:.3g} to {usual:.3g} s apart; put on {1.0 / step:.3g} Hz, which keeps all"
+                " samples",
+            )
         return uniform(t, rate_hz, report.source)
     able = [signal for signal in signals.values() if len(signal.t) >= _FEWEST]
     moving = [signal for signal in able if signal.name in _MOVING] or able
     if not moving:
         return uniform(t, None, report.source)
-    fastest = min(moving, key=lambda signal: signal.step)
-    rate = float(f"{1.0 / fastest.step:.3g}")
+    fastest = min(moving, key=lambda signal: base_step(signal.t))
+    rate = float(f"{1.0 / base_step(fastest.t):.3g}")
     report.add(
         "info",
         "time base",
         f"the sensors have stamps of their own; put on {rate:g} Hz, the rate of the {fastest.name}",
     )
     return uniform(t, rate, report.source)
+
+
+def evenly_stamped(
+    signals: Mapping[str, Signal], t: Array, report: RecordingReport
+) -> tuple[dict[str, Signal], Array]:
+    """Signals whose stamps came in bursts with the samples of each burst spread, and the times of the rows.
+
+    Rows (n,) that are the stamps of one sensor are spread with it.
+    """
+    result = dict(signals)
+    spreads: dict[bytes, Spread | None] = {}
+    told: dict[bytes, list[str]] = {}
+    for name, signal in signals.items():
+        stamps = signal.t.tobytes()
+        if stamps not in spreads:
+            spreads[stamps] = spread_bursts(signal.t)
+        spread = spreads[stamps]
+        if spread is not None:
+            result[name] = replace(signal, t=spread.t)
+            told.setdefault(stamps, []).append(name)
+    for stamps, names in told.items():
+        spread = spreads[stamps]
+        assert spread is not None
+        report.add(
+            "warning",
+            ", ".join(names),
+            f"samples came in {spread.bursts} bursts with nearly one stamp each; spread evenly,"
+            f" {spread.step_s:.3g} s apart",
+        )
+        if len(spread.t) >= _WHOLE * len(t):
+            t = spread.t
+    return result, t
 
 
 def instruments(group: str, present: Mask) -> dict[str, list[int]]:
@@ -182,8 +229,7 @@ def together(t: Array, y: Array, present: Mask, *, period: float | None = None) 
         if period is not None and not bad.all():
             values = np.where(bad, 0.0, values)
             values[~bad] = np.unwrap(values[~bad], period=period)
-        step = float(np.median(np.diff(times))) if len(times) > 1 else np.inf
-        value, valid = between(times, values, bad, t[lead], step)
+        value, valid = between(times, values, bad, t[lead], usual_interval(times))
         result[:, k] = np.where(valid, value, np.nan)
     return t[lead], result
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
+from seatrial.logs.stamps import usual_interval
 
 __all__ = ["RecordingReport", "Signal"]
 
@@ -37,6 +38,11 @@ class Signal:
     def step(self) -> float:
         """Median sampling interval, s."""
         return float(np.median(np.diff(self.t))) if len(self.t) > 1 else np.inf
+
+    @property
+    def interval(self) -> float:
+        """Longest usual sampling interval, s: what is much longer is a gap."""
+        return usual_interval(self.t)
 
     def masked(self, bad: Mask) -> Signal:
         """The same samples with more of them marked bad; `bad` is (m,) for all channels or (m, k)."""

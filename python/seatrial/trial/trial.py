@@ -124,8 +124,9 @@ class Trial:
         name
             What to call the trial; the file's stem when omitted.
         rate_hz
-            Rate of the common time base; when omitted that of the recording (median interval), or of its
-            fastest sensor where sensors have time stamps of their own.
+            Rate of the common time base; when omitted that of the recording (median interval, or the short
+            one where intervals differ much), or of its fastest sensor where sensors have time stamps of
+            their own.
         align
             Whether to remove the latency of velocity and rate sensors against the pose.
         level
@@ -165,6 +166,7 @@ class Trial:
         unused = [f'"{column}"' for column in cells.columns if column and column not in used]
         if unused:
             report.add("info", "columns", f"not used: {', '.join(unused)}")
+        signals, time = resampling.evenly_stamped(signals, time, report)
         signals = defects.mark(signals, report)
         t = resampling.common(time, signals, rate_hz, report)
         if len(t) < table.MINIMUM_ROWS:
