@@ -12,7 +12,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.rotation import shorter
 
-__all__ = ["AXES", "CHANNELS", "DEGREE", "VELOCITIES", "deviations", "difference", "readable"]
+__all__ = ["ANGLES", "AXES", "CHANNELS", "DEGREE", "VELOCITIES", "deviations", "difference", "readable"]
 
 CHANNELS = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "roll", "pitch", "yaw")
 """Order of the channels wherever an array has twelve columns: m/s, rad/s, m, rad."""

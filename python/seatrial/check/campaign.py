@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import SeatrialError
 from seatrial.base.report import Report, Section, Table
-from seatrial.trial.feedback import feedback
-from seatrial.trial.waves import waves
+from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.estimation.inputs import InputJudgement
     from seatrial.estimation.scale import ScaleReport
     from seatrial.trial.signals import RecordingReport
-    from seatrial.trial.trial import Trial
 
 __all__ = ["CampaignCheck", "StageOutline", "check_campaign"]
 
@@ -42,7 +41,7 @@ class CampaignCheck:
 
     ``inputs`` and ``scale`` say what the inputs can tell and what the scale of all forces rests on; None
     where a problem is found before. ``warnings`` is what an identification says before its first search,
-    ``disturbances`` what closed loops and waves the recordings show.
+    ``kinds`` by trial what kind of data it is, ``data`` the same in sentences.
     """
 
     name: str
@@ -53,7 +52,8 @@ class CampaignCheck:
     scale: ScaleReport | None
     problems: tuple[str, ...]
     warnings: tuple[str, ...] = ()
-    disturbances: tuple[str, ...] = ()
+    kinds: Mapping[str, KindOfData] = field(default_factory=dict)
+    data: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
@@ -66,7 +66,8 @@ class CampaignCheck:
             "scale": self.scale.to_dict() if self.scale else None,
             "problems": list(self.problems),
             "warnings": list(self.warnings),
-            "disturbances": list(self.disturbances),
+            "kind_of_data": {name: kind.to_dict() for name, kind in self.kinds.items()},
+            "data": list(self.data),
         }
 
     def report(self) -> Report:
@@ -103,10 +104,11 @@ def _report(check: CampaignCheck) -> Report:
         sections=(
             Section(sentences=(*check.problems, *check.warnings)),
             Section(sentences=free, tables=(_trial_table(check), _stage_table(check))),
-            Section("Closed loops and waves", check.disturbances),
+            Section("Kind of data", check.data),
             Section("Inputs over what is fitted", inputs, (_input_table(check),)),
             Section("Scale of all forces", scale),
             *findings,
+            *(Section(f"Motion of trial {n}", k.details, details=True) for n, k in check.kinds.items()),
         ),
     )
 
@@ -215,9 +217,9 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
             )
         except SeatrialError as error:
             problems.append(str(error))
-    disturbances = tuple(
-        f"trial {name}: {sentence}" for name in reports for sentence in _disturbances(campaign.trials[name])
-    )
+    kinds: dict[str, KindOfData] = {}
+    if not problems:
+        kinds = {name: kind_of_data(campaign.trials[name], campaign.vehicle) for name in reports}
     return CampaignCheck(
         campaign.name,
         campaign.vehicle.name,
@@ -227,31 +229,24 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         scale,
         tuple(problems),
         warnings,
-        disturbances,
+        kinds,
+        _data(campaign, kinds) if kinds else (),
     )
 
 
-def _disturbances(trial: Trial) -> list[str]:
-    """Sentences on closed loops and waves in a recording."""
-    sentences = []
-    closed = [one for one in feedback(trial) if one.closed]
-    if closed:
-        loops = "; ".join(
-            f"{one.command} follows {one.channel} ({100.0 * one.explained:.0f} % of its changes)"
-            for one in sorted(closed, key=lambda one: -one.explained)
-        )
-        sentences.append(
-            f"recorded in closed loop: {loops}. A fit on such data may bend gains and damping, and its score"
-            " also rates the controller: add a trial with preset steps of these actuators"
-        )
-    found = waves(trial)
-    if found is not None:
-        unit = dict.fromkeys("uvw", "m/s") | {"z": "m"} | dict.fromkeys("pqr", "rad/s")
-        sizes = ", ".join(
-            f"{channel} {size:.2g} {unit.get(channel, 'rad')}" for channel, size in found.amplitude.items()
-        )
-        sentences.append(
-            f"an oscillation with a period of {found.period_s:.1f} s, as of waves (amplitude {sizes}), which"
-            " no command explains; the model takes it for its own error"
-        )
-    return sentences
+def _data(campaign: Campaign, kinds: Mapping[str, KindOfData]) -> tuple[str, ...]:
+    """What kind of data the trials are, the worst first; then hold-outs for trials that have none."""
+    fitted = {name for stage in campaign.stages for name in stage.trials}
+    said = [f"trial {name}: {sentence}" for name, kind in kinds.items() for sentence in kind.warnings]
+    for stage in campaign.stages:
+        for axis in stage.axes.free:
+            seen = [one for name in stage.trials for one in kinds[name].excitation if one.axis == axis]
+            if seen and all(one.weak for one in seen):
+                most = max(seen, key=lambda one: one.over_noise)
+                said.append(
+                    f"stage {stage.name}: {most.channel} hardly moves in {', '.join(stage.trials)}"
+                    f" ({most.over_noise:.1f} times its noise): record a manoeuvre, or leave axis {axis} out"
+                )
+    said += [f"trial {name}: {kind.done}" for name, kind in kinds.items()]
+    split = [name for name in kinds if not campaign.source_of(name).hold_out_s and name in fitted]
+    return (*said, *(f"trial {name}: {kinds[name].windows.sentence}" for name in split))

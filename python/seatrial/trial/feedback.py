@@ -76,7 +76,7 @@ def feedback(trial: Trial) -> list[Feedback]:
         On its uniform time base.
     """
     stride = max(1, math.ceil(1.0 / (_RATE_HZ * trial.dt) - 0.01))
-    seen = {c: y[::stride] for c in _SEEN if (y := _signal(trial, c)) is not None}
+    seen = {c: y[::stride] for c in _SEEN if (y := trial.filled(c)) is not None and y.std() > 0.0}
     good = np.logical_and.reduce(
         [trial.valid[::stride, CHANNELS.index(c)] for c in seen] or [np.zeros(0, bool)]
     )
@@ -87,21 +87,6 @@ def feedback(trial: Trial) -> list[Feedback]:
             continue
         result.append(_judge(name, y, seen, good, stride * trial.dt))
     return result
-
-
-def _signal(trial: Trial, channel: str) -> Array | None:
-    if channel not in trial.channels:
-        return None
-    k = CHANNELS.index(channel)
-    good = trial.valid[:, k]
-    if good.mean() < 0.5:
-        return None
-    y = trial.observed[:, k]
-    if channel in ("roll", "pitch", "yaw"):
-        y = y.copy()
-        y[good] = np.unwrap(y[good])
-    y = np.interp(trial.t, trial.t[good], y[good])
-    return None if y.std() == 0.0 else np.asarray(y)
 
 
 def _judge(name: str, y: Array, seen: dict[str, Array], good: Mask, dt: float) -> Feedback:

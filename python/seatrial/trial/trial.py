@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.atomic_write import write_table
-from seatrial.base.channels import CHANNELS
+from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
 from seatrial.trial import alignment, defects, resampling, table, tilt
 from seatrial.trial.assembly import assemble
@@ -216,6 +216,17 @@ class Trial:
         if name not in CHANNELS:
             raise TrialError(f'{self.name}: "{name}" is no channel{nearest(name, CHANNELS)}')
         return self.observed[:, CHANNELS.index(name)]
+
+    def filled(self, name: str) -> Array | None:
+        """Samples of one channel in SI, shape (n,), gaps filled linearly and angles without jumps.
+
+        None where the channel is absent or less than half of it is valid.
+        """
+        good = self.valid[:, CHANNELS.index(name)]
+        if name not in self.channels or good.mean() < 0.5:
+            return None
+        y = self.channel(name)[good]
+        return np.asarray(np.interp(self.t, self.t[good], np.unwrap(y) if name in ANGLES else y))
 
     @property
     def inputs(self) -> list[Input]:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import CHANNELS
 
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
@@ -63,11 +62,11 @@ def waves(trial: Trial) -> Waves | None:
     trial
         On its uniform time base.
     """
-    spectra = {}
+    spectra: dict[str, tuple[Array, Array, Array]] = {}
+    if len(trial) * trial.dt < _FEWEST_PERIODS * _SHORTEST_S:
+        return None
     for channel in _SEEN:
-        if channel not in trial.channels:
-            continue
-        y = _filled(trial, channel)
+        y = trial.filled(channel)
         if y is not None and y.std() > 0.0:
             spectra[channel] = (y, *_spectrum(y, trial.dt))
     peaks = {c: peak for c, (_, f, power) in spectra.items() if (peak := _peak(f, power)) is not None}
@@ -91,19 +90,6 @@ def waves(trial: Trial) -> Waves | None:
         return None  # a peak in angles and rates alone is the vehicle's own period
     decay = _decay(trial, frequency, amplitude)
     return Waves(1.0 / frequency, amplitude, share, *decay)
-
-
-def _filled(trial: Trial, channel: str) -> Array | None:
-    """Samples with gaps filled linearly; None where too few are valid."""
-    k = CHANNELS.index(channel)
-    good = trial.valid[:, k]
-    if good.mean() < 0.5 or len(trial) * trial.dt < _FEWEST_PERIODS * _SHORTEST_S:
-        return None
-    y = trial.observed[:, k]
-    if channel in ("roll", "pitch", "yaw"):
-        y = y.copy()
-        y[good] = np.unwrap(y[good])
-    return np.asarray(np.interp(trial.t, trial.t[good], y[good]))
 
 
 def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
@@ -144,10 +130,10 @@ def _decay(trial: Trial, frequency: float, amplitude: dict[str, float]) -> tuple
     from scipy.signal import butter, sosfiltfilt
 
     channels = [c for c in ("w", "q", "pitch", "p", "v") if c in amplitude]
-    depth = _filled(trial, "z") if "z" in trial.channels else None
+    depth = trial.filled("z")
     if not channels or depth is None:
         return math.nan, math.nan
-    y = _filled(trial, channels[0])
+    y = trial.filled(channels[0])
     assert y is not None
     limits = [frequency / _BAND, min(frequency * _BAND, 0.45 / trial.dt)]
     band = sosfiltfilt(butter(2, limits, "bandpass", fs=1.0 / trial.dt, output="sos"), y)

@@ -1,0 +1,225 @@
+"""What a recording excites, and what spoils it: bands and noise, saturated commands, contact.
+
+The energy of each velocity is its spectrum (Welch 1967) summed over bands; its noise is the white part that
+third differences leave, ``var(d3) = 20 sigma^2`` (Garnier and Wang 2008, section 1.6). A command is saturated
+where it stays at its limit. A vehicle on a tether's end, the bottom or a wall is driven and does not move.
+Held by ``tests/intake/test_excitation.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import AXES, CHANNELS, VELOCITIES, readable
+from seatrial.intake.manoeuvres import Drive
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+__all__ = ["BANDS_HZ", "Contact", "Excitation", "Saturation", "contacts", "excitation", "saturation"]
+
+BANDS_HZ = ((0.0, 0.05), (0.05, 0.2), (0.2, 1.0), (1.0, np.inf))
+"""Drift and speed, manoeuvres, quick steps and waves, vibration and noise."""
+
+_WEAK = 5.0  # rms over noise below which an axis is hardly excited
+_WINDOW_S = 60.0
+_THIN_S = 0.12
+_SATURATED = 0.02  # share of the samples
+_AT_LIMIT = 0.005  # of the command's range
+_LEVELS = 50  # a command with fewer values is one of preset steps, which may rest at its largest
+_CONTACT_S = 5.0
+_PUSHED = 0.4  # of the largest force
+_FEWEST = 6  # windows that are pushed, of which most move
+_STILL = 0.12  # of the speed that such a force gives
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """How one velocity moves.
+
+    Attributes
+    ----------
+    axis, channel
+        A letter of "XYZKMN" and its velocity, "u" ... "r".
+    rms
+        About the mean, SI.
+    noise
+        Standard deviation of the white part of the samples, SI.
+    shares
+        Part of the variance in each of `BANDS_HZ`.
+    """
+
+    axis: str
+    channel: str
+    rms: float
+    noise: float
+    shares: tuple[float, ...]
+
+    @property
+    def over_noise(self) -> float:
+        """Root mean square over the noise."""
+        return self.rms / self.noise if self.noise > 0.0 else np.inf
+
+    @property
+    def weak(self) -> bool:
+        """Whether the axis hardly moves more than its noise."""
+        return self.over_noise < _WEAK
+
+    @property
+    def sentence(self) -> str:
+        """Size, noise and main band in words."""
+        factor, unit = readable(self.channel)
+        low, high = BANDS_HZ[int(np.argmax(self.shares))]
+        band = f"above {low:g} Hz" if np.isinf(high) else f"from {low:g} to {high:g} Hz"
+        noise = f"{self.over_noise:.0f} times its noise" if self.over_noise < 200.0 else "far above its noise"
+        share = f"{100.0 * max(self.shares):.0f} % of it {band}"
+        return f"{self.channel}: rms {factor * self.rms:.2g} {unit}, {noise}, {share}"
+
+
+@dataclass(frozen=True)
+class Saturation:
+    """A command that stays at its limit: in `share` of the samples, at `limit` in the command's unit."""
+
+    command: str
+    limit: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A part of a recording in which an axis is driven and does not move, s."""
+
+    axis: str
+    start_s: float
+    end_s: float
+    sentence: str
+
+
+def excitation(trial: Trial) -> list[Excitation]:
+    """Excitation of each recorded velocity, in the order of the axes.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> t = np.arange(0.0, 100.0, 0.1)
+    >>> trial = st.Trial.read({"t_s": t, "u_m_s": np.sin(2.0 * np.pi * 0.1 * t)})
+    >>> round(excitation(trial)[0].shares[1], 2)
+    1.0
+    """
+    from scipy.signal import welch
+
+    found = []
+    for axis, channel in zip(AXES, VELOCITIES, strict=True):
+        y = trial.filled(channel)
+        if y is None or len(y) < 16:
+            continue
+        f, power = welch(y, 1.0 / trial.dt, nperseg=min(len(y), round(_WINDOW_S / trial.dt)))
+        total = float(power.sum()) or 1.0
+        shares = tuple(float(power[(f >= low) & (f < high)].sum()) / total for low, high in BANDS_HZ)
+        # Between the samples of a slow sensor lie straight lines, which show no noise: thin them out.
+        third = np.diff(y[:: max(1, round(_THIN_S / trial.dt))], 3)
+        noise = 1.4826 * float(np.median(np.abs(third - np.median(third)))) / np.sqrt(20.0)
+        found.append(Excitation(axis, channel, float(y.std()), noise, shares))
+    return found
+
+
+def saturation(trial: Trial, vehicle: Vehicle | None = None) -> list[Saturation]:
+    """Commands that stay at their motor's limit in more than 2 % of the samples; none without a vehicle.
+
+    Extremes of commands whose limits are not known are in the trial's report.
+
+    Parameters
+    ----------
+    trial
+        On its uniform time base.
+    vehicle
+        Its motors' limits count. A command of a few preset steps rests where it was meant to.
+    """
+    facts = {} if vehicle is None else vehicle.actuator_info()
+    found = []
+    for name, y in trial.commands.items():
+        low, high = float(y.min()), float(y.max())
+        if name not in facts or len(np.unique(y)) < _LEVELS:
+            continue
+        one = facts[name]
+        both = (one["neutral"] - one["maximum_astern"], one["neutral"] + one["maximum_ahead"])
+        for limit in (limit for limit in both if np.isfinite(limit) and limit != one["neutral"]):
+            margin = _AT_LIMIT * max(high - low, abs(limit) * 1e-6)
+            beyond = y >= limit - margin if limit > 0.5 * (low + high) else y <= limit + margin
+            if (share := float(beyond.mean())) > _SATURATED:
+                found.append(Saturation(name, limit, share))
+    return found
+
+
+def contacts(trial: Trial, driving: Sequence[Drive]) -> list[Contact]:
+    """Parts of a trial in which surge, sway or heave is driven hard and the vehicle does not move.
+
+    What a force usually does is learned from the trial itself: in windows of 5 s the mean force about the
+    one without motion, and the mean speed along it. A window counts that is driven with more than 40 % of the
+    largest force and reaches less than 12 % of the median speed of such windows.
+    """
+    found = []
+    for drive in driving:
+        if drive.axis not in ("X", "Y", "Z"):
+            continue
+        channel = "uvw"["XYZ".index(drive.axis)]
+        moved = _along(trial, channel)
+        size = max(2, round(_CONTACT_S / trial.dt))
+        if moved is None or len(moved) < 6 * size:
+            continue
+        count = len(moved) // size
+        speed = moved[: count * size].reshape(count, size).mean(axis=1)
+        force = drive.y[: count * size].reshape(count, size).mean(axis=1)
+        force = force - (_neutral(force, speed) if drive.axis == "Z" else 0.0)
+        pushed = np.abs(force) > _PUSHED * np.abs(force).max()
+        along = speed * np.sign(force)
+        usual = float(np.median(along[pushed])) if pushed.sum() >= _FEWEST else 0.0
+        # Under depth control or at anchor a force moves nothing anywhere: no window stands out.
+        elsewhere = float(np.std(speed[~pushed])) if not pushed.all() else 0.0
+        if usual <= 2.0 * elsewhere or usual <= 0.0:
+            continue
+        still = pushed & (np.abs(along) < _STILL * usual)
+        for start, stop in _whole(still):
+            t, until = float(trial.t[start * size]), float(trial.t[min(stop * size, len(trial) - 1)])
+            found.append(Contact(drive.axis, t, until, _words(trial, drive, force, start, stop, size)))
+    return found
+
+
+def _neutral(force: Array, speed: Array) -> float:
+    """Force that holds the depth: zero, or the usual one of slow windows, whichever explains more."""
+    slow = np.abs(speed) <= np.quantile(np.abs(speed), 0.25)
+    candidates = (0.0, float(np.median(force[slow])))
+    return max(candidates, key=lambda neutral: float(speed @ np.sign(force - neutral)))
+
+
+def _along(trial: Trial, channel: str) -> Array | None:
+    """Body velocity; of heave the depth's rate where the depth is known: the bottom stops that."""
+    depth = trial.filled("z") if channel == "w" else None
+    return np.gradient(depth, trial.dt) if depth is not None else trial.filled(channel)
+
+
+def _whole(still: Mask) -> Iterator[tuple[int, int]]:
+    """Runs of at least two windows."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if stop - start >= 2:
+            yield start, stop
+
+
+def _words(trial: Trial, drive: Drive, force: Array, start: int, stop: int, size: int) -> str:
+    t, until = trial.t[start * size], trial.t[min(stop * size, len(trial) - 1)]
+    mean = float(force[start:stop].mean())
+    way = {"X": ("ahead", "astern"), "Y": ("to starboard", "to port"), "Z": ("down", "up")}[drive.axis]
+    words = f"from {t:.0f} to {until:.0f} s pushed {way[mean < 0.0]} by {abs(mean):.2g} {drive.unit}"
+    if drive.axis == "Z" and "z" in trial.channels:
+        depth = float(np.median(trial.channel("z")[start * size : stop * size]))
+        where = "the bottom" if mean > 0.0 else "the surface"
+        return f"{words} at a constant depth of {depth:.1f} m: {where}, or a taut tether"
+    moved = CHANNELS["XYZ".index(drive.axis)]
+    return f"{words} without motion in {moved}: a taut tether or a wall"

@@ -1,0 +1,142 @@
+"""What kind of data a trial is, in a few sentences, the worst first.
+
+Contact, saturated commands, closed loops, waves, axes that hardly move, then what was done and what to hold
+out. Held by ``tests/intake/test_kind_of_data.py``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.channels import readable
+from seatrial.intake.excitation import Contact, Excitation, Saturation, contacts, excitation, saturation
+from seatrial.intake.manoeuvres import Manoeuvre, counted, drives, manoeuvres
+from seatrial.intake.trial_windows import TrialWindows, windows
+from seatrial.trial.feedback import Feedback, feedback
+from seatrial.trial.waves import Waves, waves
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+__all__ = ["KindOfData", "kind_of_data"]
+
+
+@dataclass(frozen=True)
+class KindOfData:
+    """What a trial holds and what spoils it.
+
+    Attributes
+    ----------
+    contacts, saturated, loops, waves, excitation
+        What may spoil an identification: parts in which the vehicle was held, commands at their limits,
+        commands that follow measurements, waves, and how much each axis moves.
+    manoeuvres, windows
+        What was done, and the proposed hold-out.
+    """
+
+    contacts: tuple[Contact, ...]
+    saturated: tuple[Saturation, ...]
+    loops: tuple[Feedback, ...]
+    waves: Waves | None
+    excitation: tuple[Excitation, ...]
+    manoeuvres: tuple[Manoeuvre, ...]
+    windows: TrialWindows
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What spoils the data, the worst first, with what to do about it."""
+        said = [
+            f"{one.sentence}. Leave this part out: split the trial or hold it out" for one in self.contacts
+        ]
+        return tuple(said + _loops(self.loops) + _waves(self.waves) + _saturated(self.saturated))
+
+    @property
+    def weak(self) -> tuple[Excitation, ...]:
+        """Axes that hardly move more than their noise."""
+        return tuple(one for one in self.excitation if one.weak)
+
+    @property
+    def done(self) -> str:
+        """What was done and what moved, in a sentence."""
+        moved = ", ".join(one.channel for one in self.excitation if not one.weak)
+        return f"{counted(self.manoeuvres) or 'no manoeuvre found'}; {moved or 'nothing'} moved clearly"
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """`warnings`, then what was done and the proposed hold-out."""
+        return (*self.warnings, self.done, self.windows.sentence)
+
+    @property
+    def details(self) -> tuple[str, ...]:
+        """How much each axis moves, and every manoeuvre."""
+        return (*(one.sentence for one in self.excitation), *(one.sentence for one in self.manoeuvres))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "contacts": [asdict(one) for one in self.contacts],
+            "saturated": [asdict(one) for one in self.saturated],
+            "closed_loops": [asdict(one) for one in self.loops],
+            "waves": None if self.waves is None else asdict(self.waves),
+            "excitation": [asdict(one) for one in self.excitation],
+            "manoeuvres": [asdict(one) for one in self.manoeuvres],
+            "windows": asdict(self.windows),
+            "sentences": list(self.sentences),
+        }
+
+
+def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
+    """What a trial holds and what spoils it.
+
+    Parameters
+    ----------
+    trial
+        On its uniform time base.
+    vehicle
+        Gives the wrench and the limits of recorded commands.
+    """
+    driving = drives(trial, vehicle)
+    found = manoeuvres(trial, vehicle)
+    return KindOfData(
+        contacts=tuple(contacts(trial, driving)),
+        saturated=tuple(saturation(trial, vehicle)),
+        loops=tuple(one for one in feedback(trial) if one.closed),
+        waves=waves(trial),
+        excitation=tuple(excitation(trial)),
+        manoeuvres=tuple(found),
+        windows=windows(trial, found),
+    )
+
+
+def _loops(loops: tuple[Feedback, ...]) -> list[str]:
+    if not loops:
+        return []
+    follows = "; ".join(
+        f"{one.command} follows {one.channel} ({100.0 * one.explained:.0f} % of its changes)"
+        for one in sorted(loops, key=lambda one: -one.explained)
+    )
+    return [
+        f"recorded in closed loop: {follows}. A fit on such data may bend gains and damping, and its score"
+        " also rates the controller: add a trial with preset steps of these actuators"
+    ]
+
+
+def _waves(found: Waves | None) -> list[str]:
+    if found is None:
+        return []
+    sizes = ", ".join(f"{c} {readable(c)[0] * a:.2g} {readable(c)[1]}" for c, a in found.amplitude.items())
+    return [
+        f"an oscillation with a period of {found.period_s:.1f} s, as of waves (amplitude {sizes}), which"
+        " no command explains; the model takes it for its own error"
+    ]
+
+
+def _saturated(found: tuple[Saturation, ...]) -> list[str]:
+    if not found:
+        return []
+    parts = ", ".join(f"{one.command} at {one.limit:g} in {100.0 * one.share:.0f} %" for one in found)
+    return [
+        f"commands at their limits, where the loop is open and the motor tells no more: {parts} of the time"
+    ]

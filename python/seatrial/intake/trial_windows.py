@@ -1,0 +1,174 @@
+"""Which part of a trial to fit and which to hold out, as a specialist would choose.
+
+The held-out part is contiguous (samples near each other in time are alike: Bergmeir and Benitez 2012), a
+fifth to a third of the trial, has every kind of manoeuvre that occurs more than once, leaves each of them in
+the fit, cuts few of them and is no easier than the rest. Held by ``tests/intake/test_trial_windows.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import VELOCITIES
+from seatrial.intake.manoeuvres import Manoeuvre
+
+if TYPE_CHECKING:
+    from seatrial.trial.trial import Trial
+
+__all__ = ["TrialWindows", "windows"]
+
+_SHARES = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)
+_USUAL = 0.25
+_STARTS = 61
+_SHORTEST_S = 60.0
+_IDLE_S = 10.0
+_STILL = 0.15  # of the largest velocity
+_ROUND_S = 1.0
+_TOLD = ("step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run")
+
+
+@dataclass(frozen=True)
+class TrialWindows:
+    """Proposed parts of a trial, s in its own time.
+
+    Attributes
+    ----------
+    use
+        From the first to the last motion.
+    hold_out
+        (start, stop) for the key ``hold_out_s`` of a campaign; None where the trial is too short or too
+        uniform to be split.
+    kept
+        Kinds of manoeuvres that both parts have, of those that occur more than once: (both, all).
+    effort
+        Activity of the held-out part over that of the fitted part, 1 is alike.
+    sentence
+        Why, in words.
+    """
+
+    use: tuple[float, float]
+    hold_out: tuple[float, float] | None
+    kept: tuple[int, int]
+    effort: float
+    sentence: str
+
+
+def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
+    """Proposed use and hold-out of a trial.
+
+    Parameters
+    ----------
+    trial
+        On its uniform time base.
+    found
+        Its manoeuvres, from `seatrial.intake.manoeuvres.manoeuvres`.
+    """
+    activity = _activity(trial)
+    use = _moving_part(trial)
+    length = use[1] - use[0]
+    if length < _SHORTEST_S:
+        return TrialWindows(
+            use,
+            None,
+            (0, 0),
+            1.0,
+            f"{length:.0f} s with motion are too short to split: hold out another trial",
+        )
+    told = [one for one in found if one.kind in _TOLD]
+    kinds = {(one.kind, one.by) for one in told}
+    repeated = sorted(key for key in kinds if sum((one.kind, one.by) == key for one in told) > 1)
+    best = None
+    for share in _SHARES:
+        for start in np.linspace(use[0], use[1] - share * length, _STARTS):
+            candidate = (
+                float(np.round(start / _ROUND_S)),
+                float(np.round((start + share * length) / _ROUND_S)),
+            )
+            merit, both, effort = _merit(trial, activity, use, candidate, told, repeated)
+            merit -= 2.0 * abs(share - _USUAL) - 0.2 * (start - use[0]) / length
+            if best is None or merit > best[0]:
+                best = (merit, candidate, both, effort)
+    assert best is not None
+    _, candidate, both, effort = best
+    candidate = (candidate[0], float(np.ceil(trial.t[-1]))) if use[1] - candidate[1] < 2.0 else candidate
+    share = (candidate[1] - candidate[0]) / length
+    words = (
+        f"{both} of {len(repeated)} kinds of manoeuvres are in both parts"
+        if repeated
+        else ("no kind of manoeuvre occurs twice")
+    )
+    return TrialWindows(
+        use,
+        candidate,
+        (both, len(repeated)),
+        effort,
+        f"hold out {candidate[0]:.0f} to {candidate[1]:.0f} s ({100.0 * share:.0f} %): {words}, and it moves"
+        f" {effort:.1f} times as much as the rest",
+    )
+
+
+def _rounded(t: float) -> float:
+    return float(np.round(t / _ROUND_S) * _ROUND_S)
+
+
+def _merit(
+    trial: Trial,
+    activity: Array,
+    use: tuple[float, float],
+    part: tuple[float, float],
+    told: Iterable[Manoeuvre],
+    repeated: Sequence[tuple[str, str]],
+) -> tuple[float, int, float]:
+    """How good a hold-out is, how many repeated kinds both parts have, its activity over the rest's."""
+    inside: set[tuple[str, str]] = set()
+    outside: set[tuple[str, str]] = set()
+    cut = count = 0
+    for one in told:
+        count += 1
+        key = (one.kind, one.by)
+        within = part[0] <= one.start_s and one.end_s <= part[1] + 1.0
+        apart = one.end_s <= part[0] or one.start_s >= part[1]
+        inside |= {key} if within else set()
+        outside |= {key} if apart else set()
+        cut += not within and not apart
+    both = sum(key in inside and key in outside for key in repeated)
+    lonely = sum(key in inside and key not in outside for key in {(one.kind, one.by) for one in told})
+    t = trial.t
+    held = (t >= part[0]) & (t < part[1])
+    rest = (t >= use[0]) & (t < use[1]) & ~held
+    per_axis = activity[held].mean(axis=0) / np.maximum(activity[rest].mean(axis=0), 1e-12)
+    effort = float(np.median(per_axis)) if per_axis.size else 1.0
+    easy = float(np.clip(1.0 - per_axis, 0.0, 1.0).mean()) if per_axis.size else 0.0
+    hard = float(np.clip(per_axis - 1.5, 0.0, 2.0).mean()) if per_axis.size else 0.0
+    merit = both / max(len(repeated), 1) - 0.5 * cut / max(count, 1) - easy - 0.3 * hard
+    return merit - lonely / max(len(repeated), 1), both, effort
+
+
+def _activity(trial: Trial) -> Array:
+    """Squared velocities about their medians over their variance, (n, k), of the axes that move."""
+    columns = [y for name in VELOCITIES if (y := trial.filled(name)) is not None and y.std() > 0.0]
+    parts = [np.minimum((y - np.median(y)) ** 2 / y.var(), 25.0) for y in columns]
+    return np.column_stack(parts) if parts else np.zeros((len(trial), 0))
+
+
+def _moving_part(trial: Trial) -> tuple[float, float]:
+    """First and last time with motion or changing commands, with some rest around."""
+    from scipy.ndimage import uniform_filter1d
+
+    t = trial.t
+    moving = np.zeros(len(t), bool)
+    for name in VELOCITIES:
+        if (y := trial.filled(name)) is not None:
+            y = np.abs(uniform_filter1d(y, max(1, round(1.0 / trial.dt)), mode="nearest"))
+            moving |= y > _STILL * y.max()
+    for y in trial.commands.values():
+        moving |= np.abs(np.diff(y, prepend=y[0])) > 0.02 * max(np.ptp(y), 1e-12)
+    index = np.flatnonzero(moving)
+    if len(index) == 0:
+        return float(t[0]), float(t[-1])
+    return float(max(t[0], t[index[0]] - _IDLE_S)), float(min(t[-1], t[index[-1]] + _IDLE_S))

@@ -1,0 +1,57 @@
+"""A proposed hold-out is contiguous, has every kind of manoeuvre, and is not the easy part."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.intake.manoeuvres import manoeuvres
+from seatrial.intake.trial_windows import windows
+
+T = np.arange(0.0, 400.0, 0.1)
+
+
+def stepped(changes: list[tuple[float, float]]) -> st.Trial:
+    """Surge under a force that changes at times, with its response."""
+    force = np.zeros(len(T))
+    for at, value in changes:
+        force[at <= T] = value
+    u = np.zeros(len(T))
+    for k in range(1, len(T)):
+        u[k] = u[k - 1] + 0.1 / 5.0 * (0.05 * force[k - 1] - u[k - 1])
+    noise = np.random.default_rng(1).normal(0.0, 0.002, len(T))
+    return st.Trial.read({"t_s": T, "u_m_s": u + noise, "tau.X_n": force}, align=False)
+
+
+def test_every_kind_is_in_both_parts() -> None:
+    levels = [20.0, 0.0, 30.0, 10.0, 0.0]
+    trial = stepped([(10.0 + 15.0 * k, levels[k % 5]) for k in range(26)])
+    found = manoeuvres(trial)
+    proposed = windows(trial, found)
+    assert proposed.hold_out is not None
+    start, stop = proposed.hold_out
+    assert 0.2 * 390.0 <= stop - start <= 0.36 * 400.0
+    assert proposed.kept[0] == proposed.kept[1] >= 2
+    for kind in ("step", "coast-down"):
+        inside = [one for one in found if one.kind == kind and start <= one.start_s and one.end_s <= stop + 1]
+        outside = [one for one in found if one.kind == kind and (one.end_s <= start or one.start_s >= stop)]
+        assert inside
+        assert outside
+
+
+def test_the_easy_end_is_not_held_out() -> None:
+    trial = stepped([(10.0 + 12.0 * k, 30.0 * (k % 2)) for k in range(23)])  # at rest after 274 s
+    proposed = windows(trial, manoeuvres(trial))
+    assert proposed.hold_out is not None
+    assert proposed.hold_out[1] <= 300.0
+    assert proposed.use[1] == pytest.approx(300.0, abs=25.0)
+    assert proposed.effort > 0.7
+
+
+def test_a_short_trial_is_not_split() -> None:
+    t = T[:300]
+    trial = st.Trial.read({"t_s": t, "u_m_s": np.sin(t)})
+    proposed = windows(trial, [])
+    assert proposed.hold_out is None
+    assert "too short to split: hold out another trial" in proposed.sentence
