@@ -2,11 +2,42 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
+from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
-from seatrial.intake.consistency import Series, consistency
+from seatrial.intake.consistency import Consistency, Correction, Series, consistency
+from tests.intake.logs import Errors, log
+
+
+def keys(found: Consistency) -> set[str]:
+    return {one.key for one in found.corrections}
+
+
+def of(found: Consistency, key: str) -> Correction:
+    return next(one for one in found.corrections if one.key == key)
+
+
+@cache
+def several() -> Consistency:
+    """One log with most of the errors that a real one has at once."""
+    return consistency(
+        log(
+            1,
+            Errors(
+                velocity_late=0.2,
+                rates_late=0.05,
+                tilt=(0.0, 2.0 * DEGREE, 0.0),
+                heading=-20.0 * DEGREE,
+                signs={"q": -1.0},
+                velocity_scale=1000.0,
+                arm=(0.5, 0.0, 0.3),
+            ),
+        )
+    )
 
 
 def test_an_unknown_channel_is_refused() -> None:
@@ -15,8 +46,104 @@ def test_an_unknown_channel_is_refused() -> None:
         consistency({"yav": Series(t, t)})
 
 
+def test_stamps_that_do_not_rise_are_refused() -> None:
+    t = np.array([0.0, 2.0, 1.0])
+    with pytest.raises(TrialError, match="rising"):
+        consistency({"yaw": Series(t, t)})
+
+
 def test_missing_roll_and_rates_are_said_with_what_they_cost() -> None:
-    t = np.arange(10.0)
+    t = np.arange(100.0)
     said = consistency({name: Series(t, 0.0 * t) for name in ("pitch", "yaw", "z", "u", "v", "w")}).missing
     assert any("no roll" in one and "K_*" in one for one in said)
     assert any("no p q r" in one for one in said)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("without", ["", "xy", "pqr"])
+def test_nothing_is_proposed_for_sensors_without_errors(seed: int, without: str) -> None:
+    series = {name: one for name, one in log(seed).items() if name not in without}
+    assert consistency(series).corrections == ()
+
+
+def test_law_several_errors_at_once_are_told_apart() -> None:
+    assert keys(several()) == {
+        "delay_s.velocity",
+        "delay_s.rates",
+        "tilt_deg.velocity",
+        "heading_deg",
+        "signs.q",
+        "scale.velocity",
+        "velocity_m",
+    }
+
+
+@pytest.mark.parametrize(
+    ("key", "truth"),
+    [
+        ("delay_s.velocity", 0.2),
+        ("delay_s.rates", 0.05),
+        ("heading_deg", -20.0),
+        ("tilt_deg.velocity", (0.0, 2.0, 0.0)),
+        ("velocity_m", (0.5, 0.0, 0.3)),
+    ],
+)
+def test_law_values_lie_within_four_deviations_of_the_truth(
+    key: str, truth: float | tuple[float, ...]
+) -> None:
+    found = of(several(), key)
+    error, sd = np.abs(np.subtract(found.value, truth)), np.asarray(found.sd)
+    assert np.all(error <= 4.0 * sd + 5e-4)  # 5e-4: values are rounded for a file
+
+
+def test_a_unit_is_recognised_by_its_size() -> None:
+    assert of(several(), "scale.velocity").value == 1e-3
+    assert "mm/s" in of(several(), "scale.velocity").sentence
+    assert of(consistency(log(2, Errors(rates_scale=1.0 / DEGREE))), "scale.rates").value == pytest.approx(
+        DEGREE
+    )
+
+
+def test_exchanged_axes_are_named() -> None:
+    found = consistency(log(3, Errors(axes={"p": "q", "q": "p"}, signs={"p": -1.0})))
+    assert {one.key: one.value for one in found.corrections} == {"axes.p": "-q", "axes.q": "p"}
+
+
+def test_reversed_velocities_are_named() -> None:
+    assert keys(consistency(log(3, Errors(signs={"v": -1.0, "w": -1.0})))) == {"signs.v", "signs.w"}
+
+
+def test_the_bias_of_a_gyro_is_told() -> None:
+    found = consistency(log(4, Errors(rates_bias=(0.01, 0.0, 0.0))))
+    assert keys(found) == {"bias.p_deg_s"}
+    assert of(found, "bias.p_deg_s").value == pytest.approx(0.01 / DEGREE, abs=0.03)  # five deviations
+
+
+def test_law_offset_and_drift_of_another_clock_are_told_as_sum_with_the_delay() -> None:
+    errors = Errors(offset=12.3, drift=200e-6, velocity_late=0.1)
+    found = consistency(log(5, errors, 600.0))
+    assert keys(found) == {"dvl.offset_s", "dvl.drift"}
+    assert all(one.table == "clocks" for one in found.corrections)
+    offset, drift = of(found, "dvl.offset_s"), of(found, "dvl.drift")
+    assert abs(offset.value - 12.4) < 4.0 * offset.sd
+    assert abs(drift.value - 200e-6) < 4.0 * drift.sd
+    assert "sum" in offset.sentence
+
+
+def test_law_a_turned_sensor_is_told_from_a_turned_heading() -> None:
+    found = consistency(log(6, Errors(tilt=(0.0, 0.0, 5.0 * DEGREE))))
+    assert keys(found) == {"tilt_deg.velocity"}  # it shows sway on straight legs
+    assert of(found, "tilt_deg.velocity").value[2] == pytest.approx(5.0, abs=0.2)
+
+
+def test_law_the_tilt_is_found_from_the_depth_alone() -> None:
+    series = log(7, Errors(tilt=(0.0, 2.0 * DEGREE, 0.0)))
+    found = consistency({name: one for name, one in series.items() if name not in ("x", "y", "roll", "p")})
+    tilt = of(found, "tilt_deg.velocity")
+    assert abs(tilt.value[1] - 2.0) < 4.0 * tilt.sd[1]
+
+
+def test_the_report_says_what_to_paste() -> None:
+    text = several().report().text()
+    assert "scale.velocity = 0.001" in text
+    assert several().to_dict()["corrections"][0]["before"] > 0.0

@@ -2,18 +2,38 @@
 
 Position, depth, velocity, attitude, rates and specific force are tied by kinematics, whatever moves the
 vehicle (data compatibility, flight-path reconstruction: Klein and Morelli, Aircraft System Identification,
-2006, chapter 10; kinematics: Fossen 2011, chapter 2). Held by ``tests/intake/test_consistency.py``.
+2006, chapter 10; kinematics: Fossen 2011, chapter 2). The attitude is the reference of time and of angles;
+the gyro is compared with it, then the velocity with position and depth, then the specific force. A
+correction is proposed if it is five deviations from nothing, not small and makes the channels agree better.
+Held by ``tests/intake/test_consistency.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import DEGREE
+from seatrial.base.rotation import from_euler, matrix
+from seatrial.intake.consistency_current import slow_current
+from seatrial.intake.consistency_fit import Curve, robust_rms
 from seatrial.intake.consistency_missing import missing
+from seatrial.intake.consistency_motion import Channels
 from seatrial.intake.consistency_result import Consistency, Correction, SlowCurrent
+from seatrial.intake.consistency_sensors import Found, force_found, rates_found, scaled, velocity_found
 from seatrial.intake.consistency_series import Series, checked
+from seatrial.intake.consistency_wording import corrections_of, list_sentence
+from seatrial.trial.tilt import certain_tilt
 
 __all__ = ["Consistency", "Correction", "Series", "SlowCurrent", "consistency"]
+
+_FEWEST = 50  # samples of a channel that can be compared
+
+_MOST_PITCH, _MOST_ROLL = 1.7, 3.3  # rad: more are degrees
+
+_MOUNTED = 0.5  # share of a heading error that sway on straight legs shows if the sensor is turned
 
 
 def consistency(series: Mapping[str, Series]) -> Consistency:
@@ -38,5 +58,115 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
     >>> len(found.corrections), found.current
     (0, None)
     """
-    known = checked(series)
-    return Consistency((), missing(known))
+    known = {name: one for name, one in checked(series).items() if len(one.t) >= _FEWEST}
+    said = list(missing(known))
+    if not {"pitch", "yaw"} & set(known):
+        return Consistency((), tuple(said))
+    corrections = _angles(known)
+    angles = ("roll", "yaw")
+    channels = Channels({name: Curve(one, angle=name in angles) for name, one in known.items()})
+    compared = []
+    for find in (rates_found, velocity_found, force_found):
+        found = find(channels)
+        if found is None:
+            continue
+        if found.fit is None:
+            said.append(f"{found.of}: too little in common for a comparison")
+            continue
+        if find is velocity_found:
+            made = corrections_of(found, channels, _turned_sensor(channels, found))
+            if (sentence := list_sentence(found.fit)) is not None:
+                said.append(sentence)
+            _apply(channels, found)
+        else:
+            made = corrections_of(found, channels)
+        corrections += made
+        compared.append((found.of, found.sizes[0], found.fit.after))
+    corrections += _frame(channels)
+    current = slow_current(channels)
+    if isinstance(current, str):
+        said.append(current)
+    order = sorted(corrections, key=lambda one: -(one.before / max(one.after, 1e-12)))
+    return Consistency(
+        tuple(order), tuple(said), current if isinstance(current, SlowCurrent) else None, tuple(compared)
+    )
+
+
+def _angles(known: dict[str, Series]) -> list[Correction]:
+    """Turn angles in degrees into radians, in place; the correction that says so."""
+    most = {
+        name: float(np.abs(known[name].value).max()) for name in ("roll", "pitch", "yaw") if name in known
+    }
+    jumps = np.abs(np.diff(known["yaw"].value)).max(initial=0.0) if "yaw" in known else 0.0
+    degrees = (
+        most.get("pitch", 0.0) > _MOST_PITCH or most.get("roll", 0.0) > _MOST_ROLL or 300.0 < jumps < 400.0
+    )
+    if not degrees:
+        return []
+    for name in most:
+        known[name] = Series(known[name].t, known[name].value * DEGREE, known[name].clock)
+    largest = max(most.values())
+    return [
+        Correction(
+            "corrections", "scale.attitude", round(DEGREE, 8), 0.0, "", largest, largest * DEGREE,
+            "largest angle, rad", f"the attitude is in degrees: its largest angle would be {largest:.3g} rad",
+        )
+    ]  # fmt: skip
+
+
+def _turned_sensor(channels: Channels, found: Found) -> bool:
+    """Whether a heading error is the velocity sensor's mounting: then it shows sway on straight legs."""
+    if found.fit is None or "heading" not in found.fit.values:
+        return False
+    t = channels.curves["u"].t
+    yaw = channels.at("yaw", t, {})
+    rate = np.abs(np.gradient(yaw, t))
+    u, v = (channels.at(name, t + channels.delay.get("velocity", 0.0), {}) for name in "uv")
+    straight = (rate < np.quantile(rate, 0.5)) & (np.abs(u) > 0.5 * np.quantile(np.abs(u), 0.9))
+    if straight.sum() < _FEWEST:
+        return False
+    slip = float(np.median(v[straight] / u[straight]))
+    # Turned by the heading error the sensor would make the sway vanish.
+    return bool(abs(slip + np.tan(found.fit.values["heading"])) < _MOUNTED * abs(slip))
+
+
+def _apply(channels: Channels, found: Found) -> None:
+    """Bring the velocity to what the current is estimated from: scale and yaw of the attitude."""
+    values = {} if found.fit is None else found.fit.values
+    if "scale.velocity" in values:
+        scaled(channels, dict.fromkeys("uvw", 1.0 + values["scale.velocity"]))
+    if "heading" in values and "yaw" in channels.curves:
+        old = channels.curves["yaw"]
+        channels.curves["yaw"] = Curve(Series(old.t, old.values + values["heading"], old.clock))
+
+
+def _frame(channels: Channels) -> list[Correction]:
+    """Tilt of a pose's earth frame against gravity, where a whole pose came from one instrument."""
+    whole = {"x", "y", "z", "roll", "pitch", "yaw"}
+    if not whole <= set(channels.curves) or channels.group("z") != "position":
+        return []
+    t = channels.curves["roll"].t
+    q = from_euler(np.stack([channels.at(name, t, {}) for name in ("roll", "pitch", "yaw")], axis=1))
+    tilted = certain_tilt(q)
+    if tilted is None or not tilted.trusted:
+        return []
+    north, east = tilted.direction
+    sd = tilted.deviation / DEGREE
+    value = [round(float(np.arcsin(x)) / DEGREE, 3) for x in (north, east)]
+    return [
+        Correction(
+            "corrections", "tilt_deg.frame", value, [sd, sd], "deg",
+            _upright(q, np.zeros(2)), _upright(q, tilted.direction), "upright of the body and gravity, rad",
+            f"the earth frame of the pose is tilted by {tilted.angle / DEGREE:.1f} deg (+/- {sd:.1f} deg)"
+            " against gravity, as the attitude at different headings shows",
+        )
+    ]  # fmt: skip
+
+
+def _upright(q: Array, direction: Array) -> float:
+    """Root mean square of ``R c - n``, horizontal, with the best trim c for a gravity direction n (2,)."""
+    turned = matrix(q)
+    design = turned[:, :2, :2].reshape(-1, 2)
+    goal = np.tile(direction, len(q)) - turned[:, :2, 2].ravel()
+    trim = np.linalg.lstsq(design, goal, rcond=None)[0]
+    return robust_rms((goal - design @ trim).reshape(-1, 2))

@@ -168,5 +168,5 @@ def _number(x: float) -> str:
 
 def _deviation(sd: Any) -> str:
     if isinstance(sd, Sequence):
-        return ", ".join(_deviation(one) for one in sd)
+        return ", ".join(_deviation(one) or "-" for one in sd)
     return f"{sd:.2g}" if sd else ""

@@ -22,7 +22,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import matrix, product
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["LARGEST", "level", "tilt"]
+__all__ = ["LARGEST", "certain_tilt", "level", "tilt"]
 
 LARGEST = 10.0 * DEGREE
 """More is no tilt of a frame but another frame: it is reported and left."""
@@ -81,8 +81,8 @@ def level(
     if "attitude" not in signals or "position" not in signals or len(signals["position"].channels) < 3:
         return levelled
     attitude, position = signals["attitude"], signals["position"]
-    tilted = tilt(attitude.y[attitude.good])
-    if tilted is None or tilted.angle - _CERTAIN * tilted.deviation < _SMALLEST:
+    tilted = certain_tilt(attitude.y[attitude.good])
+    if tilted is None:
         return levelled
     text = (
         f"the earth frame is tilted by {tilted.angle / DEGREE:.1f} deg"
@@ -97,6 +97,14 @@ def level(
     levelled["attitude"] = replace(attitude, y=product(tilted.turn, attitude.y))
     levelled["position"] = replace(position, y=position.y @ matrix(tilted.turn).T)
     return levelled
+
+
+def certain_tilt(q: Array) -> Tilt | None:
+    """Tilt of the frame of the quaternions (n, 4) if it is certainly more than a sensor may be off anyway."""
+    tilted = tilt(q)
+    if tilted is None or tilted.angle - _CERTAIN * tilted.deviation < _SMALLEST:
+        return None
+    return tilted
 
 
 def tilt(q: Array) -> Tilt | None:

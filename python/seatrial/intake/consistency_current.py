@@ -1,0 +1,253 @@
+"""A slow current from velocity over ground, as a random walk of its north and east components.
+
+With the velocity through the water ``R (v_ground - v_water) = c`` is measured directly. Without it legs and
+turns over several headings tell it: under a held propeller command the hull's motion through the water
+follows the yaw rate alone, ``u = a n + f(r^2) + (1 - k) cos theta (cos psi c_n + sin psi c_e)`` and ``v = b
++ g(r) - sin psi c_n + cos psi c_e``, with n the propeller's command (one where none is logged), b the
+sensor's own sway, and f and g sums of the yaw rate through first-order lags. The share k of the current that
+the speed over ground does not follow is zero for a propeller alone and towards one under a speed control over
+ground. Current and coefficients are linear least squares with a random walk between knots; its intensity, k
+and the noises of straight and turning parts are those of the greatest marginal likelihood. Held by
+``tests/intake/test_consistency.py``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import DEGREE
+from seatrial.intake.consistency_motion import Channels, ned_rows
+from seatrial.intake.consistency_result import SlowCurrent
+from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
+
+__all__ = ["slow_current"]
+
+_PART_S = 2.0  # samples are averaged over so long
+
+_KNOT_S = 60.0  # the current runs linearly between knots
+
+_SETTLED_S = 15.0  # a leg is straight so long after a turn
+
+_STRAIGHT = 1.0 * DEGREE  # per s: faster is a turn
+
+_STEADY = 0.02  # relative change of the propeller's command within the time to settle
+
+_LAGS_S = (0.0, 2.0, 6.0)  # of the hull behind its yaw rate
+
+_WIDEST = 0.10  # m/s: a current that is less certain on average is not told
+
+_FEWEST = 50  # parts
+
+_START, _WALK = 1.0, 3e-3  # m/s: prior deviations of the current, and of its change in a minute
+
+_SWAY = 0.05  # m/s: prior deviation of the sensor's own sway, a degree at three m/s
+
+_SHARE = 0.5  # prior deviation of the share k
+
+
+def slow_current(channels: Channels) -> SlowCurrent | str:
+    """Current over time, or the reason why the log does not tell it."""
+    have = set(channels.curves)
+    if "yaw" not in have or not {"u", "v"} <= have:
+        return "the current needs heading and both horizontal velocities over ground"
+    names = ("u", "v", "w", "roll", "pitch", "yaw")
+    water = {"u_water", "v_water"} <= have
+    used = (*names, *(("u_water", "v_water", "w_water") if water else ()))
+    grid = channels.grid(used, 2.0)
+    if grid is None:
+        return "the current needs velocity and heading at the same times"
+    t = grid.t
+    known = channels.known(used, t, {})
+    roll, pitch, yaw = (channels.at(name, t, {}) for name in ("roll", "pitch", "yaw"))
+    ground = np.stack([channels.at(name, t, {}) for name in "uvw"], axis=1)
+    design = np.zeros((len(t), 2, 2))
+    if water:
+        through = np.stack([channels.at(f"{name}_water", t, {}) for name in "uvw"], axis=1)
+        if "w_water" not in have:
+            through[:, 2] = ground[:, 2]
+        measured = ned_rows(roll, pitch, yaw, ground - through)[:, :2]
+        design[:, 0, 0] = design[:, 1, 1] = 1.0
+        legs = _Legs(t, known, np.zeros(len(t), bool), measured, design, np.zeros((len(t), 2, 0)), False)
+        return _told(legs, "velocity over ground less that through the water")
+    rate = _rate(t, yaw)
+    held, n, source = _held(channels, t)
+    known &= held
+    turning = _recently(np.abs(rate) > _STRAIGHT, t)
+    if (known & ~turning).sum() * grid.step < 2.0 * _SETTLED_S:
+        return "no straight leg under a held command: the current is not told"
+    if 1.0 - np.abs(np.mean(np.exp(1j * yaw[known]))) < 0.3:
+        return "legs in one heading only: a current cannot be told from the speed through the water"
+    design[:, 0, 0], design[:, 0, 1] = np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw)
+    design[:, 1, 0], design[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
+    turns = [_lagged(rate, lag, grid.step) for lag in _LAGS_S]
+    slowed = [_lagged(rate**2, lag, grid.step) for lag in _LAGS_S]
+    own = np.zeros((len(t), 2, 2 + 2 * len(_LAGS_S)))
+    own[:, 0, 0], own[:, 1, 1] = n, _SWAY
+    for k, (turn, slow) in enumerate(zip(turns, slowed, strict=True)):
+        own[:, 1, 2 + 2 * k], own[:, 0, 3 + 2 * k] = turn, slow
+    return _told(_Legs(t, known, turning, ground[:, :2], design, own, True), source)
+
+
+def _rate(t: Array, yaw: Array) -> Array:
+    from scipy.ndimage import gaussian_filter1d
+
+    step = float(t[1] - t[0])
+    return np.asarray(gaussian_filter1d(yaw, 0.5 / step, order=1) / step)
+
+
+def _recently(here: Mask, t: Array) -> Mask:
+    """Where it was so within the last seconds of settling, (n,)."""
+    from scipy.ndimage import maximum_filter1d
+
+    length = max(1, round(_SETTLED_S / float(t[1] - t[0])))
+    return np.asarray(maximum_filter1d(here.astype(np.uint8), length, origin=(length - 1) // 2)).astype(bool)
+
+
+def _lagged(x: Array, lag: float, step: float) -> Array:
+    """Signal (n,) behind a first-order lag of so many seconds."""
+    from scipy.signal import lfilter
+
+    if lag == 0.0:
+        return x
+    keep = np.exp(-step / lag)
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], x))
+
+
+def _held(channels: Channels, t: Array) -> tuple[Mask, Array, str]:
+    """Where the propeller's command is held (n,), the command with median one (n,), and the source."""
+    for name, curve in channels.curves.items():
+        if not name.startswith("cmd."):
+            continue
+        index = np.clip(np.searchsorted(curve.t, t, side="right") - 1, 0, len(curve.t) - 1)
+        values = np.abs(curve.values[index])
+        level = float(np.median(values))
+        if not level > 0.0:
+            continue
+        changed = np.abs(np.gradient(values, t)) * _SETTLED_S > _STEADY * level
+        still = ~_recently(changed, t)
+        # A propeller is held for most of the time and never near zero; a rudder is not.
+        if np.mean(still) > 0.5 and np.std(values) < 0.5 * level:
+            return still, values / level, f"legs and turns at held {name.removeprefix('cmd.')}"
+    return np.ones(len(t), bool), np.ones(len(t)), "legs and turns, taken to be sailed at one thrust"
+
+
+@dataclass(frozen=True)
+class _Legs:
+    """Velocities (n, 2) as `design` (n, 2, 2) times the current plus `own` (n, 2, k) times constants."""
+
+    t: Array
+    known: Mask
+    turning: Mask
+    measured: Array
+    design: Array
+    own: Array
+    shared: bool
+
+
+def _told(legs: _Legs, source: str) -> SlowCurrent | str:
+    """Current of the greatest marginal likelihood, or why it is not told."""
+    from scipy.optimize import minimize
+
+    parts = _averaged(legs)
+    if parts is None:
+        return "too few samples of legs under a held command: the current is not told"
+    start = np.array([np.log(_WALK), *np.log([0.02, 0.02, 0.05, 0.05]), 0.0])
+    used = start.size if legs.shared else 3
+
+    def cost(x: Array) -> float:
+        return parts.solve(np.concatenate([x, start[used:]]))[0]
+
+    simplex = np.vstack([start[:used], start[:used] + np.diag([1.0, 0.5, 0.5, 0.5, 0.5, 0.3][:used])])
+    options = {"xatol": 0.02, "fatol": 0.05, "maxfev": 600, "initial_simplex": simplex}
+    best = np.concatenate([
+        minimize(cost, start[:used], method="Nelder-Mead", options=options).x,
+        start[used:],
+    ])
+    _, current, sd = parts.solve(best)
+    wide = float(np.sqrt(np.mean(sd**2)))
+    if wide > _WIDEST:
+        return f"the current is not told: {source} leave it uncertain by {wide:.2f} m/s"
+    return SlowCurrent(parts.knots, current, sd, source)
+
+
+def _averaged(legs: _Legs) -> _Parts | None:
+    """Means over parts of time that are known for the most part."""
+    part = ((legs.t - legs.t[0]) / _PART_S).astype(int)
+    count = int(part.max()) + 1
+    number = np.bincount(part[legs.known], minlength=count)
+    whole = number >= 0.5 * _PART_S / (legs.t[1] - legs.t[0])
+    if whole.sum() < _FEWEST:
+        return None
+
+    def mean(y: Array) -> Array:
+        flat = y[legs.known].reshape(int(legs.known.sum()), -1)
+        sums = np.stack([np.bincount(part[legs.known], one, count) for one in flat.T], axis=1)
+        return np.asarray((sums / np.maximum(number, 1)[:, None])[whole].reshape(-1, *y.shape[1:]))
+
+    t = mean(legs.t[:, None])[:, 0]
+    knots = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / _KNOT_S) + 1))
+    turning = mean(legs.turning[:, None].astype(float))[:, 0] > 0.5
+    return _Parts(t, knots, turning, mean(legs.measured), mean(legs.design), mean(legs.own))
+
+
+class _Parts:
+    """Averaged measurements and their linear model in the current's knots and the constants."""
+
+    def __init__(self, t: Array, knots: Array, turning: Mask, y: Array, design: Array, own: Array) -> None:
+        self.knots, self.turning, self.y = knots, turning, y
+        place = np.interp(t, knots, np.arange(len(knots)))
+        before = np.minimum(place.astype(int), len(knots) - 2)
+        hat = np.zeros((len(t), len(knots)))
+        hat[np.arange(len(t)), before] = 1.0 - (place - before)
+        hat[np.arange(len(t)), before + 1] = place - before
+        # Columns: north at the knots, east at the knots, constants; rows: both velocities of a part.
+        self.current = np.concatenate([design[:, :, i, None] * hat[:, None, :] for i in range(2)], axis=2)
+        self.own = own
+
+    def solve(self, x: Array) -> tuple[float, Array, Array]:
+        """Negative log marginal likelihood, current (m, 2) and deviations (m, 2) for the hyperparameters.
+
+        `x`: logarithms of the walk per minute and of the noise of both velocities on legs and in turns, m/s,
+        and the share k.
+        """
+        walk = np.exp(np.clip(x[0], -12.0, 0.0))
+        noise = np.exp(np.clip(x[1:5], -9.0, 1.0)).reshape(2, 2)
+        y, m = self.y, len(self.knots)
+        design = np.concatenate([self.current, self.own], axis=2)
+        design[:, 0, : 2 * m] *= 1.0 - x[5]
+        sigma = np.where(self.turning[:, None], noise[1], noise[0]).ravel()
+        flat, target = design.reshape(-1, design.shape[2]), y.ravel()
+        prior = self._prior(walk, design.shape[2])
+        weight = 1.0 / sigma**2
+        solution = np.zeros(flat.shape[1])
+        for _ in range(3):  # Huber's weights: a part with a jerk counts as one three deviations off
+            normal = (flat * weight[:, None]).T @ flat + prior
+            solution = np.linalg.solve(normal, (flat * weight[:, None]).T @ target)
+            error = np.abs(target - flat @ solution) / sigma
+            weight = 1.0 / sigma**2 / np.maximum(error / 3.0, 1.0)
+        loss = float(np.sum(np.where(error < 3.0, 0.5 * error**2, 3.0 * error - 4.5)))
+        cost = loss + float(np.sum(np.log(sigma))) + 0.5 * float(solution @ prior @ solution)
+        cost += 0.5 * float(np.linalg.slogdet(normal)[1] - np.linalg.slogdet(prior)[1])
+        # A current walks slowly: half of the intensities are below 3 mm/s a minute (log-normal prior).
+        cost += 0.5 * ((x[0] - np.log(_WALK)) / 1.0) ** 2 + 0.5 * (x[5] / _SHARE) ** 2
+        # Neighbouring parts share waves and what the hull's model misses.
+        residual = (target - flat @ solution).reshape(y.shape) / sigma.reshape(y.shape)
+        memory = max(lag_one_correlation(residual[:, i], most=0.95) for i in range(2))
+        variance = np.diag(np.linalg.inv(normal))[: 2 * m] * variance_inflation(memory)
+        return cost, solution[: 2 * m].reshape(2, m).T, np.sqrt(variance).reshape(2, m).T
+
+    def _prior(self, walk: float, size: int) -> Array:
+        """Information of the random walk from a wide start, and of constants that are hardly known."""
+        m = len(self.knots)
+        steps = np.diff(np.eye(m), axis=0)
+        interval = float(self.knots[1] - self.knots[0])
+        one = steps.T @ steps / (walk**2 * interval / 60.0)
+        one[0, 0] += 1.0 / _START**2
+        prior = np.eye(size) * 1e-4
+        prior[:m, :m], prior[m : 2 * m, m : 2 * m] = one, one
+        if size > 2 * m:
+            prior[2 * m + 1, 2 * m + 1] = 1.0  # sway in units of its prior deviation
+        return prior

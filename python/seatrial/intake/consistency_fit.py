@@ -1,0 +1,392 @@
+"""Corrections as parameters of a residual between channels: fit, choice of those that count, deviations.
+
+Both sides of a comparison go through the same Gaussian low-pass on a fine grid, so that neither gains a
+delay; samples stay on their own stamps, between which cubic splines run. The residual's memory is taken out
+by an autoregression before the fit (Cochrane and Orcutt 1949), outliers count as Huber (1981) counts them,
+and the deviations come from sums of the scores over blocks of time (White 1980, clustered), which hold for
+waves and other errors that remember. A parameter enters the fit only if it is certain and reduces the
+residual; the one that reduces it most enters first. Held by ``tests/intake/test_consistency.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.intake.consistency_series import Series
+
+__all__ = ["Curve", "Fit", "Grid", "Parameter", "fitted", "robust_rms"]
+
+_GAP = 4.5  # median intervals: a longer distance between samples is not bridged
+
+_ORDER = 6  # of the autoregression that takes out the residual's memory
+
+_HUBER = 2.5  # standard deviations from which a sample counts linearly
+
+_CERTAIN = 5.0  # deviations from which a parameter is believed
+
+_BLOCK_S, _MOST_BLOCKS, _FEWEST_BLOCKS = 20.0, 60, 8
+
+_ROUNDS = 12
+
+_LEAST_WIDTHS = 50.0  # of the low-pass: less cannot be compared
+
+
+class Curve:
+    """A series between its samples: cubic spline of the values, and where it is known."""
+
+    def __init__(self, series: Series, *, angle: bool = False) -> None:
+        from scipy.interpolate import CubicSpline
+
+        value = np.unwrap(series.value) if angle else series.value
+        self.t, self.step = series.t, float(np.median(np.diff(series.t)))
+        self.clock, self.values = series.clock, value
+        self._spline = CubicSpline(series.t, value)
+
+    def __call__(self, t: Array) -> Array:
+        """Values (n,) at times (n,), held beyond the ends."""
+        return np.asarray(self._spline(np.clip(t, self.t[0], self.t[-1])))
+
+    def known(self, t: Array) -> Mask:
+        """Where samples on both sides are near enough, (n,)."""
+        after = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
+        near = self.t[after] - self.t[after - 1] <= _GAP * self.step
+        return np.asarray(near & (t >= self.t[0]) & (t <= self.t[-1]))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Uniform times (n,) in s and the width in s of the low-pass that both sides of a comparison pass."""
+
+    t: Array
+    width: float
+
+    @classmethod
+    def of(cls, curves: Sequence[Curve], margin: float = 0.0) -> Grid | None:
+        """Grid for these channels, fine enough for the slowest; None where they hardly overlap."""
+        step = max(curve.step for curve in curves)
+        start, stop = max(c.t[0] for c in curves) + margin, min(c.t[-1] for c in curves) - margin
+        h = 0.5 * step
+        if not stop - start > 100.0 * h:
+            return None
+        return cls(np.arange(start, stop, h), 2.0 * step)
+
+    @property
+    def step(self) -> float:
+        """Interval, s."""
+        return float(self.t[1] - self.t[0])
+
+    def low(self, y: Array) -> Array:
+        """The low-passed values (n, ...)."""
+        from scipy.ndimage import gaussian_filter1d
+
+        return np.asarray(gaussian_filter1d(y, self.width / self.step, axis=0, mode="nearest"))
+
+    def slope(self, y: Array) -> Array:
+        """Derivative of the low-passed values (n, ...), per s."""
+        from scipy.ndimage import gaussian_filter1d
+
+        filtered = gaussian_filter1d(y, self.width / self.step, axis=0, order=1, mode="nearest")
+        return np.asarray(filtered) / self.step
+
+    def inside(self, known: Mask) -> Mask:
+        """Where all samples that the low-pass takes are known, (n,)."""
+        from scipy.ndimage import minimum_filter1d
+
+        reach = 2 * int(np.ceil(2.5 * self.width / self.step)) + 1
+        return np.asarray(minimum_filter1d(known.astype(np.uint8), reach, mode="constant")).astype(bool)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A possible correction.
+
+    Attributes
+    ----------
+    name
+        Its key.
+    step
+        Difference quotient's step, in the parameter's unit.
+    least
+        Smaller values do not matter.
+    prior
+        Standard deviation around zero known beforehand; infinite for none.
+    always
+        Whether it is fitted without being asked: a delay, or a nuisance.
+    material
+        Share by which it must reduce the residual's root mean square.
+    """
+
+    name: str
+    step: float
+    least: float
+    prior: float = np.inf
+    always: bool = False
+    material: float = 0.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Values and deviations of the parameters that count, and the residual's root mean squares.
+
+    ``alone`` is the root mean square without each of them, the others at their values and nuisances at zero.
+    """
+
+    values: dict[str, float]
+    sd: dict[str, float]
+    before: float
+    after: float
+    alone: dict[str, float]
+    covariance: Array
+    names: tuple[str, ...]
+
+
+Residual = Callable[[Mapping[str, float]], tuple[Array, Mask]]
+
+
+def fitted(
+    residual: Residual, parameters: Sequence[Parameter], grid: Grid, start: Mapping[str, float] | None = None
+) -> Fit | None:
+    """Fit of the parameters that are certain and reduce the residual; None if too little can be compared.
+
+    Parameters
+    ----------
+    residual
+        Residuals (n, k) and where they may be used (n,) for given values; absent parameters are zero.
+    parameters
+        Candidates.
+    grid
+        Times of the residuals.
+    start
+        Values to begin with, zero when omitted.
+    """
+    told = _without_nuisances(residual, parameters)
+    active = [one for one in parameters if one.always]
+    candidates = [one for one in parameters if not one.always]
+    values = dict.fromkeys((one.name for one in parameters), 0.0)
+    y, good = residual(values)
+    if good.sum() * grid.step < _LEAST_WIDTHS * grid.width:
+        return None
+    before = robust_rms(y[good])
+    problem = _Problem(residual, grid)
+    values |= start or {}
+    values = problem.descend(values, active)
+    while candidates:
+        chosen = _next(problem, told, values, active, candidates)
+        if chosen is None:
+            break
+        active, candidates = [*active, chosen], [one for one in candidates if one is not chosen]
+        values = problem.descend(values, active)
+    # What entered early may have been explained by what entered later.
+    while True:
+        covariance = problem.covariance(values, active)
+        sd = dict(zip((one.name for one in active), np.sqrt(np.diag(covariance)), strict=True))
+        size = robust_rms(_used(told(values)))
+        weak = [one for one in active if not one.always and not _counts(one, values, sd, told, size)]
+        if not weak:
+            break
+        worst = min(weak, key=lambda one: abs(values[one.name]) / sd[one.name])
+        active = [one for one in active if one is not worst]
+        values = problem.descend(values | {worst.name: 0.0}, active)
+    y, good = told(values)
+    return Fit(
+        {one.name: values[one.name] for one in active},
+        {name: float(x) for name, x in sd.items()},
+        before,
+        robust_rms(y[good]),
+        {one.name: robust_rms(_used(told(values | {one.name: 0.0}))) for one in active},
+        covariance,
+        tuple(one.name for one in active),
+    )
+
+
+def _without_nuisances(residual: Residual, parameters: Sequence[Parameter]) -> Residual:
+    """The residual with the parameters at zero that are only known to be small: they explain nothing."""
+    zero = {one.name: 0.0 for one in parameters if np.isfinite(one.prior)}
+    return lambda values: residual({**values, **zero})
+
+
+def _used(found: tuple[Array, Mask]) -> Array:
+    return found[0][found[1]]
+
+
+def robust_rms(y: Array) -> float:
+    """Root mean square of residuals (m, k), all in one sum, outliers beyond five deviations cut."""
+    if not len(y):
+        return 0.0
+    scale = 1.4826 * np.median(np.abs(y), axis=0) + 1e-300
+    return float(np.sqrt(np.mean(np.sum(np.clip(y, -5.0 * scale, 5.0 * scale) ** 2, axis=1))))
+
+
+def _counts(
+    one: Parameter, values: Mapping[str, float], sd: Mapping[str, float], residual: Residual, size: float
+) -> bool:
+    """Whether a fitted parameter is certain, not small, and reduces the residual's `size`."""
+    value = abs(values[one.name])
+    if value < max(_CERTAIN * sd[one.name], one.least):
+        return False
+    return size < robust_rms(_used(residual({**values, one.name: 0.0}))) * (1.0 - one.material)
+
+
+def _next(
+    problem: _Problem,
+    residual: Residual,
+    values: Mapping[str, float],
+    active: list[Parameter],
+    candidates: list[Parameter],
+) -> Parameter | None:
+    """The candidate that reduces the cost most in a linear step, among those that would count."""
+    linear = problem.linear(values, [*active, *candidates])
+    size = robust_rms(_used(residual(values)))
+    gains = []
+    for k, one in enumerate(candidates):
+        columns = [*range(len(active)), len(active) + k]
+        value, sd, gain = linear.solve(columns)
+        if abs(value) > max(_CERTAIN * sd, one.least):
+            gains.append((gain, one, columns))
+    for _, one, columns in sorted(gains, key=lambda entry: -entry[0]):
+        change = dict(zip((p.name for p in (*active, one)), linear.step(columns), strict=True))
+        there = {name: x + float(change.get(name, 0.0)) for name, x in values.items()}
+        if robust_rms(_used(residual(there))) < size * (1.0 - one.material):
+            return one
+    return None
+
+
+class _Linear:
+    """Whitened, weighted residuals and their derivatives, ready for any choice of the columns."""
+
+    def __init__(
+        self, y: Array, design: Array, weight: Array, blocks: Array, prior: Array, at: Array
+    ) -> None:
+        # y (m,), design (m, p), weight (m,), blocks (m,) labels.
+        self.weighted = design * weight[:, None]
+        self.hessian = self.weighted.T @ design
+        self.gradient = self.weighted.T @ y
+        self.y, self.design, self.weight, self.blocks = y, design, weight, blocks
+        self.prior, self.at = prior, at
+
+    def step(self, columns: Sequence[int]) -> Array:
+        """Newton step of the parameters in `columns`."""
+        hessian, gradient = self._normal(columns)
+        return np.asarray(-np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0], float)
+
+    def _normal(self, columns: Sequence[int]) -> tuple[Array, Array]:
+        index = np.asarray(columns)
+        information = 1.0 / self.prior[index] ** 2
+        hessian = self.hessian[np.ix_(index, index)] + np.diag(information)
+        return hessian, self.gradient[index] + information * self.at[index]
+
+    def covariance(self, columns: Sequence[int], change: Array) -> Array:
+        """Covariance of the parameters in `columns`, robust to memory within blocks."""
+        index = np.asarray(columns)
+        hessian, _ = self._normal(columns)
+        inverse = np.linalg.pinv(hessian, hermitian=True)
+        left = self.y + self.design[:, index] @ change
+        scores = self.weighted[:, index] * left[:, None]
+        count = int(self.blocks.max()) + 1
+        sums = np.stack([np.bincount(self.blocks, scores[:, j], count) for j in range(len(index))], axis=1)
+        noise = float(np.sum(self.weight * left**2) / max(np.sum(self.weight), 1.0))
+        information = np.diag(1.0 / self.prior[index] ** 2)
+        meat = sums.T @ sums * (count / max(count - len(index), 1.0)) + information
+        sandwich = inverse @ meat @ inverse
+        plain = inverse * noise
+        # The sandwich of few blocks may be too narrow by chance; never narrower than independent errors.
+        scale = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(sandwich), 1e-300), 1.0))
+        return np.asarray(sandwich * np.outer(scale, scale))
+
+    def solve(self, columns: Sequence[int]) -> tuple[float, float, float]:
+        """New value of the last of `columns`, its deviation, and by how much the cost falls."""
+        change = self.step(columns)
+        gain = self._gain(columns) - (self._gain(columns[:-1]) if len(columns) > 1 else 0.0)
+        sd = float(np.sqrt(self.covariance(columns, change)[-1, -1]))
+        return float(self.at[columns[-1]] + change[-1]), sd, gain
+
+    def _gain(self, columns: Sequence[int]) -> float:
+        _, gradient = self._normal(columns)
+        return float(-0.5 * gradient @ self.step(columns))
+
+
+class _Problem:
+    """A residual with its derivatives, its memory and its outliers."""
+
+    def __init__(self, residual: Residual, grid: Grid) -> None:
+        self.residual, self.grid = residual, grid
+        # Denser samples would let the autoregression undo the low-pass and weigh what it took away.
+        self.stride = max(1, round(2.0 * grid.width / grid.step))
+
+    def linear(self, values: Mapping[str, float], parameters: Sequence[Parameter]) -> _Linear:
+        """The problem about `values`."""
+        y, good = self.residual(values)
+        derivatives = []
+        for one in parameters:
+            there, also = self.residual({**values, one.name: values[one.name] + one.step})
+            derivatives.append((there - y) / one.step)
+            good = good & also
+        thin = slice(None, None, self.stride)
+        y, good, t = y[thin], good[thin], self.grid.t[thin]
+        columns = np.stack([d[thin] for d in derivatives], axis=2) if derivatives else np.zeros((*y.shape, 0))
+        parts = [self._white(y[:, k], columns[:, k], good, t) for k in range(y.shape[1])]
+        prior = np.array([one.prior for one in parameters])
+        at = np.array([values[one.name] for one in parameters])
+        y, white, weight, blocks = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return _Linear(y, white, weight, blocks, prior, at)
+
+    def _white(self, y: Array, columns: Array, good: Mask, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Residual (m,) and derivatives (m, p) without memory and in deviations, weights, blocks."""
+        from scipy.ndimage import minimum_filter1d
+        from scipy.signal import lfilter
+
+        centre = np.where(good, y - np.median(y[good]), 0.0)
+        scale = 1.4826 * float(np.median(np.abs(centre[good]))) + 1e-300
+        taps = _whitener(np.clip(centre, -4.0 * scale, 4.0 * scale), good)
+        y = lfilter(taps, 1.0, np.where(good, y, 0.0))
+        columns = lfilter(taps, 1.0, np.where(good[:, None], columns, 0.0), axis=0)
+        width = len(taps)
+        whole = minimum_filter1d(good.astype(np.uint8), width, mode="constant", origin=(width - 1) // 2)
+        use = whole.astype(bool)
+        if not use.any():
+            use = good
+        y, columns = y[use], columns[use]
+        scale = 1.4826 * float(np.median(np.abs(y - np.median(y)))) + 1e-300
+        y, columns = y / scale, columns / scale
+        weight = 1.0 / np.maximum(np.abs(y) / _HUBER, 1.0)
+        length = max(_BLOCK_S, (t[-1] - t[0]) / _MOST_BLOCKS)
+        length = min(length, (t[-1] - t[0]) / _FEWEST_BLOCKS)
+        blocks = np.minimum(((t[use] - t[0]) / length).astype(int), int((t[-1] - t[0]) / length))
+        return y, columns, weight, blocks
+
+    def descend(self, values: dict[str, float], active: Sequence[Parameter]) -> dict[str, float]:
+        """Values at the least cost over the active parameters."""
+        values = dict(values)
+        if not active:
+            return values
+        columns = range(len(active))
+        for _ in range(_ROUNDS):
+            linear = self.linear(values, active)
+            change = linear.step(columns)
+            for one, x in zip(active, change, strict=True):
+                values[one.name] += float(x)
+            if all(abs(x) < 0.02 * one.step for one, x in zip(active, change, strict=True)):
+                break
+        return values
+
+    def covariance(self, values: Mapping[str, float], active: Sequence[Parameter]) -> Array:
+        """Covariance of the active parameters at `values`."""
+        if not active:
+            return np.zeros((0, 0))
+        return self.linear(values, active).covariance(range(len(active)), np.zeros(len(active)))
+
+
+def _whitener(y: Array, good: Mask) -> Array:
+    """Filter (order + 1,) that leaves of the residual (n,) what its past does not foretell (Yule-Walker)."""
+    from scipy.linalg import solve_toeplitz
+
+    count = max(int(good.sum()), 1)
+    covariances = np.array([float(y[: len(y) - k] @ y[k:]) / count for k in range(_ORDER + 1)])
+    if not covariances[0] > 0.0:
+        return np.array([1.0])
+    covariances[0] *= 1.0 + 1e-4
+    return np.concatenate([[1.0], -solve_toeplitz(covariances[:-1], covariances[1:])])

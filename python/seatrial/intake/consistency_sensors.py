@@ -1,0 +1,321 @@
+"""The sensors one after the other: gyro and velocity against the pose, specific force against gravity.
+
+Each is first assigned and brought to SI (`consistency_axes`), then its delay, drift, mounting, scale and
+biases are fitted together (`consistency_fit`). What is found about one is applied before the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import DEGREE
+from seatrial.intake.consistency_axes import Assignment, assigned, band, lagged, unit_of
+from seatrial.intake.consistency_fit import Curve, Fit, Grid, Parameter, fitted, robust_rms
+from seatrial.intake.consistency_motion import Channels, RatesResidual, VelocityResidual, ned_rows
+from seatrial.intake.consistency_series import Series
+
+__all__ = ["Found", "force_found", "rates_found", "velocity_found"]
+
+_SAME_CLOCK_S, _OTHER_CLOCK_S = 1.5, 60.0  # delays are searched within
+
+_LEAST_S = 0.015  # delays
+
+_LEAST_TILT, _LEAST_HEADING = 0.3 * DEGREE, 1.0 * DEGREE
+
+_LEAST_BIAS = 0.03 * DEGREE  # per s, of a gyro
+
+_SURE_BIAS = 0.003  # m/s: what a Doppler log's own bias of w may be
+
+_LEAST_FORCE = 0.03  # m/s^2
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was found about one sensor.
+
+    Attributes
+    ----------
+    group, of
+        The sensor, and the comparison with its unit.
+    fit
+        Fitted parameters; None where too little can be compared.
+    assignment
+        Axes and signs; None where correlation does not tell.
+    unit
+        Unit that the samples turned out to have and its size in SI, by group.
+    other_clock
+        Whether the sensor has another clock than the attitude.
+    sizes
+        Residual's root mean square as recorded and after axes, signs and units.
+    """
+
+    group: str
+    of: str
+    fit: Fit | None
+    assignment: Assignment | None = None
+    unit: dict[str, tuple[str, float]] = field(default_factory=dict)
+    other_clock: bool = False
+    sizes: tuple[float, float] = (0.0, 0.0)
+
+
+def _reach(channels: Channels, group: str) -> tuple[float, bool]:
+    other = channels.clock(group) != channels.clock("attitude")
+    return (_OTHER_CLOCK_S if other else _SAME_CLOCK_S), other
+
+
+def _timing(channels: Channels, group: str, grid: Grid) -> list[Parameter]:
+    """Delay of a sensor, and the drift of its clock where it has one of its own."""
+    parameters = [Parameter(f"delay.{group}", 0.02, _LEAST_S, always=group in ("velocity", "rates"))]
+    if channels.clock(group) != channels.clock("attitude"):
+        span = float(grid.t[-1] - grid.t[0])
+        parameters.append(Parameter(f"drift.{group}", 0.02 / span, 0.02 / span))
+    return parameters
+
+
+def scaled(channels: Channels, names: Mapping[str, float]) -> None:
+    """Bring channels to SI, in place."""
+    for name, factor in names.items():
+        if name in channels.curves:
+            old = channels.curves[name]
+            channels.curves[name] = Curve(Series(old.t, old.values * factor, old.clock))
+
+
+def rates_found(channels: Channels) -> Found | None:
+    """The gyro against the attitude's rates; None without either."""
+    needed = {"p": ("roll",), "q": ("pitch",), "r": ("yaw",)}
+    names = tuple(n for n, own in needed.items() if n in channels.curves and set(own) <= set(channels.curves))
+    grid = channels.grid((*names, "roll", "pitch", "yaw"), 2.0) if names else None
+    if grid is None:
+        return None
+    reach, other = _reach(channels, "rates")
+    reach = min(reach, 0.2 * float(grid.t[-1] - grid.t[0]))
+    residual = RatesResidual(channels, grid, names)
+    of = "rates of the attitude and the gyro, rad/s"
+    before = _rms(residual({}))
+    shown = grid.low(np.stack([channels.curves[n](grid.t) for n in names], axis=1))
+    good = residual({})[1]
+    found = assigned(names, residual.reference, shown, good, grid, reach)
+    if found is None:
+        return Found("rates", of, None, other_clock=other, sizes=(before, before))
+    channels.axes |= found.changed
+    units = {}
+    if (unit := unit_of(found.ratio, "rates")) is not None:
+        units["rates"] = unit
+        scaled(channels, dict.fromkeys("pqr", unit[1]))
+    sizes = (before, _rms(residual({})))
+    scales = tuple(Parameter(f"scale.{n}", 0.01, 0.02, material=0.02) for n in names)
+    biases = tuple(Parameter(f"bias.{n}", 0.1 * DEGREE, _LEAST_BIAS) for n in names)
+    channels.middle = float(grid.t.mean())
+    parameters = [*_timing(channels, "rates", grid), *biases, *scales]
+    fit = fitted(residual, parameters, grid, {"delay.rates": found.delay})
+    _keep_delay(channels, "rates", fit)
+    return Found("rates", of, fit, found, units, other, sizes)
+
+
+def _keep_delay(channels: Channels, group: str, fit: Fit | None) -> None:
+    """What is compared next sees this sensor at the right time, on average."""
+    if fit is not None:
+        channels.delay[group] = fit.values.get(f"delay.{group}", 0.0)
+
+
+def velocity_found(channels: Channels) -> Found | None:
+    """The velocity against position and depth; None where the log has not what it takes."""
+    have = set(channels.curves)
+    rows = []
+    if {"x", "y", "u", "v", "yaw"} <= have:
+        rows += [0, 1]
+    if {"z", "u", "w", "pitch"} <= have:
+        rows += [2]
+    if not rows:
+        return None
+    used = tuple(["xyz"[k] for k in rows] + ["u", "v", "w", "roll", "pitch", "yaw"])
+    grid = channels.grid(used, 2.0)
+    if grid is None:
+        return None
+    residual = VelocityResidual(channels, grid, tuple(rows))
+    before = _rms(residual({}))
+    reach, other = _reach(channels, "velocity")
+    reach = min(reach, 0.2 * float(grid.t[-1] - grid.t[0]))
+    good = residual({})[1]
+    whole = len(rows) == 3
+    assignment, ratio = (_by_axes if whole else _by_rows)(channels, grid, residual, good, tuple(rows), reach)
+    of = "rates of position and depth" if whole else "rate of depth" if rows == [2] else "rate of position"
+    of += " and the velocity, m/s"
+    units: dict[str, tuple[str, float]] = {}
+    if (unit := unit_of(ratio, "velocity")) is not None:
+        units["velocity"] = unit
+        scaled(channels, dict.fromkeys("uvw", unit[1]))
+    elif rows == [2] and (unit := unit_of(1.0 / max(ratio, 1e-300), "depth")) is not None:
+        units["depth"] = unit
+        scaled(channels, {"z": unit[1]})
+    residual = VelocityResidual(channels, grid, tuple(rows))
+    sizes = (before, _rms(residual({})))
+    channels.middle = float(grid.t.mean())
+    start = {"delay.velocity": channels.delay.pop("velocity", 0.0)}
+    fit = fitted(residual, _velocity_parameters(channels, grid, tuple(rows)), grid, start)
+    for group in ("velocity", *{channels.group("xyz"[k]) for k in rows}):
+        _keep_delay(channels, group, fit)
+    return Found("velocity", of, fit, assignment, units, other, sizes)
+
+
+def _velocity_parameters(channels: Channels, grid: Grid, rows: tuple[int, ...]) -> list[Parameter]:
+    have = set(channels.curves)
+    parameters = _timing(channels, "velocity", grid)
+    for group in sorted({channels.group("xyz"[k]) for k in rows}):
+        if not channels.with_attitude("x" if group == "position" else "z"):
+            parameters += _timing(channels, group, grid)
+    angle = 0.3 * DEGREE
+    if 2 in rows:
+        parameters += [
+            Parameter("tilt.pitch", angle, _LEAST_TILT),
+            Parameter("bias.w", 0.001, 0.0, _SURE_BIAS, always=True),
+        ]
+        if "v" in have:
+            parameters.append(Parameter("tilt.roll" if "roll" in have else "list", angle, _LEAST_TILT))
+    if 0 in rows:
+        parameters.append(Parameter("heading", angle, _LEAST_HEADING))
+    parameters.append(Parameter("scale.velocity", 0.01, 0.02, material=0.02))
+    if 0 in rows or {"roll", "pitch"} <= have:
+        axes = "xyz" if len(rows) == 3 else "xy"
+        parameters += [Parameter(f"arm.{axis}", 0.02, 0.05) for axis in axes]
+    return parameters
+
+
+def _rms(found: tuple[Array, Mask]) -> float:
+    return robust_rms(found[0][found[1]])
+
+
+def _by_axes(
+    channels: Channels,
+    grid: Grid,
+    residual: VelocityResidual,
+    good: Mask,
+    rows: tuple[int, ...],
+    reach: float,
+) -> tuple[Assignment | None, float]:
+    """Axes, signs, rough delay and ratio of sizes from all three components in the body frame."""
+    rate, _ = residual.rate({})
+    roll, pitch, yaw = residual.smooth
+    # Columns of R: the body components are the products with them.
+    base = np.eye(3)
+    turned = np.stack(
+        [ned_rows(roll, pitch, yaw, np.tile(base[k], (len(grid.t), 1))) for k in range(3)], axis=2
+    )
+    reference = np.einsum("nik,ni->nk", turned, rate)
+    names = tuple(name for name in "uvw" if name in channels.curves)
+    shown = grid.low(np.stack([channels.curves[name](grid.t) for name in names], axis=1))
+    reference = reference[:, ["uvw".index(name) for name in names]]
+    found = assigned(names, reference, shown, good, grid, reach)
+    if found is None:
+        return None, 1.0
+    channels.delay["velocity"] = found.delay
+    channels.axes |= found.changed
+    return found, found.ratio
+
+
+def _by_rows(
+    channels: Channels,
+    grid: Grid,
+    residual: VelocityResidual,
+    good: Mask,
+    rows: tuple[int, ...],
+    reach: float,
+) -> tuple[Assignment | None, float]:
+    """The same where only the depth, or north and east, are known: signs that halve the residual."""
+    rate, _ = residual.rate({})
+    roll, pitch, yaw = residual.attitude
+    names = ("u", "w") if rows == (2,) else ("u", "v")
+    u = channels.curves["u"](grid.t)
+    level = np.stack([np.full_like(u, np.median(u)), 0.0 * u, 0.0 * u], axis=1)
+    if rows == (2,):
+        # The pitch has no delay of its own: what it leaves of the depth's rate belongs to w.
+        typical = grid.low(ned_rows(roll, pitch, yaw, level))[:, [2]]
+        shown = grid.low(channels.curves["w"](grid.t))[:, None]
+    else:
+        typical = np.zeros((len(u), 2))
+        shown = grid.low(
+            ned_rows(roll, pitch, yaw, np.stack([u, channels.curves["v"](grid.t), 0.0 * u], axis=1))
+        )
+        shown = shown[:, :2]
+    best: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    size = float(np.median(np.abs(rate[good]))) / max(float(np.median(np.abs(shown[good]))), 1e-300)
+    for factor in (1.0, -1.0, *((size, -size) if not 0.2 < size < 5.0 else ())):
+        a, b = band(rate - factor * typical, good, grid), band(shown, good, grid)
+        delay, rho = lagged(a, b, grid.step, reach)
+        strength = float(np.abs(np.diag(rho)).max())
+        if strength > best[0]:
+            best = (strength, delay, factor)
+    if best[0] > 0.3:
+        channels.delay["velocity"] = best[1]
+    values: dict[str, float] = {}
+
+    def told(signs: tuple[float, ...]) -> tuple[float, float]:
+        own = dict(channels.axes)
+        channels.axes |= {name: (name, sign) for name, sign in zip(names, signs, strict=True)}
+        residual.velocities = {}
+        y, use = residual(values)
+        channels.axes = own
+        residual.velocities = {}
+        a = band(rate, use, grid)
+        b = band(rate - y, use, grid)
+        fit = float(np.sum(a * b) / np.sqrt(np.sum(a**2) * np.sum(b**2) + 1e-300))
+        return fit, float(np.sqrt(np.sum(b**2) / max(float(np.sum(a**2)), 1e-300)))
+
+    fits = {signs: told(signs) for signs in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))}
+    own = fits[1.0, 1.0]
+    chosen = max(fits, key=lambda signs: fits[signs][0])
+    if fits[chosen][0] < 0.9 or own[0] > 0.5:
+        chosen = (1.0, 1.0)
+    axes = {name: (name, sign) for name, sign in zip(names, chosen, strict=True)}
+    channels.axes |= {name: entry for name, entry in axes.items() if entry[1] < 0.0}
+    fit, ratio = fits[chosen]
+    found = Assignment(channels.delay.get("velocity", 0.0), axes, dict.fromkeys(names, fit), ratio)
+    return found, ratio if fit > 0.6 else 1.0
+
+
+def force_found(channels: Channels, g: float = 9.81) -> Found | None:
+    """The specific force against gravity turned by the attitude and the velocity's change."""
+    names = ("ax", "ay", "az")
+    if not {*names, "roll", "pitch"} <= set(channels.curves):
+        return None
+    moving = {"u", "v", "w", "p", "q", "r"} <= set(channels.curves)
+    used = (*names, "roll", "pitch", *(("u", "v", "w", "p", "q", "r") if moving else ()))
+    grid = channels.grid(used, 2.0)
+    if grid is None:
+        return None
+    of = "specific force, and gravity and acceleration, m/s^2"
+    roll, pitch = channels.at("roll", grid.t, {}), channels.at("pitch", grid.t, {})
+    down = np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
+    expected = grid.low(-g * down)
+    if moving:
+        v = np.stack([channels.at(n, grid.t, {}) for n in "uvw"], axis=1)
+        omega = np.stack([channels.at(n, grid.t, {}) for n in "pqr"], axis=1)
+        expected = expected + grid.slope(v) + grid.low(np.cross(omega, v))
+    known = grid.inside(channels.known(used, grid.t, {}))
+
+    def residual(values: Mapping[str, float]) -> tuple[Array, Mask]:
+        shown = np.stack(
+            [channels.at(n, grid.t, values) - values.get(f"bias.{n}", 0.0) for n in names], axis=1
+        )
+        return grid.low(shown) - expected, known
+
+    before = _rms(residual({}))
+    size = float(np.median(channels.curves["az"].values)) / -g
+    units: dict[str, tuple[str, float]] = {}
+    axes: dict[str, tuple[str, float]] = {}
+    if size < 0.0:
+        axes = {n: (n, -1.0) for n in names}
+        channels.axes |= axes
+    for unit, factor in (("g", g), ("mg", 1e-3 * g)):
+        if abs(abs(size) * factor - 1.0) < 0.2:
+            units["specific force"] = (unit, factor)
+            scaled(channels, dict.fromkeys(names, factor))
+    middle = _rms(residual({}))
+    biases = [Parameter(f"bias.{n}", 0.01, _LEAST_FORCE) for n in names]
+    fit = fitted(residual, [*_timing(channels, "specific force", grid), *biases], grid)
+    assignment = Assignment(0.0, {n: axes.get(n, (n, 1.0)) for n in names}, {}, abs(size))
+    return Found("specific force", of, fit, assignment, units, False, (before, middle))

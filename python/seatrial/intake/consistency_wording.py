@@ -1,0 +1,247 @@
+"""What was found about a sensor as corrections: key, value, deviation, effect and a sentence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seatrial.base.channels import DEGREE
+from seatrial.intake.consistency_fit import Fit
+from seatrial.intake.consistency_motion import Channels
+from seatrial.intake.consistency_result import Correction
+from seatrial.intake.consistency_sensors import Found
+
+__all__ = ["corrections_of", "list_sentence"]
+
+_CERTAIN = 5.0
+
+_LEAST_S = 0.015
+
+_SENSOR = {"rates": "the gyro", "specific force": "the accelerometer"}
+
+
+def corrections_of(found: Found, channels: Channels, mounting_yaw: bool = False) -> list[Correction]:
+    """Corrections of one sensor; a heading is its mounting's where `mounting_yaw`."""
+    made = [*_units(found), *_axes(found)]
+    if found.fit is not None:
+        made += _timing(found, found.fit, channels)
+        made += _mounting(found, found.fit, mounting_yaw)
+        made += _amplitudes(found, found.fit)
+    return made
+
+
+def _units(found: Found) -> list[Correction]:
+    before, after = found.sizes
+    return [
+        Correction(
+            "corrections",
+            f"scale.{_word(group)}",
+            factor,
+            0.0,
+            "",
+            before,
+            after,
+            found.of,
+            f"the {group} is in {unit}: its size is {1.0 / factor:.4g} times that of the motion",
+        )
+        for group, (unit, factor) in found.unit.items()
+    ]
+
+
+def _axes(found: Found) -> list[Correction]:
+    if found.assignment is None or not found.assignment.changed:
+        return []
+    before, after = found.sizes
+    changed = found.assignment.changed
+    correlation = found.assignment.correlation
+    made = []
+    for name, (recorded, sign) in changed.items():
+        told = f"(correlation {correlation[name]:.2f} once corrected)" if name in correlation else ""
+        if recorded == name:
+            sentence = f"{name} has the opposite sign of the motion {told}"
+            made.append(
+                Correction(
+                    "corrections", f"signs.{name}", -1, 0, "", before, after, found.of, sentence.strip()
+                )
+            )
+        else:
+            word = "minus " if sign < 0.0 else ""
+            sentence = f"{name} is recorded as {word}{recorded} {told}: axes are exchanged"
+            entry = ("-" if sign < 0.0 else "") + recorded
+            made.append(
+                Correction("corrections", f"axes.{name}", entry, 0, "", before, after, found.of, sentence)
+            )
+    return made
+
+
+def _timing(found: Found, fit: Fit, channels: Channels) -> list[Correction]:
+    made = []
+    for name in fit.names:
+        kind, _, group = name.partition(".")
+        if kind != "delay":
+            continue
+        own, reference = channels.clock(group), channels.clock("attitude")
+        drift = f"drift.{group}"
+        if own == reference:
+            made += _delay(found, fit, name, group)
+            continue
+        value, sd = fit.values[name], fit.sd[name]
+        if drift in fit.values:
+            value, sd = _at_zero(fit, name, drift, channels.middle)
+        if abs(value) > max(_CERTAIN * sd, _LEAST_S):
+            made.append(
+                Correction(
+                    "clocks",
+                    f"{own}.offset_s",
+                    round(value, 5),
+                    sd,
+                    "s",
+                    fit.alone[name],
+                    fit.after,
+                    found.of,
+                    f"the clock of {own} reads {value:.3f} s (+/- {sd:.3f} s) at time zero of"
+                    f" {reference or 'the attitude'}: its offset and the delay of its {group} sensor, which"
+                    " appear only as this sum",
+                )
+            )
+    for name in fit.names:
+        kind, _, group = name.partition(".")
+        if kind == "drift":
+            rate, sd = fit.values[name], fit.sd[name]
+            own = channels.clock(group)
+            span = 2.0 * abs(channels.middle - _start(channels, group))
+            made.append(
+                Correction(
+                    "clocks",
+                    f"{own}.drift",
+                    float(f"{rate:.4g}"),
+                    sd,
+                    "",
+                    fit.alone[name],
+                    fit.after,
+                    found.of,
+                    f"the clock of {own} runs {1e6 * rate:.1f}e-6 (+/- {1e6 * sd:.1f}e-6) fast,"
+                    f" {abs(rate) * span:.3f} s over the log",
+                )
+            )
+    return made
+
+
+def _start(channels: Channels, group: str) -> float:
+    return min(
+        float(curve.t[0])
+        for name, curve in channels.curves.items()
+        if not name.startswith(("cmd.", "meas.")) and channels.group(name) == group
+    )
+
+
+def _at_zero(fit: Fit, delay: str, drift: str, middle: float) -> tuple[float, float]:
+    """Offset of a clock at time zero, s, and its deviation, from delay in the middle and drift."""
+    i, j = fit.names.index(delay), fit.names.index(drift)
+    row = np.zeros(len(fit.names))
+    row[i], row[j] = 1.0, -middle
+    return fit.values[delay] - middle * fit.values[drift], float(np.sqrt(row @ fit.covariance @ row))
+
+
+def _delay(found: Found, fit: Fit, name: str, group: str) -> list[Correction]:
+    value, sd = fit.values[name], fit.sd[name]
+    if abs(value) < max(_CERTAIN * sd, _LEAST_S) or fit.after >= fit.alone[name]:
+        return []
+    word = "late" if value > 0.0 else "early"
+    sensor = _SENSOR.get(group, f"the {group}")
+    sentence = f"{sensor} is {abs(value):.3f} s (+/- {sd:.3f} s) {word} against the attitude"
+    key = f"delay_s.{_word(group)}"
+    return [
+        Correction(
+            "corrections", key, round(value, 4), sd, "s", fit.alone[name], fit.after, found.of, sentence
+        )
+    ]
+
+
+def _mounting(found: Found, fit: Fit, mounting_yaw: bool) -> list[Correction]:
+    made: list[Correction] = []
+    tilts = ["tilt.roll", "tilt.pitch", "heading" if mounting_yaw else "tilt.yaw"]
+    given = [name for name in tilts if name in fit.values]
+    if given:
+        angles = [fit.values.get(name, 0.0) / DEGREE for name in tilts]
+        sds = [fit.sd.get(name, 0.0) / DEGREE for name in tilts]
+        words = {"tilt.roll": "roll", "tilt.pitch": "pitch", "tilt.yaw": "yaw", "heading": "yaw"}
+        said = " and ".join(
+            f"{fit.values[name] / DEGREE:+.2f} deg (+/- {fit.sd[name] / DEGREE:.2f} deg) in {words[name]}"
+            for name in given
+        )
+        sentence = f"the velocity sensor is turned by {said}; an offset of the attitude looks alike"
+        before = max(fit.alone[name] for name in given)
+        value = [round(angle, 3) for angle in angles]
+        made.append(
+            Correction(
+                "corrections", "tilt_deg.velocity", value, sds, "deg", before, fit.after, found.of, sentence
+            )
+        )
+    if "heading" in fit.values and not mounting_yaw:
+        value_deg, sd = fit.values["heading"] / DEGREE, fit.sd["heading"] / DEGREE
+        sentence = (
+            f"the heading of the attitude is {-value_deg:+.1f} deg (+/- {sd:.1f} deg) off the position's"
+            " frame: add the difference to the yaw"
+        )
+        made.append(_simple(found, fit, "heading", "heading_deg", round(value_deg, 2), sd, "deg", sentence))
+    arm = [f"arm.{axis}" for axis in "xyz"]
+    if any(name in fit.values for name in arm):
+        values = [round(fit.values.get(name, 0.0), 3) for name in arm]
+        sds = [fit.sd.get(name, 0.0) for name in arm]
+        before = max(fit.alone[name] for name in arm if name in fit.values)
+        sentence = (
+            f"the velocity sensor sits at ({', '.join(f'{x:.2f}' for x in values)}) m from O, as its velocity"
+            " in turns shows"
+        )
+        made.append(
+            Correction("places", "velocity_m", values, sds, "m", before, fit.after, found.of, sentence)
+        )
+    return made
+
+
+def _simple(
+    found: Found, fit: Fit, name: str, key: str, value: Any, sd: float, unit: str, sentence: str
+) -> Correction:
+    return Correction("corrections", key, value, sd, unit, fit.alone[name], fit.after, found.of, sentence)
+
+
+def _amplitudes(found: Found, fit: Fit) -> list[Correction]:
+    made = []
+    for name in fit.names:
+        kind, _, channel = name.partition(".")
+        value, sd = fit.values[name], fit.sd[name]
+        if kind == "scale":
+            off = 100.0 * (1.0 / (1.0 + value) - 1.0)
+            sentence = f"{channel} is {off:+.1f} % (+/- {100.0 * sd:.1f} %) off in scale"
+            known = found.unit.get(channel if channel == "velocity" else found.group)
+            factor = (1.0 + value) * (known[1] if known and channel == "velocity" else 1.0)
+            made.append(
+                _simple(found, fit, name, f"scale.{channel}", float(f"{factor:.5g}"), sd, "", sentence)
+            )
+        elif kind == "bias" and channel != "w":
+            degrees = channel in "pqr"
+            factor, unit = (1.0 / DEGREE, "deg/s") if degrees else (1.0, "m/s^2")
+            key = f"bias.{channel}_deg_s" if degrees else f"bias.{channel}_m_s2"
+            sentence = f"{channel} is off by {value * factor:+.3g} {unit} (+/- {sd * factor:.2g} {unit})"
+            made.append(
+                _simple(found, fit, name, key, float(f"{value * factor:.4g}"), sd * factor, unit, sentence)
+            )
+    return made
+
+
+def list_sentence(fit: Fit | None) -> str | None:
+    """What the depth's rate tells about a roll that is not logged; None where nothing."""
+    if fit is None or "list" not in fit.values:
+        return None
+    value, sd = fit.values["list"] / DEGREE, fit.sd["list"] / DEGREE
+    side = "starboard" if value > 0.0 else "port"
+    return (
+        f"roll is not recorded, but sway and the depth's rate show a mean list of {abs(value):.2f} deg"
+        f" (+/- {sd:.2f} deg) to {side}"
+    )
+
+
+def _word(group: str) -> str:
+    return group.replace(" ", "_")
