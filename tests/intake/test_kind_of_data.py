@@ -67,3 +67,14 @@ def test_beluga_is_told_by_its_excited_axes() -> None:
     random = kind_of_data(campaign.trials["random-1"], campaign.vehicle)
     assert random.windows.kept[0] >= random.windows.kept[1] - 2
     assert 0.2 <= np.ptp(np.array(random.windows.hold_out)) / 666.0 <= 0.36
+
+
+def test_harmonics_of_a_row_of_preset_steps_are_no_waves() -> None:
+    vehicle, t = st.Vehicle.load("cwolf"), np.arange(0.0, 120.0, 0.1)
+    swing = 500.0 * np.sign(np.sin(0.4 * t))
+    commands = dict.fromkeys(("SbU", "SbL"), 900.0 + swing) | dict.fromkeys(("PU", "PL"), 900.0 - swing)
+    commands |= dict.fromkeys(("VTB", "VTS"), 0.0 * t)
+    run = vehicle.simulate(t, commands)
+    table = {"t_s": t, "v_m_s": run.nu[:, 1], "r_deg_s": np.rad2deg(run.nu[:, 5])}
+    trial = st.Trial.read(table | {f"cmd.{name}": values for name, values in commands.items()}, align=False)
+    assert kind_of_data(trial, vehicle).waves is None

@@ -14,7 +14,7 @@ from seatrial.intake.excitation import Contact, Excitation, Saturation, contacts
 from seatrial.intake.manoeuvres import Manoeuvre, counted, drives, manoeuvres
 from seatrial.intake.trial_windows import TrialWindows, windows
 from seatrial.trial.feedback import Feedback, feedback
-from seatrial.trial.waves import Waves, waves
+from seatrial.trial.waves import Waves, commanded, waves
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -99,11 +99,15 @@ def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
     """
     driving = drives(trial, vehicle)
     found = manoeuvres(trial, vehicle)
+    loops = tuple(one for one in feedback(trial) if one.closed)
+    swell = waves(trial)
+    if swell is not None and not loops and commanded(trial, swell):
+        swell = None  # a row of preset steps has harmonics
     return KindOfData(
         contacts=tuple(contacts(trial, driving)),
         saturated=tuple(saturation(trial, vehicle)),
-        loops=tuple(one for one in feedback(trial) if one.closed),
-        waves=waves(trial),
+        loops=loops,
+        waves=swell,
         excitation=tuple(excitation(trial)),
         manoeuvres=tuple(found),
         windows=windows(trial, found),

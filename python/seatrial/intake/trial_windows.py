@@ -97,11 +97,9 @@ def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
     _, candidate, both, effort = best
     candidate = (candidate[0], float(np.ceil(trial.t[-1]))) if use[1] - candidate[1] < 2.0 else candidate
     share = (candidate[1] - candidate[0]) / length
-    words = (
-        f"{both} of {len(repeated)} kinds of manoeuvres are in both parts"
-        if repeated
-        else ("no kind of manoeuvre occurs twice")
-    )
+    words = "no kind of manoeuvre recurs"
+    if repeated:
+        words = f"{both} of {len(repeated)} recurring kinds of manoeuvres in both parts"
     return TrialWindows(
         use,
         candidate,

@@ -19,7 +19,7 @@ from seatrial.base.arrays import Array
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["Waves", "waves"]
+__all__ = ["Waves", "commanded", "waves"]
 
 _LONGEST_S, _SHORTEST_S = 20.0, 2.0
 _WINDOW_S = 100.0
@@ -27,6 +27,7 @@ _PROMINENT = 6.0  # times the smooth spectrum
 _BAND = 1.35  # around the peak, as a factor of its frequency
 _SEEN = ("u", "v", "w", "p", "q", "r", "z", "roll", "pitch", "yaw")
 _FEWEST_PERIODS = 20
+_TOGETHER = 0.5
 _SHARE = 0.02  # of a channel's variance: less is no wave
 
 
@@ -90,6 +91,27 @@ def waves(trial: Trial) -> Waves | None:
         return None  # a peak in angles and rates alone is the vehicle's own period
     decay = _decay(trial, frequency, amplitude)
     return Waves(1.0 / frequency, amplitude, share, *decay)
+
+
+def commanded(trial: Trial, found: Waves) -> bool:
+    """Whether a command goes together with the oscillation: coherence above a half at its frequency.
+
+    Then preset commands explain it; those of a closed loop may answer it.
+    """
+    from scipy.signal import coherence
+
+    inputs = [*trial.commands.values(), *([] if trial.tau is None else trial.tau.T)]
+    # Eight windows at least, of three periods at least: fewer agree by chance.
+    count = max(round(3.0 * found.period_s / trial.dt), len(trial) // 8)
+    for channel in found.amplitude:
+        y = trial.filled(channel)
+        for u in inputs:
+            if y is None or np.ptp(u) == 0.0 or len(y) < 4 * count:
+                continue
+            f, together = coherence(u, y, 1.0 / trial.dt, nperseg=count)
+            if together[int(np.argmin(np.abs(f - 1.0 / found.period_s)))] > _TOGETHER:
+                return True
+    return False
 
 
 def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
