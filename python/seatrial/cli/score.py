@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -32,9 +32,14 @@ def score(
     against: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="VEHICLE", help="Another vehicle to be compared on the same windows; repeatable."
+            metavar="VEHICLE|TABLE",
+            help="Another vehicle, or a table of predictions (CSV or Parquet: time, channels with units), to"
+            " be compared on the same windows; repeatable.",
         ),
     ] = None,
+    own_stamps: Annotated[
+        bool, typer.Option("--own-stamps", help="Compare at every sensor's own stamps, not on the time base.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for figures (PNG), a trial each.")
     ] = None,
@@ -44,25 +49,33 @@ def score(
 ) -> None:
     """Score a vehicle on trials: R2 and errors per channel, some seconds ahead again and again.
 
-    With --against, which vehicle predicts better, and whether these trials can tell.
+    With --against, which vehicle or table of predictions is better, and whether these trials can tell.
     """
     from seatrial._core import Vehicle
     from seatrial.cli.console import answer, check_axes, formats, print_json
     from seatrial.trial.comparison import compare
+    from seatrial.trial.predictions import Predictions, is_table
     from seatrial.trial.score import score as scored
 
     check_axes(free, "--free")
-    vehicles = {label: Vehicle.load(name) for label, name in _labels([vehicle, *(against or [])]).items()}
+    vehicles = {
+        label: Predictions.read(name)
+        if against and name in against and is_table(name)
+        else Vehicle.load(name)
+        for label, name in _labels([vehicle, *(against or [])]).items()
+    }
     chosen = _read(trials, columns_from)
     measured = "".join(axis for axis in "XYZKMN" if axis not in free)
+    options: dict[str, Any] = {"free_run": free_run, "free": free, "measured": measured}
+    options["own_stamps"] = own_stamps
     found: Score | Comparison
     report: Report
     if len(vehicles) == 1:
         (single,) = vehicles.values()
-        found = scored(single, chosen, ahead_s=ahead, free_run=free_run, free=free, measured=measured)
+        found = scored(single, chosen, ahead_s=ahead, **options)
         scores, report = dict.fromkeys(vehicles, found), found.report(next(iter(vehicles)))
     else:
-        found = compare(vehicles, chosen, ahead_s=ahead, free_run=free_run, free=free, measured=measured)
+        found = compare(vehicles, chosen, ahead_s=ahead, **options)
         scores, report = found.scores, found.report()
 
     def drawn() -> list[Path]:
@@ -81,6 +94,7 @@ def score(
 def _labels(names: list[str]) -> dict[str, str]:
     """Vehicles by what tells them apart: of a run directory's vehicle files, the directory."""
     from seatrial.base.errors import VehicleError
+    from seatrial.trial.predictions import is_table
 
     found: dict[str, str] = {}
     for name in names:
@@ -89,7 +103,7 @@ def _labels(names: list[str]) -> dict[str, str]:
         if path.name in ("vehicle.toml", "vehicle_stages.toml"):
             label = folder if path.name == "vehicle.toml" else f"{folder} stages"
         else:
-            label = path.stem if path.suffix == ".toml" else name
+            label = path.stem if path.suffix == ".toml" or is_table(name) else name
         label = name if label in found else label
         if name in found.values():
             raise VehicleError(f"--against {name!r}: the vehicle is given twice; name two that differ")

@@ -44,7 +44,8 @@ from seatrial.base.channels import readable
 from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
-from seatrial.trial.score import Score, channel_errors, kind, score
+from seatrial.trial.predictions import Predictions
+from seatrial.trial.score import Score, Window, channel_errors, kind, score
 from seatrial.trial.trial import Input, Trial
 
 if TYPE_CHECKING:
@@ -296,7 +297,7 @@ class Comparison:
 
 
 def compare(
-    vehicles: Mapping[str, Vehicle],
+    vehicles: Mapping[str, Vehicle | Predictions],
     trials: Trial | Sequence[Trial],
     *,
     ahead_s: float = 10.0,
@@ -307,6 +308,7 @@ def compare(
     input: Input | None = None,
     free: str = "XYZKMN",
     measured: str = "",
+    own_stamps: bool = False,
     level: float = 0.95,
 ) -> Comparison:
     """Comparison of vehicles on the same windows of the same trials; the first one is the reference.
@@ -314,8 +316,9 @@ def compare(
     Parameters
     ----------
     vehicles
-        Models by the names under which they are to be shown, at least two.
-    trials, ahead_s, channels, start_s, stop_s, free_run, input, free, measured
+        Models, or predictions of others, by the names under which they are to be shown, at least two. All are
+        judged on the windows and channels that every table of predictions covers.
+    trials, ahead_s, channels, start_s, stop_s, free_run, input, free, measured, own_stamps
         As for `seatrial.score`.
     level
         Probability with which all intervals hold together.
@@ -358,9 +361,11 @@ def compare(
             input=input,
             free=free,
             measured=measured,
+            own_stamps=own_stamps,
         )
         for name, vehicle in vehicles.items()
     }
+    scores = _shared(scores, {n: v for n, v in vehicles.items() if isinstance(v, Predictions)})
     first, *others = scores
     # A channel that never moves has no R2.
     compared = [channel for channel, one in scores[first].items() if not np.isnan(one.r2)]
@@ -379,6 +384,23 @@ def compare(
         ),
         level=level,
     )
+
+
+def _shared(scores: dict[str, Score], tables: Mapping[str, Predictions]) -> dict[str, Score]:
+    """The scores on what every table of predictions covers: its windows, and its channels."""
+    if not tables:
+        return scores
+    common = [c for c in next(iter(scores.values())) if all(c in scores[name] for name in tables)]
+    spans = set.intersection(*({_span_of(w) for w in scores[name].windows} for name in tables))
+    source = " and ".join(one.source for one in tables.values())
+    return {
+        name: one.only(np.array([_span_of(w) in spans for w in one.windows]), common, source)
+        for name, one in scores.items()
+    }
+
+
+def _span_of(window: Window) -> tuple[str, int, int]:
+    return window.trial.name, window.start, window.stop
 
 
 def _overall(first: str, name: str, pairs: Sequence[PairedWindows], alpha: float) -> Overall:
@@ -496,8 +518,10 @@ def _table(comparison: Comparison) -> Table:
         ("all", one.vehicle, "", "", "", "", _span(one.error_ratio, one.error_interval, ""), one.verdict)
         for one in comparison.overall
     ]
+    skipped = scores[reference].skipped
     title = (
-        f"{', '.join(comparison.trials)}: {kind(scores[reference])}; intervals against {reference}, together"
+        f"{', '.join(comparison.trials)}: {kind(scores[reference])}"
+        f"{f' ({skipped} left out)' if skipped else ''}; intervals against {reference}, together"
         f" {100 * comparison.level:g} %"
     )
     head = ("channel", "vehicle", "R2", "MAE", "unit", "R2 difference", "error ratio", "verdict")

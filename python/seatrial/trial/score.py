@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial._core import nuisance_names
-from seatrial.base.arrays import Array
-from seatrial.base.channels import CHANNELS, deviations, difference, readable
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import ANGLES, CHANNELS, deviations, difference, readable
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Report, Section, Table
+from seatrial.trial.predictions import Predictions
 from seatrial.trial.record import Record, Replay, cut_spans, restarted
 from seatrial.trial.trial import Input, Trial
 
@@ -47,12 +48,31 @@ _MOST_SUBSTEPS = 64
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Samples `start` to `stop` (exclusive) of a trial and the channels simulated there (n, 12), SI."""
+    """Samples `start` to `stop` (exclusive) of a trial and the channels simulated there (n, 12), SI.
+
+    With ``own_stamps`` it is compared at the stamps of each sensor instead of the trial's time base.
+    """
 
     trial: Trial
     start: int
     stop: int
     simulated: Array
+    own_stamps: bool = False
+
+    def compared(self, channel: str) -> tuple[Array, Array]:
+        """Simulated and measured samples (m,) of a channel that count, SI: not the first, no masked one."""
+        k = CHANNELS.index(channel)
+        if self.own_stamps and channel in self.trial.samples:
+            times = self.trial.t[self.start : self.stop]
+            t, y = self.trial.samples[channel]
+            inside = (t > times[0]) & (t <= times[-1])
+            track = self.simulated[:, k]
+            with np.errstate(invalid="ignore"):  # a simulation that diverged
+                path = np.unwrap(track) if channel in ANGLES else track
+            return np.interp(t[inside], times, path), y[inside]
+        samples = slice(self.start + 1, self.stop)
+        counted = self.trial.valid[samples, k]
+        return self.simulated[1:, k][counted], self.trial.observed[samples, k][counted]
 
 
 def windows(
@@ -227,6 +247,26 @@ class Score(Mapping[str, ChannelScore]):
         """Mean absolute error in SI by channel."""
         return {name: channel.mae for name, channel in self.channels.items()}
 
+    def only(self, kept: Mask, channels: Sequence[str], source: str) -> Score:
+        """The score on some of the windows (windows,) and channels; `source` is who asks, for the message.
+
+        Raises
+        ------
+        TrialError
+            No window or no channel is left.
+        """
+        if not channels or not kept.any():
+            spans = {w.trial.name: f"{w.trial.t[0]:g} to {w.trial.t[-1]:g} s" for w in self.windows}
+            raise TrialError(
+                f"{source}: expected predictions of whole windows of the trials"
+                f" ({', '.join(f'{name} {span}' for name, span in spans.items())}) in their channels, found"
+                " none; check its times and channels"
+            )
+        windows = tuple(window for window, keep in zip(self.windows, kept, strict=True) if keep)
+        table = {name: _channel_score(name, windows) for name in self.channels if name in channels}
+        skipped = self.skipped + len(self.windows) - len(windows)
+        return replace(self, channels=table, windows=windows, skipped=skipped)
+
     def to_dict(self) -> dict[str, Any]:
         """The score as plain data for JSON, without the simulated samples."""
         return {
@@ -298,7 +338,7 @@ _POOR = 0.8  # R2 below which a channel is worth another identification
 
 
 def score(
-    vehicle: Vehicle,
+    vehicle: Vehicle | Predictions,
     trial: Trial | Sequence[Trial],
     *,
     ahead_s: float = 10.0,
@@ -310,13 +350,14 @@ def score(
     free: str = "XYZKMN",
     measured: str = "",
     nuisances: Mapping[str, Mapping[str, float]] | None = None,
+    own_stamps: bool = False,
 ) -> Score:
     """Score of a vehicle on one trial, or pooled over several, per channel.
 
     Parameters
     ----------
     vehicle
-        The model.
+        The model, or what another model predicts.
     trial
         A trial or several; their samples are pooled.
     ahead_s
@@ -334,6 +375,8 @@ def score(
     nuisances
         Per trial the nuisance parameters of its record by name, SI, as a joint estimate finds them: a lever
         arm, a tilt, a current. What is compared is then what the sensors show of the simulated motion.
+    own_stamps
+        Compare with each sensor's own samples at their own stamps instead of the trial's time base.
 
     Raises
     ------
@@ -365,10 +408,26 @@ def score(
     for one in trials:
         spans, late, left_out = windows(one, ahead, start_s=start_s, stop_s=stop_s)
         shifted, skipped = shifted + late, skipped + left_out
+        if isinstance(vehicle, Predictions):
+            track = vehicle.on(one)
+            simulated += [Window(one, start, stop, track[start:stop]) for start, stop in spans]
+            continue
         own = (nuisances or {}).get(one.name)
         simulated += predict(vehicle, one, spans, input=input, free=free, measured=measured, nuisance=own)
+    simulated = [replace(window, own_stamps=own_stamps) for window in simulated]
     table = {name: _channel_score(name, simulated) for name in names}
-    return Score(table, tuple(one.name for one in trials), ahead, shifted, skipped, tuple(simulated))
+    found = Score(table, tuple(one.name for one in trials), ahead, shifted, skipped, tuple(simulated))
+    if not isinstance(vehicle, Predictions):
+        return found
+    predicted = [name for name in names if name in vehicle.channels]
+    return found.only(covered(found, predicted), predicted, vehicle.source)
+
+
+def covered(found: Score, channels: Sequence[str]) -> Mask:
+    """Windows (windows,) in which every sample that counts is predicted, in all of the channels."""
+    return np.array([
+        all(np.isfinite(window.compared(name)[0]).all() for name in channels) for window in found.windows
+    ])
 
 
 def _scored(trials: Sequence[Trial], channels: Sequence[str] | None) -> list[str]:
@@ -396,14 +455,12 @@ def channel_errors(name: str, simulated: Sequence[Window]) -> tuple[list[Array],
 
     Only samples that count are among them: not the first one of a window, no masked one.
     """
-    k = CHANNELS.index(name)
     errors, measured = [], []
     for window in simulated:
-        samples = slice(window.start + 1, window.stop)
-        counted = window.trial.valid[samples, k]
-        measured.append(window.trial.observed[samples, k][counted])
+        predicted, seen = window.compared(name)
+        measured.append(seen)
         with np.errstate(invalid="ignore"):  # a simulation that diverged
-            errors.append(difference(window.simulated[1:, k][counted], measured[-1], name))
+            errors.append(difference(predicted, seen, name))
     if not any(len(one) for one in measured):
         return errors, measured
     ends = np.cumsum([len(one) for one in measured])

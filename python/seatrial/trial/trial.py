@@ -10,7 +10,7 @@ Held by ``tests/trial/test_trial.py``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,6 +25,7 @@ from seatrial.base.errors import TrialError, nearest
 from seatrial.trial import alignment, defects, resampling, table, tilt
 from seatrial.trial.assembly import assemble
 from seatrial.trial.columns import GROUPS, columns_of, parse
+from seatrial.trial.own_samples import own_samples
 from seatrial.trial.readers import Reader, read_table
 from seatrial.trial.sensor_position import parse_positions, to_origin
 from seatrial.trial.signals import RecordingReport
@@ -74,6 +75,9 @@ class Trial:
         Density in kg/m^3 and gravity in m/s^2 of this trial; None: the vehicle's.
     report
         What was found, corrected, masked and derived.
+    samples
+        Per channel that a sensor gave its good samples before they were put on the time base: stamps in s and
+        values in SI, (m,) each, corrected as the rest.
     """
 
     name: str
@@ -93,6 +97,7 @@ class Trial:
     rho: float | None
     g: float | None
     report: RecordingReport
+    samples: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
     @classmethod
     def read(
@@ -183,7 +188,8 @@ class Trial:
             signals = alignment.align(signals, t, report, sources, remove=align)
         signals = tilt.level(signals, report, remove=level)
         parts = assemble(signals, t, report)
-        return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, **parts)
+        samples = own_samples(signals)
+        return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, samples=samples, **parts)
 
     def __len__(self) -> int:
         return len(self.t)
