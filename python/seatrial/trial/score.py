@@ -248,7 +248,16 @@ class Score(Mapping[str, ChannelScore]):
         return {name: channel.mae for name, channel in self.channels.items()}
 
     def only(self, kept: Mask, channels: Sequence[str], source: str) -> Score:
-        """The score on some of the windows (windows,) and channels; `source` is who asks, for the message.
+        """The score on some of its windows and channels.
+
+        Parameters
+        ----------
+        kept
+            Which of the windows, (windows,).
+        channels
+            Names; those that it has not are left out.
+        source
+            Who asks, for the message.
 
         Raises
         ------
