@@ -102,6 +102,15 @@ KEYS = {
 }
 """By their own bounds."""
 
+ENTRIES = {
+    "signs": Range(-1.0, 1.0, "a sign is 1 or -1"),
+    "delay_s": _sized(1e3, "give it in seconds"),
+    "tilt_deg": _sized(360.0, "give it in degrees"),
+    "scale": Range(1e-6, 1e6, "a factor is positive; give a sign under signs"),
+    "bias": _sized(1e3, "check the unit that ends the key"),
+}
+"""Tables of corrections by channel or sensor: every number in one has its row."""
+
 OPEN = {"columns", "commands", "channels", "coefficients", "factors", "values", "nuisances", "trials"}
 """Tables whose keys are names of the user's: their numbers have the range `ANY`."""
 
@@ -126,9 +135,10 @@ def number_complaints(data: Mapping[str, Any]) -> Iterator[tuple[Where, str]]:
 
 def _numbers(value: Any, where: Where, row: Range | None) -> Iterator[tuple[Where, float, Range]]:
     if isinstance(value, Mapping):
-        names = bool(where) and where[-1] in OPEN
+        table = where[-1] if where else ""
+        every = ENTRIES.get(str(table)) or (ANY if table in OPEN else None)
         for key, entry in value.items():
-            yield from _numbers(entry, (*where, key), ANY if names else range_of(key))
+            yield from _numbers(entry, (*where, key), every or range_of(key))
     elif isinstance(value, list):
         for i, entry in enumerate(value):
             yield from _numbers(entry, (*where, i), row)

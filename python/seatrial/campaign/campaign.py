@@ -23,11 +23,13 @@ from seatrial.campaign.file import CampaignFile, Environment, Input, Stage, Tria
 from seatrial.campaign.parameters import Parameter, coefficient_names, parameters
 from seatrial.campaign.search_budget import Budget
 from seatrial.campaign.variants import LockedAxes, with_locked_axes, with_start_values
+from seatrial.trial.corrections import merged
 from seatrial.trial.sensor_position import refuse_far
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.bench_test.result import BenchTest
+    from seatrial.trial.recording import Recording
     from seatrial.trial.trial import Trial
 
 __all__ = ["Campaign", "input_hashes"]
@@ -350,22 +352,51 @@ class Campaign:
         if isinstance(given := self._data.get(trial), Trial):
             return given
         source, environment = self._sources[trial], self.environment_of(trial)
+        return Trial.read(
+            self._recorded(trial),
+            name=trial,
+            rate_hz=source.rate_hz or self.file.rate_hz,
+            rho=environment.rho_kg_m3,
+            g=environment.g_m_s2,
+            **self._options(trial),
+        )
+
+    def recording(self, trial: str) -> Recording | None:
+        """Signals of a trial on their own stamps; None where the trial was given as one.
+
+        Raises
+        ------
+        CampaignError
+            There is no such file.
+        TrialError
+            The recording or its column map cannot be used.
+        """
+        from seatrial.trial.recording import recording
+        from seatrial.trial.trial import Trial
+
+        if isinstance(self._data.get(trial), Trial):
+            return None
+        return recording(self._recorded(trial), **self._options(trial))
+
+    def _recorded(self, trial: str) -> Any:
+        """Path or frame of a trial's recording."""
         path = self.path_of(trial)
         if path is not None and (wrong := no_file(path)):
             raise CampaignError(
                 f"{self.source}: trial {trial!r}, key file: {wrong}; correct the path or give"
                 f" another one with trials={{{trial!r}: path}}"
             )
-        return Trial.read(
-            self._data[trial] if path is None else path,
-            reader=source.reader or self.file.reader,
-            columns=self.file.columns | source.columns or None,
-            name=trial,
-            rate_hz=source.rate_hz or self.file.rate_hz,
-            sensor_positions=source.places.over(self.file.places).by_sensor(),
-            rho=environment.rho_kg_m3,
-            g=environment.g_m_s2,
-        )
+        return self._data[trial] if path is None else path
+
+    def _options(self, trial: str) -> dict[str, Any]:
+        """How a trial's recording becomes signals: reader, column map, places and corrections."""
+        source = self._sources[trial]
+        return {
+            "reader": source.reader or self.file.reader,
+            "columns": self.file.columns | source.columns or None,
+            "sensor_positions": source.places.over(self.file.places).by_sensor(),
+            "corrections": merged(self.file.corrections, source.corrections),
+        }
 
     def file_hash(self, trial: str) -> str | None:
         """SHA-256 of a trial's file, None for a frame."""

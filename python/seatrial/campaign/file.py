@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from heapq import heappop, heappush
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from seatrial.base.channels import AXES, CHANNELS
-from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.errors import CampaignError, TrialError, nearest
 from seatrial.base.toml_file import (
     Count,
     FolderName,
@@ -30,6 +30,7 @@ from seatrial.base.toml_file import (
 from seatrial.campaign.search_budget import Budget
 from seatrial.campaign.tuning_table import TuningTable
 from seatrial.campaign.verification_table import VerificationTable
+from seatrial.trial.corrections import parse_corrections
 
 __all__ = [
     "Anchor",
@@ -74,6 +75,17 @@ class SensorPositions(Section):
         return {key.removesuffix("_m"): position for key, position in given.items()}
 
 
+def _valid_corrections(given: dict[str, Any]) -> dict[str, Any]:
+    try:
+        parse_corrections(given, "corrections")
+    except TrialError as error:
+        raise ValueError(str(error)) from None
+    return given
+
+
+Corrections = Annotated[dict[str, Any], AfterValidator(_valid_corrections)]
+
+
 class TrialSource(Section):
     """One recording: where it is, how it is read, what of it is held out."""
 
@@ -83,6 +95,7 @@ class TrialSource(Section):
     rate_hz: Positive | None = None
     environment: Environment = Environment()
     places: SensorPositions = SensorPositions()
+    corrections: Corrections = Field(default_factory=dict)
     hold_out: bool = False
     hold_out_s: tuple[Interval, ...] = ()
     input: Input | None = None
@@ -309,6 +322,7 @@ class CampaignFile(Section):
     bench: Name | None = None
     environment: Environment = Environment()
     places: SensorPositions = SensorPositions()
+    corrections: Corrections = Field(default_factory=dict)
     reader: str | None = None
     rate_hz: Positive | None = None
     input: Input = "commands"

@@ -12,7 +12,7 @@ same instrument, is reversed with it where it has the same sense.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import body_rates, matrix
 from seatrial.base.units import factor
 from seatrial.trial.columns import GROUPS, Group, Source
+from seatrial.trial.corrections import Corrections
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
 
@@ -72,14 +73,17 @@ def align(
     sources: Mapping[str, Source],
     *,
     remove: bool = True,
+    given: Corrections | None = None,
     names: Sequence[str] = ("velocity", "rates"),
 ) -> dict[str, Signal]:
     """The same signals with clearly opposite signs reversed and trusted latencies removed, all reported.
 
     `sources` is the column map, from which the report quotes the entry with the right sign; without `remove`
-    latencies stay. `names` are the sensors to look at.
+    latencies stay. `names` are the sensors to look at. What is `given` wins: signs and delays that are given
+    stay, and all of them where nothing is to be corrected automatically.
     """
     aligned = dict(signals)
+    given = given or Corrections()
     for name in names:
         if (
             name not in signals
@@ -97,13 +101,14 @@ def align(
         columns = ["uvw".index(c) if name == "velocity" else "pqr".index(c) for c in signals[name].channels]
         reference = reference[:, columns]
         turning = _pose_motion(signals, t, "rates")[0] if name == "velocity" else None
-        sensor = _correct_signs(signals[name], t, reference, known, report, sources, turning)
+        fixed = {*given.signs, *given.axes, *(() if given.automatic else signals[name].channels)}
+        sensor = _correct_signs(signals[name], t, reference, known, report, sources, turning, fixed=fixed)
         if name == "velocity" and "water velocity" in signals:
             water = _same_signs(signals["water velocity"], signals[name], sensor, report, sources)
             aligned["water velocity"] = water
         _report_scale(sensor, t, reference, known, report, sources)
         aligned[name] = sensor
-        if not remove:
+        if not remove or name in given.delay:
             continue
         delay = _latency(sensor, t, reference, known)
         if delay is None:
@@ -191,10 +196,13 @@ def _correct_signs(
     report: RecordingReport,
     sources: Mapping[str, Source],
     turning: Array | None = None,
+    *,
+    fixed: Collection[str] = (),
 ) -> Signal:
     """The sensor with channels that run against the pose reversed; others that do not follow it are named.
 
-    With the body rates `turning` (n, 3) a channel that a lever arm explains better than a sign stays.
+    With the body rates `turning` (n, 3) a channel that a lever arm explains better than a sign stays; the
+    `fixed` channels stay too, and are named.
     """
     y, good = _filtered(sensor, t)
     step = float(t[1] - t[0])
@@ -223,6 +231,14 @@ def _correct_signs(
                     channel,
                     f"runs opposite to the recorded pose (correlation {strongest:.2f}), as a sensor with a"
                     " lever arm does; left as recorded. Give the position of the sensor",
+                )
+                continue
+            if channel in fixed:
+                report.add(
+                    "warning",
+                    channel,
+                    f"runs opposite to the recorded pose (correlation {strongest:.2f}); left as recorded."
+                    f" Reverse it with signs.{channel} = -1 under corrections",
                 )
                 continue
             signs[k] = -1.0

@@ -91,6 +91,8 @@ class RecordingReport:
         was turned upright.
     masked
         Number of samples kept out of every criterion, by channel.
+    corrections
+        Key and value of the corrections that were given and applied.
     """
 
     source: str
@@ -101,6 +103,7 @@ class RecordingReport:
     latencies: dict[str, float] = field(default_factory=dict)
     tilt: tuple[float, float] | None = None
     masked: dict[str, int] = field(default_factory=dict)
+    corrections: dict[str, Any] = field(default_factory=dict)
 
     def add(self, severity: Severity, channel: str, message: str, count: int | None = None) -> None:
         """Append a finding; a count of zero is no finding."""

@@ -22,7 +22,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import matrix, product
 from seatrial.trial.signals import RecordingReport, Signal
 
-__all__ = ["LARGEST", "certain_tilt", "level", "tilt"]
+__all__ = ["LARGEST", "certain_tilt", "level", "tilt", "turned_upright"]
 
 LARGEST = 10.0 * DEGREE
 """More is no tilt of a frame but another frame: it is reported and left."""
@@ -80,7 +80,7 @@ def level(
     levelled = dict(signals)
     if "attitude" not in signals or "position" not in signals or len(signals["position"].channels) < 3:
         return levelled
-    attitude, position = signals["attitude"], signals["position"]
+    attitude = signals["attitude"]
     tilted = certain_tilt(attitude.y[attitude.good])
     if tilted is None:
         return levelled
@@ -94,9 +94,17 @@ def level(
         return levelled
     report.tilt = (float(tilted.direction[0]), float(tilted.direction[1]))
     report.add("info", "attitude", f"{text}; position and attitude turned upright")
-    levelled["attitude"] = replace(attitude, y=product(tilted.turn, attitude.y))
-    levelled["position"] = replace(position, y=position.y @ matrix(tilted.turn).T)
-    return levelled
+    return turned_upright(levelled, tilted)
+
+
+def turned_upright(signals: Mapping[str, Signal], tilted: Tilt) -> dict[str, Signal]:
+    """The same signals with attitude and whole position in the frame whose z is gravity."""
+    turned = dict(signals)
+    attitude, position = signals["attitude"], signals["position"]
+    turned["attitude"] = replace(attitude, y=product(tilted.turn, attitude.y))
+    if len(position.channels) == 3:
+        turned["position"] = replace(position, y=position.y @ matrix(tilted.turn).T)
+    return turned
 
 
 def certain_tilt(q: Array) -> Tilt | None:

@@ -1,9 +1,10 @@
 """A trial: one recording on a common time base, in SI and NED/FRD, with every bad sample masked.
 
 `Trial.read` is the way of a log into the library, step by step in the files of this room: a reader makes a
-table, the column map turns it into signals (`table`), defects are masked (`defects`), sensors brought to O
-(`sensor_position`), signs and latencies corrected against the pose (`alignment`), the pose's frame levelled
-(`tilt`), and everything put on one time base (`resampling`, `assembly`). `Trial.report` says what was done.
+table, the column map turns it into signals (`table`), defects are masked (`defects`), the corrections that
+are given applied (`corrections`), sensors brought to O (`sensor_position`), signs and latencies corrected
+against the pose (`alignment`), the pose's frame levelled (`tilt`), and everything put on one time base
+(`resampling`, `assembly`). `Trial.report` says what was done.
 Held by ``tests/trial/test_trial.py``.
 """
 
@@ -22,12 +23,13 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.atomic_write import write_table
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
-from seatrial.trial import alignment, defects, resampling, table, tilt
+from seatrial.trial import alignment, resampling, table, tilt
 from seatrial.trial.assembly import assemble
-from seatrial.trial.columns import GROUPS, columns_of, parse
+from seatrial.trial.columns import GROUPS
 from seatrial.trial.own_samples import own_samples
-from seatrial.trial.readers import Reader, read_table
-from seatrial.trial.sensor_position import parse_positions, to_origin
+from seatrial.trial.readers import Reader
+from seatrial.trial.recording import recording
+from seatrial.trial.sensor_position import to_origin
 from seatrial.trial.signals import RecordingReport
 from seatrial.trial.smoothing import smooth, spline
 
@@ -111,6 +113,7 @@ class Trial:
         align: bool = True,
         level: bool = True,
         sensor_positions: Mapping[str, Sequence[float]] | None = None,
+        corrections: Mapping[str, Any] | None = None,
         rho: float | None = None,
         g: float | None = None,
     ) -> Trial:
@@ -139,6 +142,10 @@ class Trial:
         sensor_positions
             Where the sensors "velocity", "position" and "depth" sit, (3,) in m forward, starboard and down of
             O; in O when omitted.
+        corrections
+            What was wrong with the sensors, as the table ``[corrections]`` of a campaign file: ``signs``,
+            ``axes``, ``delay_s``, ``tilt_deg``, ``scale``, ``bias``, ``heading_deg``. It wins over what is
+            found here; ``automatic`` false switches `align`, signs and `level` off.
         rho, g
             Density in kg/m^3 and gravity in m/s^2 at this trial.
 
@@ -156,37 +163,36 @@ class Trial:
         >>> round(float(trial.channel("u")[10]), 3)
         0.5
         """
-        cells, file, units = read_table(source, reader, columns_of(columns))
+        found = recording(
+            source, reader, columns=columns, sensor_positions=sensor_positions, corrections=corrections
+        )
+        file, signals, time, report = found.file, found.signals, found.time, found.report
         if name is None:
             name = Path(file).stem
         for key, value in (("rate_hz", rate_hz), ("rho", rho), ("g", g)):
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise TrialError(f"{file}: {key}: expected a positive number, found {value!r}")
-        report = RecordingReport(file)
-        sources = parse(columns, cells.columns, file, units)
-        positions = parse_positions(sensor_positions, file)
-        time = table.time_base(cells, sources["t_s"], file)
-        signals = table.signals(cells, time, sources, file, report)
-        used = {source.column for source in sources.values()}
-        unused = [f'"{column}"' for column in cells.columns if column and column not in used]
-        if unused:
-            report.add("info", "columns", f"not used: {', '.join(unused)}")
-        signals, time = resampling.evenly_stamped(signals, time, report)
-        signals = defects.mark(signals, report)
         t = resampling.common(time, signals, rate_hz, report)
         if len(t) < table.MINIMUM_ROWS:
             raise TrialError(
                 f"{file}: {len(t)} samples at {1.0 / (t[1] - t[0]) if len(t) > 1 else rate_hz:g} Hz;"
                 f" expected at least {table.MINIMUM_ROWS}"
             )
-        if positions:
+        given = found.corrections
+        remove = align and given.automatic
+        sensors = ["velocity", "rates"]
+        if found.positions:
             # The gyro first: by its signs and stamps the others come to O, where they follow the pose.
-            signals = alignment.align(signals, t, report, sources, remove=align, names=("rates",))
-            signals = to_origin(signals, positions, report)
-            signals = alignment.align(signals, t, report, sources, remove=align, names=("velocity",))
-        else:
-            signals = alignment.align(signals, t, report, sources, remove=align)
-        signals = tilt.level(signals, report, remove=level)
+            signals = alignment.align(
+                signals, t, report, found.sources, remove=remove, given=given, names=["rates"]
+            )
+            signals = to_origin(signals, found.positions, report)
+            sensors = ["velocity"]
+        signals = alignment.align(
+            signals, t, report, found.sources, remove=remove, given=given, names=sensors
+        )
+        if given.frame is None:
+            signals = tilt.level(signals, report, remove=level and given.automatic)
         parts = assemble(signals, t, report)
         samples = own_samples(signals)
         return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, samples=samples, **parts)

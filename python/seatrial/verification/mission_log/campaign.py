@@ -135,6 +135,7 @@ def _read(campaign: Campaign, path: Path) -> MissionLog:
         reader=file.reader,
         rate_hz=file.rate_hz,
         sensor_positions=file.places.by_sensor(),
+        corrections=file.corrections,
         rho=file.environment.rho_kg_m3,
         g=file.environment.g_m_s2,
     )

@@ -1,0 +1,334 @@
+"""Corrections of sensors that a campaign accepts: scale, axes, signs, bias, mounting, delay, heading.
+
+They are applied to the samples on their own stamps, before anything is put on one time base, in this order:
+scale of a sensor, axes, signs, bias (less), scale of a channel, mounting, heading, frame, delay. What is
+given here wins over what `Trial.read` finds by itself; with ``automatic`` false nothing else is corrected.
+What to give is proposed by `seatrial.intake.consistency`. Held by ``tests/trial/test_corrections.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import DEGREE
+from seatrial.base.errors import TrialError, nearest
+from seatrial.base.rotation import from_euler, matrix, product
+from seatrial.trial.signals import RecordingReport, Signal
+from seatrial.trial.tilt import Tilt, turned_upright
+
+__all__ = ["KEYS", "Corrections", "corrected", "merged", "parse_corrections"]
+
+CHANNELS_OF = {
+    "velocity": ("u", "v", "w"),
+    "water_velocity": ("u_water", "v_water", "w_water"),
+    "rates": ("p", "q", "r"),
+    "position": ("x", "y", "z"),
+    "depth": ("z",),
+}
+"""Channels of the sensors that a key may name."""
+
+_CHANNELS = tuple(dict.fromkeys(channel for channels in CHANNELS_OF.values() for channel in channels))
+
+_DELAYED = (*CHANNELS_OF, "attitude")
+
+_UNITS = {"_deg_s": DEGREE, "_m_s": 1.0, "_m": 1.0}  # longer ones first
+
+KEYS = ("automatic", "signs", "axes", "delay_s", "tilt_deg", "scale", "bias", "heading_deg")
+"""Keys of the table."""
+
+_LARGEST_DELAY_S, _LARGEST_SCALE, _LARGEST_ANGLE_DEG = 1e3, 1e6, 360.0
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """Corrections by channel or sensor, SI; angles in rad.
+
+    Attributes
+    ----------
+    automatic
+        Whether latencies, signs and a tilted frame that are found are corrected as well.
+    signs, axes
+        Sign by channel; recorded channel and its sign by true channel.
+    delay
+        s by sensor.
+    scale, bias
+        Factor by sensor or channel; what a channel shows at zero.
+    mounting
+        Roll, pitch and yaw of the velocity sensor in the body, (3,).
+    frame
+        Direction of gravity in the pose's frame, north and east of its z, (2,).
+    heading
+        Added to the yaw.
+    given
+        Keys and values as written.
+    """
+
+    automatic: bool = True
+    signs: dict[str, float] = field(default_factory=dict)
+    axes: dict[str, tuple[str, float]] = field(default_factory=dict)
+    delay: dict[str, float] = field(default_factory=dict)
+    scale: dict[str, float] = field(default_factory=dict)
+    bias: dict[str, float] = field(default_factory=dict)
+    mounting: Array | None = None
+    frame: Array | None = None
+    heading: float = 0.0
+    given: dict[str, Any] = field(default_factory=dict)
+
+
+def merged(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables of a campaign and of one of its trials as one; what the trial gives wins.
+
+    Examples
+    --------
+    >>> merged({"signs": {"p": -1}, "heading_deg": 3.0}, {"signs": {"q": -1}})
+    {'signs': {'p': -1, 'q': -1}, 'heading_deg': 3.0}
+    """
+    result = dict(base)
+    for key, value in own.items():
+        before = result.get(key)
+        both = isinstance(value, Mapping) and isinstance(before, Mapping)
+        result[key] = {**before, **value} if both and before is not None else value
+    return result
+
+
+def parse_corrections(given: Mapping[str, Any] | None, where: str) -> Corrections:
+    """Corrections from their table.
+
+    Raises
+    ------
+    TrialError
+        An unknown key, or a value that a key may not hold; the message begins with `where`.
+
+    Examples
+    --------
+    >>> parse_corrections({"delay_s": {"velocity": 0.24}}, "log.csv: corrections").delay
+    {'velocity': 0.24}
+    """
+    table = dict(given or {})
+    for key in table:
+        if key not in KEYS:
+            raise TrialError(f"{where}: unknown key {key!r}{nearest(str(key), KEYS)}; correct or remove it")
+    automatic = table.get("automatic", True)
+    if not isinstance(automatic, bool):
+        raise TrialError(f"{where}, automatic: expected true or false, found {automatic!r}")
+    read = _Reader(table, where)
+    tilts = read.table("tilt_deg", ("velocity", "frame"))
+    mounting = read.angles(tilts, "velocity", 3, "roll, pitch and yaw of the sensor in the body")
+    frame = read.angles(tilts, "frame", 2, "gravity's direction north and east of the frame's z")
+    heading = read.number(
+        table.get("heading_deg", 0.0), "heading_deg", _LARGEST_ANGLE_DEG, "give it in degrees"
+    )
+    return Corrections(
+        automatic=automatic,
+        signs={k: read.sign(v, k) for k, v in read.table("signs", _CHANNELS).items()},
+        axes=read.axes(),
+        delay=read.numbers("delay_s", _DELAYED, _LARGEST_DELAY_S, "give it in seconds"),
+        scale=read.scales(),
+        bias=read.biases(),
+        mounting=None if mounting is None else mounting * DEGREE,
+        frame=None if frame is None else np.sin(frame * DEGREE),
+        heading=heading * DEGREE,
+        given=_flat(table),
+    )
+
+
+def _flat(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Dotted keys and values, without `automatic`."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            flat |= {f"{key}.{inner}": entry for inner, entry in value.items()}
+        elif key != "automatic":
+            flat[key] = value
+    return flat
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Values of a table of corrections, checked."""
+
+    given: Mapping[str, Any]
+    where: str
+
+    def table(self, key: str, names: Sequence[str]) -> Mapping[str, Any]:
+        """Table under a key, whose entries have only these names."""
+        entry = self.given.get(key, {})
+        if not isinstance(entry, Mapping):
+            raise TrialError(
+                f"{self.where}, {key}: expected a table, as in {key} = {{ {names[0]} = ... }}, found"
+                f" {entry!r}"
+            )
+        for name in entry:
+            if name not in names:
+                near = nearest(str(name), names)
+                raise TrialError(f"{self.where}, {key}: unknown name {name!r}{near}; correct or remove it")
+        return entry
+
+    def number(self, value: Any, key: str, most: float, remedy: str, least: float | None = None) -> float:
+        """A finite number of at most this size."""
+        least = -most if least is None else least
+        real = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (real and least <= value <= most):
+            raise TrialError(
+                f"{self.where}, {key}: expected a number from {least:g} to {most:g}, found {value!r};"
+                f" {remedy}"
+            )
+        return float(value)
+
+    def numbers(self, key: str, names: Sequence[str], most: float, remedy: str) -> dict[str, float]:
+        """Numbers of a table."""
+        entries = self.table(key, names).items()
+        return {name: self.number(value, f"{key}.{name}", most, remedy) for name, value in entries}
+
+    def sign(self, value: Any, channel: str) -> float:
+        """1 or -1."""
+        if isinstance(value, bool) or value not in (1, -1):
+            raise TrialError(f"{self.where}, signs.{channel}: expected 1 or -1, found {value!r}")
+        return float(value)
+
+    def scales(self) -> dict[str, float]:
+        """Positive factors of sensors and channels."""
+        remedy = "a factor is positive; give a sign under signs"
+        entries = self.table("scale", (*CHANNELS_OF, *_CHANNELS)).items()
+        least = 1.0 / _LARGEST_SCALE
+        return {k: self.number(v, f"scale.{k}", _LARGEST_SCALE, remedy, least) for k, v in entries}
+
+    def biases(self) -> dict[str, float]:
+        """SI biases by channel; the key ends in the unit."""
+        names = {f"{c}_deg_s": c for c in "pqr"} | {f"{c}_m": c for c in "xyz"}
+        names |= {f"{c}_m_s": c for c in (*CHANNELS_OF["velocity"], *CHANNELS_OF["water_velocity"])}
+        units = {name: next(x for end, x in _UNITS.items() if name.endswith(end)) for name in names}
+        entries = self.numbers("bias", tuple(names), 1e3, "check the unit that ends the key")
+        return {names[name]: value * units[name] for name, value in entries.items()}
+
+    def axes(self) -> dict[str, tuple[str, float]]:
+        """Recorded channel and sign by true channel, both of one sensor."""
+        found = {}
+        for channel, entry in self.table("axes", _CHANNELS).items():
+            group = next(channels for channels in CHANNELS_OF.values() if channel in channels)
+            recorded = entry.lstrip("-") if isinstance(entry, str) else ""
+            if recorded not in group:
+                raise TrialError(
+                    f"{self.where}, axes.{channel}: expected the recorded channel, one of"
+                    f" {', '.join(group)}, with a minus in front if it is reversed, found {entry!r}"
+                )
+            found[channel] = (recorded, -1.0 if entry.startswith("-") else 1.0)
+        return found
+
+    def angles(self, table: Mapping[str, Any], key: str, count: int, meaning: str) -> Array | None:
+        """Angles in deg, (count,); None where absent."""
+        if key not in table:
+            return None
+        value = table[key]
+        if not isinstance(value, list | tuple) or len(value) != count:
+            raise TrialError(
+                f"{self.where}, tilt_deg.{key}: expected {count} angles in degrees ({meaning}), found"
+                f" {value!r}"
+            )
+        most = _LARGEST_ANGLE_DEG if count == 3 else 45.0
+        return np.array([self.number(one, f"tilt_deg.{key}", most, "give it in degrees") for one in value])
+
+
+def corrected(
+    signals: Mapping[str, Signal], corrections: Corrections, report: RecordingReport
+) -> dict[str, Signal]:
+    """The signals as the corrections say, each reported with its key and value."""
+    work = _Work(dict(signals))
+    for sensor, channels in CHANNELS_OF.items():
+        if sensor in corrections.scale:
+            work.channels(channels, partial(np.multiply, corrections.scale[sensor]))
+    work.exchange(corrections.axes)
+    for channel, sign in corrections.signs.items():
+        work.channels((channel,), partial(np.multiply, sign))
+    for channel, bias in corrections.bias.items():
+        work.channels((channel,), partial(np.add, -bias))
+    for channel in _CHANNELS:
+        if channel in corrections.scale:
+            work.channels((channel,), partial(np.multiply, corrections.scale[channel]))
+    if corrections.mounting is not None:
+        work.turn(matrix(from_euler(corrections.mounting)))
+    if corrections.heading and "attitude" in work.signals:
+        turn = from_euler([0.0, 0.0, corrections.heading])
+        attitude = work.signals["attitude"]
+        work.signals["attitude"] = replace(attitude, y=product(turn, attitude.y))
+    if corrections.frame is not None and {"attitude", "position"} <= set(work.signals):
+        tilt = Tilt(corrections.frame, 0.0, True)
+        work.signals = turned_upright(work.signals, tilt)
+        report.tilt = (float(tilt.direction[0]), float(tilt.direction[1]))
+    for sensor, delay in corrections.delay.items():
+        work.delay(sensor, delay)
+    present = {channel for signal in signals.values() for channel in signal.channels}
+    for key, value in corrections.given.items():
+        name = key.partition(".")[2] or "attitude"
+        here = _present(name, present, signals)
+        said = "as given under corrections" if here else "given under corrections, but not recorded"
+        report.add("info", key, f"{value}, {said}")
+        if here:
+            report.corrections[key] = value
+    return work.signals
+
+
+def _present(name: str, channels: set[str], signals: Mapping[str, Signal]) -> bool:
+    """Whether a sensor, channel or key of a bias is recorded."""
+    if name in ("attitude", "frame"):
+        return "attitude" in signals
+    bare = name
+    for end in _UNITS:
+        bare = bare.removesuffix(end) if bare.removesuffix(end) in _CHANNELS else bare
+    return bool(set(CHANNELS_OF.get(name, (bare,))) & channels)
+
+
+class _Work:
+    """Signals that are changed."""
+
+    def __init__(self, signals: dict[str, Signal]) -> None:
+        self.signals = signals
+
+    def channels(self, names: Sequence[str], change: Callable[[Array], Array]) -> None:
+        """Change the samples of some channels."""
+        for key, signal in self.signals.items():
+            columns = [k for k, channel in enumerate(signal.channels) if channel in names]
+            if columns and key != "attitude":
+                y = signal.y.copy()
+                y[:, columns] = change(y[:, columns])
+                self.signals[key] = replace(signal, y=y)
+
+    def exchange(self, axes: Mapping[str, tuple[str, float]]) -> None:
+        """Give each named channel the samples of the recorded one."""
+        for key, signal in list(self.signals.items()):
+            entries = {c: entry for c, entry in axes.items() if c in signal.channels and key != "attitude"}
+            if not entries:
+                continue
+            y, bad = signal.y.copy(), signal.bad.copy()
+            for channel, (recorded, sign) in entries.items():
+                if recorded not in signal.channels:
+                    raise TrialError(f"axes.{channel}: {recorded} is not recorded; map its column")
+                k, source = signal.channels.index(channel), signal.channels.index(recorded)
+                y[:, k], bad[:, k] = sign * signal.y[:, source], signal.bad[:, source]
+            self.signals[key] = replace(signal, y=y, bad=bad)
+
+    def turn(self, mounting: Array) -> None:
+        """Velocities over ground and through the water from the sensor's axes to the body's."""
+        for key in ("velocity", "water velocity"):
+            if key not in self.signals:
+                continue
+            signal = self.signals[key]
+            columns = ["uvw".index(channel[0]) for channel in signal.channels]
+            whole = np.zeros((len(signal.t), 3))  # a component that is not recorded counts as zero
+            whole[:, columns] = signal.y
+            self.signals[key] = replace(signal, y=(whole @ mounting.T)[:, columns])
+
+    def delay(self, sensor: str, seconds: float) -> None:
+        """Stamp a sensor's samples earlier; a velocity through the water is of the instrument over ground."""
+        keys = {"velocity": ("velocity", "water velocity"), "water_velocity": ("water velocity",)}
+        for key in keys.get(sensor, (sensor,)):
+            if sensor == "depth" and "depth" not in self.signals:
+                key = "position"
+            if key in self.signals:
+                self.signals[key] = self.signals[key].earlier(seconds)

@@ -1,0 +1,80 @@
+"""A recording as signals on their own stamps: in SI and NED/FRD, defects masked, corrections applied."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from seatrial.base.arrays import Array
+from seatrial.trial import defects, resampling, table
+from seatrial.trial.columns import Source, columns_of, parse
+from seatrial.trial.corrections import Corrections, corrected, parse_corrections
+from seatrial.trial.readers import Reader, read_table
+from seatrial.trial.sensor_position import parse_positions
+from seatrial.trial.signals import RecordingReport, Signal
+
+__all__ = ["Recording", "recording"]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was read of a source.
+
+    Attributes
+    ----------
+    file
+        Where it came from.
+    signals
+        By sensor, as the corrections given say and not otherwise corrected.
+    time
+        Stamps of the rows, s.
+    sources
+        Column map.
+    positions
+        Where sensors sit, (3,) in m from O.
+    corrections
+        What was given.
+    report
+        What was found so far.
+    """
+
+    file: str
+    signals: dict[str, Signal]
+    time: Array
+    sources: dict[str, Source]
+    positions: dict[str, Array]
+    corrections: Corrections
+    report: RecordingReport
+
+
+def recording(
+    source: Any,
+    reader: str | Reader | None = None,
+    *,
+    columns: Mapping[str, Any] | None = None,
+    sensor_positions: Mapping[str, Sequence[float]] | None = None,
+    corrections: Mapping[str, Any] | None = None,
+) -> Recording:
+    """Signals of a log or table; the parameters are those of `seatrial.trial.trial.Trial.read`.
+
+    Raises
+    ------
+    TrialError
+        If the recording, its column map or its corrections cannot be used.
+    """
+    cells, file, units = read_table(source, reader, columns_of(columns))
+    report = RecordingReport(file)
+    given = parse_corrections(corrections, f"{file}: corrections")
+    sources = parse(columns, cells.columns, file, units)
+    positions = parse_positions(sensor_positions, file)
+    time = table.time_base(cells, sources["t_s"], file)
+    signals = table.signals(cells, time, sources, file, report)
+    used = {source.column for source in sources.values()}
+    unused = [f'"{column}"' for column in cells.columns if column and column not in used]
+    if unused:
+        report.add("info", "columns", f"not used: {', '.join(unused)}")
+    signals, time = resampling.evenly_stamped(signals, time, report)
+    signals = defects.mark(signals, report)
+    signals = corrected(signals, given, report)
+    return Recording(file, signals, time, sources, positions, given, report)
