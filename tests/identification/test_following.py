@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -178,3 +179,10 @@ def test_a_suggestion_that_is_true_is_kept(tmp_path: Path) -> None:
     assert change.r2["u"][1] > 0.998
     assert second.assessment is not None
     assert not second.assessment.residual_analysis.suggestions
+
+
+def test_a_delay_of_a_part_of_a_group_is_tied_and_not_negative() -> None:
+    one = replace(suggestion("SbU.T_t", 0.02, 0.1, 0.05), members=("SbU.T_t", "PL.T_t"))
+    freed = follow(campaign(HEAD + SURGE), one).stages[0].coefficients["SbU.T_t"]
+    assert freed.bounds == (0.0, 0.3)
+    assert [tie.name for tie in freed.tie] == ["PL.T_t"]

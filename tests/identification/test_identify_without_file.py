@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 import seatrial as st
 from seatrial.campaign.from_trials import campaign_from_trials
+from seatrial.diagnosis.missing_terms import worded
 
 T = np.arange(0.0, 60.0, 0.1)
 TRUE = st.Vehicle.load("cwolf")
@@ -121,3 +123,33 @@ def test_results_are_saved_pickled_and_copied(fit: st.Identification, tmp_path: 
     assert pickle.loads(pickle.dumps(score)).to_dict() == score.to_dict()
     assert pickle.loads(pickle.dumps(compared)).to_dict() == compared.to_dict()
     assert pickle.loads(pickle.dumps(known)).draws(3, 1).keys() == known.draws(3, 1).keys()
+
+
+@pytest.fixture(scope="module")
+def early() -> st.Identification:
+    """A fit of a vehicle whose file lacks 0.1 s of dead time, and not the same for every propeller."""
+    dead = {f"{name}.T_t": 0.02 if name == "PL" else 0.0 for name in ("SbU", "SbL", "PU", "PL")}
+    start = START.with_coefficients(dead)
+    noisy = trial()
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(noisy.observed.shape)
+    noisy = replace(noisy, observed=noisy.observed + noise)
+    return st.identify(start, noisy, free={"X_uu": (-40.0, -1.0), "X_udot": (-40.0, -1.0)}, threads=1)
+
+
+def test_a_missed_dead_time_of_a_group_with_unequal_values_is_named(early: st.Identification) -> None:
+    assert early.assessment is not None
+    first = early.assessment.residual_analysis.suggestions[0]
+    assert first.name in ("stern.T_t", "stern.T_1")
+    assert first.value > 0.05
+    assert f"Free {first.name}" in early.summary()
+
+
+def test_a_response_faster_than_the_file_heads_the_summary_as_such(early: st.Identification) -> None:
+    assert early.assessment is not None
+    analysis = early.assessment.residual_analysis
+    faster = worded(replace(analysis.suggestions[0], name="stern.T_1", present=0.4, value=0.0))
+    assessment = replace(early.assessment, residual_analysis=replace(analysis, suggestions=(faster,)))
+    said = replace(early, assessment=assessment).summary()
+    assert "the actuator responds faster than the file says" in said
+    assert "Lower stern.T_1 from 0.4 s (0 at least)" in said
+    assert "ree stern.T_1" not in said

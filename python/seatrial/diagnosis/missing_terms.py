@@ -6,6 +6,10 @@ significant ones that of the largest gain leads; one that adds nothing beside it
 nothing, is an alternative that these data cannot tell from it ("free Y_ur or Y_rdot"). Then the leader counts
 as fitted and the rest is tried again.
 
+Lag and dead time are tried for every group of actuators, as one change of all that are held, whether or not
+their values are equal. Neither can be negative: where the data ask for that, the sentence says that the
+actuators respond faster than the file says; a lag or dead time that is zero already is left out.
+
 Tests: ``tests/diagnosis/test_residual_analysis.py``.
 """
 
@@ -53,6 +57,8 @@ _COARSE = 40
 
 _OF_ONE = re.compile(r".+\.(gain|lever_[KMN])")
 
+_DELAYS = {"T_t": "dead time", "T_1": "lag"}
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -66,7 +72,8 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
     """Coefficients of a vehicle that are not estimated and act on a free axis.
 
     Of an actuator group those of all its actuators together where they are equal, and of each actuator its
-    gain and levers.
+    gain and levers. Lag and dead time of a group are there always, of those actuators that are not estimated;
+    where that is a part of the group, under the name of its first.
 
     Parameters
     ----------
@@ -98,6 +105,12 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
         of_first = [name.partition(".")[2] for name in known if name.startswith(f"{own_actuators[0]}.")]
         for suffix in (suffix for suffix in of_first if not suffix.startswith("lever_")):
             own = tuple(f"{member}.{suffix}" for member in own_actuators)
+            if suffix in _DELAYS:
+                held = tuple(name for name in own if name in known and name not in fixed)
+                if held:
+                    whole = len(held) == len(own) > 1
+                    found.append(Candidate(f"{group}.{suffix}" if whole else held[0], held))
+                continue
             single = len(own) == 1 and _OF_ONE.fullmatch(own[0])
             equal = len({present.get(name, 0.0) for name in own}) == 1
             if equal and not single and all(name in known and name not in fixed for name in own):
@@ -163,7 +176,12 @@ def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) ->
     --------
     >>> [signal_of(name) for name in ("Y_ur", "Y_rdot", "N_rr", "K_v", "Z_0")]
     ['u r', 'dr/dt', '|r| r', 'v', 'a constant']
+    >>> signal_of("stern.T_1")
+    'the rate of change of the command of stern'
     """
+    actuator, _, part = name.rpartition(".")
+    if part in _DELAYS:
+        return f"the rate of change of the command of {actuator}"
     axis = OF_AN_AXIS.fullmatch(name)
     if axis is None:
         words = (info or {}).get(name, {}).get("description")
@@ -207,6 +225,8 @@ class Suggestion:
         P-value adjusted for all coefficients that were tried.
     sentence
         All of it in words.
+    members
+        Coefficients that it sets, all alike; empty where that is itself.
     """
 
     name: str
@@ -220,6 +240,27 @@ class Suggestion:
     gain: float
     p: float
     sentence: str
+    members: tuple[str, ...] = ()
+
+    @property
+    def faster(self) -> bool:
+        """Whether it is a lag or dead time of which the data ask for none: its `value` is zero then."""
+        return self.name.rpartition(".")[2] in _DELAYS and self.value <= 0.0
+
+    @property
+    def tied(self) -> tuple[str, ...]:
+        """Coefficients that have to follow the named one: the name alone does not stand for them."""
+        return self.members[1:] if self.name in self.members else ()
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it, as an imperative."""
+        if not self.faster:
+            return f"free {self.name}"
+        return (
+            f"lower {self.name} from {self.present:.3g} {self.unit} (0 at least), and check the time stamps"
+            " of commands and sensors"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The suggestion as plain data."""
@@ -264,36 +305,41 @@ def missing_terms(
     count = max(tested or 0, int(tests.testable.sum()))
     open_ = tests.testable.copy()
     place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
+    present = np.array([np.mean([lin.values[place[name]] for name in one.members]) for one in tried])
+    delays = np.array([one.members[0].rpartition(".")[2] in _DELAYS for one in tried], dtype=bool)
     leaders: list[int] = []
     found: list[Suggestion] = []
     while len(found) < most:
         results = tests.results()
         adjusted = np.ones(len(tried))
         adjusted[open_] = false_discovery(results.p[open_], count)
-        significant = np.flatnonzero((adjusted < level) & (results.gain >= least_gain / 100.0))
+        # No delay is shorter than none.
+        possible = ~(delays & (present <= 0.0) & (results.step < 0.0))
+        significant = np.flatnonzero(possible & (adjusted < level) & (results.gain >= least_gain / 100.0))
         if not len(significant):
             break
         best = int(significant[np.argmax(results.gain[significant])])
-        rivals = np.flatnonzero(open_ & (results.p < _APART))
+        rivals = np.flatnonzero(possible & open_ & (results.p < _APART))
         group = sorted([best, *_alternatives(tests, best, rivals)], key=lambda rival: -results.gain[rival])
         leader = group[0]
         channel = _channel(
             lin, columns, fitted=fitted, leaders=leaders, leader=leader, name=tried[leader].name
         )
         own = place[tried[leader].members[0]]
-        present = float(lin.values[own])
+        value = float(present[leader] + results.step[leader])
         suggestion = Suggestion(
             name=tried[leader].name,
             unit=lin.unknowns[own].unit,
             alternatives=tuple(tried[rival].name for rival in group[1:]),
             channel=channel,
             follows=signal_of(tried[leader].name, info),
-            present=present,
-            value=present + float(results.step[leader]),
+            present=float(present[leader]),
+            value=max(value, 0.0) if delays[leader] else value,
             sigma=float(results.sigma[leader]),
             gain=100.0 * float(results.gain[leader]),
             p=float(adjusted[group].min()),
             sentence="",
+            members=tried[leader].members if len(tried[leader].members) > 1 else (),
         )
         found.append(worded(suggestion))
         open_[group] = False
@@ -371,9 +417,6 @@ def _channel(
     return lin.channels[int(np.argmax(energy))]
 
 
-_DELAYS = {"T_t": "dead time", "T_1": "lag"}
-
-
 def worded(one: Suggestion) -> Suggestion:
     """The suggestion with the sentence that its numbers make."""
     names = (one.name, *one.alternatives)
@@ -382,12 +425,10 @@ def worded(one: Suggestion) -> Suggestion:
         choice += f" (or one of {len(names) - _NAMED} more that look alike)"
     unit = "" if one.unit == "1" else f" {one.unit}"
     chance = "p < 1e-6" if one.p < 1e-6 else f"p = {one.p:.1g}"
-    delay = _DELAYS.get(one.name.rpartition(".")[2])
-    if delay and one.value < 0.0:
+    if one.faster:
         sentence = (
-            f"{one.channel} residual follows {one.follows}: the response is faster than the file says"
-            f" ({delay} of {one.name} {one.present:.3g}{unit}); hold a smaller one, 0 at least, and check the"
-            f" time stamps of commands and sensors ({chance})"
+            f"{one.channel} residual follows {one.follows}: the actuator responds faster than the file says:"
+            f" {one.remedy} ({chance})"
         )
         return replace(one, sentence=sentence)
     sentence = (

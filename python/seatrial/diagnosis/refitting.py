@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.file import Coefficient, Polish
+from seatrial.campaign.file import Coefficient, Polish, Tie
+from seatrial.diagnosis.advice import role
 from seatrial.diagnosis.missing_terms import (
     Candidate,
     Suggestion,
@@ -44,7 +45,8 @@ def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any
 
     They hold the present value and the estimate, and beyond either four sigma or the distance between the
     two, whichever is more: the estimate is of first order. The vehicle's default bounds cut them where both
-    values lie inside, so that damping keeps its sign. Rounded outwards to two digits.
+    values lie inside, so that damping keeps its sign; lag and dead time are never negative. Rounded outwards
+    to two digits.
     """
     present, value = suggestion.present, suggestion.value
     room = max(_SIGMAS * suggestion.sigma, abs(value - present))
@@ -53,6 +55,8 @@ def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any
     least, most = facts.get("lower"), facts.get("upper")
     if least is not None and most is not None and least <= min(present, value) <= max(present, value) <= most:
         lower, upper = max(lower, float(least)), min(upper, float(most))
+    if role(suggestion.name).part in ("T_1", "T_t"):
+        lower = max(lower, 0.0)
     return lower + 0.0, upper + 0.0
 
 
@@ -161,7 +165,8 @@ def _fit(joint: Joint, freed: Mapping[str, Coefficient], start: Array) -> _Fit:
 def _freed(here: _Fit, one: Suggestion) -> _Fit:
     """The estimate with a suggested coefficient free, from where it is."""
     info = here.joint.vehicle.coefficient_info()
-    entry = Coefficient(bounds=suggested_bounds(one, info), start=one.present)
+    ties = tuple(Tie(name=name) for name in one.tied)
+    entry = Coefficient(bounds=suggested_bounds(one, info), start=one.present, tie=ties)
     place = len(here.joint.parameters)
     return _fit(here.joint, {one.name: entry}, np.insert(here.polished.values, place, one.present))
 

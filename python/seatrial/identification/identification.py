@@ -407,6 +407,12 @@ def _worst(fit: Identification) -> tuple[str, str]:
     residual_analysis = None if fit.assessment is None else fit.assessment.residual_analysis
     if residual_analysis is not None and residual_analysis.suggestions:
         first = residual_analysis.suggestions[0]
+        if first.faster:
+            return (
+                f"the residual of {first.channel} follows {first.follows}: the actuator responds faster than"
+                " the file says",
+                first.remedy,
+            )
         return (
             f"the residual of {first.channel} follows {first.follows}: the model misses a term"
             f" (freeing {first.name} lowers the cost by {first.gain:.2g} %)",

@@ -6,6 +6,7 @@ to fall with every coefficient; only data held out of the fit tell whether the p
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import tomllib
@@ -76,14 +77,19 @@ def followed_text(campaign: Campaign, suggestion: Suggestion) -> str:
     lower, upper = suggested_bounds(suggestion, campaign.vehicle.coefficient_info())
     name = suggestion.name
     key = f'"{name}"' if "." in name else name
-    entry = f"{key} = [{lower!r}, {upper!r}]"
+    setting: Any = [lower, upper]
+    written = f"[{lower!r}, {upper!r}]"
+    if suggestion.tied:
+        setting = {"bounds": setting, "tie": list(suggestion.tied)}
+        written = f"{{ bounds = {written}, tie = {json.dumps(setting['tie'])} }}"
+    entry = f"{key} = {written}"
     line = f"{entry} # suggested: {suggestion.channel} residual follows {suggestion.follows}"
     table, number = (
         ("polish", None) if campaign.file.polish is not None else ("stages", _stage(campaign, name))
     )
     before = tomllib.loads(campaign.text)
     owner = before[table] if number is None else before[table][number]
-    wanted: dict[str, Any] = {**owner.get("coefficients", {}), name: [lower, upper]}
+    wanted: dict[str, Any] = {**owner.get("coefficients", {}), name: setting}
     if name not in owner.get("coefficients", {}):
         for text in _attempts(campaign.text, table, number, line=line, entry=entry):
             try:
