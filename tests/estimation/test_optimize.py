@@ -191,6 +191,21 @@ def test_the_strategy_finds_the_valley_from_ten_far_starts_by_itself() -> None:
         assert found.history[-1].best < 0.2 * found.start_cost
 
 
+def test_a_lucky_candidate_does_not_end_the_strategy() -> None:
+    """An early candidate that is much better than its population holds the best up for many generations."""
+
+    def ridge(x: Array) -> Array:
+        away = x - 0.6
+        total, difference = away[:, ::2] + away[:, 1::2], away[:, ::2] - away[:, 1::2]
+        return np.asarray(0.01 + np.sqrt((total**2).mean(axis=1) + 0.01 * (difference**2).mean(axis=1)))
+
+    generator = np.random.default_rng(3)
+    for seed in range(20):
+        start = generator.uniform(0.0, 1.0, 4)
+        found = evolve(ridge, start, lower=[0.0] * 4, upper=[1.0] * 4, seed=seed, tolerance=0.1)
+        assert found.history[-1].best < 0.011, seed
+
+
 def test_a_good_start_is_not_what_the_strategy_found() -> None:
     """At the optimum nothing is gained; the strategy searches all the same and comes as close."""
     bowl = lambda x: 1.0 + 50.0 * ((x - 0.5) ** 2).sum(axis=1)  # noqa: E731

@@ -290,8 +290,9 @@ def evolve(
 ) -> Optimum:
     """Optimum of a global search inside the bounds by an evolution strategy (CMA-ES) with restarts.
 
-    A run ends when its own best has gained less than the tolerance over the last generations: the start's
-    cost does not count, which a wide population takes long to reach. A search that ends above its start, or
+    A run ends when neither its own best nor the median of its population has gained the tolerance over the
+    last generations: one lucky candidate of a wide population would stall the best alone, and the start's
+    cost does not count, which such a population takes long to reach. A search that ends above its start, or
     where everything diverges, begins again at a random place in the box with twice the population (Auger &
     Hansen 2005, IPOP), until the generations are used up. The history holds what the strategy found by
     itself; the optimum is the best candidate, the start among them.
@@ -313,7 +314,8 @@ def evolve(
     spread : float
         Standard deviation of the first population, a share of the box: small where the start is good already.
     tolerance : float
-        End a run when its best cost has not improved by this fraction over the last generations.
+        End a run when its best and its median cost have not improved by this fraction over the last
+        generations.
     watch : callable, optional
         Called with a `Step` after every generation; a KeyboardInterrupt that it raises ends the search.
 
@@ -351,7 +353,8 @@ def evolve(
             "signals_filename": "",
         }
         patience = 10 + math.ceil(30 * len(centre) / size)
-        strategy, own = cma.CMAEvolutionStrategy(padded, sigma, options), list[float]()
+        strategy = cma.CMAEvolutionStrategy(padded, sigma, options)
+        own, middle = list[float](), list[float]()  # lowest so far: cost, median cost of a population
         while ledger.generation < generations and not strategy.stop():
             candidates = strategy.ask()
             costs = ledger.costs(np.array(candidates)[:, : len(centre)])
@@ -360,8 +363,12 @@ def evolve(
             own.append(min(own[-1] if own else math.inf, float(costs.min())))
             if len(own) >= _LOST and not math.isfinite(own[-1]):
                 break
-            before = own[-1 - patience] if len(own) > patience else math.inf
-            if math.isfinite(before) and not before - own[-1] > tolerance * abs(before):
+            middle.append(min(middle[-1] if middle else math.inf, float(np.median(costs))))
+            if (
+                len(own) > patience
+                and _still(own, patience, tolerance)
+                and _still(middle, patience, tolerance)
+            ):
                 break
         return own[-1] if own else math.inf
 
@@ -376,6 +383,12 @@ def evolve(
             best = min(best, descend(centre, _SPREAD, size * 2 ** min(run, _DOUBLED)))
 
     return ledger.run(search)
+
+
+def _still(lowest: list[float], patience: int, tolerance: float) -> bool:
+    """Whether the lowest costs so far have gained less than the tolerance over the last generations."""
+    before = lowest[-1 - patience]
+    return math.isfinite(before) and not before - lowest[-1] > tolerance * abs(before)
 
 
 def refine(
