@@ -7,15 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.base.errors import CampaignError
+from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.bench_test.file import parse as parse_bench
 from seatrial.campaign.file import CampaignFile, in_order, parse
 from seatrial.campaign.verification_table import parse_verification
+from seatrial.flight.mission import Mission
 
 HEAD = 'format = 1\nname = "long"\nvehicle = "cwolf"\n'
 STAGE = (
     '[[stages]]\nname = "s{k}"\ntrials = ["there"]\naxes = {{ free = "X", measured = "YZKMN" }}\n'
     'coefficients = {{ X_uu = "default" }}\n'
+)
+MISSION = (
+    'format = 1\nname = "long"\nspeed_m_s = 1.0\nacceptance_radius_m = 3.0\n'
+    "origin = { latitude_deg = 63.8, longitude_deg = 8.9 }\n"
+    "start = { latitude_deg = 63.8, longitude_deg = 8.9 }\n"
 )
 MANY = 2000
 
@@ -61,7 +67,7 @@ def test_stages_that_wait_for_one_another_are_named() -> None:
         in_order(given, "long.toml")
 
 
-@pytest.mark.parametrize("kind", ["pulls", "requirements", "missions"])
+@pytest.mark.parametrize("kind", ["pulls", "requirements", "missions", "geographic legs"])
 def test_names_are_compared_in_linear_time(kind: str) -> None:
     spent = {}
     for count in (MANY // 8, MANY):
@@ -69,6 +75,10 @@ def test_names_are_compared_in_linear_time(kind: str) -> None:
         if kind == "pulls":
             pull = '[[pulls]]\nname = "p{k}"\nfile = "log.csv"\ngroup = "stern"\naxis = "X"\n'
             parse_bench(HEAD + "".join(pull.format(k=k) for k in range(count)), "bench.toml")
+        elif kind == "geographic legs":
+            leg = '{ latitude_deg = 63.8, longitude_deg = 8.9, depth_m = 5.0, label = "x" }'
+            with pytest.raises(VehicleError, match="expected a table, found array"):
+                Mission.from_toml(MISSION + f"legs = [[{', '.join([leg] * count)}]]")
         elif kind == "missions":
             missions = ", ".join(f'"m{k}.toml"' for k in range(count))
             parse_verification(f"[verification]\nmissions = [{missions}]\n", "long.toml")

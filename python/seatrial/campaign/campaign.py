@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,7 @@ from seatrial.trial.sensor_position import refuse_far
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.base.progress import Progress
     from seatrial.bench_test.result import BenchTest
     from seatrial.trial.recording import Recording
     from seatrial.trial.trial import Trial
@@ -53,6 +54,8 @@ class Campaign:
         Trial name to path, frame or `Trial`, instead of the file's own.
     vehicle, bench : Vehicle, BenchTest, optional
         Instead of those that the file names.
+    progress : callable, optional
+        Called with a `Progress` before each step of the reading of a trial.
 
     Examples
     --------
@@ -84,8 +87,10 @@ class Campaign:
         trials: Mapping[str, Any] | None = None,
         vehicle: Vehicle | None = None,
         bench: BenchTest | None = None,
+        progress: Callable[[Progress], None] | None = None,
     ) -> None:
         self.file = file
+        self.progress = progress
         self.text = text
         self.source = source
         self.folder = folder
@@ -103,7 +108,13 @@ class Campaign:
         self._check_side_by_side()
 
     @classmethod
-    def load(cls, path: str | Path, trials: Mapping[str, Any] | None = None) -> Campaign:
+    def load(
+        cls,
+        path: str | Path,
+        trials: Mapping[str, Any] | None = None,
+        *,
+        progress: Callable[[Progress], None] | None = None,
+    ) -> Campaign:
         """Campaign from a TOML file.
 
         Parameters
@@ -112,6 +123,8 @@ class Campaign:
         trials : mapping, optional
             Trial name to path (or polars or pandas frame), instead of the file's own. A name that the file
             does not have becomes a hold-out trial, read with the campaign's common column map.
+        progress : callable, optional
+            Called with a `Progress` before each step of the reading of a trial.
 
         Raises
         ------
@@ -122,7 +135,14 @@ class Campaign:
         """
         path = Path(path)
         text = text_of(path, "a campaign file")
-        return cls(parse(text, str(path)), text=text, source=str(path), folder=path.parent, trials=trials)
+        return cls(
+            parse(text, str(path)),
+            text=text,
+            source=str(path),
+            folder=path.parent,
+            trials=trials,
+            progress=progress,
+        )
 
     @classmethod
     def from_toml(
@@ -224,6 +244,7 @@ class Campaign:
             trials=self._data,
             vehicle=self._given_vehicle,
             bench=self._given_bench,
+            progress=self.progress,
         )
         other.trials = self.trials
         return other
@@ -358,6 +379,7 @@ class Campaign:
             rate_hz=source.rate_hz or self.file.rate_hz,
             rho=environment.rho_kg_m3,
             g=environment.g_m_s2,
+            progress=self.progress,
             **self._options(trial),
         )
 

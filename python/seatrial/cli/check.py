@@ -207,10 +207,10 @@ def _is_campaign(target: str) -> bool:
 def _check_campaign(target: str, *, verbose: bool, json: bool) -> None:
     from seatrial.campaign.campaign import Campaign
     from seatrial.check.campaign import check_campaign
-    from seatrial.cli.console import answer, print_json
+    from seatrial.cli.console import answer, print_json, reading_progress
     from seatrial.cli.streams import complain
 
-    found = check_campaign(Campaign.load(target))
+    found = check_campaign(Campaign.load(target, progress=reading_progress(quiet=json)))
     if json:
         print_json(found.to_dict())
     else:

@@ -42,6 +42,7 @@ __all__ = [
     "long_work",
     "output",
     "print_json",
+    "reading_progress",
     "say",
     "search_progress",
 ]
@@ -61,6 +62,9 @@ _PIPED_WIDTH = 118
 _LINE_EVERY_S = 5.0
 
 _TELLING_GENERATIONS = 5
+
+_SLOW_S = 2.0
+"""Recordings that are read faster need no word."""
 
 
 class ExitCodes:
@@ -206,6 +210,16 @@ def long_work(first: str, *, quiet: bool = False) -> Iterator[Callable[[float, s
             bar.update(task, completed=share, description=words)
 
         yield show
+
+
+def reading_progress(*, quiet: bool = False) -> Callable[[State], None] | None:
+    """Callback that says how far the reading of a recording is where it takes long; None when quiet."""
+
+    def show(state: State) -> None:
+        if state.elapsed_s > _SLOW_S:
+            note(f"{100 * state.fraction:3.0f} %  {_words(state)}")
+
+    return None if quiet else show
 
 
 def _lines() -> Callable[[float, str, Sequence[str]], None]:

@@ -58,9 +58,9 @@ def identify(
     """
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, formats, print_json
+    from seatrial.cli.console import answer, formats, print_json, reading_progress
 
-    loaded = Campaign.load(campaign, trials=_replacements(trial or []))
+    loaded = Campaign.load(campaign, trials=_replacements(trial or []), progress=reading_progress(quiet=json))
     name = loaded.name
     if locked_axes is not None:
         loaded, name = loaded.with_locked_axes(_mode(locked_axes)), f"{name}-{locked_axes}"

@@ -130,8 +130,9 @@ def _load(target: str) -> tuple[Vehicle | Campaign, Vehicle]:
         vehicle = Vehicle.load(target)
         return vehicle, vehicle
     from seatrial.campaign.campaign import Campaign
+    from seatrial.cli.console import reading_progress
 
-    campaign = Campaign.load(target)
+    campaign = Campaign.load(target, progress=reading_progress())
     return campaign, campaign.vehicle
 
 

@@ -115,6 +115,7 @@ def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
     """Trials, each a file or a name that the campaign knows."""
     from seatrial.base.errors import TrialError, nearest
     from seatrial.base.toml_file import twice
+    from seatrial.cli.console import reading_progress
 
     if (path := twice(trials)) is not None:
         raise TrialError(
@@ -123,7 +124,7 @@ def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
     if columns_from is None:
         from seatrial.trial.trial import Trial
 
-        return [Trial.read(path) for path in trials]
+        return [Trial.read(path, progress=reading_progress()) for path in trials]
     from seatrial.campaign.campaign import Campaign
 
     known = Campaign.load(columns_from).trials
@@ -134,5 +135,5 @@ def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
                 f"TRIAL {path}: expected a file, or a trial of {columns_from}{nearest(path, known)}"
             )
     files = {name: path for name, path in zip(names, trials, strict=True) if path not in known}
-    campaign = Campaign.load(columns_from, trials=files)
+    campaign = Campaign.load(columns_from, trials=files, progress=reading_progress())
     return [campaign.trials[name] for name in names]

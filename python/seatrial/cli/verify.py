@@ -92,13 +92,13 @@ def verify(
     """
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, formats, print_json
+    from seatrial.cli.console import answer, formats, print_json, reading_progress
     from seatrial.cli.streams import note
     from seatrial.cli.tune import fitted_source
     from seatrial.cli.verify_log import refuse_beside, verify_log
     from seatrial.verification.campaign import verified_campaign
 
-    loaded = Campaign.load(campaign)
+    loaded = Campaign.load(campaign, progress=reading_progress(quiet=json))
     drawing = formats(pdf) if figures else ()
     if log is not None:
         refuse_beside({"--runs": runs, "--compare": compare, "--replay": replay, "--junit": junit})

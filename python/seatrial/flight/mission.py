@@ -8,6 +8,7 @@ is what a flight is judged by: waypoints one after the other, with where each le
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import reprlib
@@ -220,14 +221,23 @@ class Mission:
 
 
 def _written(data: dict[str, Any]) -> str:
-    """The mission as TOML, leg by leg: the writer takes the square of the number of its entries."""
-    import tomlkit
+    """The mission as TOML, a line a key; a writer that keeps a layout takes the square of the entries."""
+    return "".join(f"{_value(key)} = {_value(value)}\n" for key, value in data.items())
 
-    legs = data.get("legs")
-    apart = isinstance(legs, list) and all(isinstance(leg, dict) for leg in legs)
-    head = tomlkit.dumps({key: value for key, value in data.items() if not (apart and key == "legs")})
-    parts = [f"[[legs]]\n{tomlkit.dumps(leg)}" for leg in legs] if apart and isinstance(legs, list) else []
-    return "\n".join([head, *parts])
+
+def _value(value: Any) -> str:
+    """A value as TOML on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(map(_entry, value.items())) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _entry(entry: tuple[str, Any]) -> str:
+    return f"{_value(entry[0])} = {_value(entry[1])}"
 
 
 def _tables(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -157,7 +157,6 @@ def _latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency
 
     step = float(t[1] - t[0])
     y, good = _filtered(sensor, t)
-    curve = CubicSpline(t, y, axis=0)
     margin = int(np.ceil(_LARGEST_S / step))
     usable = known & _all_around(good, margin // 2)
     usable[:margin] = usable[len(t) - margin :] = False
@@ -167,10 +166,14 @@ def _latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency
     blocks = np.array_split(index, _BLOCKS)
 
     def errors(shifts: Array) -> Array:
-        """Absolute error per shift and block."""
-        return np.array([
-            [np.abs(curve(t[b] + shift) - reference[b]).sum() for b in blocks] for shift in shifts
-        ])
+        """Absolute error per shift and block, channel by channel: the splines of a long log are large."""
+        total = np.zeros((len(shifts), _BLOCKS))
+        for k in range(y.shape[1]):
+            curve = CubicSpline(t, y[:, k])
+            total += [
+                [np.abs(curve(t[b] + shift) - reference[b, k]).sum() for b in blocks] for shift in shifts
+            ]
+        return total
 
     # Coarse search over all shifts first: the error over the shift has several minima in a periodic motion.
     coarse = np.arange(-_LARGEST_S, _LARGEST_S + 1e-9, 0.5 * min(step, 0.1))
@@ -183,7 +186,8 @@ def _latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency
     seconds = _lowest(fine, cost.sum(axis=1))
     left_out = np.array([_lowest(fine, cost.sum(axis=1) - cost[:, b]) for b in range(_BLOCKS)])
     deviation = float(np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((left_out - left_out.mean()) ** 2)))
-    correlation = _correlation(curve(t[index] + seconds), reference[index])
+    shifted = [CubicSpline(t, y[:, k])(t[index] + seconds) for k in range(y.shape[1])]
+    correlation = _correlation(np.stack(shifted, axis=1), reference[index])
     certain = abs(seconds) > max(3.0 * deviation, 0.05 * step) and deviation < 0.5 * step
     return Latency(seconds, deviation, correlation, certain and correlation > _FOLLOWS)
 

@@ -145,9 +145,8 @@ _STENCIL = 2  # a derivative is valid where this many samples on both sides are 
 def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -> dict[str, Any]:
     """Arrays of a `seatrial.trial.trial.Trial` by the names of its fields, at the uniform times `t` (n,)."""
     observed = np.full((len(t), 12), np.nan)
-    filled = np.zeros((len(t), 12))
+    filled = np.zeros((len(t), 9))
     valid = np.zeros((len(t), 12), bool)
-    attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
     for name in ("position", "depth", "velocity", "rates"):
         if name in signals:
             _report_gaps(signals[name], report)
@@ -163,7 +162,10 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         valid[:, columns] = good[:, [k - 9 for k in columns]]
         turned = np.logical_and.reduce(valid[:, columns], axis=1)
         _derive(observed, valid, filled, attitude, turned, t, report)
-    observed[~np.isfinite(observed)] = np.nan
+    else:
+        attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    for k in range(12):
+        observed[~np.isfinite(observed[:, k]), k] = np.nan
     absent = np.logical_and.reduce(np.isnan(observed), axis=0)
     report.samples, report.duration_s = len(t), float(t[-1] - t[0])
     report.rate_hz = (len(t) - 1) / report.duration_s
@@ -212,6 +214,8 @@ def _derive(
     from scipy.ndimage import minimum_filter1d
 
     absent = np.logical_and.reduce(np.isnan(observed[:, :6]), axis=0)
+    if not absent.any():
+        return
     placed = np.logical_and.reduce(valid[:, 6:9], axis=1)
     curve = spline(t, attitude, turned)
     q = curve(t)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,25 +55,31 @@ def recording(
     columns: Mapping[str, Any] | None = None,
     sensor_positions: Mapping[str, Sequence[float]] | None = None,
     corrections: Mapping[str, Any] | None = None,
+    begin: Callable[[str], None] = lambda step: None,
 ) -> Recording:
-    """Signals of a log or table; the parameters are those of `seatrial.trial.trial.Trial.read`.
+    """Signals of a log or table; the parameters are those of `seatrial.trial.trial.Trial.read`, and
+    ``begin`` is called with the name of each step before it.
 
     Raises
     ------
     TrialError
         If the recording, its column map or its corrections cannot be used.
     """
+    begin("table")
     cells, file, units = read_table(source, reader, columns_of(columns))
     report = RecordingReport(file)
     given = parse_corrections(corrections, f"{file}: corrections")
     sources = parse(columns, cells.columns, file, units)
     positions = parse_positions(sensor_positions, file)
+    begin("units and frames")
     time = table.time_base(cells, sources["t_s"], file)
     signals = table.signals(cells, time, sources, file, report)
     used = {source.column for source in sources.values()}
     unused = [f'"{column}"' for column in cells.columns if column and column not in used]
     if unused:
         report.add("info", "columns", f"not used: {', '.join(unused)}")
+    del cells  # a long log is large: nothing below needs its cells
+    begin("defects")
     signals, time = resampling.evenly_stamped(signals, time, report)
     signals = defects.mark(signals, report)
     signals = corrected(signals, given, report)

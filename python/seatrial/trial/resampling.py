@@ -85,8 +85,9 @@ def _attitude(signal: Signal, t: Array) -> tuple[Array, Mask]:
     good = signal.good
     if not good.any():
         return np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1)), np.zeros((len(t), 4), bool)
-    q, _ = continuous(signal.y[good])
-    times = signal.t[good]
+    # Without a copy where every sample is good: an attitude of a long log is large.
+    q, times = (signal.y, signal.t) if good.all() else (signal.y[good], signal.t[good])
+    q, _ = continuous(q)
     value = np.stack([np.interp(t, times, q[:, k]) for k in range(4)], axis=1)
     value /= np.linalg.norm(value, axis=1)[:, None]
     _, valid = between(signal.t, signal.y[:, 0], signal.bad[:, 0], t, signal.interval)

@@ -143,7 +143,8 @@ def _own_rows(
     apart = together(t, cells[:, columns], present[:, columns], period=period)
     if apart is None:
         sampled = np.logical_or.reduce(present[:, columns], axis=1)
-        return t[sampled], cells[sampled]
+        # Rows of one sensor share their times: a copy each would be a third of a long log.
+        return (t, cells) if sampled.all() else (t[sampled], cells[sampled])
     times, brought = apart
     report.add("info", group.name, "components have stamps of their own; brought to those of the busiest")
     cells = np.full((len(times), y.shape[1]), np.nan)
@@ -255,6 +256,8 @@ def _actuator(
     good = column.is_not_null().to_numpy() & np.isfinite(y)
     if not good.any():
         raise TrialError(f"{file}: {name}: no cell has a number; leave the column out of the map")
+    if good.all():
+        return Signal(name, (name,), t, y[:, None], np.zeros((len(t), 1), bool))
     return Signal(name, (name,), t[good], y[good, None], np.zeros((int(good.sum()), 1), bool))
 
 
@@ -293,7 +296,7 @@ def numbers(column: pl.Series, canonical: str, file: str) -> Array:
                 f'{where}: row {row + 1}: expected a number, found the text "{column[row]}" '
                 f"({len(wrong)} such cells); correct it or leave the cell empty"
             )
-        return values.to_numpy().astype(float)
+        return values.to_numpy()
     if not (column.dtype.is_numeric() or column.dtype in (pl.Boolean, pl.Null)):
         raise TrialError(f"{where}: expected numbers, found {column.dtype}")
-    return column.cast(pl.Float64).to_numpy().astype(float)
+    return column.cast(pl.Float64).to_numpy()

@@ -10,7 +10,7 @@ Held by ``tests/trial/test_trial.py``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +23,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.atomic_write import write_table
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.progress import Clock, Progress
 from seatrial.trial import alignment, resampling, table, tilt
 from seatrial.trial.assembly import assemble
 from seatrial.trial.columns import GROUPS
@@ -51,6 +52,32 @@ _INPUT_COLUMNS = {
 }
 
 _STEADY_S = 0.25  # a segment starts where the samples this close are valid too
+
+
+_STEPS = {
+    "table": 0.03,
+    "units and frames": 0.07,
+    "defects": 0.15,
+    "signs and latencies": 0.7,
+    "time base": 0.05,
+}
+"""Steps of the reading, each with its share of the time that a long log takes."""
+
+
+class _Reading:
+    """Tells before each step of `_STEPS` how far the reading of a recording is."""
+
+    def __init__(self, name: str, tell: Callable[[Progress], None] | None) -> None:
+        self._name, self._tell, self._clock = name, tell, Clock()
+
+    def begin(self, step: str) -> None:
+        if self._tell is None:
+            return
+        number = list(_STEPS).index(step)
+        share = sum(list(_STEPS.values())[:number])
+        elapsed, left = self._clock.elapsed_s, self._clock.left_s(share, 1.0 - share)
+        what = f"reading {self._name}"
+        self._tell(Progress(what, number, len(_STEPS), share, elapsed, left, detail=step))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +143,7 @@ class Trial:
         corrections: Mapping[str, Any] | None = None,
         rho: float | None = None,
         g: float | None = None,
+        progress: Callable[[Progress], None] | None = None,
     ) -> Trial:
         """Trial from a log or table in any format of `seatrial.logs`, or from a polars or pandas frame.
 
@@ -148,6 +176,8 @@ class Trial:
             found here; ``automatic`` false switches `align`, signs and `level` off.
         rho, g
             Density in kg/m^3 and gravity in m/s^2 at this trial.
+        progress
+            Called with a `Progress` before each step of the reading.
 
         Raises
         ------
@@ -163,8 +193,14 @@ class Trial:
         >>> round(float(trial.channel("u")[10]), 3)
         0.5
         """
+        reading = _Reading(name or "the recording", progress)
         found = recording(
-            source, reader, columns=columns, sensor_positions=sensor_positions, corrections=corrections
+            source,
+            reader,
+            columns=columns,
+            sensor_positions=sensor_positions,
+            corrections=corrections,
+            begin=reading.begin,
         )
         file, signals, time, report = found.file, found.signals, found.time, found.report
         if name is None:
@@ -178,6 +214,7 @@ class Trial:
                 f"{file}: {len(t)} samples at {1.0 / (t[1] - t[0]) if len(t) > 1 else rate_hz:g} Hz;"
                 f" expected at least {table.MINIMUM_ROWS}"
             )
+        reading.begin("signs and latencies")
         given = found.corrections
         remove = align and given.automatic
         sensors = ["velocity", "rates"]
@@ -191,6 +228,7 @@ class Trial:
         signals = alignment.align(
             signals, t, report, found.sources, remove=remove, given=given, names=sensors
         )
+        reading.begin("time base")
         if given.frame is None:
             signals = tilt.level(signals, report, remove=level and given.automatic)
         parts = assemble(signals, t, report)

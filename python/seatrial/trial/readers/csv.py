@@ -1,6 +1,7 @@
 """Comma-separated values, and other tables of text, as their layout says (`seatrial.logs.delimited`).
 
-Every cell is read as text, so that the column map can name the row and the value of a cell that is no number.
+Columns whose first rows are numbers are read as numbers, which takes a quarter of the memory of text. Where a
+later cell is none, every cell is read as text, so that the column map can name its row and its value.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ if TYPE_CHECKING:
 
 __all__ = ["read", "units"]
 
+_HEAD = 100
+"""Rows that tell a column of numbers from one of text."""
+
 
 def read(path: Path) -> pl.DataFrame:
-    """Table of text cells with the names of its row of names; an empty cell is null, a decimal comma a point.
+    """Table of numbers and text, named by its row of names; an empty cell is null, a decimal comma a point.
 
     Raises
     ------
@@ -42,15 +46,39 @@ def read(path: Path) -> pl.DataFrame:
     with path.open(encoding="utf-8", errors="replace") as file:
         header = next((line for line in file if line.strip() and not line.startswith("#")), "")
     separator = max(",;\t", key=header.count)
-    try:
+
+    def cells(types: dict[str, type[pl.DataType]], rows: int | None = None) -> pl.DataFrame:
         # A bracket in a file's name is no pattern.
-        return pl.read_csv(path, separator=separator, infer_schema=False, comment_prefix="#", glob=False)
+        return pl.read_csv(
+            path,
+            separator=separator,
+            infer_schema=False,
+            schema_overrides=types,
+            n_rows=rows,
+            comment_prefix="#",
+            glob=False,
+        )
+
+    try:
+        head = cells({}, _HEAD)
+        try:
+            return cells({name: pl.Float64 for name in head.columns if _numeric(head[name])})
+        except pl.exceptions.PolarsError:
+            return cells({})
     except pl.exceptions.PolarsError as error:
         reason = str(error).splitlines()[0]
         raise TrialError(
             f"{path}: not readable as a table of values separated by {separator!r} ({reason}); "
             "expected one header line and rows with as many cells; repair the file or name its reader"
         ) from None
+
+
+def _numeric(column: pl.Series) -> bool:
+    """Whether all cells of a column of text are numbers, and some are there."""
+    import polars as pl
+
+    empty = column.null_count()
+    return empty < len(column) and column.cast(pl.Float64, strict=False).null_count() == empty
 
 
 def units(path: Path) -> dict[str, str]:

@@ -93,7 +93,7 @@ def campaign_log(campaign: Campaign, source: str | Path) -> CampaignLog:
     """
     path, name = Path(source), str(source)
     if path.is_dir():
-        log = MissionLog.read(path)
+        log = MissionLog.read(path, progress=campaign.progress)
         _refuse_other_vehicle(campaign, log)
         beside = [path / "autopilot.toml", path / "mission.toml"]
         flown = [one if one.is_file() else None for one in beside]
@@ -128,7 +128,7 @@ def _read(campaign: Campaign, path: Path) -> MissionLog:
             raise
         raise TrialError(f"{path}: no recording, and no recipe of a generated one ({error})") from None
     if any(column.startswith("measured.") for column in table.columns):
-        return MissionLog.read(path)
+        return MissionLog.read(path, progress=campaign.progress)
     return MissionLog.read(
         path,
         columns=file.columns or None,
@@ -138,6 +138,7 @@ def _read(campaign: Campaign, path: Path) -> MissionLog:
         corrections=file.corrections,
         rho=file.environment.rho_kg_m3,
         g=file.environment.g_m_s2,
+        progress=campaign.progress,
     )
 
 
