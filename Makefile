@@ -23,7 +23,7 @@ SET_UP := $(VENV)/.set-up
 BUILT  := $(VENV)/.built
 WHEEL  := dist/.built
 
-.PHONY: help setup build demo test test-rust test-python test-wheel check format stubs bench wheel clean
+.PHONY: help setup build demo test test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel clean
 
 help: ## list the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -33,7 +33,7 @@ $(SET_UP): constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
 	  f"seatrial needs Python 3.11 or later, found {sys.version.split()[0]}: make PYTHON=python3.11 ...")'
 	test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --requirement constraints.txt
+	$(BIN)/python -m pip install --no-compile --requirement constraints.txt
 	@touch $@
 
 build: $(BUILT) ## the Rust core, optimised, importable from .venv
@@ -44,12 +44,11 @@ $(BUILT): $(SET_UP) $(CORE)
 demo: build ## from trials to a verdict in under two minutes: identify, tune, verify
 	$(BIN)/seatrial demo
 
-# The optimised build runs on one processor for minutes: the tests of the core are compiled and run beside it.
-test: $(SET_UP) ## everything that continuous integration runs
-	$(MAKE) --jobs 2 --output-sync=target build test-rust
-	$(MAKE) check
-	$(MAKE) test-python
-	$(MAKE) test-wheel
+# The optimised build and most checks keep one processor busy: what does not need the core runs beside its build, and what
+# needs it beside the tests in Python. The wheel comes first because maturin keeps one copy of the core.
+test: ## everything that continuous integration runs
+	$(MAKE) --jobs 2 --output-sync=target wheel test-rust check-sources
+	$(MAKE) --jobs 2 --output-sync=target test-python check-stub test-wheel
 
 test-rust: ## laws, scalars, literature and golden numbers of the core
 	env -u MAKEFLAGS cargo test --locked --package seatrial --quiet
@@ -57,7 +56,7 @@ test-rust: ## laws, scalars, literature and golden numbers of the core
 # Two workers share the processors already: threads of the linear algebra would only wait for one another.
 test-python: export OPENBLAS_NUM_THREADS := 1
 test-python: build ## the Python front against the core and the recordings
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
 test-wheel: wheel ## the wheel in an empty environment outside the clone: types, a script, the whole chain to a verdict
 	@folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
@@ -69,14 +68,16 @@ test-wheel: wheel ## the wheel in an empty environment outside the clone: types,
 	venv/bin/seatrial --version; venv/bin/seatrial demo --json > demo.json; \
 	venv/bin/python "$(CURDIR)/tests/cli/chain_of_demo.py" demo.json
 
-check: build ## format, lint, order of the rooms, types, and the committed stub against the binding
+check: check-sources check-stub ## format, lint, order of the rooms, types, and the committed stub against the binding
+check-sources: $(SET_UP)
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
-	@report=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$report"; exit 1; }
+	@report=$$(PYTHONPATH=python $(BIN)/lint-imports --no-logo --no-cache) || { echo "$$report"; exit 1; }
 	$(BIN)/mypy
-	$(BIN)/maturin generate-stubs --quiet --profile release --locked --out target/stubs
+	env -u MAKEFLAGS cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
+check-stub: build
+	env -u MAKEFLAGS $(BIN)/maturin generate-stubs --quiet --profile release --locked --out target/stubs
 	diff -u python/seatrial/_core.pyi target/stubs/seatrial/_core.pyi || \
 	  { echo "The committed stub differs from the binding: run make stubs and commit it."; exit 1; }
 	$(BIN)/stubtest seatrial._core
@@ -93,9 +94,9 @@ bench: build ## ratios: fraction of FMA peak, threads, textbook, CasADi, memory,
 	$(BIN)/python -m benchmarks
 
 wheel: $(WHEEL) ## a wheel in dist/
-$(WHEEL): $(SET_UP) $(CORE) $(PACKAGE)
+$(WHEEL): $(BUILT) $(PACKAGE)
 	rm -rf dist
-	$(BIN)/maturin build --release --locked --out dist
+	env -u MAKEFLAGS $(BIN)/maturin build --release --locked --out dist
 	@touch $@
 
 clean: ## remove everything that was built, and the environment
