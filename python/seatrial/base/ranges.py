@@ -98,6 +98,12 @@ KEYS = {
     "knots": Range(4.0, 1e3, "a table of thrust has some ten knots"),
     "samples": Range(0.0, 1e4, "3 drawn vehicles do for most tunings"),
     "runs": Range(1.0, 1e6, "300 runs show a failure rate of 1 %"),
+    "supply_v": Range(0.1, 1e4, "give the supply voltage in V"),
+    "trim": _sized(1e6, "give the value of the channel at rest, 1500 for pulse widths"),
+    "min": _sized(1e6, "give the least value of the channel, 1100 for pulse widths"),
+    "max": _sized(1e6, "give the largest value of the channel, 1900 for pulse widths"),
+    "dead_zone": Range(0.0, 1e6, "give it in the channel's unit, less than from trim to min or max"),
+    "full": _sized(1e6, "give the command at full deflection in its unit"),
     "keep_worst": Range(0.0, 1e4, "keep the logs of a handful"),
 }
 """By their own bounds."""
@@ -111,7 +117,7 @@ ENTRIES = {
 }
 """Tables of corrections by channel or sensor: every number in one has its row."""
 
-OPEN = {"columns", "commands", "channels", "coefficients", "factors", "values", "nuisances", "trials"}
+OPEN = {"columns", "commands", "channels", "mix", "coefficients", "factors", "values", "nuisances", "trials"}
 """Tables whose keys are names of the user's: their numbers have the range `ANY`."""
 
 

@@ -417,6 +417,7 @@ class Campaign:
             "reader": source.reader or self.file.reader,
             "columns": self.file.columns | source.columns or None,
             "sensor_positions": source.places.over(self.file.places).by_sensor(),
+            "mixer": None if (table := source.mixer or self.file.mixer) is None else table.mixer(),
             "corrections": merged(self.file.corrections, source.corrections),
         }
 

@@ -27,6 +27,7 @@ from seatrial.base.toml_file import (
     tables,
     twice,
 )
+from seatrial.campaign.mixer_table import MixerTable
 from seatrial.campaign.search_budget import Budget
 from seatrial.campaign.tuning_table import TuningTable
 from seatrial.campaign.verification_table import VerificationTable
@@ -96,6 +97,7 @@ class TrialSource(Section):
     environment: Environment = Environment()
     places: SensorPositions = SensorPositions()
     corrections: Corrections = Field(default_factory=dict)
+    mixer: MixerTable | None = None
     hold_out: bool = False
     hold_out_s: tuple[Interval, ...] = ()
     input: Input | None = None
@@ -327,6 +329,7 @@ class CampaignFile(Section):
     rate_hz: Positive | None = None
     input: Input = "commands"
     columns: dict[str, Any] = Field(default_factory=dict)
+    mixer: MixerTable | None = None
     budget: Budget = Budget()
     trials: dict[str, TrialSource] = Field(default_factory=dict)
     stages: tuple[Stage, ...] = ()

@@ -10,6 +10,7 @@ from seatrial.base.arrays import Array
 from seatrial.trial import defects, resampling, table
 from seatrial.trial.columns import Source, columns_of, parse
 from seatrial.trial.corrections import Corrections, corrected, parse_corrections
+from seatrial.trial.mixer import Mixer
 from seatrial.trial.readers import Reader, read_table
 from seatrial.trial.sensor_position import parse_positions
 from seatrial.trial.signals import RecordingReport, Signal
@@ -55,6 +56,7 @@ def recording(
     columns: Mapping[str, Any] | None = None,
     sensor_positions: Mapping[str, Sequence[float]] | None = None,
     corrections: Mapping[str, Any] | None = None,
+    mixer: Mixer | None = None,
     begin: Callable[[str], None] = lambda step: None,
 ) -> Recording:
     """Signals of a log or table; the parameters are those of `seatrial.trial.trial.Trial.read`, and
@@ -66,7 +68,10 @@ def recording(
         If the recording, its column map or its corrections cannot be used.
     """
     begin("table")
-    cells, file, units = read_table(source, reader, columns_of(columns))
+    sticks = [] if mixer is None else mixer.columns
+    cells, file, units = read_table(source, reader, [*columns_of(columns), *sticks])
+    if mixer is not None:
+        cells = mixer.mixed(cells, file, columns)
     report = RecordingReport(file)
     given = parse_corrections(corrections, f"{file}: corrections")
     sources = parse(columns, cells.columns, file, units)
@@ -74,7 +79,7 @@ def recording(
     begin("units and frames")
     time = table.time_base(cells, sources["t_s"], file)
     signals = table.signals(cells, time, sources, file, report)
-    used = {source.column for source in sources.values()}
+    used = {source.column for source in sources.values()} | set(sticks)
     unused = [f'"{column}"' for column in cells.columns if column and column not in used]
     if unused:
         report.add("info", "columns", f"not used: {', '.join(unused)}")

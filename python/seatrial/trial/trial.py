@@ -27,6 +27,7 @@ from seatrial.base.progress import Clock, Progress
 from seatrial.trial import alignment, resampling, table, tilt
 from seatrial.trial.assembly import assemble
 from seatrial.trial.columns import GROUPS
+from seatrial.trial.mixer import Mixer
 from seatrial.trial.own_samples import own_samples
 from seatrial.trial.readers import Reader
 from seatrial.trial.recording import recording
@@ -141,6 +142,7 @@ class Trial:
         level: bool = True,
         sensor_positions: Mapping[str, Sequence[float]] | None = None,
         corrections: Mapping[str, Any] | None = None,
+        mixer: Mixer | None = None,
         rho: float | None = None,
         g: float | None = None,
         progress: Callable[[Progress], None] | None = None,
@@ -174,6 +176,8 @@ class Trial:
             What was wrong with the sensors, as the table ``[corrections]`` of a campaign file: ``signs``,
             ``axes``, ``delay_s``, ``tilt_deg``, ``scale``, ``bias``, ``heading_deg``. It wins over what is
             found here; ``automatic`` false switches `align`, signs and `level` off.
+        mixer
+            Makes commands of sticks, radio or servo channels, and a constant supply voltage.
         rho, g
             Density in kg/m^3 and gravity in m/s^2 at this trial.
         progress
@@ -200,6 +204,7 @@ class Trial:
             columns=columns,
             sensor_positions=sensor_positions,
             corrections=corrections,
+            mixer=mixer,
             begin=reading.begin,
         )
         file, signals, time, report = found.file, found.signals, found.time, found.report
