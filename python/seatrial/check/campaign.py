@@ -8,16 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import SeatrialError
 from seatrial.base.report import Report, Section, Table
+from seatrial.intake.consistency_trials import Proposal, consistency_of_trial, proposals
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.estimation.inputs import InputJudgement
     from seatrial.estimation.scale import ScaleReport
+    from seatrial.intake.consistency import Consistency
     from seatrial.trial.signals import RecordingReport
 
 __all__ = ["CampaignCheck", "StageOutline", "check_campaign"]
 
+
+_MOST_PROPOSALS = 6  # more are among the details
 
 _READY = {True: "Ready to identify", False: "Nothing to identify: it only tunes or verifies an autopilot"}
 
@@ -41,7 +45,8 @@ class CampaignCheck:
 
     ``inputs`` and ``scale`` say what the inputs can tell and what the scale of all forces rests on; None
     where a problem is found before. ``warnings`` is what an identification says before its first search,
-    ``kinds`` by trial what kind of data it is, ``data`` the same in sentences.
+    ``kinds`` by trial what kind of data it is, ``data`` the same in sentences, ``consistency`` by trial
+    whether its channels tell one motion, ``proposals`` what of it to paste into the campaign.
     """
 
     name: str
@@ -54,6 +59,8 @@ class CampaignCheck:
     warnings: tuple[str, ...] = ()
     kinds: Mapping[str, KindOfData] = field(default_factory=dict)
     data: tuple[str, ...] = ()
+    consistency: Mapping[str, Consistency] = field(default_factory=dict)
+    proposals: tuple[Proposal, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
@@ -68,6 +75,8 @@ class CampaignCheck:
             "warnings": list(self.warnings),
             "kind_of_data": {name: kind.to_dict() for name, kind in self.kinds.items()},
             "data": list(self.data),
+            "consistency": {name: found.to_dict() for name, found in self.consistency.items()},
+            "proposals": [vars(one) for one in self.proposals],
         }
 
     def report(self) -> Report:
@@ -104,13 +113,21 @@ def _report(check: CampaignCheck) -> Report:
         sections=(
             Section(sentences=(*check.problems, *check.warnings)),
             Section(sentences=free, tables=(_trial_table(check), _stage_table(check))),
+            Section("Corrections proposed", tuple(one.text for one in check.proposals[:_MOST_PROPOSALS])),
             Section("Kind of data", check.data),
             Section("Inputs over what is fitted", inputs, (_input_table(check),)),
             Section("Scale of all forces", scale),
             *findings,
+            *(_consistency(name, found) for name, found in check.consistency.items()),
             *(Section(f"Motion of trial {n}", k.details, details=True) for n, k in check.kinds.items()),
         ),
     )
+
+
+def _consistency(name: str, found: Consistency) -> Section:
+    """Everything about the channels of one trial, as details."""
+    said = (*(one.sentence for one in found.corrections), *found.missing)
+    return Section(f"Consistency of trial {name}", said, (found.table(),), details=True)
 
 
 def _worst(check: CampaignCheck) -> tuple[str, str]:
@@ -120,15 +137,19 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
     identify = "run seatrial identify on this campaign"
     if not check.stages:
         identify = "run seatrial tune or seatrial verify on this campaign"
-    for severity in ("error", "warning"):
-        for name, report in check.reports.items():
-            for finding in report.findings:
-                if finding.severity == severity:
-                    text = str(finding).removeprefix(severity).strip()
-                    return (
-                        f"trial {name}: {text}",
-                        f"correct the trial or its column map if it is used; then {identify}",
-                    )
+    correct = f"correct the trial or its column map if it is used; then {identify}"
+    found = [
+        (finding.severity, f"trial {name}: {str(finding).removeprefix(finding.severity).strip()}")
+        for name, report in check.reports.items()
+        for finding in report.findings
+    ]
+    open_ = [one.text for one in check.proposals if not one.done]
+    if (text := next((text for severity, text in found if severity == "error"), None)) is not None:
+        return text, correct
+    if open_:
+        return open_[0], f"paste the corrections that you accept into the campaign; then {identify}"
+    if (text := next((text for severity, text in found if severity == "warning"), None)) is not None:
+        return text, correct
     said = [] if check.scale is None else check.scale.sentences()
     for sentence in (*check.warnings, *([] if check.inputs is None else check.inputs.sentences()), *said):
         if sentence.startswith("WARNING"):
@@ -218,7 +239,9 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         except SeatrialError as error:
             problems.append(str(error))
     kinds: dict[str, KindOfData] = {}
+    told: dict[str, Consistency] = {}
     if not problems:
+        told = {name: one for name in reports if (one := consistency_of_trial(campaign, name)) is not None}
         kinds = {name: kind_of_data(campaign.trials[name], campaign.vehicle) for name in reports}
     return CampaignCheck(
         campaign.name,
@@ -231,6 +254,8 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         warnings,
         kinds,
         _data(campaign, kinds) if kinds else (),
+        told,
+        proposals(told, reports),
     )
 
 

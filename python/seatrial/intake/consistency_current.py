@@ -184,8 +184,12 @@ def _averaged(legs: _Legs) -> _Parts | None:
 
     def mean(y: Array) -> Array:
         flat = y[legs.known].reshape(int(legs.known.sum()), -1)
-        sums = np.stack([np.bincount(part[legs.known], one, count) for one in flat.T], axis=1)
-        return np.asarray((sums / np.maximum(number, 1)[:, None])[whole].reshape(-1, *y.shape[1:]))
+        sums = np.zeros((count, flat.shape[1]))
+        for k, one in enumerate(flat.T):
+            sums[:, k] = np.bincount(part[legs.known], one, count)
+        return np.asarray(
+            (sums / np.maximum(number, 1)[:, None])[whole].reshape(int(whole.sum()), *y.shape[1:])
+        )
 
     t = mean(legs.t[:, None])[:, 0]
     knots = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / _KNOT_S) + 1))

@@ -18,6 +18,8 @@ _CERTAIN = 5.0
 
 _LEAST_S = 0.015
 
+_MATERIAL = 0.01  # share of the residual that a delay must take away: a lever arm may look like a small one
+
 _SENSOR = {"rates": "the gyro", "specific force": "the accelerometer"}
 
 
@@ -146,7 +148,7 @@ def _at_zero(fit: Fit, delay: str, drift: str, middle: float) -> tuple[float, fl
 
 def _delay(found: Found, fit: Fit, name: str, group: str) -> list[Correction]:
     value, sd = fit.values[name], fit.sd[name]
-    if abs(value) < max(_CERTAIN * sd, _LEAST_S) or fit.after >= fit.alone[name]:
+    if abs(value) < max(_CERTAIN * sd, _LEAST_S) or fit.after > (1.0 - _MATERIAL) * fit.alone[name]:
         return []
     word = "late" if value > 0.0 else "early"
     sensor = _SENSOR.get(group, f"the {group}")

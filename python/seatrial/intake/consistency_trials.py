@@ -1,0 +1,125 @@
+"""Consistency of the trials of a campaign, and what to paste into its file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.channels import DEGREE
+from seatrial.base.rotation import from_euler, product, to_euler
+from seatrial.intake.consistency import Consistency, Correction, Series, consistency
+from seatrial.trial.own_samples import own_samples
+from seatrial.trial.sensor_position import to_origin
+from seatrial.trial.signals import RecordingReport
+
+if TYPE_CHECKING:
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.trial.recording import Recording
+
+__all__ = ["Proposal", "consistency_of_trial", "proposals", "series_of"]
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One key of a campaign that its trials propose, with the trials; ``done``: reading does it by itself."""
+
+    text: str
+    trials: tuple[str, ...]
+    effect: float
+    done: bool
+
+
+def series_of(found: Recording) -> dict[str, Series]:
+    """Channels of a recording at the stamps of their sensors, as the corrections given say."""
+    signals = to_origin(found.signals, found.positions, RecordingReport(found.file))
+    series = {name: Series(t, y) for name, (t, y) in own_samples(signals).items()}
+    for name, signal in signals.items():
+        if name == "water velocity" or name.startswith("cmd."):
+            for k, channel in enumerate(signal.channels):
+                good = ~signal.bad[:, k]
+                key = channel if name == "water velocity" else name
+                series[key] = Series(signal.t[good], signal.y[good, k])
+    return series
+
+
+def consistency_of_trial(campaign: Campaign, name: str) -> Consistency | None:
+    """What would make the channels of a trial tell one motion; None where it was given as a trial.
+
+    Raises
+    ------
+    SeatrialError
+        The recording cannot be read.
+    """
+    found = campaign.recording(name)
+    if found is None:
+        return None
+    told = consistency(series_of(found))
+    given = found.corrections.given | {f"{sensor}_m": arm for sensor, arm in found.positions.items()}
+    return replace(told, corrections=tuple(_on_top(one, given) for one in told.corrections))
+
+
+def _on_top(correction: Correction, given: Mapping[str, Any]) -> Correction:
+    """The correction with the value that a key needs which holds one already."""
+    key, value = correction.key, correction.value
+    before = given.get(key)
+    if before is None or key.startswith("axes."):
+        return correction
+    if key.startswith(("signs.", "scale.")):
+        value = type(value)(value * before)
+    elif key == "tilt_deg.velocity":
+        both = product(from_euler(np.array(value) * DEGREE), from_euler(np.array(before) * DEGREE))
+        value = [round(float(angle) / DEGREE, 3) for angle in to_euler(both)]
+    elif isinstance(value, list):
+        value = [round(float(x + y), 3) for x, y in zip(value, before, strict=True)]
+    else:
+        value = float(f"{value + before:.6g}")
+    sentence = f"{correction.sentence}, beyond the {key} that is given"
+    return replace(correction, value=value, sentence=sentence)
+
+
+def proposals(
+    found: Mapping[str, Consistency], reports: Mapping[str, RecordingReport]
+) -> tuple[Proposal, ...]:
+    """One proposal a key over all trials, what reading leaves first, then the largest effect."""
+    by_key: dict[tuple[str, str], list[tuple[str, Correction]]] = {}
+    for name, one in found.items():
+        for correction in one.corrections:
+            by_key.setdefault((correction.table, correction.key), []).append((name, correction))
+    made = []
+    for entries in by_key.values():
+        trials = tuple(name for name, _ in entries)
+        best = max((one for _, one in entries), key=_effect)
+        done = all(_done(one.key, reports[name]) for name, one in entries)
+        where = f"trial {trials[0]}" if len(trials) == 1 else f"{len(trials)} trials ({', '.join(trials)})"
+        text = f"{where}: {best.sentence}{_range(entries)}; rms of {best.of} {best.before:.3g} to"
+        text += f" {best.after:.3g}: [{best.table}] {best.line}"
+        made.append(
+            Proposal(text + (" (reading does so by itself)" if done else ""), trials, _effect(best), done)
+        )
+    return tuple(sorted(made, key=lambda one: (one.done, -one.effect)))
+
+
+def _effect(correction: Correction) -> float:
+    return correction.before / max(correction.after, 1e-12)
+
+
+def _range(entries: list[tuple[str, Correction]]) -> str:
+    """From which to which value the trials go, where there are several numbers."""
+    values = [one.value for _, one in entries]
+    if len(values) < 2 or not all(isinstance(x, float) for x in values) or min(values) == max(values):
+        return ""
+    return f"; {np.min(values):.4g} to {np.max(values):.4g} by trial"
+
+
+def _done(key: str, report: RecordingReport) -> bool:
+    """Whether reading corrected it by itself."""
+    kind, _, name = key.partition(".")
+    if kind == "delay_s":
+        return name in report.latencies
+    if key == "tilt_deg.frame":
+        return report.tilt is not None
+    reversed_ = [one for one in report.findings if one.channel == name and "sign reversed" in one.message]
+    return kind == "signs" and bool(reversed_)
