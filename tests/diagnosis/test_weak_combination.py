@@ -242,3 +242,17 @@ def test_information_of_what_rounding_leaves() -> None:
     assert np.all(np.diag(covariance(total)) > 1e6)  # null direction, not a negative variance
     assert np.array_equal(eliminate(total, [0], [1, 2]), [[0.0]])  # wholly absorbed, not 1e-14
     assert math.isinf(singular(total)[2])
+
+
+def test_no_deviation_above_half_of_the_value_is_identifiable() -> None:
+    # Bounds 100 wide: the natural size is 10, and 1.7 beside a value of 1 would be identifiable.
+    for sd, verdict in ((0.4, "identifiable"), (0.6, "weak"), (1.7, "weak")):
+        lin = made({"X_u": np.array([1.0 / sd])}, {"X_u": -1.0}, widths={"X_u": 100.0})
+        found = judge(lin, {"X_u": sd})
+        assert found.coefficients[0].relative == pytest.approx(0.1 * sd)
+        assert found.verdicts == {"X_u": verdict}
+        assert bool(found.sentences) is (verdict == "weak")
+    assert "X_u: -1 ± 1.7" in found.sentences[0]
+    assert "170 % of its value; hold it at zero" in found.sentences[0]
+    # A start value of zero, before any search, is no estimate.
+    assert judge(made({"X_u": np.array([1.0])}, {"X_u": 0.0}, widths={"X_u": 100.0})).sentences == ()

@@ -13,6 +13,7 @@ import pytest
 import seatrial as st
 from seatrial.campaign.from_trials import campaign_from_trials
 from seatrial.diagnosis.missing_terms import worded
+from seatrial.identification.fitted import Fitted
 
 T = np.arange(0.0, 60.0, 0.1)
 TRUE = st.Vehicle.load("cwolf")
@@ -153,3 +154,57 @@ def test_a_response_faster_than_the_file_heads_the_summary_as_such(early: st.Ide
     assert "the actuator responds faster than the file says" in said
     assert "Lower stern.T_1 from 0.4 s (0 at least)" in said
     assert "ree stern.T_1" not in said
+
+
+NUISANCE = """
+format = 1
+name = "cwolf"
+vehicle = "cwolf"
+trials.straight = { file = "straight.csv", hold_out_s = [[47.92, 60.0]] }
+polish = { nuisances = { latency_u = 0.02 } }
+[[stages]]
+name = "all"
+trials = ["straight"]
+axes = { free = "X", measured = "YZKMN" }
+coefficients = { X_uu = [-40.0, -1.0] }
+"""
+
+
+def test_a_nuisance_far_from_its_prior_heads_the_summary() -> None:
+    shifted = trial()
+    late = shifted.observed.copy()
+    late[3:, 0] = late[:-3, 0]  # 0.3 s, fifteen deviations of the prior
+    fit = st.identify(
+        st.Campaign.from_toml(NUISANCE, trials={"straight": replace(shifted, observed=late)}, vehicle=START),
+        threads=1,
+    )
+    assert fit.assessment is not None
+    (row,) = fit.assessment.nuisances()
+    assert row["prior_sd"] == 0.02
+    assert row["away"] == pytest.approx(row["estimate"] / 0.02)
+    assert row["away"] > 3.0
+    worst = fit.summary().splitlines()[1]
+    assert (
+        f"latency_u of all trials is {row['estimate']:.3g} s, {row['away']:.2g} standard deviations" in worst
+    )
+    assert "Compare the clock of this channel" in fit.summary().splitlines()[2]
+    assert fit.assessment.to_dict()["nuisances"][0]["away"] == row["away"]
+
+
+def test_replayed_axes_are_named_with_the_scores(fit: st.Identification) -> None:
+    said = fit.report().text(verbose=True)
+    replayed = "sway, heave, roll, pitch, yaw replayed, not predicted"
+    assert f"Held-out data (straight; {replayed}" in said
+    assert f"Scores of every trial; {replayed}" in said
+    assert fit.to_dict()["replayed"] == list("YZKMN")
+
+
+def test_impossible_vehicles_are_said_in_the_first_line(fit: st.Identification) -> None:
+    known = fit.covariance
+    assert known is not None
+    wide = replace(known, matrix=known.matrix * 0.0 + known.at**2)
+    wide_fit = Fitted(fit.vehicle, wide.names, wide.matrix)
+    first = replace(fit, doubt=wide_fit.doubt()).summary().splitlines()[0]
+    assert "% of the vehicles drawn from the standard deviations are physically impossible" in first
+    assert "X_uu" in first
+    assert fit.doubt == fit.to_dict()["doubt"] == ""

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from seatrial._core import Vehicle as CoreVehicle
 from seatrial.base.errors import TrialError
+from seatrial.trial.comparison import compare
 from seatrial.trial.score import score, windows
 from seatrial.trial.trial import Trial
 from tests.trial import motion
@@ -235,3 +237,23 @@ def test_law_a_vehicle_scores_one_on_its_own_simulation() -> None:
     result = score(vehicle, Trial.read(table, name="own"), ahead_s=10.0)
     # the smoothed states at the restarts of a record without noise are off by 1e-8
     assert min(result.r2.values()) > 1.0 - 1e-6
+
+
+def test_a_replayed_channel_is_marked_and_is_no_evidence() -> None:
+    vehicle, t = CoreVehicle.load("cwolf"), np.arange(0.0, 40.0, 0.1)
+    commands = {name: 600.0 + 300.0 * np.sign(np.sin(0.3 * t)) for name in vehicle.actuators}
+    run = vehicle.simulate(t, commands)
+    motion_columns = {"u_m_s": run.nu[:, 0], "v_m_s": run.nu[:, 1], "w_m_s": run.nu[:, 2]}
+    recorded = Trial.read(
+        {"t_s": t} | motion_columns | {f"cmd.{name}": s for name, s in commands.items()}, name="leg"
+    )
+    weak = vehicle.with_coefficients({"X_uu": 2.0 * vehicle.coefficients()["X_uu"]})
+    found = score(weak, recorded, free="X", measured="YZKMN")
+    assert [name for name, one in found.items() if one.replayed] == ["v", "w"]
+    assert found.to_dict()["channels"]["w"]["replayed"] is True
+    rows = {line.split()[0]: line.split()[1] for line in str(found).splitlines()[2:]}
+    assert rows["w"] == rows["v"] == "replayed" != rows["u"]
+    assert " in u, worst" in found.report().text()  # of the one channel that is predicted
+    against = compare({"file": vehicle, "weak": weak}, recorded, free="X", measured="YZKMN")
+    assert {one.channel for one in against.differences} == {"u"}
+    assert "replayed" in str(against)

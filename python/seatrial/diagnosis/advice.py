@@ -34,6 +34,7 @@ __all__ = [
     "manoeuvre",
     "role",
     "scaled",
+    "strayed",
     "unexcited",
 ]
 
@@ -272,6 +273,39 @@ def absorbed(names: Sequence[str], nuisance: str) -> str:
         "bias": "record a minute at rest, or calibrate the sensor",
     }.get(what.partition("_")[0], f"take {what} from another source")
     return f"{join(names)}: not to be told from {what}{f' of {trial}' if trial else ''}; {remedy}"
+
+
+def strayed(name: str, value: str, *, away: float, prior: str) -> str:
+    """Sentence about a nuisance parameter that ended far from its prior.
+
+    Parameters
+    ----------
+    name : str
+        As the joint estimate names it: the trials, a colon and the parameter; the parameter alone for all.
+    value, prior : str
+        Estimate, and prior with its standard deviation, with their units.
+    away : float
+        Distance from the prior in its standard deviations.
+
+    Examples
+    --------
+    >>> strayed("turn: lever_x", "1.2 m", away=4.0, prior="0 ± 0.3 m")
+    'lever_x of trial turn is 1.2 m, 4 standard deviations from its prior (0 ± 0.3 m); measure the position of
+    the sensor with a tape; if the value is real, raise its standard deviation under [polish.nuisances]'
+    """
+    trial, _, what = name.rpartition(": ")
+    check = {
+        "current": "compare the heading (declination, mounting) and the velocity with another source",
+        "tilt": "check how the frame of the positions was levelled and how the sensor is mounted",
+        "lever": "measure the position of the sensor with a tape",
+        "latency": "compare the clock of this channel with that of the commands",
+        "bias": "check the zero of this channel in a record at rest",
+    }.get(what.partition("_")[0], f"check {what}")
+    where = f"trial{'s' if ', ' in trial else ''} {trial}" if trial else "all trials"
+    return (
+        f"{what} of {where} is {value}, {away:.2g} standard deviations from its prior ({prior}); {check}; if"
+        " the value is real, raise its standard deviation under [polish.nuisances]"
+    )
 
 
 def scaled(names: Sequence[str], factor_sd: float) -> str:

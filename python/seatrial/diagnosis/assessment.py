@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.parameters import Parameter
+from seatrial.diagnosis.advice import strayed
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
 from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint
 from seatrial.estimation.joint import Joint
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
 __all__ = ["Assessment", "assess", "conditioning"]
+
+_FAR = 3.0  # prior standard deviations from which a nuisance parameter is doubtful
 
 
 @dataclass(frozen=True)
@@ -74,21 +77,37 @@ class Assessment:
         }
 
     def nuisances(self) -> list[dict[str, Any]]:
-        """Name, unit, estimate and sigma of every nuisance parameter."""
+        """Name, unit, estimate, sigma and prior of every nuisance parameter; ``away`` in deviations of it."""
         return [
             {
                 "name": unknown.name,
                 "unit": unknown.unit,
                 "estimate": float(self.uncertainty.estimate[place]),
                 "sigma": float(self.uncertainty.sigma[place]),
+                "prior": unknown.prior,
+                "prior_sd": unknown.prior_sd,
+                "away": (float(self.uncertainty.estimate[place]) - unknown.prior) / unknown.prior_sd,
             }
             for place, unknown in enumerate(self.unknowns)
             if unknown.kind == "nuisance"
         ]
 
+    def strayed(self) -> list[str]:
+        """Sentences on nuisance parameters three or more deviations from their prior, the farthest first."""
+        far = [row for row in self.nuisances() if abs(row["away"]) >= _FAR]
+        return [
+            strayed(
+                row["name"],
+                f"{row['estimate']:.3g} {row['unit']}",
+                away=abs(row["away"]),
+                prior=f"{row['prior']:.3g} ± {row['prior_sd']:.3g} {row['unit']}",
+            )
+            for row in sorted(far, key=lambda row: -abs(row["away"]))
+        ]
+
     def sentences(self) -> list[str]:
         """What to know before the numbers are used, the gravest first."""
-        lines = []
+        lines = self.strayed()
         if len(self.polished.costs) > 1:
             lines.append(self._starts())
         if self.residual_analysis.warning:

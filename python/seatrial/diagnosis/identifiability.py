@@ -27,7 +27,7 @@ from typing import Any, Literal
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.diagnosis.advice import VELOCITIES, absorbed, inseparable, role, scaled, unexcited
+from seatrial.diagnosis.advice import VELOCITIES, absorbed, inseparable, manoeuvre, role, scaled, unexcited
 from seatrial.diagnosis.weak_combination import ABSENT, WEAK, Group, weak_groups
 from seatrial.statistics.information import correlation, covariance, eliminate, inflation, singular
 from seatrial.statistics.linearisation import Linearisation, Unknown
@@ -48,6 +48,9 @@ ROUNDING = 1e3
 
 _STILL = (0.02, 0.02, 0.02, 0.01, 0.01, 0.01)  # m/s and rad/s: noise of a Doppler log and of a small gyro
 
+_OPEN = 0.5
+"""Standard deviation over the value above which no estimate is identifiable: 95 % reach to zero."""
+
 _HIDDEN = 2.0  # ratio of standard deviations with the nuisance parameters unknown and known
 
 
@@ -56,11 +59,12 @@ class Undetermined:
     """Coefficients that the data cannot tell, and the sentence that says what would.
 
     ``kind`` is "unexcited" (not even if all others were known), "nuisance" (hidden by a nuisance parameter),
-    "scale" (all forces together) or "combination". ``relative`` is the largest standard deviation among them
+    "scale" (all forces together), "combination" or "small" (known beside its bounds, not beside its own
+    value). ``relative`` is the largest standard deviation among them
     over its natural size, infinite if the data tell nothing; of a scale that of the common factor.
     """
 
-    kind: Literal["unexcited", "nuisance", "scale", "combination"]
+    kind: Literal["unexcited", "nuisance", "scale", "combination", "small"]
     names: tuple[str, ...]
     relative: float
     sentence: str
@@ -271,6 +275,8 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
     widening = (np.where(known, given, 1.0) / np.where(known, sd, 1.0)).clip(1.0, _COLOURED)
     relative = np.fmax(sd, given) / size
     relative = np.where(relative > ROUNDING, np.inf, relative)
+    # Start values before a search may be zero for want of anything better: of them this says nothing.
+    is_open = (np.fmax(sd, given) > _OPEN * np.abs(values)) & (sigma is not None)
     factors = inflation(information, inverse)
     judged = tuple(
         Judgement(
@@ -279,7 +285,7 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
             value=float(values[i]),
             sd=float(relative[i] * size[i]),
             relative=float(relative[i]),
-            verdict=_verdict(float(relative[i])),
+            verdict=_verdict(float(relative[i]), is_open=bool(is_open[i])),
             correlation=math.sqrt(1.0 - 1.0 / float(factors[i])),
             inflation=float(factors[i]),
         )
@@ -293,14 +299,42 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
         condition=condition,
         correlation=correlation(inverse),
         coefficients=judged,
-        combinations=undetermined(
-            lin,
-            information,
-            relative={one.name: one.relative for one in judged},
-            size=size,
-            widening=widening,
+        combinations=(
+            *undetermined(
+                lin,
+                information,
+                relative={one.name: one.relative for one in judged},
+                size=size,
+                widening=widening,
+            ),
+            *_small(judged),
         ),
     )
+
+
+def _small(judged: Sequence[Judgement]) -> list[Undetermined]:
+    """Sentences about coefficients that are weak for their small values alone."""
+    return [
+        Undetermined(
+            "small",
+            (one.name,),
+            one.relative,
+            f"{one.name}: {one.value:.3g} ± {one.sd:.2g}{_unit(one.unit)}, so that its standard deviation is"
+            f" {_share(one)} its value; hold it at zero and compare the held-out scores, or"
+            f" {manoeuvre(role(one.name))}",
+        )
+        for one in judged
+        if one.verdict == "weak" and one.relative <= WEAK
+    ]
+
+
+def _share(one: Judgement) -> str:
+    """Standard deviation as a part of the value, in words that go on with "its value"."""
+    return f"{100.0 * one.sd / abs(one.value):.0f} % of" if one.sd < 10.0 * abs(one.value) else "far above"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
 
 
 def warnings_before(lin: Linearisation) -> list[str]:
@@ -334,9 +368,9 @@ def _sizes(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
     return width, np.where(bounded, size, width)
 
 
-def _verdict(relative: float) -> Literal["identifiable", "weak", "not identifiable"]:
+def _verdict(relative: float, *, is_open: bool) -> Literal["identifiable", "weak", "not identifiable"]:
     if relative <= WEAK:
-        return "identifiable"
+        return "weak" if is_open else "identifiable"
     return "weak" if relative < ABSENT else "not identifiable"
 
 

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, reason
 from seatrial.base.toml_file import loaded
+from seatrial.diagnosis.advice import manoeuvre, role
 from seatrial.identification.covariance import CoefficientCovariance, widened
 from seatrial.identification.identification import Identification
 from seatrial.statistics.draws import checked_numbers, generator
@@ -41,6 +42,8 @@ _TRIES, _ROUNDS = 8, 125  # attempts at once, and how often, before a draw is gi
 
 _CHUNK = 4096
 
+_DOUBTFUL = 0.1  # share of impossible draws that heads a report
+
 _AWAY = 1e-6  # relative; a file of text keeps more digits
 
 
@@ -54,26 +57,46 @@ class Drawn:
         Coefficients (n,), and their values (k, n), SI.
     thrown
         How many impossible draws went before each, (k,).
+    outside
+        How often a coefficient had a part in what made a draw impossible, (n,).
     """
 
     names: tuple[str, ...]
     values: Array
     thrown: NDArray[np.int_]
+    outside: Array
 
     @property
     def coefficients(self) -> dict[str, Array]:
         """Values (k,) by name, as `seatrial.fly_batch` takes them."""
         return {name: self.values[:, k].copy() for k, name in enumerate(self.names)}
 
+    @property
+    def impossible(self) -> float:
+        """Share of all that was drawn that no vehicle can be."""
+        lost = int(self.thrown.sum())
+        return lost / max(lost + len(self.values), 1)
+
     def sentence(self) -> str:
         """How many draws were thrown away, in words; empty if none was."""
         lost = int(self.thrown.sum())
         if not lost:
             return ""
-        share = lost / (lost + len(self.values))
         return (
-            f"{lost} of {lost + len(self.values)} drawn vehicles ({100 * share:.2g} %) were physically"
-            " impossible (damping that adds energy, negative mass or gain) and drawn again."
+            f"{lost} of {lost + len(self.values)} drawn vehicles ({100 * self.impossible:.2g} %) were"
+            " physically impossible (damping that adds energy, negative mass or gain) and drawn again."
+        )
+
+    def doubt(self) -> str:
+        """Heading where a tenth or more was thrown away: how many, by which coefficient, what to do."""
+        if self.impossible < _DOUBTFUL:
+            return ""
+        name = self.names[int(self.outside.argmax())]
+        return (
+            f"{100 * self.impossible:.2g} % of the vehicles drawn from the standard deviations are physically"
+            " impossible (damping that adds energy, negative mass or gain) and were drawn again, most often"
+            f" for {name}: its standard deviation is too large for its value; {manoeuvre(role(name))} and"
+            " identify again, or hold it at a value that you trust"
         )
 
 
@@ -180,14 +203,25 @@ class Fitted:
         """
         numbers = checked_numbers(k)
         values = np.tile(self.nominal, (len(numbers), 1))
-        thrown = np.zeros(len(numbers), dtype=np.int_)
+        thrown, outside = np.zeros(len(numbers), dtype=np.int_), np.zeros(len(self.names))
         asked = np.array([place for place, i in enumerate(numbers) if not (nominal_first and i == 0)], int)
         if self.names:
             root = _root(self.covariance)
             possible = PossibleCoefficients(self.vehicle, self.names)
             for start in range(0, len(asked), _CHUNK):
-                self._fill(asked[start : start + _CHUNK], numbers, seed, root, possible, (values, thrown))
-        return Drawn(self.names, values, thrown)
+                self._fill(
+                    asked[start : start + _CHUNK], numbers, seed, root, possible, (values, thrown, outside)
+                )
+        return Drawn(self.names, values, thrown, outside)
+
+    def doubt(self, *, draws: int = 200) -> str:
+        """Heading where many vehicles drawn from the covariance are impossible, see `Drawn.doubt`."""
+        if not self.names:
+            return ""
+        try:
+            return self.drawn(draws, 0).doubt()
+        except CampaignError as error:
+            return str(error)
 
     def _fill(
         self,
@@ -196,11 +230,11 @@ class Fitted:
         seed: int,
         root: Array,
         possible: PossibleCoefficients,
-        into: tuple[Array, NDArray[np.int_]],
+        into: tuple[Array, NDArray[np.int_], Array],
     ) -> None:
         """Draw until every place has a possible vehicle."""
-        values, thrown = into
-        centre, wrong = self.nominal, np.zeros(len(self.names))
+        values, thrown, wrong = into
+        centre = self.nominal
         for round_ in range(_ROUNDS):
             normal = np.array([
                 generator(seed, numbers[place], cause=_CAUSE, attempt=round_).standard_normal((

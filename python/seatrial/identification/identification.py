@@ -9,14 +9,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.atomic_write import parquet
-from seatrial.base.channels import CHANNELS, readable
+from seatrial.base.channels import AXES, CHANNELS, readable
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
-from seatrial.identification.hold_out import POOLED
+from seatrial.identification.hold_out import POOLED, replayed
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -106,6 +106,8 @@ class Identification(RunResult):
     choice
         A `Choice`: stages and joint estimate judged on data outside the fit, and which is the result; None
         without a joint estimate.
+    doubt
+        Heading where many vehicles drawn from the covariance are physically impossible; empty otherwise.
     """
 
     campaign: Campaign
@@ -121,6 +123,7 @@ class Identification(RunResult):
     interrupted: bool
     not_run: tuple[str, ...]
     choice: Choice | None = None
+    doubt: str = ""
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
         """How good, the worst problem, what to do next; then tables and remarks.
@@ -193,8 +196,10 @@ class Identification(RunResult):
                 }
                 for part, of in self.scores.items()
             },
+            "replayed": list(replayed(self.campaign)),
             "choice": None if self.choice is None else self.choice.to_dict(),
             "notes": list(self.notes),
+            "doubt": self.doubt,
             "facts": dict(self.facts),
         }
 
@@ -349,6 +354,8 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
 def _how_good(fit: Identification) -> str:
     """What failed before all else, then how well it predicts."""
     said = [_prediction(fit)]
+    if fit.doubt:
+        said.insert(0, f"{fit.doubt}.")
     choice = fit.choice
     if choice is not None and choice.result == "stages":
         said.insert(0, "The stages' coefficients, for the joint estimate predicts worse outside its fit.")
@@ -384,6 +391,8 @@ def _worst(fit: Identification) -> tuple[str, str]:
     if fit.interrupted:
         left = f"; not run: {', '.join(fit.not_run)}" if fit.not_run else ""
         return f"Ctrl-C ended the search early{left}", "run the same command again; finished stages are kept"
+    if strayed := [] if fit.assessment is None else fit.assessment.strayed():
+        return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
     if fit.choice is not None and fit.choice.result == "joint estimate" and fit.choice.spoilt:
         return (
             f"the joint estimate is better as a whole, but predicts {', '.join(fit.choice.spoilt)} worse"
@@ -482,8 +491,17 @@ def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table
 def _nuisance_table(fit: Identification) -> Table:
     """What the trials added to their records, estimated with the coefficients."""
     nuisances = [] if fit.assessment is None else fit.assessment.nuisances()
-    rows = [(row["name"], row["unit"], plus_minus(row["estimate"], row["sigma"])) for row in nuisances]
-    head = ("nuisance parameter", "unit", "estimate")
+    rows = [
+        (
+            row["name"],
+            row["unit"],
+            plus_minus(row["estimate"], row["sigma"]),
+            f"{row['prior']:.3g} ± {row['prior_sd']:.3g}",
+            f"{row['away']:+.1f}",
+        )
+        for row in nuisances
+    ]
+    head = ("nuisance parameter", "unit", "estimate", "prior", "prior sd away")
     return Table.of("Sensor errors and currents of the trials, estimated with them", head, rows, left=2)
 
 
@@ -498,6 +516,7 @@ def _held_out_table(fit: Identification) -> Table:
         cells = (score_text(score.r2), score_text(run), f"{scale * score.mae:.3g}", str(score.n))
         rows.append((channel, unit, *cells))
     trials = "" if ahead is None else ", ".join(ahead.trials)
+    trials += _replayed_words(fit)
     head = ("channel", "unit", "R2 10 s ahead", "R2 free run", "mean error 10 s ahead", "samples")
     return Table.of(
         f"Held-out data ({trials}; R2 = 1 is perfect, 0 no better than the mean)", head, rows, left=2
@@ -513,6 +532,7 @@ def _choice_table(fit: Identification) -> Table:
         else [(c, score_text(choice.stages[c]), score_text(choice.joint[c])) for c in choice.stages]
     )
     words = "" if choice is None else f" ({choice.judged_on.rstrip(',')}; the result: {choice.result})"
+    words += _replayed_words(fit) if rows else ""
     head = ("channel", "R2 10 s ahead, stages", "R2 10 s ahead, joint estimate")
     return Table.of(f"Stages and joint estimate outside the fit{words}", head, rows)
 
@@ -565,7 +585,14 @@ def _score_table(fit: Identification) -> Table:
             for trial, score in per_trial.items():
                 cells = (f"{score.r2[c]:.3f}" if c in score.r2 else "" for c in channels)
                 rows.append((f"R2 {part.replace('_', ' ')}, {titles[kind]}", trial, *cells))
-    return Table.of("Scores of every trial", ("score", "trial", *channels), rows, left=2)
+    title = "Scores of every trial" + _replayed_words(fit)
+    return Table.of(title, ("score", "trial", *channels), rows, left=2)
+
+
+def _replayed_words(fit: Identification) -> str:
+    """Axes that every score replays from the recording, to add to a title; empty where there are none."""
+    axes = replayed(fit.campaign)
+    return f"; {', '.join(_AXES[AXES.index(axis)] for axis in axes)} replayed, not predicted" if axes else ""
 
 
 def score_text(value: float) -> str:

@@ -32,6 +32,7 @@ from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.choice import Choice, choose
+from seatrial.identification.fitted import Fitted
 from seatrial.identification.hold_out import part_scores
 from seatrial.identification.identification import Identification, estimates
 from seatrial.identification.preparation import prepare
@@ -394,6 +395,7 @@ def run_identification(
             not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
             choice=choice,
         )
+        fit = replace(fit, doubt=Fitted.of(fit).doubt())
         if run_dir is not None:
             run.publish(fit.facts, fit.files())
     return fit

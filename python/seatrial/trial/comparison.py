@@ -45,7 +45,7 @@ from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 from seatrial.trial.predictions import Predictions
-from seatrial.trial.score import Score, Window, channel_errors, kind, score
+from seatrial.trial.score import REPLAYED, Score, Window, channel_errors, kind, score
 from seatrial.trial.trial import Input, Trial
 
 if TYPE_CHECKING:
@@ -367,8 +367,8 @@ def compare(
     }
     scores = _shared(scores, {n: v for n, v in vehicles.items() if isinstance(v, Predictions)})
     first, *others = scores
-    # A channel that never moves has no R2.
-    compared = [channel for channel, one in scores[first].items() if not np.isnan(one.r2)]
+    # A channel that never moves has no R2, and one that is replayed is no evidence.
+    compared = [c for c, one in scores[first].items() if not (np.isnan(one.r2) or one.replayed)]
     alpha = (1.0 - level) / max(len(others), 1)
     pairs = {
         (name, channel): PairedWindows.of(scores[first], scores[name], channel)
@@ -503,7 +503,7 @@ def _table(comparison: Comparison) -> Table:
             cells = [
                 channel if name == reference else "",
                 name,
-                f"{one.r2:.3f}",
+                REPLAYED if one.replayed else f"{one.r2:.3f}",
                 f"{one.mae * scale:.4g}",
                 unit,
             ]

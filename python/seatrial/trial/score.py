@@ -19,7 +19,7 @@ import numpy as np
 
 from seatrial._core import nuisance_names
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.channels import ANGLES, CHANNELS, deviations, difference, readable
+from seatrial.base.channels import ANGLES, AXES, CHANNELS, deviations, difference, readable
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.trial.predictions import Predictions
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 __all__ = [
+    "REPLAYED",
     "ChannelScore",
     "Score",
     "Window",
@@ -40,6 +41,9 @@ __all__ = [
     "score",
     "windows",
 ]
+
+REPLAYED = "replayed"
+"""What a table shows in place of the R2 of a channel whose axis follows the recording."""
 
 _CONVERGED = 5e-3  # change by halving the step, in standard deviations of the simulated velocity
 
@@ -195,12 +199,16 @@ def _converged(coarser: Sequence[Window], finer: Sequence[Window]) -> bool:
 
 @dataclass(frozen=True)
 class ChannelScore:
-    """Score of one channel: R2, mean absolute and root mean square error in SI, number of samples."""
+    """Score of one channel: R2, mean absolute and root mean square error in SI, number of samples.
+
+    Of a ``replayed`` channel they say nothing of the vehicle: its axis follows the recording.
+    """
 
     r2: float
     mae: float
     rmse: float
     n: int
+    replayed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +280,11 @@ class Score(Mapping[str, ChannelScore]):
                 " none; check its times and channels"
             )
         windows = tuple(window for window, keep in zip(self.windows, kept, strict=True) if keep)
-        table = {name: _channel_score(name, windows) for name in self.channels if name in channels}
+        table = {
+            name: replace(_channel_score(name, windows), replayed=one.replayed)
+            for name, one in self.channels.items()
+            if name in channels
+        }
         skipped = self.skipped + len(self.windows) - len(windows)
         return replace(self, channels=table, windows=windows, skipped=skipped)
 
@@ -302,7 +314,8 @@ class Score(Mapping[str, ChannelScore]):
         for name, channel in self.items():
             scale, unit = readable(name)
             errors = (f"{scale * channel.mae:.4g}", f"{scale * channel.rmse:.4g}")
-            rows.append((name, f"{channel.r2:.3f}", *errors, unit, str(channel.n)))
+            r2 = REPLAYED if channel.replayed else f"{channel.r2:.3f}"
+            rows.append((name, r2, *errors, unit, str(channel.n)))
         head = ("channel", "R2", "MAE", "RMSE", Column("unit", align="left"), "samples")
         trials = ", ".join(self.trials)
         title = f"{trials}: {kind(self)} ({self.shifted} started late, {self.skipped} left out)"
@@ -321,8 +334,8 @@ class Score(Mapping[str, ChannelScore]):
 
 
 def _verdict(score: Score) -> tuple[str, str, str]:
-    """How good, the worst problem and what to do next."""
-    r2 = {name: value for name, value in score.r2.items() if np.isfinite(value)}
+    """How good, the worst problem and what to do next; what is replayed is no evidence."""
+    r2 = {name: one.r2 for name, one in score.items() if np.isfinite(one.r2) and not one.replayed}
     diverged = [name for name in score.channels if np.isposinf(score.mae[name])]
     ahead = f"{score.ahead_s:g} s ahead" if np.isfinite(score.ahead_s) else "in a free run"
     if not r2:
@@ -424,7 +437,10 @@ def score(
         own = (nuisances or {}).get(one.name)
         simulated += predict(vehicle, one, spans, input=input, free=free, measured=measured, nuisance=own)
     simulated = [replace(window, own_stamps=own_stamps) for window in simulated]
-    table = {name: _channel_score(name, simulated) for name in names}
+    table = {
+        name: replace(_channel_score(name, simulated), replayed=AXES[CHANNELS.index(name) % 6] in measured)
+        for name in names
+    }
     found = Score(table, tuple(one.name for one in trials), ahead, shifted, skipped, tuple(simulated))
     if not isinstance(vehicle, Predictions):
         return found

@@ -319,7 +319,8 @@ def _how_good(tuning: Tuning) -> str:
         phase, row = min(phases, key=lambda pair: pair[0])
         least = f"; least phase margin {phase:.0f} deg ({row.loop} at {row.speed_m_s:.2f} m/s)"
     held = min((trial.held for trial in tuned.trials), default=1.0)
-    return (
+    doubt = f"{said}. " if (said := tuning.plan.fitted.doubt()) else ""
+    return doubt + (
         f"{inside} of {len(tuned.trials)} responses of the vehicle stay within their corridors{before}; of"
         f" {tuned.samples} drawn vehicles at least {held:.0%}{least}"
     )

@@ -73,6 +73,8 @@ class Draws:
         What was drawn, by readable names with units, (k,) each.
     notes
         Sentences: how many vehicles were impossible, what is not in the covariance.
+    doubt
+        Heading where many of the drawn vehicles were impossible; empty otherwise.
     """
 
     numbers: NDArray[np.int_]
@@ -88,6 +90,7 @@ class Draws:
     seeds: NDArray[np.int_]
     causes: Mapping[str, Array]
     notes: tuple[str, ...] = ()
+    doubt: str = ""
 
     def __len__(self) -> int:
         """Number of cases."""
@@ -118,6 +121,7 @@ class Draws:
             seeds=self.seeds[chosen],
             causes={name: column[chosen] for name, column in self.causes.items()},
             notes=self.notes,
+            doubt=self.doubt,
         )
 
 
@@ -432,6 +436,7 @@ def draw_missions(
         seeds=np.asarray(np.floor(u["seed"] * _SEEDS), dtype=np.int_),
         causes={},
         notes=tuple(note for note in (*fitted.notes, drawn.sentence()) if note),
+        doubt=drawn.doubt(),
     )
     return replace(draws, causes=cause_columns(table, fitted, missions, draws=draws))
 

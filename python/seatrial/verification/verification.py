@@ -57,6 +57,8 @@ class Verification(RunResult):
         Whether Ctrl-C ended them early: the verdict is that of the missions until then.
     notes
         Sentences on what is assumed and what was drawn; ``flights.left_out`` says more.
+    doubt
+        Heading where many of the drawn vehicles were physically impossible; empty otherwise.
     facts
         What the result rests on, see `seatrial.base.run.run_facts`.
     """
@@ -69,6 +71,7 @@ class Verification(RunResult):
     asked: int
     interrupted: bool
     notes: tuple[str, ...]
+    doubt: str
     facts: Mapping[str, Any]
 
     @property
@@ -146,6 +149,7 @@ class Verification(RunResult):
                 "missions_per_s": self.flown.per_second,
             },
             "notes": list(self.notes),
+            "doubt": self.doubt,
             "left_out": list(self.flights.left_out),
         }
 
@@ -223,7 +227,8 @@ def _how_good(found: Verification) -> str:
     held = sum(one.verdict == "held" for one in found.requirements)
     counted = f"{flown} missions" if flown == found.asked else f"{flown} of {found.asked} missions"
     every = np.all([one.judgement.held for one in found.requirements], axis=0)
-    return (
+    doubt = f"{found.doubt}. " if found.doubt else ""
+    return doubt + (
         f"{held} of {len(found.requirements)} requirements held by {flights.autopilot.name} on"
         f" {flights.fitted.vehicle.name}; {share(float(np.mean(every)))} of {counted}"
         f" ({', '.join(flights.titles)}, seed {flights.seed}) hold all of them"

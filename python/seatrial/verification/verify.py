@@ -279,6 +279,7 @@ def _verified(
         comparison=comparison,
         asked=prepared.runs,
         interrupted=interrupted,
+        doubt=draws.doubt,
         notes=tuple(
             dict.fromkeys([
                 *prepared.notes,
