@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from seatrial.identification.identify import identify
     from seatrial.identification.restarts import restarts
     from seatrial.identification.restarts_result import Restarts
+    from seatrial.intake.import_logs import import_logs
+    from seatrial.intake.imported import Imported
     from seatrial.trial.comparison import Comparison, compare
     from seatrial.trial.score import Score, score
     from seatrial.trial.trial import Trial
@@ -60,6 +62,7 @@ _HOME = {
     "Flight": "seatrial.flight.flight",
     "Flights": "seatrial._core",
     "Identification": "seatrial.identification.identification",
+    "Imported": "seatrial.intake.imported",
     "LogVerdict": "seatrial.verification.mission_log.verdict",
     "Mission": "seatrial.flight.mission",
     "MissionLog": "seatrial.verification.mission_log.log",
@@ -84,6 +87,7 @@ _HOME = {
     "fly": "seatrial.flight.fly",
     "fly_batch": "seatrial.flight.fly",
     "identify": "seatrial.identification.identify",
+    "import_logs": "seatrial.intake.import_logs",
     "plan": "seatrial.experiment.plan",
     "restarts": "seatrial.identification.restarts",
     "score": "seatrial.trial.score",
@@ -106,6 +110,7 @@ __all__ = [
     "Flight",
     "Flights",
     "Identification",
+    "Imported",
     "LogVerdict",
     "Mission",
     "MissionLog",
@@ -130,6 +135,7 @@ __all__ = [
     "fly",
     "fly_batch",
     "identify",
+    "import_logs",
     "plan",
     "restarts",
     "score",

@@ -104,6 +104,7 @@ KEYS = {
     "max": _sized(1e6, "give the largest value of the channel, 1900 for pulse widths"),
     "dead_zone": Range(0.0, 1e6, "give it in the channel's unit, less than from trim to min or max"),
     "full": _sized(1e6, "give the command at full deflection in its unit"),
+    "drift": _sized(0.01, "a clock drifts by less than 1 %: give the ratio less one, 40e-6 for 40 ppm"),
     "keep_worst": Range(0.0, 1e4, "keep the logs of a handful"),
 }
 """By their own bounds."""
@@ -117,7 +118,18 @@ ENTRIES = {
 }
 """Tables of corrections by channel or sensor: every number in one has its row."""
 
-OPEN = {"columns", "commands", "channels", "mix", "coefficients", "factors", "values", "nuisances", "trials"}
+OPEN = {
+    "actuators",
+    "columns",
+    "commands",
+    "channels",
+    "mix",
+    "coefficients",
+    "factors",
+    "values",
+    "nuisances",
+    "trials",
+}
 """Tables whose keys are names of the user's: their numbers have the range `ANY`."""
 
 

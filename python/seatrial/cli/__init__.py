@@ -21,6 +21,7 @@ from seatrial.cli import (
     demo,
     fly,
     identify,
+    import_,
     new,
     plan,
     score,
@@ -70,6 +71,7 @@ def _options(
 _VERBS: tuple[Callable[..., None], ...] = (
     demo.demo,
     new.new,
+    import_.import_,
     check.check,
     simulate.simulate,
     bench.bench,
@@ -86,7 +88,7 @@ _VERBS: tuple[Callable[..., None], ...] = (
 for _verb in _VERBS:
     # Said whole: the list of verbs would cut it after a few words.
     _first = inspect.cleandoc(_verb.__doc__ or "").partition("\n\n")[0]
-    app.command(_verb.__name__, short_help=" ".join(_first.split()))(_verb)
+    app.command(_verb.__name__.rstrip("_"), short_help=" ".join(_first.split()))(_verb)
 
 
 def main(begins: Callable[[], None] | None = None) -> None:

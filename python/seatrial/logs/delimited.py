@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -167,21 +167,8 @@ class Table(Log):
         """Rows of text cells, an empty cell null, in tables of bounded size; `rows`: those of the first."""
         size = max(self.path.stat().st_size, 1)
         with unpacked(self.path) as raw:
-            reader = codecs.getreader(self.layout.encoding)(raw, "replace")
             rest = ""
-            begun = False
-            while True:
-                try:
-                    if not begun:
-                        for _ in range(self.layout.first_row - 1):
-                            reader.readline()
-                        begun = True
-                    block = reader.read(_BLOCK_BYTES if rows is None else 64 * 1024)
-                except DAMAGED as error:
-                    self.note(f"cut short ({reason(error)}); what came before was read")
-                    break
-                if not block:
-                    break
+            for block in self._blocks(raw, _BLOCK_BYTES if rows is None else 64 * 1024):
                 end = block.rfind("\n")
                 if end < 0:
                     rest += block
@@ -199,7 +186,38 @@ class Table(Log):
                 if share is not None:
                     share(min(raw.tell() / size, 1.0))
             if rest.strip():
-                yield self._table(rest)
+                yield from self._last(rest)
+
+    def _blocks(self, raw: Any, size: int) -> Iterator[str]:
+        """Text of about `size` bytes at a time, from the first row on; up to where the file is damaged."""
+        # A codecs.StreamReader would decode the whole file at once.
+        decoder = codecs.getincrementaldecoder(self.layout.encoding)("replace")
+        skipped, before = self.layout.first_row - 1, ""
+        while True:
+            try:
+                data = raw.read(size)
+            except DAMAGED as error:
+                self.note(f"cut short ({reason(error)}); what came before was read")
+                data = b""
+            text = decoder.decode(data, final=not data)
+            if skipped:
+                lines = (before + text).split("\n", skipped)
+                before = lines[-1]
+                skipped -= len(lines) - 1
+                text = "" if skipped else before
+            if text:
+                yield text
+            if not data:
+                return
+
+    def _last(self, line: str) -> Iterator[pl.DataFrame]:
+        """The last line, which no line feed ends, unless cells are missing in it."""
+        separator = self.layout.separator
+        cells = line.split() if separator == " " else line.split(separator)
+        if 1 < len(self.layout.names) > len(cells):
+            self.note("the last line is cut short; left out")
+        else:
+            yield self._table(line)
 
     def _table(self, text: str) -> pl.DataFrame:
         import polars as pl

@@ -23,7 +23,7 @@ from seatrial.logs.stamps import spread_bursts
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Clock", "Joined", "Wanted", "join"]
+__all__ = ["Clock", "Joined", "Wanted", "find_field", "join"]
 
 _MEET_S = 1e-6
 """Stamps that differ by less are the same: rounding of a text file's six digits."""
@@ -41,6 +41,27 @@ class Wanted:
     def column(self) -> str:
         """Its name in the table."""
         return f"{self.topic}.{self.name}" + (f"/{self.per}" if self.per else "")
+
+
+def find_field(log: Log, column: str) -> Wanted | None:
+    """Field of a log that ``topic.field`` or ``topic.field/other`` names; None where it has none.
+
+    Of a log with one topic, as a table of text is, the topic may be left out.
+    """
+    known = [topic for topic in log.fields if column.startswith(topic + ".")]
+    for topic in sorted(known, key=len, reverse=True):
+        found = _within(log, topic, column.removeprefix(topic + "."))
+        if found is not None:
+            return found
+    return _within(log, next(iter(log.fields)), column) if len(log.fields) == 1 else None
+
+
+def _within(log: Log, topic: str, name: str) -> Wanted | None:
+    fields = log.fields[topic]
+    if name in fields:
+        return Wanted(topic, name)
+    first, _, per = name.partition("/")
+    return Wanted(topic, first, per) if first in fields and per in fields else None
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,17 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.units import known
 
-__all__ = ["CANONICAL", "GROUPS", "Group", "Source", "columns_of", "mapped", "parse"]
+__all__ = [
+    "CANONICAL",
+    "GROUPS",
+    "Group",
+    "Source",
+    "check_canonical",
+    "columns_of",
+    "mapped",
+    "parse",
+    "source_of",
+]
 
 
 @dataclass(frozen=True)
@@ -102,7 +112,7 @@ def parse(
     """
     sources: dict[str, Source] = {}
     for canonical, given in (columns or {}).items():
-        _check_canonical(canonical, file)
+        check_canonical(canonical, file)
         sources[canonical] = mapped(canonical, given, present, file)
     for name in present:
         if name not in sources and (name in CANONICAL or _actuator(name)):
@@ -141,7 +151,14 @@ def _actuator(name: str) -> bool:
     return kind in ("cmd", "meas") and bool(actuator)
 
 
-def _check_canonical(name: str, file: str) -> None:
+def check_canonical(name: str, file: str) -> None:
+    """Refuse what is no canonical column.
+
+    Raises
+    ------
+    TrialError
+        With the nearest known name.
+    """
     if not (name in CANONICAL or _actuator(name)):
         known = (*CANONICAL, "cmd.<actuator>", "meas.<actuator>")
         raise TrialError(f'{file}: column map: "{name}" is no canonical column{nearest(name, known)}')
@@ -160,7 +177,7 @@ def mapped(canonical: str, given: Any, present: Sequence[str], file: str) -> Sou
     >>> mapped("u_m_s", {"from": "speed", "unit": "cm/s"}, ["speed"], "log.csv").unit
     'cm/s'
     """
-    source = _source_of(given, f"{file}: column map, {canonical}")
+    source = source_of(given, f"{file}: column map, {canonical}")
     if source.column not in present:
         raise TrialError(
             f'{file}: column map, {canonical}: there is no column "{source.column}" in the recording'
@@ -169,7 +186,7 @@ def mapped(canonical: str, given: Any, present: Sequence[str], file: str) -> Sou
     return source
 
 
-def _source_of(given: Any, where: str) -> Source:
+def source_of(given: Any, where: str) -> Source:
     """Source of a canonical column from its entry in a column map: the column's name, or a table.
 
     Raises

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from seatrial.base.errors import TrialError, nearest
 from seatrial.logs.formats import open_log
-from seatrial.logs.join import Wanted, join
+from seatrial.logs.join import Wanted, find_field, join
 from seatrial.logs.log import Log, listed
 
 if TYPE_CHECKING:
@@ -46,15 +46,9 @@ def read(path: Path, *, reader: str, columns: Sequence[str]) -> pl.DataFrame:
 
 
 def _wanted(log: Log, column: str) -> Wanted:
-    known = [topic for topic in log.fields if column.startswith(topic + ".")]
-    topic = max(known, key=len, default="")
-    name, _, per = column.removeprefix(topic + ".").partition("/")
-    fields = log.fields.get(topic, {})
-    whole = column.removeprefix(topic + ".")
-    if topic and whole in fields:
-        return Wanted(topic, whole)
-    if topic and name in fields and per in fields:
-        return Wanted(topic, name, per)
+    found = find_field(log, column)
+    if found is not None:
+        return found
     present = [f"{one}.{field}" for one, names in log.fields.items() for field in names]
     where = nearest(column, present[:5000]) if len(present) < 40 or _near(column, present) else ""
     raise TrialError(

@@ -1,0 +1,88 @@
+"""`seatrial import`: from logs to a project with map, vehicle, campaign and trials."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from seatrial.cli.console import Figures, Json, Pdf, Verbose
+
+if TYPE_CHECKING:
+    from seatrial.intake.imported import Imported
+
+__all__ = ["import_"]
+
+
+def import_(
+    logs: Annotated[list[Path], typer.Argument(help="Logs of any format that is read.", metavar="LOG")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="PROJECT", help="Folder of the project; without it, only list."),
+    ] = None,
+    map: Annotated[
+        Path | None, typer.Option("--map", help="Map to use instead of a proposed one: map.toml, edited.")
+    ] = None,
+    vehicle: Annotated[
+        str | None, typer.Option(help="Vehicle file or built-in vehicle; else by the log, or a stub.")
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite an imported project; files that you edited are kept.")
+    ] = False,
+    figures: Figures = True,
+    pdf: Pdf = False,
+    verbose: Verbose = False,
+    json: Json = False,
+) -> None:
+    """List what logs hold, and draft a project from them: map, vehicle, campaign and trials.
+
+    Without --out it lists every topic and field with rate, range, unit and what it is taken for.
+    """
+    from seatrial.cli.console import answer, formats, long_work, print_json
+    from seatrial.intake.import_logs import import_logs
+    from seatrial.intake.survey import survey
+
+    with long_work("survey", quiet=json) as show:
+
+        def progress(share: float, words: str) -> None:
+            show(share, words, ())
+
+        if out is None and map is None:
+            seen = survey(logs, progress)
+        else:
+            made = import_logs(logs, out=out, map=map, vehicle=vehicle, force=force, progress=progress)
+    if out is None and map is None:
+        if json:
+            print_json(seen.to_dict())
+        else:
+            answer(seen.report(), verbose=verbose)
+        return
+
+    def drawn() -> list[Path]:
+        return _draw(made, out, formats(pdf)) if figures and out is not None else []
+
+    if json:
+        print_json(made.to_dict() | {"figures": [str(path) for path in drawn()]})
+        return
+    results = ""
+    if out is not None:
+        results = f"Written to {out}: map.toml, vehicle.toml, campaign.toml, trials/, import.json"
+    answer(made.report(), verbose=verbose, results=results, draw=drawn)
+
+
+def _draw(made: Imported, folder: Path, endings: tuple[str, ...]) -> list[Path]:
+    """Paths of a figure of all trials; of each one where there are several."""
+    from seatrial.base.file_names import file_name, free_name
+    from seatrial.report.plot.recording import recording
+    from seatrial.report.plot.style import save
+
+    drawn: list[Path] = []
+    taken: list[str] = []
+    for one in made.trials:
+        name = "log" if len(made.trials) == 1 else f"log_{file_name(one.name)}"
+        taken.append(free_name(name, taken))
+        held = () if one.hold_out_s is None else (one.hold_out_s,)
+        figure = recording(one.trial, held_out=held, marks=one.modes, heading=one.name)
+        drawn += save(figure, folder / "figures" / taken[-1], formats=endings)
+    return drawn

@@ -1,0 +1,293 @@
+"""The campaign file that an import drafts: trials, hold-outs, and a stage per axis that the data can tell.
+
+An axis is freed where an actuator drives it and the trials show its velocity. Mass and thrust stay as the
+vehicle file has them: recordings of motion fix only their ratio. A slender vehicle with lift has its lateral
+pair (Y, N) and its vertical pair (Z, M) in a stage each, a hovering one each axis in its own; the joint
+estimate follows. Held by ``tests/intake/test_import.py``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.intake.consistency_result import Correction
+    from seatrial.trial.trial import Trial
+
+__all__ = ["DraftedTrial", "campaign_text", "free_axes", "line"]
+
+_SEEN = 0.5  # share of valid samples that a channel needs
+
+_LEAST_ANGLE = 0.035  # rad: a roll or pitch that spreads less tells nothing of what rights the vehicle
+
+_DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
+
+_NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+
+_LIFT = ("uv", "ur", "uw", "uq", "ud")
+
+
+@dataclass(frozen=True)
+class DraftedTrial:
+    """A trial of the drafted campaign.
+
+    Attributes
+    ----------
+    name, file
+        Its name and its file relative to the campaign.
+    trial
+        As read.
+    columns
+        Column map of its file.
+    hold_out_s
+        Proposed hold-out (start, stop), s; None for none.
+    why
+        Why that part.
+    input
+        "commands" or "tau".
+    corrections
+        Proposed by the consistency check, none applied.
+    """
+
+    name: str
+    file: str
+    trial: Trial
+    columns: Mapping[str, Mapping[str, Any]]
+    hold_out_s: tuple[float, float] | None
+    why: str
+    input: str
+    corrections: tuple[Correction, ...] = field(default=())
+
+
+def line(key: str, value: Any) -> str:
+    """A key and its value as TOML."""
+    plain = key.replace("_", "").replace("-", "")
+    name = key if plain.isascii() and plain.isalnum() else json.dumps(key, ensure_ascii=False)
+    return f"{name} = {_value(value)}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(line(key, one) for key, one in value.items()) + " }"
+    if isinstance(value, tuple | list):
+        return "[" + ", ".join(_value(one) for one in value) + "]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.6g}" if isinstance(value, int) else repr(round(float(value), 6))
+
+
+def free_axes(vehicle: Vehicle, trials: Sequence[Trial]) -> str:
+    """Letters of the axes that the actuators drive and at least one trial shows."""
+    allocation = np.abs(vehicle.allocation_matrix())
+    driven = allocation.max(axis=1) > _DRIVEN * allocation.max()
+    moments = vehicle.actuator_info()
+    if any(one["kind"] == "fin" for one in moments.values()):
+        driven |= allocation.max(axis=1) > 0.0
+    return "".join(
+        axis
+        for axis, here in zip(AXES, driven, strict=True)
+        if here and any(_shown(trial, CHANNELS[AXES.index(axis)]) for trial in trials)
+    )
+
+
+def _shown(trial: Trial, channel: str) -> bool:
+    """Whether a trial has a channel that moves; of roll and pitch rates, whether the angle does, too."""
+    angle = {"p": "roll", "q": "pitch"}.get(channel)
+    if angle is not None and not (angle in trial.channels and _spread(trial, angle) > _LEAST_ANGLE):
+        return False
+    return channel in trial.channels and _spread(trial, channel) > 0.0
+
+
+def _spread(trial: Trial, channel: str) -> float:
+    """Standard deviation of a channel, SI; 0 where it is hardly ever valid."""
+    k = CHANNELS.index(channel)
+    good = trial.valid[:, k]
+    return float(np.std(trial.observed[good, k])) if good.mean() > _SEEN else 0.0
+
+
+def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedTrial]) -> str:
+    """Text of the campaign file."""
+    shared = drafted[0].columns if all(one.columns == drafted[0].columns for one in drafted) else None
+    lines = [
+        "# Drafted by seatrial import. Check it: seatrial check on this file; then identify.",
+        "format = 1",
+        line("name", name),
+        'vehicle = "vehicle.toml"',
+        "seed = 1",
+        "",
+    ]
+    lines += _corrections(drafted)
+    if shared is not None:
+        lines += [
+            "# The files in trials/ have the columns of the log; the map is that of map.toml.",
+            "[columns]",
+        ]
+        lines += [line(canonical, entry) for canonical, entry in shared.items()]
+        lines.append("")
+    for one in drafted:
+        lines += [f"[trials.{json.dumps(one.name, ensure_ascii=False)}]", line("file", one.file)]
+        if one.hold_out_s is not None:
+            lines.append(f"# {one.why}")
+            lines.append(line("hold_out_s", [list(one.hold_out_s)]))
+        else:
+            lines.append(f"# no hold-out: {one.why}")
+        if one.input != "commands":
+            lines.append(line("input", one.input))
+        if shared is None:
+            lines.append(f"[trials.{json.dumps(one.name, ensure_ascii=False)}.columns]")
+            lines += [line(canonical, entry) for canonical, entry in one.columns.items()]
+        lines.append("")
+    stages = _stages(vehicle, drafted) if vehicle is not None else _open_stage(drafted)
+    return "\n".join([*lines, *stages]) + "\n"
+
+
+def _corrections(drafted: Sequence[DraftedTrial]) -> list[str]:
+    """Corrections as comments, by table: nothing is applied in silence."""
+    own: dict[str, dict[str, Correction]] = {}
+    for one in drafted:
+        for correction in one.corrections:
+            if correction.table != "clocks":
+                own.setdefault(correction.table, {}).setdefault(correction.key, correction)
+    if not own:
+        return []
+    lines = ["# The channels do not tell one motion; these corrections would bring them together. None is"]
+    lines += ["# applied: remove the # of a table and of the keys in it that you accept."]
+    for table, found in own.items():
+        lines.append(f"# [{table}]")
+        for correction in found.values():
+            effect = f"{correction.of}: {correction.before:.3g} to {correction.after:.3g} rms"
+            lines.append(f"# {correction.line} # {correction.unit + '; ' if correction.unit else ''}{effect}")
+    return [*lines, ""]
+
+
+def _open_stage(drafted: Sequence[DraftedTrial]) -> list[str]:
+    """A stage of one axis for a vehicle that is not complete yet."""
+    return [
+        "# The vehicle is a stub, so this stage is only a beginning: import again with --vehicle when it",
+        "# is filled",
+        "# in, and the stages are drafted for its actuators.",
+        "[[stages]]",
+        'name = "surge"',
+        line("trials", [one.name for one in drafted]),
+        'axes = { free = "X" }',
+        "[stages.coefficients]",
+        "X_u = [-200.0, 0.0]",
+    ]
+
+
+def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
+    """Stages for the axes that the trials can tell, then the joint estimate."""
+    usable = [one for one in drafted if one.trial.inputs]
+    free = free_axes(vehicle, [one.trial for one in usable])
+    slender = any(vehicle.coefficients().get(f"{axis}_u{other}") for axis in "YZMN" for other in "vrwq")
+    groups = ["X", "YN", "ZM", "K"] if slender else list(AXES)
+    groups = [kept for group in groups if (kept := "".join(axis for axis in group if axis in free))]
+    lines = [
+        "# A stage per axis on all trials. Mass and thrust stay as the vehicle file has them: motion",
+        "# tells only",
+        '# their ratio. "default": the bounds of the vehicle.',
+    ]
+    still = [axis for axis in "KM" if axis not in free and usable]
+    if still:
+        names = " and ".join(_NAMES[axis] for axis in still)
+        lines.append(
+            f"# The {names} of these trials is replayed: it spreads by less than 2 deg, or is not recorded."
+        )
+    first = len(lines)
+    for group in groups:
+        shown = [one for one in usable if all(_shown(one.trial, CHANNELS[AXES.index(a)]) for a in group)]
+        if shown:
+            lines += [*_stage(vehicle, group, shown, "K" if "K" in free else "M"), ""]
+    if len(lines) == first:
+        return [
+            "# No actuator drives an axis whose velocity these trials show: nothing can be identified",
+            "# from them.",
+            *_open_stage(drafted)[2:],
+        ]
+    lines += ["# All coefficients and trials at once, with standard deviations.", "[polish]"]
+    return lines
+
+
+def _stage(vehicle: Vehicle, group: str, shown: Sequence[DraftedTrial], upright: str) -> list[str]:
+    measured = "".join(
+        axis
+        for axis in AXES
+        if axis not in group and all(CHANNELS[AXES.index(axis)] in one.trial.channels for one in shown)
+    )
+    channels = {CHANNELS[AXES.index(axis)]: 1.0 for axis in group}
+    angles = {"K": "roll", "M": "pitch"}
+    for axis in group:
+        angle = angles.get(axis)
+        if angle is not None and all(angle in one.trial.channels for one in shown):
+            channels[angle] = 1.0
+    if "Z" in group and all(_shown(one.trial, "z") for one in shown):
+        channels["z"] = 0.5
+    lines = ["[[stages]]", line("name", " and ".join(_NAMES[axis] for axis in group))]
+    lines.append(line("trials", [one.name for one in shown]))
+    lines.append(line("axes", {"free": group} | ({"measured": measured} if measured else {})))
+    lines.append(line("channels", channels))
+    lines.append("[stages.coefficients]")
+    speeds = {axis: _speed([one.trial for one in shown], CHANNELS[AXES.index(axis)]) for axis in group}
+    for axis in group:
+        lines += _coefficients(vehicle, axis, speeds[axis], "z" in channels, upright)
+    return lines
+
+
+def _coefficients(vehicle: Vehicle, axis: str, speed: float, depth: bool, upright: str) -> list[str]:
+    """Coefficients of one axis: added mass, damping, lift and what holds it upright or afloat.
+
+    `upright`: the axis that frees the righting arm, which roll and pitch share.
+    """
+    info = vehicle.coefficient_info()
+    own = VELOCITIES[AXES.index(axis)]
+    lines = [line(f"{axis}_{own}dot", "default")] if _bounded(info, f"{axis}_{own}dot") else []
+    linear, quadratic = f"{axis}_{own}", f"{axis}_{own}{own}"
+    if _bounded(info, linear) and info[linear]["start"]:
+        lines.append(line(linear, "default"))
+    else:
+        size = abs(float(info[quadratic]["start"])) * max(speed, 0.1)
+        lines.append(line(linear, [-_rounded(10.0 * size if size else 100.0), 0.0]))
+    if _bounded(info, quadratic) and info[quadratic]["start"]:
+        lines.append(line(quadratic, "default"))
+    for other in _LIFT:
+        name = f"{axis}_{other}"
+        if _bounded(info, name) and info[name]["start"]:
+            lines.append(line(name, "default"))
+    if axis == "Z" and depth and _bounded(info, "B"):
+        lines.append(line("B", "default"))
+    if axis == "M" and _bounded(info, "x_b"):
+        lines.append(line("x_b", "default"))
+    if axis == upright and _bounded(info, "z_b") and float(info["z_b"]["start"]) < 0.0:
+        lines.append(line("z_b", [2.0 * float(info["z_b"]["lower"]), 0.0]))
+    if axis in "KN" and _bounded(info, f"{axis}_0"):
+        lines.append(line(f"{axis}_0", "default"))
+    return lines
+
+
+def _bounded(info: Mapping[str, Any], name: str) -> bool:
+    return name in info and info[name]["lower"] is not None
+
+
+def _speed(trials: Sequence[Trial], channel: str) -> float:
+    k = CHANNELS.index(channel)
+    parts = [np.abs(trial.observed[trial.valid[:, k], k]) for trial in trials if channel in trial.channels]
+    return float(np.quantile(np.concatenate(parts), 0.95)) if parts else 0.0
+
+
+def _rounded(x: float) -> float:
+    """A number to two digits, upwards."""
+    if x <= 0.0:
+        return 0.0
+    step = 10.0 ** (math.floor(math.log10(x)) - 1)
+    return float(f"{math.ceil(x / step) * step:.3g}")

@@ -1,0 +1,272 @@
+"""From logs to a project: map, vehicle file, campaign, trials; everything proposed, said and kept apart.
+
+A project is a folder with import.json. Files that the user edited since are kept, and a map that is given
+wins over what the logs offer. Held by ``tests/intake/test_import.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.errors import TrialError
+from seatrial.intake.consistency import Consistency, Series, consistency
+from seatrial.intake.imported import Imported, ImportedTrial
+from seatrial.intake.kind_of_data import KindOfData, kind_of_data
+from seatrial.intake.map_file import Column, ImportMap, load_map
+from seatrial.intake.project import edited, map_text, refuse_foreign, write_project
+from seatrial.intake.recordings import Recorded, Recording, proposed_columns, recordings, table_of
+from seatrial.intake.survey import Survey, survey
+from seatrial.intake.trial_windows import TrialWindows
+from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
+from seatrial.logs.log import printable
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.signals import RecordingReport
+    from seatrial.trial.trial import Trial
+
+__all__ = ["import_logs"]
+
+_NEAR = 0.08  # of a trial's length: a change of mode or its end this near to a proposed hold-out counts
+
+Progress = Callable[[float, str], None]
+
+
+def import_logs(
+    paths: str | Path | Iterable[str | Path],
+    *,
+    out: str | Path | None = None,
+    map: str | Path | None = None,
+    vehicle: str | Path | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Imported:
+    """Import of some logs; with `out` a project with map, vehicle file, campaign and trials.
+
+    Parameters
+    ----------
+    paths
+        Logs of any format of `seatrial.logs`. Files that hold different channels make one recording, files
+        that hold the same channels a trial each.
+    out
+        Folder of the project.
+    map
+        A map to use instead of what the logs offer (map.toml of a project, edited).
+    vehicle
+        Vehicle file or built-in vehicle; by ArduSub's frame, or a stub to fill in, when omitted.
+    force
+        Whether to overwrite a project that an import made; files that were edited since are kept.
+    progress
+        Called with the share of the work that is done and what is being done.
+
+    Raises
+    ------
+    TrialError
+        A log cannot be read at all, no field is recognised, the map does not fit, or the folder is not a
+        project of an import.
+    VehicleError
+        The vehicle cannot be used.
+    """
+    folder = None if out is None else Path(out)
+    if folder is not None:
+        refuse_foreign(folder, force)
+    say = progress or (lambda share, words: None)
+    seen = survey([paths] if isinstance(paths, str | Path) else paths, lambda s, w: say(0.5 * s, w))
+    given = None if map is None else load_map(map)
+    made = recordings(seen.logs, given.trials if given else None)
+    columns = given.columns if given else proposed_columns(made)
+    if not columns:
+        raise TrialError(
+            f"{', '.join(printable(log.path.name) for log in seen.logs)}: no field is recognised; list them"
+            " with seatrial import LOG, write map.toml with [columns], and give it with --map"
+        )
+    commands = [name.removeprefix("cmd.") for name in columns if name.startswith("cmd.")]
+    draft = draft_vehicle(seen.logs, commands, _kept_vehicle(folder, vehicle))
+    unmatched: tuple[str, ...] = ()
+    if draft.vehicle is not None and given is None:
+        columns, unmatched = _for_vehicle(columns, draft.vehicle)
+    wanted = ImportMap(
+        given.source if given else "the proposed map", columns, given.clocks if given else {}, {}
+    )
+    read: list[tuple[Recording, Recorded, Trial]] = []
+    refused = []
+    for k, one in enumerate(made):
+
+        def part(share: float, k: int = k, one: Recording = one) -> None:
+            say(0.5 + 0.45 * (k + share) / len(made), f"trial {one.name}")
+
+        try:
+            recorded = table_of(one, wanted, part)
+            read.append((one, recorded, _trial(one, recorded)))
+        except TrialError as error:
+            if len(made) == 1:
+                raise
+            refused.append(f"trial {one.name}: {error}")
+    if not read:
+        raise TrialError("\n".join(refused))
+    text, reversed_ = _turned(draft, read[0][2], seen)
+    whole = _vehicle(text) if draft.vehicle is not None else None
+    trials = tuple(_imported(one, recorded, trial, whole) for one, recorded, trial in read)
+    result = Imported(
+        folder=folder,
+        survey=seen,
+        columns=columns,
+        trials=trials,
+        vehicle=whole,
+        vehicle_source=draft.source,
+        vehicle_certain=draft.certain,
+        reversed_thrusters=reversed_,
+        unmatched=unmatched,
+        refused=tuple(refused),
+        kept=(),
+        map_source="proposed" if given is None else given.source,
+    )
+    if folder is not None:
+        say(0.96, f"files of {folder}")
+        mapped = map_text(result, made) if map is None else Path(map).read_text(encoding="utf-8")
+        kept = write_project(result, folder, text, mapped, [recorded for _, recorded, _ in read])
+        result = replace(result, kept=kept)
+    say(1.0, "done")
+    return result
+
+
+def _for_vehicle(
+    columns: Mapping[str, Column], vehicle: Vehicle
+) -> tuple[dict[str, Column], tuple[str, ...]]:
+    """The columns with commands by the names of the vehicle's actuators, and actuators without any."""
+    commands = {name.removeprefix("cmd."): one for name, one in columns.items() if name.startswith("cmd.")}
+    match = matched(list(commands), vehicle)
+    result = {name: one for name, one in columns.items() if not name.startswith("cmd.")}
+    result |= {f"cmd.{actuator}": commands[name] for actuator, name in match.items()}
+    used = set(match.values())
+    result |= {f"cmd.{name}": one for name, one in commands.items() if name not in used and not match}
+    return result, tuple(actuator for actuator in vehicle.actuators if actuator not in match)
+
+
+def _trial(one: Recording, recorded: Recorded) -> Trial:
+    from seatrial.trial.trial import Trial
+
+    trial = Trial.read(recorded.table, columns=recorded.columns, name=one.name)
+    return replace(trial, source=one.name, report=replace(trial.report, source=one.name))
+
+
+def _turned(draft: VehicleDraft, trial: Trial, seen: Survey) -> tuple[str, tuple[str, ...]]:
+    """Text of the drafted vehicle with the thrusters' directions as the log tells them."""
+    ardupilot = any(log.format in ("dataflash", "mavlink") for log in seen.logs)
+    if draft.vehicle is None or not ardupilot or not draft.source.startswith("the built-in vehicle"):
+        return draft.text, ()
+    parameters = {key: value for log in seen.logs for key, value in log.parameters.items()}
+    signs = thruster_signs(draft.vehicle, trial, parameters)
+    return turned(draft.text, signs), tuple(name for name, against in signs.items() if against)
+
+
+def _vehicle(text: str) -> Vehicle:
+    from seatrial._core import Vehicle
+
+    return Vehicle.from_toml(text)
+
+
+def _imported(one: Recording, recorded: Recorded, trial: Trial, vehicle: Vehicle | None) -> ImportedTrial:
+    kind = kind_of_data(trial, vehicle)
+    first, last = float(trial.t[0]), float(trial.t[-1])
+    hold_out, why = _hold_out(kind.windows, recorded.events, first, last)
+    return ImportedTrial(
+        one.name,
+        trial,
+        hold_out,
+        why,
+        tuple((max(t, first), mode) for t, mode in recorded.events if t < last),
+        _compared(one, recorded, kind),
+        kind,
+        recorded.notes,
+        recorded.absent,
+    )
+
+
+def _hold_out(
+    proposed: TrialWindows, events: Sequence[tuple[float, str]], first: float, last: float
+) -> tuple[tuple[float, float] | None, str]:
+    """The proposed hold-out from a change of mode where one is near, to the end where little is left."""
+    if proposed.hold_out is None:
+        return None, proposed.sentence
+    start, stop = proposed.hold_out
+    near = [t for t, _ in events if abs(t - start) < _NEAR * (last - first)]
+    moved = float(np.round(min(near, key=lambda t: abs(t - start)), 1)) if near else start
+    reach = float(np.ceil(last)) if last - stop < _NEAR * (last - first) else stop
+    if (moved, reach) == (start, stop):
+        return (start, stop), proposed.sentence
+    words = [f"begins at the change of mode, {moved:g} s"] if moved != start else []
+    words += [f"ends with the trial, {reach:g} s"] if reach != stop else []
+    return (moved, reach), f"{proposed.sentence}; here it {' and '.join(words)}"
+
+
+def _compared(one: Recording, recorded: Recorded, kind: KindOfData) -> Consistency:
+    """Whether the channels tell one motion; without motion only what is missing."""
+    found = consistency(_series(one, recorded))
+    if kind.excitation and len(kind.weak) == len(kind.excitation):
+        still = "hardly any motion: whether the channels agree cannot be told"
+        return Consistency((), (still, *found.missing))
+    return found
+
+
+def _series(one: Recording, recorded: Recorded) -> dict[str, Series]:
+    """Channels of a recording at their own stamps, SI, NED and FRD, each with the clock of its file."""
+    from seatrial.base.rotation import to_euler
+    from seatrial.trial import table
+    from seatrial.trial.columns import parse
+    from seatrial.trial.signals import RecordingReport
+
+    report: RecordingReport = RecordingReport(one.name)
+    sources = parse(recorded.columns, recorded.table.columns, one.name)
+    t = table.time_base(recorded.table, sources["t_s"], one.name)
+    result = {}
+    for signal in table.signals(recorded.table, t, sources, one.name, report).values():
+        clock = _clock(signal.name, signal.channels, recorded)
+        if signal.name.startswith(("cmd.", "meas.")):
+            result[signal.name] = Series(signal.t, signal.y[:, 0], clock)
+            continue
+        values, channels = signal.y, signal.channels
+        unknown = signal.bad
+        if signal.name == "attitude":
+            values, channels = to_euler(signal.y), ("roll", "pitch", "yaw")
+            unknown = signal.bad[:, :3] if signal.unknown is None else signal.unknown
+            if "roll_deg" in recorded.columns or "q_w" in recorded.columns or "yaw_deg" in recorded.columns:
+                channels = tuple(
+                    name if "q_w" in recorded.columns or f"{name}_deg" in recorded.columns else ""
+                    for name in channels
+                )
+        for k, channel in enumerate(channels):
+            if channel in _COMPARED:
+                result[channel] = Series(signal.t, np.where(unknown[:, k], np.nan, values[:, k]), clock)
+    return result
+
+
+_COMPARED = {
+    *("x", "y", "z", "u", "v", "w", "p", "q", "r", "roll", "pitch", "yaw"),
+    *("u_water", "v_water", "w_water"),
+}
+
+
+def _clock(name: str, channels: Sequence[str], recorded: Recorded) -> str:
+    """File whose clock stamped a signal."""
+    if name in recorded.clocks:
+        return recorded.clocks[name]
+    starts = (*channels, "q_w", "roll", "pitch", "yaw") if name == "attitude" else channels
+    for start in starts:
+        for canonical, file in recorded.clocks.items():
+            if canonical == start or canonical.startswith(f"{start}_"):
+                return file
+    return ""
+
+
+def _kept_vehicle(folder: Path | None, vehicle: str | Path | None) -> str | Path | None:
+    """The vehicle given, or that of the project where the user edited it."""
+    if vehicle is not None or folder is None:
+        return vehicle
+    own = folder / "vehicle.toml"
+    return own if own.is_file() and edited(folder, own.name) else None

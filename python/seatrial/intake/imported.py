@@ -1,0 +1,332 @@
+"""What an import made of some logs, and its report: what there is, the worst, what is missing, what next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.channels import CHANNELS
+from seatrial.base.report import Report, Section, Table
+from seatrial.intake.consistency import Consistency
+from seatrial.intake.kind_of_data import KindOfData
+from seatrial.intake.map_file import Column
+from seatrial.intake.survey import Survey
+from seatrial.logs.log import printable
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+__all__ = ["Imported", "ImportedTrial"]
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedTrial:
+    """A trial of the project.
+
+    Attributes
+    ----------
+    name
+        Its name in the campaign.
+    trial
+        As read from its file with the column map.
+    hold_out_s
+        Proposed part to hold out (start, stop), s; None for none.
+    why
+        Why that part.
+    modes
+        Changes of mode: time in s and name.
+    consistency
+        Whether its channels tell one motion.
+    kind
+        What was done in it and what spoils it.
+    notes
+        What the readers and the join did or could not do.
+    absent
+        Columns of the map whose field its logs have not.
+    """
+
+    name: str
+    trial: Trial
+    hold_out_s: tuple[float, float] | None
+    why: str
+    modes: tuple[tuple[float, str], ...]
+    consistency: Consistency
+    kind: KindOfData
+    notes: tuple[str, ...]
+    absent: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """What an import made of some logs.
+
+    Attributes
+    ----------
+    folder
+        The project; None where nothing was written.
+    survey
+        Every topic and field.
+    columns
+        The map by canonical column (actuators as cmd.<actuator>).
+    trials
+        In the order of the campaign.
+    vehicle
+        The vehicle, None while its file is a stub; `vehicle_source` says where it comes from and
+        `vehicle_certain` whether the log or the user says so.
+    reversed_thrusters
+        Those that push against the built-in vehicle's direction; the vehicle file says so.
+    unmatched
+        Actuators of the vehicle without a command.
+    map_source
+        The file of the map, or "proposed".
+    refused
+        Recordings that made no trial, and why.
+    kept
+        Files of the project that were edited since the last import and left as they are.
+    """
+
+    folder: Path | None
+    survey: Survey
+    columns: Mapping[str, Column]
+    trials: tuple[ImportedTrial, ...]
+    vehicle: Vehicle | None
+    vehicle_source: str
+    vehicle_certain: bool
+    reversed_thrusters: tuple[str, ...]
+    unmatched: tuple[str, ...]
+    refused: tuple[str, ...]
+    kept: tuple[str, ...]
+    map_source: str
+
+    def report(self) -> Report:
+        """What was imported, the worst problem, the next command; then columns, trials, doubts."""
+        return _report(self)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text(verbose=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The import as plain data for JSON."""
+        return {
+            "folder": None if self.folder is None else str(self.folder),
+            "map": self.map_source,
+            "columns": {
+                canonical: {
+                    "from": one.source,
+                    "unit": one.unit,
+                    "frame": one.frame,
+                    "sign": one.sign,
+                    "convert": one.convert,
+                    "why": one.why,
+                    "certain": one.certain,
+                }
+                for canonical, one in self.columns.items()
+            },
+            "trials": [
+                {
+                    "name": one.name,
+                    "start_s": float(one.trial.t[0]),
+                    "end_s": float(one.trial.t[-1]),
+                    "rate_hz": 1.0 / one.trial.dt,
+                    "channels": one.trial.channels,
+                    "hold_out_s": one.hold_out_s,
+                    "hold_out_why": one.why,
+                    "modes": [{"t": t, "mode": mode} for t, mode in one.modes],
+                    "report": one.trial.report.to_dict(),
+                    "consistency": {
+                        key: value
+                        for key, value in one.consistency.to_dict().items()
+                        if key in ("corrections", "missing", "compared")
+                    },
+                    "kind_of_data": one.kind.to_dict(),
+                    "notes": list(one.notes),
+                    "absent": list(one.absent),
+                }
+                for one in self.trials
+            ],
+            "vehicle": {
+                "source": self.vehicle_source,
+                "certain": self.vehicle_certain,
+                "complete": self.vehicle is not None,
+                "reversed": list(self.reversed_thrusters),
+                "without_command": list(self.unmatched),
+            },
+            "refused": list(self.refused),
+            "kept": list(self.kept),
+            "survey": self.survey.to_dict(),
+        }
+
+
+def _report(made: Imported) -> Report:
+    """Three lines, columns, trials, doubts and what is missing; every field as a detail."""
+    problems = list(dict.fromkeys(_problems(made)))
+    seconds = sum(float(one.trial.t[-1] - one.trial.t[0]) for one in made.trials)
+    count = len(made.trials)
+    partial = any(log.notes for log in made.survey.logs) or bool(made.refused)
+    actuators = sum(name.startswith("cmd.") for name in made.columns)
+    return Report(
+        title=", ".join(printable(log.path.name, 40) for log in made.survey.logs[:4])
+        + (f" and {len(made.survey.logs) - 4} more" if len(made.survey.logs) > 4 else ""),
+        outcome="imported in part" if partial else "imported",
+        good=(
+            f"{count} trial{'s' if count != 1 else ''}, {seconds:.0f} s in all, with"
+            f" {' '.join(_channels(made)) or 'no channel'} and {actuators} commands; vehicle:"
+            f" {made.vehicle_source}"
+        ),
+        worst=problems[0] if problems else "nothing was found wrong",
+        next_step=_next(made),
+        sections=(
+            Section("Look at this", tuple(problems[1:])),
+            Section("Columns", tables=(_columns(made),)),
+            Section("Trials", tuple(_done(made)), (_trials(made), _modes(made))),
+            Section("Proposed corrections, none applied", tuple(_corrections(made))),
+            Section("Missing, and what that costs", tuple(_missing(made))),
+            Section("Every field", tables=(made.survey.table(),), details=True),
+            *(
+                Section(f"Trial {one.name}", (*one.notes, *str(one.trial.report).splitlines()), details=True)
+                for one in made.trials
+            ),
+        ),
+    )
+
+
+def _channels(made: Imported) -> list[str]:
+    return [c for c in CHANNELS if any(c in one.trial.channels for one in made.trials)]
+
+
+def _problems(made: Imported) -> Iterator[str]:
+    """What is wrong or doubtful, the worst first."""
+    for log in made.survey.logs:
+        if log.not_underwater:
+            yield (
+                f"{printable(log.path.name)} is no log of an underwater vehicle: {log.not_underwater}; its"
+                " channels were read, its model will mean nothing"
+            )
+    yield from made.refused
+    for log in made.survey.logs:
+        yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
+    if not any(one.trial.inputs for one in made.trials):
+        yield "no commands of actuators and no wrench are in the logs: nothing can be identified"
+    elif made.vehicle is not None and made.unmatched:
+        yield (
+            f"no command for {', '.join(made.unmatched)} of {made.vehicle.name}: map them under"
+            f" [actuators] in"
+            " map.toml"
+        )
+    speeds = {c for one in made.trials for c in one.trial.channels if c in "uvw"}
+    if not speeds:
+        yield (
+            "no velocity and no position from which it follows: only rotations can be identified; add a"
+            " Doppler"
+            " log or a positioning system"
+        )
+    if made.vehicle is None:
+        yield (
+            f"the vehicle file is {made.vehicle_source}; or give a vehicle with --vehicle FILE, or a"
+            f" built-in one"
+        )
+    elif not made.vehicle_certain:
+        yield f"the vehicle is a guess: {made.vehicle_source}"
+    if made.reversed_thrusters:
+        yield (
+            f"{', '.join(made.reversed_thrusters)} push against the built-in direction, by the log's"
+            f" parameters or"
+            " by its motion; vehicle.toml says reversed = true for them: check with a wet test"
+        )
+    guesses = [canonical for canonical, one in made.columns.items() if not one.certain]
+    if guesses:
+        shown = ", ".join(guesses[:4]) + (f" and {len(guesses) - 4} more" if len(guesses) > 4 else "")
+        yield (
+            f"guessed from names and ranges, not stated in the log: {shown}; check unit and frame in map.toml"
+        )
+    for one in made.trials:
+        for severity in ("error", "warning"):
+            for finding in one.trial.report.findings:
+                if finding.severity == severity:
+                    yield f"trial {one.name}: {str(finding).removeprefix(severity).strip()}"
+    for one in made.trials:
+        if one.absent:
+            yield f"trial {one.name}: its logs have no {', '.join(one.absent)}"
+        known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]
+        yield from (f"trial {one.name}: {note}" for note in one.notes if note not in known)
+    if made.kept:
+        yield f"{', '.join(made.kept)} kept as edited; delete a file to have it drafted again"
+
+
+def _next(made: Imported) -> str:
+    if made.folder is None:
+        return "seatrial import with --out PROJECT writes map, vehicle, campaign and trials"
+    if made.vehicle is None:
+        return f"fill in {made.folder}/vehicle.toml, then seatrial check {made.folder}/vehicle.toml"
+    return f"seatrial check {made.folder}/campaign.toml, then seatrial identify {made.folder}/campaign.toml"
+
+
+def _done(made: Imported) -> Iterator[str]:
+    """What was done in each trial, and what of it judges the result."""
+    for one in made.trials:
+        yield f"trial {one.name}: {one.kind.done}; {one.why}"
+
+
+def _columns(made: Imported) -> Table:
+    rows = [
+        (
+            canonical,
+            printable(one.source, 30),
+            printable(one.unit, 8),
+            one.frame + (" -" if one.sign < 0 else ""),
+            printable(one.why + ("" if one.certain else " ?"), 44),
+        )
+        for canonical, one in made.columns.items()
+    ]
+    head = ("column", "from", "unit", "frame, sign", "why")
+    return Table.of("", head, rows, left=5, note="?: a guess")
+
+
+def _trials(made: Imported) -> Table:
+    rows = []
+    for one in made.trials:
+        masked = max(one.trial.report.masked.values(), default=0) / max(len(one.trial), 1)
+        held = "" if one.hold_out_s is None else f"{one.hold_out_s[0]:.0f} to {one.hold_out_s[1]:.0f}"
+        rows.append((
+            one.name,
+            f"{one.trial.t[0]:.1f}",
+            f"{one.trial.t[-1]:.1f}",
+            f"{1.0 / one.trial.dt:.3g}",
+            f"{100.0 * masked:.0f}",
+            held,
+        ))
+    head = ("trial", "from, s", "to, s", "rate, Hz", "most masked, %", "held out, s")
+    return Table.of("", head, rows)
+
+
+def _modes(made: Imported) -> Table:
+    rows: list[tuple[str, ...]] = []
+    for one in made.trials:
+        if not one.modes:
+            continue
+        ends = [*(t for t, _ in one.modes[1:]), float(one.trial.t[-1])]
+        rows += [
+            (one.name, printable(mode, 20), f"{t:.1f}", f"{end:.1f}")
+            for (t, mode), end in zip(one.modes, ends, strict=True)
+        ]
+    return Table.of("Modes of the autopilot", ("trial", "mode", "from, s", "to, s"), rows, left=2)
+
+
+def _corrections(made: Imported) -> Iterator[str]:
+    for one in made.trials:
+        for correction in one.consistency.corrections:
+            where = "map.toml" if correction.table == "clocks" else "campaign.toml"
+            yield f"trial {one.name}: {correction.sentence} ([{correction.table}] in {where}, as a comment)"
+
+
+def _missing(made: Imported) -> Iterator[str]:
+    said: dict[str, list[str]] = {}
+    for one in made.trials:
+        for sentence in one.consistency.missing:
+            said.setdefault(sentence, []).append(one.name)
+    for sentence, names in said.items():
+        yield sentence if len(names) == len(made.trials) else f"trial {', '.join(names)}: {sentence}"

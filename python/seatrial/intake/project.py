@@ -1,0 +1,214 @@
+"""The files of an imported project: the map's text, and what is written, overwritten or kept as edited.
+
+import.json says what the import wrote: a folder without it is not touched, and a file whose content differs
+from what it says was edited by the user and stays. It is written last. Held by
+``tests/intake/test_import.py``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.atomic_write import write_atomic, write_table
+from seatrial.base.errors import SeatrialError, TrialError, reason
+from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
+from seatrial.intake.map_file import Column
+from seatrial.logs.log import printable
+
+if TYPE_CHECKING:
+    from seatrial.intake.imported import Imported
+    from seatrial.intake.recordings import Recorded, Recording
+
+__all__ = ["edited", "map_text", "refuse_foreign", "write_project"]
+
+_OWN = "import.json"
+
+
+def refuse_foreign(folder: Path, force: bool) -> None:
+    """Refuse a folder with files that no import wrote, and without `force` one that an import wrote.
+
+    Raises
+    ------
+    TrialError
+    """
+    if folder.exists() and not folder.is_dir():
+        raise TrialError(f"{folder}: expected a folder for the project, found a file; choose another name")
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    if not (folder / _OWN).is_file():
+        raise TrialError(
+            f"{folder}: expected an empty or a new folder, found files that no import wrote; choose another"
+            " one"
+        )
+    if not force:
+        raise TrialError(
+            f"{folder}: an import wrote this project before; overwrite it with --force (force=True), which"
+            " keeps files that you edited, or choose another folder"
+        )
+
+
+def map_text(made: Imported, recorded: Sequence[Recording]) -> str:
+    """Text of the proposed map: every choice with its reason, every other candidate as a comment."""
+    lines = [
+        "# Which field of the logs is which column of a trial. Drafted by seatrial import; edit it and",
+        "# import",
+        "# again:",
+        f"# seatrial import LOG... --map {made.folder}/map.toml --out {made.folder} --force",
+        "format = 1",
+        "",
+        "[columns] # SI and degrees after NED and forward-starboard-down; frame: that of the log",
+    ]
+    for canonical, one in made.columns.items():
+        if not canonical.startswith("cmd."):
+            lines.append(line(canonical, _entry(one)))
+            lines += _others(made, canonical, one)
+    actuators = {name: one for name, one in made.columns.items() if name.startswith("cmd.")}
+    if actuators:
+        lines += ["", "[actuators] # command of each actuator of vehicle.toml"]
+        lines += [line(name.removeprefix("cmd."), _entry(one)) for name, one in actuators.items()]
+    lines += ["", *_clock_lines(made)]
+    for recording in recorded:
+        files = [log.path.name for log in recording.logs]
+        if all(name.isprintable() for name in files):
+            lines += [f"[trials.{json.dumps(recording.name, ensure_ascii=False)}]", line("logs", files)]
+            start, stop = _span(made, recording.name)
+            lines += [f"# start_s = {start:.1f}", f"# stop_s = {stop:.1f}", ""]
+    return "\n".join(lines)
+
+
+def _entry(one: Column) -> dict[str, Any]:
+    given = one.entry(one.source)
+    given |= {"convert": one.convert} if one.convert else {}
+    why = printable(one.why, 120) + ("" if one.certain else " (a guess: check it)")
+    return given | ({"why": why} if one.why else {})
+
+
+def _others(made: Imported, canonical: str, one: Column) -> list[str]:
+    """Other fields that could be the column, as comments."""
+    found = []
+    for log in made.survey.logs:
+        for other in log.proposals:
+            if other.canonical != canonical or other.source == one.source.partition("/")[0]:
+                continue
+            if other.name == one.source or not other.source.isprintable():
+                continue
+            entry = Column(
+                other.source + (f"/{other.per}" if other.per else ""),
+                other.unit,
+                other.frame,
+                other.sign,
+                other.convert,
+            )
+            found.append(f"# or {line(canonical, _entry(entry))}")
+    return list(dict.fromkeys(found))[:3]
+
+
+def _clock_lines(made: Imported) -> list[str]:
+    """Clocks that the consistency check proposes, as comments."""
+    proposed: dict[str, dict[str, float]] = {}
+    effects: dict[str, str] = {}
+    for one in made.trials:
+        for found in one.consistency.corrections:
+            file, _, key = found.key.rpartition(".")
+            if found.table == "clocks" and key not in proposed.setdefault(file, {}):
+                proposed[file][key] = found.value
+                effects.setdefault(file, f"{found.of}: {found.before:.3g} to {found.after:.3g} rms")
+    if not proposed:
+        return []
+    lines = [
+        "# Clocks that differ from the first file's: t = (stamp - offset_s) / (1 + drift). Not applied:",
+        "# remove",
+    ]
+    lines += ["# the # to accept.", "# [clocks]"]
+    for file, values in proposed.items():
+        entry = ", ".join(f"{key} = {value:.6g}" for key, value in values.items())
+        lines.append(f"# {json.dumps(file)} = {{ {entry} }} # {effects[file]}")
+    return [*lines, ""]
+
+
+def _span(made: Imported, name: str) -> tuple[float, float]:
+    trial = next((one.trial for one in made.trials if one.name == name), None)
+    return (0.0, 0.0) if trial is None else (float(trial.t[0]), float(trial.t[-1]))
+
+
+def write_project(
+    made: Imported, folder: Path, vehicle_text: str, map_text: str, recorded: Sequence[Recorded]
+) -> tuple[str, ...]:
+    """Write the project, import.json last; names of edited files that were kept."""
+    drafted = [
+        DraftedTrial(
+            one.name,
+            f"trials/{one.name}.parquet",
+            one.trial,
+            table.columns,
+            one.hold_out_s,
+            one.why,
+            "commands" if one.trial.commands or one.trial.tau is None else "tau",
+            one.consistency.corrections,
+        )
+        for one, table in zip(made.trials, recorded, strict=True)
+    ]
+    texts = {
+        "map.toml": map_text,
+        "vehicle.toml": vehicle_text,
+        "campaign.toml": campaign_text(folder.resolve().name or "imported", made.vehicle, drafted),
+    }
+    kept = []
+    try:
+        (folder / "trials").mkdir(parents=True, exist_ok=True)
+        for one, table in zip(drafted, recorded, strict=True):
+            write_table(table.table, folder / one.file)
+        for name, text in texts.items():
+            if edited(folder, name) and (folder / name).read_text(encoding="utf-8") != text:
+                kept.append(name)
+            else:
+                write_atomic(folder / name, text.encode())
+        hashes = {
+            name: hashlib.sha256(text.encode()).hexdigest()
+            for name, text in texts.items()
+            if name not in kept
+        }
+        hashes |= {name: _hashes(folder).get(name, "") for name in kept}
+        record = {"format": 1, "written": hashes} | made.to_dict() | {"kept": kept}
+        write_atomic(folder / _OWN, json.dumps(_plain(record), indent=1, ensure_ascii=False).encode())
+    except OSError as error:
+        raise SeatrialError(
+            f"{folder}: cannot be written ({reason(error)}); choose a folder that you may write to"
+        ) from None
+    return tuple(kept)
+
+
+def _plain(value: Any) -> Any:
+    """Plain data without NaN, which JSON does not know."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(one) for one in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, np.integer | np.bool_):
+        return value.item()
+    return value
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    try:
+        found = json.loads((folder / _OWN).read_text(encoding="utf-8"))["written"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def edited(folder: Path, name: str) -> bool:
+    """Whether a file of the project is not as the last import wrote it."""
+    path = folder / name
+    if not path.is_file():
+        return False
+    known = _hashes(folder).get(name)
+    return known != hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,298 @@
+"""Which logs make one recording, and the table of a recording as the trials of a project hold it.
+
+The table is sparse: rows are all stamps, a cell is empty where its topic has no sample then, and columns keep
+the names ``topic.field`` of the log, so that a campaign's column map shows where each comes from. Only what
+more than a unit separates from a column is converted here: latitude, longitude and pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base import units
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError, nearest
+from seatrial.base.file_names import file_name, free_name
+from seatrial.intake.map_file import Column, ImportMap, MapTrial
+from seatrial.intake.survey import SurveyedLog, chosen
+from seatrial.logs.formats import open_log
+from seatrial.logs.join import Clock, Wanted, find_field, join
+from seatrial.logs.log import Log, listed
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["Recorded", "Recording", "proposed_columns", "recordings", "table_of"]
+
+_EARTH_M, _FLATTENING = 6_378_137.0, 1.0 / 298.257223563  # WGS 84
+
+_SURFACE_PA = (8e4, 1.1e5)  # pressures of the air at the surface
+
+_WATER_KG_M3, _GRAVITY_M_S2 = 1025.0, 9.81
+
+_SHARED = ("voltage_v",)  # columns that logs of one recording may all have
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Logs of one time, by the name of the trial, and the part of it that is used."""
+
+    name: str
+    logs: tuple[SurveyedLog, ...]
+    start_s: float | None = None
+    stop_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording as a table.
+
+    Attributes
+    ----------
+    table
+        Rows of all stamps, ``t_s`` and the columns of the log.
+    columns
+        Column map of a campaign for it; columns with canonical names need no entry.
+    clocks
+        By canonical column, the file whose clock stamped it.
+    absent
+        Canonical columns whose field this recording has not.
+    notes
+        What the readers, the join and the conversions did or could not do.
+    events
+        Changes of mode on the table's clock: time in s and name.
+    """
+
+    table: pl.DataFrame
+    columns: dict[str, dict[str, Any]]
+    clocks: dict[str, str]
+    absent: tuple[str, ...]
+    notes: tuple[str, ...]
+    events: tuple[tuple[float, str], ...]
+
+
+def recordings(logs: Sequence[SurveyedLog], given: Mapping[str, MapTrial] | None = None) -> list[Recording]:
+    """Recordings by name: files that hold different channels are one, files that hold the same are several.
+
+    Logs that share a clock (Unix time) and overlap are one recording in any case.
+
+    Raises
+    ------
+    TrialError
+        A trial of the map names a file that is not among the logs.
+    """
+    if given:
+        return [_of_map(name, one, logs) for name, one in given.items()]
+    if len(logs) == 1 or _one_dive(logs):
+        folders = {log.path.resolve().parent for log in logs}
+        named = folders.pop().name if len(logs) > 1 and len(folders) == 1 else ""
+        return [Recording(file_name(named or logs[0].path.name.partition(".")[0]), tuple(logs))]
+    made: list[Recording] = []
+    for log in logs:
+        name = free_name(file_name(log.path.name.partition(".")[0]), [one.name for one in made])
+        made.append(Recording(name, (log,)))
+    return made
+
+
+def _one_dive(logs: Sequence[SurveyedLog]) -> bool:
+    if all(log.epoch_s is not None for log in logs):
+        spans = [(log.span_s[0] + (log.epoch_s or 0.0), log.span_s[1] + (log.epoch_s or 0.0)) for log in logs]
+        return max(start for start, _ in spans) < min(stop for _, stop in spans)
+    offered = [set(chosen(log)) - set(_SHARED) for log in logs]
+    return sum(map(len, offered)) == len(set().union(*offered))
+
+
+def _of_map(name: str, one: MapTrial, logs: Sequence[SurveyedLog]) -> Recording:
+    by_name = {log.path.name: log for log in logs}
+    for file in one.logs:
+        if file not in by_name:
+            raise TrialError(
+                f'map, trials {name!r}, key logs: there is no log "{file}"{nearest(file, by_name)}'
+            )
+    used = tuple(by_name[file] for file in one.logs) or tuple(logs)
+    return Recording(file_name(name), used, one.start_s, one.stop_s)
+
+
+def proposed_columns(made: Sequence[Recording]) -> dict[str, Column]:
+    """Columns that the logs offer, the first log's before the others'.
+
+    Where each recording is one table of its own name, columns are named without it, so that one map serves
+    all of them.
+    """
+    logs = [log for one in made for log in one.logs]
+    alike = len(made) > 1 and all(len(log.topics) == 1 for log in logs)
+    columns: dict[str, Column] = {}
+    for log in logs:
+        for canonical, one in chosen(log).items():
+            alone = len(log.topics) == 1 and not one.topic.isprintable()
+            source = one.name if alike or alone else one.source
+            if not source.isprintable() or not canonical.isprintable():
+                continue
+            source += f"/{one.per}" if one.per else ""
+            columns.setdefault(
+                canonical, Column(source, one.unit, one.frame, one.sign, one.convert, one.why, one.certain)
+            )
+    return columns
+
+
+def table_of(
+    recording: Recording, wanted: ImportMap, share: Callable[[float], None] | None = None
+) -> Recorded:
+    """Table of a recording with the columns of a map; only their fields are read.
+
+    Raises
+    ------
+    TrialError
+        None of the columns is in its logs, or their times do not meet.
+    """
+    logs = [open_log(log.path) for log in recording.logs]
+    found: dict[str, tuple[Wanted, Log]] = {}
+    absent = []
+    for canonical, column in wanted.columns.items():
+        home = next(((w, log) for log in logs if (w := find_field(log, column.source))), None)
+        if home is None:
+            absent.append(canonical)
+        else:
+            found[canonical] = home
+    if not found:
+        raise TrialError(
+            f"{wanted.source}: columns: {', '.join(log.path.name for log in logs)} has none of these fields;"
+            f" its topics are {listed([topic for log in logs for topic in log.fields])}"
+        )
+    _refuse_twins(found, logs)
+    clocks = dict(wanted.clocks)
+    joined = join(logs, list(dict.fromkeys(w for w, _ in found.values())), clocks, share)
+    table, notes = joined.table, list(joined.notes)
+    notes += [f"{log.path.name}: {note}" for log in logs for note in log.notes]
+    plain = {c for c, (w, _) in found.items() if wanted.columns[c].source in (w.name, f"{w.name}/{w.per}")}
+    columns: dict[str, dict[str, Any]] = {}
+    for canonical, (field, log) in found.items():
+        column = wanted.columns[canonical]
+        name = field.column
+        if column.convert:
+            latitude = _latitude(table, wanted.columns.get("x_m"), found.get("x_m"))
+            table = table.with_columns(
+                _converted(table[name], column, canonical, notes, latitude, f"{log.path}: {canonical}")
+            )
+            continue
+        if canonical in plain:
+            name = column.source
+            if name not in table.columns:
+                table = table.with_columns(table[field.column].alias(name))
+        columns[canonical] = column.entry(name)
+    kept = ["t_s", *dict.fromkeys(entry["from"] for entry in columns.values())]
+    kept += [c for c in found if wanted.columns[c].convert]
+    table = table.select(kept)
+    start, stop = recording.start_s, recording.stop_s
+    if start is not None or stop is not None:
+        table = _cut(table, start, stop, recording.name)
+    return Recorded(
+        table,
+        columns,
+        {canonical: log.path.name for canonical, (_, log) in found.items()},
+        tuple(absent),
+        tuple(dict.fromkeys(notes)),
+        tuple(_events(recording, clocks, joined.epoch_s)),
+    )
+
+
+def _refuse_twins(found: Mapping[str, tuple[Wanted, Log]], logs: Sequence[Log]) -> None:
+    """Refuse a topic that two joined files have: the join would take the first one's without a word."""
+    for wanted, log in found.values():
+        for other in logs:
+            twin = other is not log and wanted.name in other.fields.get(wanted.topic, {})
+            if twin and other.format == log.format == "csv":
+                raise TrialError(
+                    f'{other.path}: topic "{wanted.topic}" is also in {log.path}; rename one of the files'
+                )
+
+
+def _cut(table: pl.DataFrame, start: float | None, stop: float | None, name: str) -> pl.DataFrame:
+    t = table["t_s"]
+    first, last = float(t[0]), float(t[-1])
+    kept = table.filter((t >= (first if start is None else start)) & (t <= (last if stop is None else stop)))
+    if not kept.height:
+        raise TrialError(
+            f"map, trials {name!r}: no sample from {start} to {stop} s; the recording lasts from"
+            f" {first:.6g} to"
+            f" {last:.6g} s"
+        )
+    return kept
+
+
+def _events(
+    recording: Recording, clocks: Mapping[str, Clock], epoch_s: float | None
+) -> list[tuple[float, str]]:
+    """Changes of mode on the clock of the joined table."""
+    found = []
+    for log in recording.logs:
+        clock = clocks.get(log.path.name, Clock())
+        offset = 0.0 if epoch_s is None else (log.epoch_s or 0.0) - epoch_s
+        for event in log.events:
+            if event.kind == "mode" and event.text.isprintable():
+                found.append(((event.t - clock.offset_s) / (1.0 + clock.drift) + offset, event.text))
+    return sorted(found)
+
+
+def _latitude(table: pl.DataFrame, column: Column | None, found: tuple[Wanted, Log] | None) -> float | None:
+    """Latitude of the first fix, rad; None where no latitude is mapped or known."""
+    if column is None or found is None or column.convert != "latitude":
+        return None
+    values = _numbers(table[found[0].column]) * units.factor(column.unit or "deg", ("rad",), "latitude")
+    known = values[np.isfinite(values) & (values != 0.0)]
+    return float(known[0]) if len(known) else None
+
+
+def _numbers(cells: pl.Series) -> Array:
+    return np.asarray(cells.cast(float).fill_null(float("nan")).to_numpy())
+
+
+def _converted(
+    cells: pl.Series, column: Column, canonical: str, notes: list[str], latitude: float | None, where: str
+) -> pl.Series:
+    """Cells of a column in metres; empty cells stay empty.
+
+    Raises
+    ------
+    TrialError
+        A longitude without a latitude.
+    """
+    import polars as pl
+
+    values = _numbers(cells)
+    if column.convert == "pressure":
+        metres = _depth(values * units.factor(column.unit or "Pa", ("Pa",), where), notes)
+    elif latitude is None:
+        raise TrialError(f"{where}: no latitude is known from which metres count; map x_m with convert, too")
+    else:
+        angle = values * units.factor(column.unit or "deg", ("rad",), where)
+        metres = _metres(angle, column.convert, latitude, notes)
+    return pl.Series(canonical, metres, nan_to_null=True)
+
+
+def _depth(pressure: Array, notes: list[str]) -> Array:
+    """Depth in m of absolute pressures in Pa."""
+    known = pressure[np.isfinite(pressure)]
+    lowest = float(known.min()) if len(known) else 101_325.0
+    surface = lowest if _SURFACE_PA[0] < lowest < _SURFACE_PA[1] else 101_325.0
+    said = "the lowest one is taken for the surface" if surface == lowest else "101325 Pa is the surface"
+    notes.append(f"depth from pressure: {said}, {_WATER_KG_M3:g} kg/m3; in fresh water depths are 2.5 % more")
+    return np.asarray((pressure - surface) / (_WATER_KG_M3 * _GRAVITY_M_S2))
+
+
+def _metres(angle: Array, convert: str, latitude: float, notes: list[str]) -> Array:
+    """North or east in m of latitudes or longitudes in rad, from the first fix on the ellipsoid WGS 84."""
+    angle = np.where(angle == 0.0, np.nan, angle)  # a receiver without a fix writes zeros
+    known = angle[np.isfinite(angle)]
+    squared = _FLATTENING * (2.0 - _FLATTENING)
+    bow = 1.0 - squared * np.sin(latitude) ** 2
+    if convert == "latitude":
+        notes.append("north and east from latitude and longitude: metres from the first fix")
+        radius = _EARTH_M * (1.0 - squared) / bow**1.5
+    else:
+        radius = _EARTH_M / np.sqrt(bow) * np.cos(latitude)
+    return np.asarray((angle - (known[0] if len(known) else 0.0)) * radius)

@@ -1,0 +1,295 @@
+"""What logs hold and what their fields are taken for: one pass over each file, no sample is kept.
+
+Of several fields that may be one quantity the best is chosen: documented before guessed, moving before
+constant, and all components of a vector from one topic. Held by ``tests/intake/test_import.py``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from seatrial.base.errors import TrialError
+from seatrial.base.report import Report, Section, Table
+from seatrial.logs.formats import FORMATS, open_log
+from seatrial.logs.log import Event, Field, Share, Topic, printable
+from seatrial.logs.recognise import Proposal, propose
+
+__all__ = ["Survey", "SurveyedLog", "chosen", "survey"]
+
+_VECTORS = (
+    ("x_m", "y_m"),
+    ("z_m",),
+    ("q_w", "q_x", "q_y", "q_z"),
+    ("roll_deg", "pitch_deg", "yaw_deg"),
+    ("u_m_s", "v_m_s", "w_m_s"),
+    ("u_water_m_s", "v_water_m_s", "w_water_m_s"),
+    ("p_deg_s", "q_deg_s", "r_deg_s"),
+    ("tau.X_n", "tau.Y_n", "tau.Z_n"),
+    ("tau.K_nm", "tau.M_nm", "tau.N_nm"),
+    ("current_north_m_s", "current_east_m_s", "current_down_m_s"),
+)
+"""Columns that one topic must give together."""
+
+
+@dataclass(frozen=True)
+class SurveyedLog:
+    """One log: what its topics hold, what its fields may be, what it says besides.
+
+    Attributes
+    ----------
+    path, format
+        The file and its format (`seatrial.logs.formats`).
+    topics
+        With samples; stamps in s of the log's own clock.
+    proposals
+        For all fields, the better one of each canonical column first.
+    notes
+        What could not be read.
+    events
+        Changes of mode and messages.
+    parameters
+        Of the vehicle, by name.
+    epoch_s
+        Unix time of the log's time zero, s; None where it does not say.
+    """
+
+    path: Path
+    format: str
+    topics: tuple[Topic, ...]
+    proposals: tuple[Proposal, ...]
+    notes: tuple[str, ...]
+    events: tuple[Event, ...]
+    parameters: Mapping[str, float]
+    epoch_s: float | None
+
+    def field(self, proposal: Proposal) -> tuple[Topic, Field]:
+        """Topic and field of a proposal."""
+        topic = next(topic for topic in self.topics if topic.name == proposal.topic)
+        return topic, next(field for field in topic.fields if field.name == proposal.name)
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last stamp of any topic, s."""
+        known = [topic for topic in self.topics if topic.end_s >= topic.start_s]
+        if not known:
+            return 0.0, 0.0
+        return min(topic.start_s for topic in known), max(topic.end_s for topic in known)
+
+    @property
+    def not_underwater(self) -> str:
+        """Why the vehicle is none under water, by what the log says; "" where it does not."""
+        for event in self.events:
+            found = re.search(r"\b(Ardu)?(Copter|Plane|Rover)\b", event.text)
+            if event.kind == "message" and found:
+                return f"the autopilot is {found[0]}"
+        kind = self.parameters.get("MAV_TYPE")
+        if self.format == "ulog" and kind is not None and kind != _SUBMARINE:
+            return f"MAV_TYPE is {kind:g}{_MAV_TYPES.get(int(kind), '')}, not {_SUBMARINE} (submarine)"
+        airborne = {"vehicle_land_detected", "vehicle_air_data", "airspeed"}
+        if self.format == "ulog" and airborne & {topic.name for topic in self.topics}:
+            return "PX4 logged a land detector or air data"
+        return ""
+
+
+_SUBMARINE = 12
+_MAV_TYPES = {1: " (aeroplane)", 2: " (quadrotor)", 10: " (ground rover)", 11: " (boat)", 13: " (hexarotor)"}
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Logs surveyed, in the order given."""
+
+    logs: tuple[SurveyedLog, ...]
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Every field of every topic of every log as plain data."""
+        for log in self.logs:
+            taken = {
+                (one.topic, one.name): (canonical, one) for canonical, one in chosen(log).items()
+            }  # an increment and its time are one
+            other = {(one.topic, one.name): one for one in reversed(log.proposals)}
+            for topic in log.topics:
+                for field in topic.fields:
+                    key = (topic.name, field.name)
+                    canonical, one = taken.get(key, ("", other.get(key)))
+                    yield {
+                        "file": log.path.name,
+                        "topic": topic.name,
+                        "field": field.name,
+                        "samples": field.samples,
+                        "rate_hz": topic.rate_hz,
+                        "longest_s": topic.longest_s,
+                        "minimum": field.minimum,
+                        "maximum": field.maximum,
+                        "stated_unit": field.unit,
+                        "unit": one.unit if one else field.unit,
+                        "taken_for": canonical,
+                        "could_be": one.canonical if one and not canonical else "",
+                        "why": one.why if one else "",
+                        "certain": one.certain if one else None,
+                    }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Logs and fields as plain data for JSON."""
+        return {
+            "logs": [
+                {
+                    "file": str(log.path),
+                    "format": log.format,
+                    "topics": len(log.topics),
+                    "start_s": log.span_s[0],
+                    "end_s": log.span_s[1],
+                    "notes": list(log.notes),
+                    "not_underwater": log.not_underwater,
+                    "modes": [{"t": one.t, "mode": one.text} for one in log.events if one.kind == "mode"],
+                }
+                for log in self.logs
+            ],
+            "fields": list(self.rows()),
+        }
+
+    def table(self) -> Table:
+        """Every field: topic, field, rate, range, unit, what it is taken for."""
+        several = len(self.logs) > 1
+        rows = []
+        for row in self.rows():
+            guess = row["taken_for"] or (f"({row['could_be']})" if row["could_be"] else "")
+            rows.append((
+                printable(row["file"], 24) if several else "",
+                printable(row["topic"], 28),
+                printable(row["field"], 24),
+                _number(row["rate_hz"]),
+                _number(row["minimum"]),
+                _number(row["maximum"]),
+                printable(row["unit"], 10),
+                printable(guess, 20),
+            ))
+        head = ("file", "topic", "field", "Hz", "least", "most", "unit", "taken for")
+        note = "(in brackets): could be that, but another field is better or it never changes"
+        return Table.of("Fields", head, rows, left=3, note=note)
+
+    def report(self) -> Report:
+        """What the logs hold, what could not be read, and the command that goes on."""
+        fields = sum(len(topic.fields) for log in self.logs for topic in log.topics)
+        topics = sum(len(log.topics) for log in self.logs)
+        taken = [canonical for log in self.logs for canonical in chosen(log)]
+        notes = [f"{printable(log.path.name)}: {note}" for log in self.logs for note in log.notes]
+        odd = [f"{printable(log.path.name)}: {log.not_underwater}" for log in self.logs if log.not_underwater]
+        worst = [
+            *(f"{one}: this is no underwater vehicle" for one in odd),
+            *notes,
+            *([] if taken else ["no field is recognised; write a map with [columns] by hand"]),
+        ]
+        names = " ".join(printable(str(log.path), 200) for log in self.logs)
+        return Report(
+            title=", ".join(printable(log.path.name) for log in self.logs),
+            outcome="surveyed",
+            good=f"{topics} topics with {fields} fields; {len(taken)} are taken for columns of a trial",
+            worst=worst[0] if worst else "nothing; all of it was read",
+            next_step=f"seatrial import {names} --out PROJECT",
+            sections=(Section(sentences=tuple(worst[1:]), tables=(self.table(),)),),
+        )
+
+
+def survey(paths: Iterable[str | Path], share: Callable[[float, str], None] | None = None) -> Survey:
+    """Survey of some logs: a pass over each.
+
+    Parameters
+    ----------
+    paths
+        Files; a folder of a ROS 2 bag counts as one.
+    share
+        Called with the share of all files that is done, and the name of the file.
+
+    Raises
+    ------
+    TrialError
+        If there is no file, one is given twice or cannot be read at all.
+    """
+    files = [Path(path) for path in paths]
+    if not files:
+        raise TrialError("expected a log or several, found none; give the path of a file")
+    for k, path in enumerate(files):
+        if any(path.resolve() == other.resolve() for other in files[:k]):
+            raise TrialError(f"{path}: given twice; give each log once")
+    logs = []
+    for k, path in enumerate(files):
+
+        def part(done: float, k: int = k, path: Path = path) -> None:
+            if share is not None:
+                share((k + done) / len(files), f"survey of {path.name}")
+
+        logs.append(_surveyed(path, part))
+    return Survey(tuple(logs))
+
+
+def _surveyed(path: Path, share: Share) -> SurveyedLog:
+    log = open_log(path)
+    topics = log.topics(share)
+    if not topics:
+        said = f" ({'; '.join(log.notes)})" if log.notes else ""
+        raise TrialError(
+            f"{path}: no topic with samples was found in this {FORMATS[log.format].description}{said};"
+            " fetch the file from the vehicle again"
+        )
+    return SurveyedLog(
+        path,
+        log.format,
+        tuple(topics),
+        tuple(propose(log.format, topics, log.parameters)),
+        tuple(log.notes),
+        tuple(log.events()),
+        dict(log.parameters),
+        log.epoch_s,
+    )
+
+
+def chosen(log: SurveyedLog) -> dict[str, Proposal]:
+    """The best proposal of each canonical column, components of a vector from one topic."""
+    alive = [one for one in log.proposals if not _dead(log, one)]
+    best: dict[str, Proposal] = {}
+    for columns in _VECTORS:
+        candidates = [one for one in alive if one.canonical in columns]
+        if candidates:
+            topic = min(candidates, key=lambda one: one.rank).topic
+            for one in sorted(candidates, key=lambda one: one.rank):
+                if one.topic == topic:
+                    best.setdefault(one.canonical, one)
+    for one in alive:
+        if not any(one.canonical in columns for columns in _VECTORS):
+            best.setdefault(one.canonical, one)
+    _one_attitude(best)
+    if len({"x_m", "y_m"} & set(best)) == 1:  # north without east is no position
+        best.pop("x_m", None)
+        best.pop("y_m", None)
+    return best
+
+
+def _dead(log: SurveyedLog, one: Proposal) -> bool:
+    """Whether a sensor stands still: no field of the topic that makes its vector ever changes."""
+    if one.canonical.startswith(("cmd.", "meas.", "voltage")):
+        return False  # a command that is held and a steady supply tell something, too
+    columns = next((c for c in _VECTORS if one.canonical in c), (one.canonical,))
+    alike = [p for p in log.proposals if p.topic == one.topic and p.canonical in columns]
+    fields = [log.field(p)[1] for p in alike]
+    return all(not field.samples or field.minimum == field.maximum for field in fields)
+
+
+def _one_attitude(best: dict[str, Proposal]) -> None:
+    """Keep quaternion or angles, whichever is better; in place."""
+    q = [best[c] for c in ("q_w", "q_x", "q_y", "q_z") if c in best]
+    angles = [best[c] for c in ("roll_deg", "pitch_deg", "yaw_deg") if c in best]
+    if len(q) < 4 or (angles and len(angles) == 3 and angles[0].rank < q[0].rank):
+        drop: Sequence[str] = ("q_w", "q_x", "q_y", "q_z")
+    else:
+        drop = ("roll_deg", "pitch_deg", "yaw_deg")
+    for column in drop:
+        best.pop(column, None)
+
+
+def _number(x: float) -> str:
+    return f"{x:.4g}" if x == x else ""

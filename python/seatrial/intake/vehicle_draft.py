@@ -1,0 +1,271 @@
+"""The vehicle file that an import drafts: a vehicle that is given, a frame told by the log, or a stub.
+
+ArduSub's motors turn as MOT_n_DIRECTION says; where a log does not carry its parameters, the commands tell:
+a mixer moves the vehicle with what its frame can do and never along a combination of thrusters whose forces
+cancel. Among all signs the right ones leave these combinations at rest; which of the two senses of each
+group is right the motion tells. Frames and motor numbers: ArduPilot, AP_Motors6DOF. Held by
+``tests/intake/test_vehicle_draft.py``.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.file_names import file_name
+from seatrial.base.toml_file import VEHICLE, is_path, loaded, text_of
+from seatrial.intake.survey import SurveyedLog
+from seatrial.vehicle.actuators import actuator_groups
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+__all__ = ["VehicleDraft", "draft_vehicle", "matched", "thruster_signs", "turned"]
+
+FRAMES = {
+    0: "BLUEROV1", 1: "VECTORED", 2: "VECTORED_6DOF", 3: "VECTORED_6DOF_90",
+    4: "SIMPLEROV_3", 5: "SIMPLEROV_4", 6: "SIMPLEROV_5", 7: "CUSTOM",
+}  # fmt: skip
+"""FRAME_CONFIG of ArduSub."""
+
+_BUILT_IN = {2: "bluerov2-heavy"}
+
+_HEAVY_MOTORS = 8
+
+
+@dataclass(frozen=True)
+class VehicleDraft:
+    """Text of a vehicle file, the vehicle where it is complete, and where it comes from.
+
+    Attributes
+    ----------
+    text
+        TOML.
+    vehicle
+        None for a stub that the user must fill in.
+    source
+        Words: "built-in bluerov2-heavy, by FRAME_CONFIG = 2", "the file x.toml", "a stub".
+    certain
+        Whether the log or the user says so.
+    """
+
+    text: str
+    vehicle: Vehicle | None
+    source: str
+    certain: bool = True
+
+
+def draft_vehicle(
+    logs: Sequence[SurveyedLog], actuators: Sequence[str], given: str | Path | None
+) -> VehicleDraft:
+    """Vehicle file for logs with commands of these `actuators`.
+
+    Parameters
+    ----------
+    logs
+    actuators
+        Names of the commands in the column map.
+    given
+        A vehicle file or the name of a built-in vehicle; None to draft one.
+
+    Raises
+    ------
+    VehicleError
+        If the given vehicle cannot be used.
+    """
+    from seatrial._core import Vehicle
+
+    if given is not None:
+        vehicle = loaded(Vehicle, given)
+        if is_path(str(given)):
+            return VehicleDraft(text_of(given, VEHICLE), vehicle, f"the file {given}")
+        return VehicleDraft(vehicle.to_toml(), vehicle, f"the built-in vehicle {given}")
+    frame = next((log.parameters["FRAME_CONFIG"] for log in logs if "FRAME_CONFIG" in log.parameters), None)
+    motors = [name for name in actuators if re.fullmatch(r"thruster_\d+", name)]
+    if frame is not None and int(frame) in _BUILT_IN:
+        name = _BUILT_IN[int(frame)]
+        vehicle = Vehicle.load(name)
+        said = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAMES[int(frame)]}"
+        return VehicleDraft(vehicle.to_toml(), vehicle, said)
+    ardupilot = any(log.format in ("dataflash", "mavlink") for log in logs)
+    if frame is None and ardupilot and len(motors) == _HEAVY_MOTORS:
+        name = _BUILT_IN[2]
+        vehicle = Vehicle.load(name)
+        said = (
+            f"the built-in vehicle {name}, by its eight motor channels: the log has no FRAME_CONFIG; check"
+            f" that the frame is {FRAMES[2]}"
+        )
+        return VehicleDraft(vehicle.to_toml(), vehicle, said, certain=False)
+    told = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {FRAMES.get(int(frame), 'unknown')}"
+    return VehicleDraft(_stub(logs, actuators), None, f"a stub{told}: measures are to be filled in", False)
+
+
+def _stub(logs: Sequence[SurveyedLog], actuators: Sequence[str]) -> str:
+    """Vehicle file with the channels of the log and FILL IN for what only the user can measure."""
+    name = file_name(logs[0].path.name.partition(".")[0])
+    lines = [
+        "# Drafted by seatrial import. Replace every FILL IN by a number that you measure: tape, scales, the",
+        "# maker's sheet. seatrial check names the first one that is left.",
+        "format = 1",
+        f'name = "{name}"',
+        'controllable = ["X", "Y", "Z", "N"] # axes that the actuators can drive',
+        "",
+        "[environment]",
+        "rho_kg_m3 = 1025.0 # sea; 1000 in fresh water",
+        "",
+        "[geometry]",
+        'length_m = "FILL IN: length of the hull, m"',
+        'diameter_m = "FILL IN: diameter or breadth of the hull, m"',
+        'shape = "box" # or "torpedo"',
+        "design_speed_m_s = 1.0",
+        "",
+        "[coefficients]",
+        'm = "FILL IN: mass in air with the water inside, kg"',
+        'B = "FILL IN: buoyancy, N: m times 9.81 where it is trimmed neutral"',
+        "",
+        "[motors.motor]",
+        "maximum_ahead = 400.0 # us about neutral, or rpm",
+        "",
+        "[characteristics.propeller]",
+        'kind = "quadratic"',
+        'p1_ahead = "FILL IN: bollard thrust / (largest command)^2 ..., seatrial bench fits it"',
+    ]
+    for actuator in actuators:
+        lines += [
+            "",
+            "[[thrusters]]",
+            f'name = "{actuator}"',
+            'command = "us" # or "rpm"',
+            "neutral = 1500.0",
+            'position_m = "FILL IN: [forward, starboard, down] of O, m"',
+            'direction = "FILL IN: [forward, starboard, down] of its thrust at a positive command"',
+            'motor = "motor"',
+            'characteristic = "propeller"',
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def matched(names: Sequence[str], vehicle: Vehicle) -> dict[str, str]:
+    """Name of the command by actuator of the vehicle: of the same name, of its group, or of the same number.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> matched(["positive_width_us_0", "pwm_1"], st.Vehicle.load("beluga"))["thruster_1"]
+    'pwm_1'
+    """
+    groups = {actuator: group for group, members in actuator_groups(vehicle).items() for actuator in members}
+    numbers = {one: found[0] for one in names if (found := re.findall(r"\d+$", one))}
+    single = {number: one for one, number in numbers.items() if list(numbers.values()).count(number) == 1}
+    result = {}
+    for actuator in vehicle.actuators:
+        number = re.findall(r"\d+$", actuator)
+        if actuator in names:
+            result[actuator] = actuator
+        elif groups.get(actuator) in names:
+            result[actuator] = groups[actuator]
+        elif number and number[0] in single:
+            result[actuator] = single[number[0]]
+    return result
+
+
+def thruster_signs(vehicle: Vehicle, trial: Trial, parameters: Mapping[str, float]) -> dict[str, bool]:
+    """Which thrusters push against the vehicle file's direction, by name; empty where nothing tells.
+
+    `parameters` of ArduSub decide where they have MOT_n_DIRECTION (the built-in frame's directions are those
+    of MOT_n_DIRECTION = -1); otherwise the commands and the motion of the trial do.
+    """
+    names = [name for name in vehicle.actuators if name in trial.commands]
+    directions = {name: parameters.get(f"MOT_{re.sub(r'.*_', '', name)}_DIRECTION") for name in names}
+    if names and all(value is not None for value in directions.values()):
+        return {name: value is not None and value > 0.0 for name, value in directions.items()}
+    if len(names) < len(vehicle.actuators) or len(names) > 12:
+        return {}
+    info = vehicle.actuator_info()
+    commands = np.array([trial.commands[name] - info[name]["neutral"] for name in names])
+    signs = _signs_of_mixer(vehicle.allocation_matrix(), commands)
+    if signs is None:
+        return {}
+    for group in _apart(vehicle.allocation_matrix()):
+        if _against(vehicle, trial, signs, commands, group):
+            signs[group] *= -1.0
+    return {name: bool(sign < 0.0) for name, sign in zip(names, signs, strict=True)}
+
+
+_AT_REST, _CLEAR = 0.15, 3.0
+
+
+def _signs_of_mixer(allocation: Array, commands: Array) -> Array | None:
+    """Signs (n,) that leave combinations without effect at rest; None where they are not clear."""
+    _, values, directions = np.linalg.svd(allocation)
+    rank = int((values > 1e-9 * values[0]).sum())
+    idle = directions[rank:]
+    if not len(idle):
+        return None
+    # By RMS of the changes: a constant lies in an offset of the neutral pulse.
+    moments = np.cov(commands)
+    total = float(np.trace(moments))
+    if total <= 0.0:
+        return None
+    best = []
+    for tail in itertools.product((1.0, -1.0), repeat=len(commands) - 1):
+        signs = np.array([1.0, *tail])
+        signed = moments * np.outer(signs, signs)
+        best.append((float(np.trace(idle @ signed @ idle.T)) / total, tail))
+    best.sort()
+    return np.array([1.0, *best[0][1]]) if best[0][0] < _AT_REST else None
+
+
+def _apart(allocation: Array) -> list[list[int]]:
+    """Thrusters that drive different forces, as horizontal and vertical ones do, by number."""
+    main = [int(np.argmax(np.abs(column[:3]))) == 2 for column in allocation.T]
+    groups = [[k for k, vertical in enumerate(main) if vertical is kind] for kind in (False, True)]
+    return [group for group in groups if group]
+
+
+def _against(vehicle: Vehicle, trial: Trial, signs: Array, commands: Array, group: list[int]) -> bool:
+    """Whether the motion runs against the forces of a group of thrusters."""
+    from scipy.ndimage import gaussian_filter1d
+
+    allocation = vehicle.allocation_matrix()
+    chosen = np.zeros(len(signs))
+    chosen[group] = signs[group]
+    tau = allocation @ (chosen[:, None] * commands)
+    width = max(1.0, 0.15 / trial.dt)
+    vote = 0.0
+    for axis, channel in enumerate("uvwpqr"):
+        if channel not in trial.channels or tau[axis].std() == 0.0:
+            continue
+        good = trial.valid[:, axis]
+        y = gaussian_filter1d(trial.nu[:, axis], width)
+        change = np.gradient(y, trial.dt)
+        force = gaussian_filter1d(tau[axis] - tau[axis].mean(), width)
+        design = np.column_stack([y, np.abs(y) * y, np.ones(len(y)), force])[good]
+        if len(design) < 50:
+            continue
+        fit, *_ = np.linalg.lstsq(design, change[good], rcond=None)
+        left = change[good] - design @ fit
+        vote += float(fit[3]) * float(force[good].std()) / max(float(left.std()), 1e-12)
+    return vote < 0.0
+
+
+def turned(text: str, reversed_: Mapping[str, bool]) -> str:
+    """Text of a vehicle file with the key `reversed` of these thrusters set."""
+    parts = re.split(r"(?m)^(?=\[\[thrusters\]\])", text)
+    for k, part in enumerate(parts[1:], start=1):
+        name = re.search(r'(?m)^name = "([^"]+)"', part)
+        if name and name[1] in reversed_:
+            value = str(reversed_[name[1]]).lower()
+            if re.search(r"(?m)^reversed = \w+", part):
+                parts[k] = re.sub(r"(?m)^reversed = \w+", f"reversed = {value}", part, count=1)
+            else:
+                parts[k] = part.replace(name[0], f"{name[0]}\nreversed = {value}", 1)
+    return "".join(parts)

@@ -1,0 +1,139 @@
+"""The map of an import: what its keys may hold, and what is said about another value."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import seatrial as st
+from seatrial.intake.map_file import MapClock, MapFile, MapTrial, load_map, parse_map
+from tests.docs.pages import ROOT
+
+
+def test_columns_actuators_clocks_and_trials_are_read() -> None:
+    made = parse_map(
+        """
+        format = 1
+        [columns]
+        yaw_deg = "nav.heading"
+        z_m = { from = "ctd.p", unit = "dbar", convert = "pressure", why = "by hand" }
+        [actuators]
+        port = { from = "esc.n1", unit = "rpm", sign = -1 }
+        [clocks]
+        "ctd.csv" = { offset_s = 0.5, drift = 40e-6 }
+        [trials.dive]
+        start_s = 10.0
+        stop_s = 90.0
+        """,
+        "map.toml",
+    )
+    assert made.columns["cmd.port"].sign == -1
+    assert made.columns["z_m"].convert == "pressure"
+    assert made.clocks["ctd.csv"].drift == 40e-6
+    assert made.trials["dive"].stop_s == 90.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('columns = { yaw_deg = "a.b" }', "format"),
+        ("format = 1", "add \\[columns\\]"),
+        ('format = 1\ncolums = { yaw_deg = "a.b" }', "did you mean"),
+        ('format = 1\ncolumns = { yaw_dge = "a.b" }', 'no canonical column; did you mean "yaw_deg"'),
+        ('format = 1\ncolumns = { t_s = "a.b" }', "time comes with every topic"),
+        ('format = 1\ncolumns = { "cmd.port" = "a.b" }', "\\[actuators\\]: port"),
+        (
+            'format = 1\ncolumns = { yaw_deg = { from = "a.b", sign = 2 } }',
+            "key yaw_deg: sign: expected 1 or -1",
+        ),
+        ('format = 1\ncolumns = { yaw_deg = { from = "a.b", why = 3 } }', "key yaw_deg: why"),
+        ('format = 1\ncolumns = { z_m = { from = "a.b", convert = "presure" } }', "convert.*pressure"),
+        ('format = 1\ncolumns = { yaw_deg = { from = "a.b", convert = "pressure" } }', "gives z_m"),
+        (
+            'format = 1\ncolumns = { yaw_deg = "a.b" }\nclocks = { "x.csv" = { drift = 0.5 } }',
+            "key drift.*0.01",
+        ),
+        (
+            'format = 1\ncolumns = { yaw_deg = "a.b" }\nclocks = { "x.csv" = { offset_s = "1" } }',
+            "key offset_s",
+        ),
+        (
+            'format = 1\ncolumns = { yaw_deg = "a.b" }\ntrials = { a = { start_s = 5.0, stop_s = 1.0 } }',
+            "not before stop_s",
+        ),
+    ],
+)
+def test_wrong_map_names_file_key_and_remedy(text: str, said: str) -> None:
+    with pytest.raises(st.TrialError, match=rf"map\.toml(.|\n)*{said}") as refused:
+        parse_map(text, "map.toml")
+    assert "\n\n" not in str(refused.value)
+
+
+def test_map_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(st.TrialError, match="absent"):
+        load_map(tmp_path / "absent.toml")
+
+
+def _log(folder: Path, **extra: np.ndarray) -> Path:
+    t = np.arange(0.0, 60.0, 0.1)
+    path = folder / "nav.csv"
+    columns = {"time": t, "heading": 30.0 * np.sin(0.3 * t), "n1": 500.0 + t}
+    pl.DataFrame(columns | extra).write_csv(path)
+    return path
+
+
+def test_map_of_another_log_names_its_topics(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text('format = 1\ncolumns = { yaw_deg = "ATT.Yaw" }')
+    with pytest.raises(st.TrialError, match=r"has none of these fields; its topics are"):
+        st.import_logs(_log(tmp_path), map=tmp_path / "map.toml")
+
+
+def test_trial_windows_of_the_map_cut_the_recording(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text(
+        'format = 1\ncolumns = { yaw_deg = "nav.heading" }\nactuators = { port = "nav.n1" }\n'
+        "[trials.first]\nstop_s = 20.0\n[trials.second]\nstart_s = 30.0\n"
+    )
+    made = st.import_logs(_log(tmp_path), map=tmp_path / "map.toml")
+    spans = [(one.name, round(float(one.trial.t[0])), round(float(one.trial.t[-1]))) for one in made.trials]
+    assert spans == [("first", 0, 20), ("second", 30, 60)]
+
+
+def test_pressure_becomes_depth_and_fixes_become_metres(tmp_path: Path) -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    depth = 2.0 - 2.0 * np.cos(0.1 * t)
+    path = _log(tmp_path, press=101_325.0 + 1025.0 * 9.81 * depth, lat=63.4 + 1e-6 * t, lon=10.4 + 2e-6 * t)
+    (tmp_path / "map.toml").write_text(
+        "format = 1\n[columns]\n"
+        'yaw_deg = "nav.heading"\nz_m = { from = "nav.press", unit = "Pa", convert = "pressure" }\n'
+        'x_m = { from = "nav.lat", convert = "latitude" }\n'
+        'y_m = { from = "nav.lon", convert = "longitude" }\n'
+    )
+    trial = st.import_logs(path, map=tmp_path / "map.toml").trials[0].trial
+    assert np.abs(trial.channel("z") - np.interp(trial.t, t, depth)).max() < 1e-3
+    # A degree of latitude at 63.4 deg is 111.48 km, of longitude 50.0 km (WGS 84).
+    assert trial.channel("x")[-1] == pytest.approx(111_480.0 * 1e-6 * trial.t[-1], rel=1e-3)
+    assert trial.channel("y")[-1] == pytest.approx(50_030.0 * 2e-6 * trial.t[-1], rel=2e-3)
+
+
+def test_clock_of_the_map_moves_its_file(tmp_path: Path) -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    pl.DataFrame({"time": t + 3.0, "depth": 1.0 + np.sin(0.2 * t)}).write_csv(tmp_path / "ctd.csv")
+    (tmp_path / "map.toml").write_text(
+        'format = 1\ncolumns = { yaw_deg = "nav.heading", z_m = "ctd.depth" }\n'
+        '[clocks]\n"ctd.csv" = { offset_s = 3.0 }\n'
+    )
+    made = st.import_logs([_log(tmp_path), tmp_path / "ctd.csv"], map=tmp_path / "map.toml")
+    trial = made.trials[0].trial
+    assert np.abs(trial.channel("z") - (1.0 + np.sin(0.2 * trial.t))).max() < 1e-3
+
+
+def test_keys_of_the_map_are_those_of_its_page() -> None:
+    page = (ROOT / "docs" / "how-to" / "import_a_log.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \|", page[page.index("## Reference") :], re.MULTILINE)
+    told = {key for row in rows for key in re.findall(r"\w+", row)}
+    known = {key for section in (MapFile, MapClock, MapTrial) for key in section.model_fields}
+    assert told == known | {"from", "unit", "frame", "sign", "convert", "why"}

@@ -1,0 +1,66 @@
+"""Directions of thrusters from commands and motion, commands by the vehicle's names, stubs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.intake.vehicle_draft import matched, thruster_signs, turned
+
+AGAINST = ("thruster_3", "thruster_4", "thruster_6", "thruster_7")
+
+
+def _trial(vehicle: st.Vehicle) -> st.Trial:
+    """Recording of a mixer that drives surge, sway, heave, yaw and roll by slow random demands."""
+    rng = np.random.default_rng(7)
+    t = np.arange(0.0, 120.0, 0.1)
+    demand = np.repeat(rng.normal(size=(6, 60)), 20, axis=1)
+    demand[4] *= 0.2
+    demand[3] *= 0.2
+    mixed = np.sign(np.round(vehicle.allocation_matrix(), 3) * (np.abs(vehicle.allocation_matrix()) > 0.07))
+    # Roll and pitch of the horizontal thrusters, by their depth, are not in the mixer's table.
+    mixed[3:5, :4] = 0.0
+    commands = mixed.T @ (40.0 * demand)
+    named = {name: 1500.0 + y for name, y in zip(vehicle.actuators, commands, strict=True)}
+    run = vehicle.simulate(t, named, voltage_v=np.full(len(t), 16.0))
+    table = {"t_s": t, "voltage_v": np.full(len(t), 16.0)}
+    table |= dict(zip(("q_w", "q_x", "q_y", "q_z"), run.attitude.T, strict=True))
+    table |= dict(zip(("u_m_s", "v_m_s", "w_m_s"), run.nu[:, :3].T, strict=True))
+    table |= {f"{c}_deg_s": np.rad2deg(run.nu[:, 3 + k]) for k, c in enumerate("pqr")}
+    for name, y in named.items():
+        table[f"cmd.{name}"] = 3000.0 - y if name in AGAINST else y
+    return st.Trial.read(table, align=False)
+
+
+def test_directions_come_from_the_commands_and_the_motion() -> None:
+    vehicle = st.Vehicle.load("bluerov2-heavy")
+    signs = thruster_signs(vehicle, _trial(vehicle), {})
+    assert tuple(name for name, against in signs.items() if against) == AGAINST
+
+
+def test_parameters_of_the_log_decide_before_the_motion() -> None:
+    vehicle = st.Vehicle.load("bluerov2-heavy")
+    parameters = {f"MOT_{k}_DIRECTION": 1.0 if k == 1 else -1.0 for k in range(1, 9)}
+    signs = thruster_signs(vehicle, _trial(vehicle), parameters)
+    assert [name for name, against in signs.items() if against] == ["thruster_1"]
+
+
+def test_turned_thrusters_push_the_other_way() -> None:
+    vehicle = st.Vehicle.load("bluerov2-heavy")
+    other = st.Vehicle.from_toml(turned(vehicle.to_toml(), {"thruster_2": True, "thruster_3": False}))
+    assert other.actuator_info()["thruster_2"]["reversed"]
+    assert not other.actuator_info()["thruster_3"]["reversed"]
+
+
+@pytest.mark.parametrize(
+    ("names", "actuator", "name"),
+    [
+        (["thruster_4"], "thruster_4", "thruster_4"),
+        (["positive_width_us_0", "pwm_1", "pwm_2"], "thruster_0", "positive_width_us_0"),
+        (["positive_width_us_0", "pwm_1", "pwm_2"], "thruster_2", "pwm_2"),
+        (["vertical", "horizontal"], "thruster_1", "vertical"),
+    ],
+)
+def test_commands_are_matched_by_name_group_or_number(names: list[str], actuator: str, name: str) -> None:
+    assert matched(names, st.Vehicle.load("beluga"))[actuator] == name
