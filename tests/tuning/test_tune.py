@@ -362,7 +362,12 @@ def test_without_loops_every_loop_at_work_is_planned() -> None:
 
 CORRIDOR = {"rise_s": 5.0, "overshoot": 0.3, "settling_s": 10.0, "settled": 0.1, "until_s": 12.0}
 LOOPS = {"heading": {"steps": [20.0], "speeds_m_s": [1.5], "corridor": CORRIDOR}}
-SHORT = {"samples": 0, "settle_s": 6.0, "budget": {"population": 8, "generations": 1, "simplex_rounds": 1}}
+SHORT = {
+    "samples": 0,
+    "settle_s": 6.0,
+    "margins": {"phase_deg": 0.0, "gain_db": 0.0, "delay_s": 0.0},
+    "budget": {"population": 8, "generations": 1, "simplex_rounds": 1},
+}
 
 
 def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(tmp_path: Path) -> None:
