@@ -20,6 +20,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from seatrial._core import file_text
+from seatrial.base.data_sets import VARIABLE, data_folder
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest
 from seatrial.base.ranges import number_complaints, text_complaints
 
@@ -269,6 +270,8 @@ def is_path(name: str) -> bool:
 def file_path(text: str, folder: Path, where: str) -> Path:
     """Path relative to a folder, ``${VARIABLE}`` replaced by the environment's value.
 
+    ``SEATRIAL_DATA`` is the user's cache where it is not set and `seatrial data get` has filled that.
+
     Raises
     ------
     CampaignError
@@ -277,12 +280,17 @@ def file_path(text: str, folder: Path, where: str) -> Path:
 
     def value(match: re.Match[str]) -> str:
         variable = match.group(1)
-        if variable not in os.environ:
-            raise CampaignError(
-                f"{where}: environment variable {variable} is not set; set it to the folder that {text!r}"
-                " begins with"
-            )
-        return os.environ[variable]
+        if variable in os.environ:
+            return os.environ[variable]
+        hint = ""
+        if variable == VARIABLE:
+            if (cache := data_folder()).is_dir():
+                return str(cache)
+            hint = ", or fetch recordings with seatrial data get"
+        raise CampaignError(
+            f"{where}: environment variable {variable} is not set; set it to the folder that {text!r}"
+            f" begins with{hint}"
+        )
 
     return folder / Path(re.sub(r"\$\{(\w+)\}", value, text)).expanduser()
 

@@ -8,7 +8,6 @@ lacks: at last it flies with the tuned autopilot, which believes in the identifi
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -95,17 +94,18 @@ def _cwolf(
 
 def _beluga(console: Console, *, quiet: bool) -> Campaign | None:
     """Campaign of Beluga where its recordings are at hand, else a word on how to get them."""
+    from seatrial.base.data_sets import data_folder
     from seatrial.campaign.campaign import Campaign
 
     path = EXAMPLES / "beluga" / "campaign.toml"
-    data = os.environ.get("SEATRIAL_DATA", "")
+    data = data_folder()
     if not path.is_file():
         return None
-    if not data or not (Path(data) / "beluga").is_dir():
+    if not (data / "beluga").is_dir():
         if not quiet:
             console.print(
-                "The AUV Beluga is left out: its recordings are not here. Set SEATRIAL_DATA to the folder"
-                " that holds beluga/ (from github.com/michoy/system_identification, data/synchronized).",
+                "The AUV Beluga is left out: its recordings are not here. Fetch them with: seatrial data get"
+                " beluga, or set SEATRIAL_DATA to the folder that holds beluga/.",
                 soft_wrap=True,
             )
         return None
