@@ -20,14 +20,15 @@ TRUE = st.Vehicle.load("cwolf")
 START = TRUE.with_coefficients({"X_uu": 0.7 * TRUE.coefficients()["X_uu"]})
 
 
-def trial(name: str = "straight", level: float = 500.0) -> st.Trial:
+def trial(name: str = "straight", level: float = 500.0, *, samples: int = len(T)) -> st.Trial:
     """A straight run of the true vehicle, all axes logged."""
     commands = {actuator: level + 300.0 * np.sign(np.sin(0.2 * T)) for actuator in TRUE.actuators}
     run = TRUE.simulate(T, commands)
     columns = dict(zip(("u_m_s", "v_m_s", "w_m_s"), run.nu[:, :3].T, strict=True))
     rates = dict(zip(("p_deg_s", "q_deg_s", "r_deg_s"), np.rad2deg(run.nu[:, 3:]).T, strict=True))
     logged = {f"cmd.{actuator}": signal for actuator, signal in commands.items()}
-    return st.Trial.read({"t_s": T} | columns | rates | logged, name=name)
+    table = {"t_s": T} | columns | rates | logged
+    return st.Trial.read({column: values[:samples] for column, values in table.items()}, name=name)
 
 
 @pytest.fixture(scope="module")
@@ -208,3 +209,35 @@ def test_impossible_vehicles_are_said_in_the_first_line(fit: st.Identification) 
     assert "% of the vehicles drawn from the standard deviations are physically impossible" in first
     assert "X_uu" in first
     assert fit.doubt == fit.to_dict()["doubt"] == ""
+
+
+SHORT = """
+format = 1
+name = "cwolf"
+vehicle = "cwolf"
+trials = { straight = { file = "straight.csv" }, short = { file = "short.csv" } }
+budget = { generations = 20, simplex_rounds = 10 }
+[[stages]]
+name = "surge"
+trials = ["straight"]
+axes = { free = "X", measured = "YZKMN" }
+coefficients = { X_uu = [-40.0, -1.0] }
+[[stages]]
+name = "heave"
+trials = ["short"]
+axes = { free = "Z", measured = "XYKMN" }
+segment_s = 4.0
+coefficients = { Z_ww = [-900.0, -100.0] }
+"""
+
+
+def test_one_short_trial_costs_only_its_own_standard_deviations() -> None:
+    # 15 s, and the joint estimate cuts into 20 s.
+    trials = {"straight": trial(), "short": trial("short", samples=150)}
+    fit = st.identify(st.Campaign.from_toml(SHORT, trials=trials, vehicle=START), threads=1)
+    assert fit.sigma["X_uu"] > 0.0
+    assert "Z_ww" not in fit.sigma
+    (said,) = (note for note in fit.notes if "left out" in note)
+    assert said.startswith("trial short is left out of the standard deviations, and there is none for Z_ww")
+    assert "Shorten segment_s or give a longer trial" in said
+    assert said in fit.before

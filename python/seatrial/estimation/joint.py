@@ -25,7 +25,7 @@ from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Axes, Coefficient, Polish, Stage
 from seatrial.campaign.parameters import coefficients, parameters
 from seatrial.estimation.criterion import velocity_noise
-from seatrial.estimation.problem import Problem, cut
+from seatrial.estimation.problem import Problem, cut, unfit_trials
 from seatrial.estimation.step import stage_step
 from seatrial.statistics.linearisation import Unknown
 
@@ -132,15 +132,37 @@ def joint_stage(campaign: Campaign) -> Stage:
     CampaignError
         ``[polish]`` names an unknown coefficient or trial.
     """
+    return _joint_stage(campaign, campaign.stages)
+
+
+def _usable(campaign: Campaign) -> tuple[Stage, dict[str, str]]:
+    """The joint estimate as one stage, and the trials that are left out of it with the reason.
+
+    A campaign without ``[polish]`` asks for no joint estimate, only for standard deviations: a trial that
+    does not suit it costs those of the coefficients that no other trial tells, not all.
+    """
+    whole = joint_stage(campaign)
+    reasons = unfit_trials(campaign, whole) if campaign.file.polish is None else {}
+    if not 0 < len(reasons) < len(whole.trials):
+        return whole, {}
+    kept = [
+        stage.model_copy(update={"trials": tuple(name for name in stage.trials if name not in reasons)})
+        for stage in campaign.stages
+    ]
+    return _joint_stage(campaign, [stage for stage in kept if stage.trials]), reasons
+
+
+def _joint_stage(campaign: Campaign, stages: Sequence[Stage]) -> Stage:
+    """The joint estimate of some stages."""
     polish, where = campaign.file.polish or Polish(), f"{campaign.source}: polish"
     coefficients: dict[str, Coefficient] = {}
-    for stage in campaign.stages:
+    for stage in stages:
         coefficients |= stage.coefficients
     for name in polish.fixed:
         if coefficients.pop(name, None) is None:
             raise CampaignError(f"{where}, key fixed: no stage frees {name!r}{nearest(name, coefficients)}")
     coefficients |= polish.coefficients
-    used = tuple(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
+    used = tuple(dict.fromkeys(name for stage in stages for name in stage.trials))
     trials = polish.trials or used
     for name in trials:
         if name not in campaign.trials:
@@ -149,8 +171,8 @@ def joint_stage(campaign: Campaign) -> Stage:
             )
     axes = polish.axes
     if axes is None:
-        free = {letter for stage in campaign.stages for letter in stage.axes.free}
-        replayed = {letter for stage in campaign.stages for letter in stage.axes.measured}
+        free = {letter for stage in stages for letter in stage.axes.free}
+        replayed = {letter for stage in stages for letter in stage.axes.measured}
         axes = Axes(
             free="".join(letter for letter in AXES if letter in free),
             measured="".join(letter for letter in AXES if letter in replayed - free),
@@ -158,7 +180,7 @@ def joint_stage(campaign: Campaign) -> Stage:
     channels = dict(polish.channels)
     if not channels:
         wanted = [CHANNELS[AXES.index(letter)] for letter in axes.free]
-        wanted += [c for stage in campaign.stages for c in stage.channels if c not in wanted]
+        wanted += [c for stage in stages for c in stage.channels if c not in wanted]
         known = [c for c in wanted if all(c in campaign.trials[name].channels for name in trials)]
         channels = dict.fromkeys(dict.fromkeys(known), 1.0)
     return Stage(
@@ -188,6 +210,8 @@ class Joint:
         Coefficients first, in the campaign's order, then nuisance parameters.
     start
         Their start values (m,).
+    left_out
+        Trials that a campaign without ``[polish]`` has and that could not be cut, with the reason.
     noise
         Standard deviation (C,) of each channel's residual, SI; the fit refines it.
 
@@ -203,7 +227,7 @@ class Joint:
         self.campaign, self.threads = campaign, threads
         self.vehicle = campaign.vehicle if vehicle is None else vehicle
         self.polish = campaign.file.polish or Polish()
-        self.stage = joint_stage(campaign)
+        self.stage, self.left_out = _usable(campaign)
         where = f"{campaign.source}: polish"
         self.parameters = parameters(self.stage, campaign.vehicle, where)
         self.data = cut(campaign, self.stage)
@@ -236,6 +260,17 @@ class Joint:
             threads,
             starts_count=bool(self.initials),
         )
+
+    def sentences(self) -> list[str]:
+        """Which trials are left out and which coefficients have no standard deviation for it."""
+        names = {p.name for p in self.parameters}
+        lost = [c for stage in self.campaign.stages for c in stage.coefficients if c not in names]
+        return [
+            f"trial {name} is left out of the standard deviations"
+            + (f", and there is none for {', '.join(dict.fromkeys(lost))}" if lost else "")
+            + f": {reason}"
+            for name, reason in self.left_out.items()
+        ]
 
     @property
     def unstaged(self) -> tuple[int, ...]:

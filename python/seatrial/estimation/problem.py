@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.trial import Trial
 
-__all__ = ["Problem", "StageData", "cut"]
+__all__ = ["Problem", "StageData", "cut", "unfit_trials"]
 
 
 @dataclass(frozen=True)
@@ -86,22 +86,8 @@ def cut(campaign: Campaign, stage: Stage) -> StageData:
     records: list[Record] = []
     segments: list[Segment] = []
     for index, name in enumerate(stage.trials):
-        trial = campaign.trials[name]
-        _check_channels(stage, trial, where)
-        training = ~campaign.held_out(name)
-        if not training.any():
-            raise CampaignError(
-                f"{where}: the hold-out of trial {name!r} covers all of it; leave a part to fit to"
-            )
-        pieces = _pieces(trial, training, stage, index)
-        longest = max((piece.stop - piece.start for piece in pieces), default=0)
-        if longest < _length(stage, trial):
-            raise CampaignError(
-                f"{where}, key segment_s: trial {name!r} has no piece of {stage.segment_s:g} s that is not"
-                f" held out and starts from valid samples; its training part lasts"
-                f" {training.sum() * trial.dt:g} s. Shorten segment_s or give a longer trial"
-            )
-        records.append(Record(trial, campaign.input_of(name), trial.valid & training[:, None] & counting))
+        record, pieces = _of_trial(campaign, stage, name, index)
+        records.append(record)
         segments += pieces
     scale = _scale(records)
     for channel, one, counts in zip(CHANNELS, scale, counting, strict=True):
@@ -114,6 +100,38 @@ def cut(campaign: Campaign, stage: Stage) -> StageData:
     for piece in segments:
         counts += records[piece.record].counted[piece.start + 1 : piece.stop].sum(axis=0)
     return StageData(stage.trials, tuple(records), tuple(segments), counts, scale, weights)
+
+
+def unfit_trials(campaign: Campaign, stage: Stage) -> dict[str, str]:
+    """Trials of a stage that cannot be cut into its segments, and why."""
+    found = {}
+    for name in stage.trials:
+        try:
+            _of_trial(campaign, stage, name, 0)
+        except CampaignError as error:
+            found[name] = str(error)
+    return found
+
+
+def _of_trial(campaign: Campaign, stage: Stage, name: str, index: int) -> tuple[Record, list[Segment]]:
+    """Record and segments of one trial of a stage."""
+    trial, where = campaign.trials[name], campaign.where(stage)
+    _check_channels(stage, trial, where)
+    training = ~campaign.held_out(name)
+    if not training.any():
+        raise CampaignError(
+            f"{where}: the hold-out of trial {name!r} covers all of it; leave a part to fit to"
+        )
+    pieces = _pieces(trial, training, stage, index)
+    longest = max((piece.stop - piece.start for piece in pieces), default=0)
+    if longest < _length(stage, trial):
+        raise CampaignError(
+            f"{where}, key segment_s: trial {name!r} has no piece of {stage.segment_s:g} s that is not"
+            f" held out and starts from valid samples; its training part lasts"
+            f" {training.sum() * trial.dt:g} s. Shorten segment_s or give a longer trial"
+        )
+    counting = np.array([stage.weights().get(channel, 0.0) for channel in CHANNELS]) > 0
+    return Record(trial, campaign.input_of(name), trial.valid & training[:, None] & counting), pieces
 
 
 def _check_channels(stage: Stage, trial: Trial, where: str) -> None:

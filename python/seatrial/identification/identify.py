@@ -370,6 +370,7 @@ def run_identification(
                 interrupted = polished.interrupted
                 if choice.result == "joint estimate":
                     found, nuisances = polished, joint.records(polished.values)
+            notes = (*notes, *joint.sentences())
             sure = assess(joint, polish(joint, rounds=0) if found is None else found)
             vehicle = sure.vehicle
         judged = part_scores(campaign, vehicle, nuisances=nuisances)

@@ -98,10 +98,8 @@ def _conditioning(
     A vehicle that diverges has no sensitivities: without `linear` only refusals are looked for.
     """
     try:
-        if not linear:
-            Joint(campaign, threads=threads)
-            return (), ()
-        return tuple(conditioning(campaign, threads=threads)), ()
+        left_out = tuple(Joint(campaign, threads=threads).sentences())
+        return (*left_out, *(conditioning(campaign, threads=threads) if linear else ())), ()
     except (CampaignError, TrialError) as error:
         if campaign.file.polish is not None:
             raise
