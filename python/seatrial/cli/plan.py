@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["plan"]
 
+SENSORS, CURRENT_M_S = "dvl,gyro,attitude,depth", 0.1  # those of `Instruments.on_board`
+
 
 def plan(
     target: Annotated[
@@ -41,10 +43,10 @@ def plan(
         typer.Option(
             help="What is on board, with its noise where known, m/s, deg/s, deg, m: dvl=0.02,gyro,depth."
         ),
-    ] = "dvl,gyro,attitude,depth",
+    ] = SENSORS,
     current: Annotated[
         float, typer.Option(min=0.0, help="Standard deviation of an unknown current, m/s.")
-    ] = 0.1,
+    ] = CURRENT_M_S,
     recorded: Annotated[bool, typer.Option(help="Count what a campaign's trials already determine.")] = True,
     voltage: Annotated[
         float, typer.Option(min=0.1, help="Supply voltage for tables of thrust, V.")
@@ -74,7 +76,8 @@ def plan(
     if out is not None and out.suffix != ".csv":
         raise TrialError(f'--out {out}: expected the ending .csv, found "{out.suffix}"')
     limits = Limits(depth_m=max_depth, area_m=_area(area), tilt_deg=max_tilt)
-    instruments = _instruments(sensors, current)
+    usual = (sensors, current) == (SENSORS, CURRENT_M_S)
+    instruments = None if usual else _instruments(sensors, current)
     loaded, vehicle = _load(target)
     first = out or Path("runs") / file_name(f"plan-{vehicle.name}") / "trial.csv"
     with only_user(first):

@@ -32,7 +32,17 @@ from seatrial.statistics.linearisation import Unknown
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["NAMES", "Joint", "Nuisance", "joint_stage", "nuisances", "rows"]
+__all__ = [
+    "ANGLE_SD",
+    "NAMES",
+    "PLACE_SD",
+    "VELOCITY_NOISES",
+    "Joint",
+    "Nuisance",
+    "joint_stage",
+    "nuisances",
+    "rows",
+]
 
 NAMES: tuple[str, ...] = tuple(nuisance_names())
 """Names in the core's order."""
@@ -117,11 +127,11 @@ def _prior(key: str) -> tuple[float, str, bool]:
     return sd, unit, False
 
 
-_WIDE = 3.0  # initial velocities are free within three times the sensor's noise
+VELOCITY_NOISES = 3.0
+"""Prior standard deviation of a segment's initial velocities, over that of the sensor's noise."""
 
-_ANGLE_SD = 0.02  # rad
-
-_PLACE_SD = 0.5  # m
+ANGLE_SD, PLACE_SD = 0.02, 0.5
+"""Prior standard deviations of a segment's initial angles, rad, and places, m."""
 
 
 def joint_stage(campaign: Campaign) -> Stage:
@@ -379,12 +389,12 @@ class Joint:
         noise = velocity_noise(self.data)
         for letter in free:
             axis = AXES.index(letter)
-            sd[f"initial_{CHANNELS[axis]}"] = _WIDE * noise[axis]
+            sd[f"initial_{CHANNELS[axis]}"] = VELOCITY_NOISES * noise[axis]
         turning = set("KMN") & set(free)
         for channel in ("roll", "pitch", "yaw"):
             if turning and (channel != "yaw" or channel in self.channels):
-                sd[f"initial_{channel}"] = _ANGLE_SD
+                sd[f"initial_{channel}"] = ANGLE_SD
         for channel in ("x", "y", "z"):
             if channel in self.channels:
-                sd[f"initial_{channel}"] = _PLACE_SD
+                sd[f"initial_{channel}"] = PLACE_SD
         return tuple(sd), np.array(list(sd.values()))

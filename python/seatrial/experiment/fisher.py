@@ -2,7 +2,8 @@
 
 The manoeuvre is simulated and cut into segments, each restarted from the simulated state. Rows are readings
 of the instruments in standard deviations of their noise; columns are exact derivatives (dual numbers). The
-initial conditions of each segment are unknown and projected out (variable projection, Golub & Pereyra 1973);
+initial conditions of each segment are unknown, with the priors that they have in the joint estimate, and
+eliminated;
 an unknown steady current is eliminated once per run (Schur complement). Errors of a model repeat from sample
 to sample, so that only one sample per correlation time counts.
 
@@ -31,6 +32,7 @@ from seatrial.base.errors import CampaignError, SimulationError, nearest
 from seatrial.campaign.file import Axes, Coefficient, Stage
 from seatrial.campaign.parameters import Parameter, coefficient_names, expansion_matrix
 from seatrial.campaign.parameters import parameters as parsed
+from seatrial.estimation.joint import ANGLE_SD, PLACE_SD, VELOCITY_NOISES
 from seatrial.estimation.step import stage_step
 from seatrial.experiment.forecast import simulated
 from seatrial.sensors.sensor import KINDS
@@ -69,8 +71,6 @@ _OF_KIND = {
 }
 
 _CURRENTS = ("current_north", "current_east")
-
-_DEPENDENT = 1e-8  # initial conditions whose singular value is below this share of the largest show nothing
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ def information(
         )
     channels = [channel for channel in CHANNELS if channel in instruments.noise]
     currents = _CURRENTS if instruments.current_m_s > 0.0 else ()
-    segments = _segments(run, manoeuvre, instruments)
+    segments, initials = _segments(run, manoeuvre, instruments), _initial_sd(instruments)
     loop = OpenLoop(
         vehicle,
         [
@@ -194,19 +194,20 @@ def information(
         [values.get(name, 0.0) for name in coefficient_names(parameters)],
         matrix,
         nuisances=currents,
-        initials=initial_names(),
+        initials=list(initials),
         channels=channels,
         threads=threads,
     )
-    size = len(parameters)
+    size, share = len(parameters), min(manoeuvre.dt / instruments.correlation_s, 1.0)
     total = np.zeros((size + len(currents), size + len(currents)))
     for rows, slopes in shown:
         # The first sample of a segment is its initial condition and adds nothing.
         weighted = slopes / _noise(rows, channels, instruments)[:, :, None]
         flat = weighted[1:].reshape(-1, weighted.shape[2])
-        left = _without(flat[:, total.shape[0] :], flat[:, : total.shape[0]])
-        total += left.T @ left
-    total *= min(manoeuvre.dt / instruments.correlation_s, 1.0)
+        sought, own = flat[:, : total.shape[0]], flat[:, total.shape[0] :] * list(initials.values())
+        both = share * own.T @ sought
+        known = np.eye(own.shape[1]) + share * own.T @ own
+        total += share * sought.T @ sought - both.T @ np.linalg.solve(known, both)
     if not currents:
         return total
     # The current is a nuisance with a prior; the Schur complement leaves the parameters' own information.
@@ -245,15 +246,19 @@ def _noise(rows: Array, channels: Sequence[str], instruments: Instruments) -> Ar
     return noise
 
 
-def _without(own: Array, rows: Array) -> Array:
-    """Rows (n, m) without what the columns of the initial conditions (n, 12) can explain."""
-    size = np.linalg.norm(own, axis=0)
-    used = own[:, size > 0.0] / size[size > 0.0]
-    if not used.shape[1]:
-        return rows
-    basis, strength, _ = np.linalg.svd(used, full_matrices=False)
-    basis = basis[:, strength > _DEPENDENT * strength[0]]
-    return np.asarray(rows - basis @ (basis.T @ rows))
+def _initial_sd(instruments: Instruments) -> dict[str, float]:
+    """Prior standard deviations of a segment's initial conditions, as the joint estimate has them, SI.
+
+    Those of axes that nothing measures are not estimated.
+    """
+    noise = instruments.noise
+    found = {f"initial_{name}": VELOCITY_NOISES * noise[name] for name in CHANNELS[:6] if name in noise}
+    turning = any(name in noise for name in CHANNELS[3:6])
+    for name in CHANNELS[9:]:
+        if name in noise or (turning and name != "yaw"):
+            found[f"initial_{name}"] = ANGLE_SD
+    found |= {f"initial_{name}": PLACE_SD for name in CHANNELS[6:9] if name in noise}
+    return {name: found[name] for name in initial_names() if name in found}
 
 
 _HULL = re.compile(r"[XYZKMN]_(?:[uvwpqr]{1,2}|[uvwpqr]dot)$")
@@ -340,7 +345,10 @@ def recorded_information(
 
 
 def seen_by(recorded: Linearisation) -> Instruments:
-    """Instruments as good as the residuals of what was recorded: noise and correlation time from them."""
+    """Instruments as good as the residuals of what was recorded: noise and correlation time from them.
+
+    A current is unknown in the next trial as it was in those: if they did not estimate one, there is none.
+    """
     power, lagged = 0.0, 0.0
     for piece in recorded.pieces:
         error = np.where(piece.counted, piece.residual, 0.0)
@@ -350,4 +358,8 @@ def seen_by(recorded: Linearisation) -> Instruments:
     return Instruments(
         dict(zip(recorded.channels, map(float, recorded.noise), strict=True)),
         correlation_s=recorded.dt * variance_inflation(r),
+        current_m_s=max(
+            (one.prior_sd for one in recorded.unknowns if one.name.rpartition(": ")[2] in _CURRENTS),
+            default=0.0,
+        ),
     )

@@ -14,7 +14,7 @@ each trial. Held by ``tests/experiment/test_plan.py``.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,7 +77,9 @@ def plan(
     limits : Limits, optional
         Depth, area and tilt.
     instruments : Instruments, optional
-        By default as good as the residuals of an identification's trials, otherwise `Instruments.on_board`.
+        By default as good as the residuals of an identification's trials: their noise, their memory, and the
+        current if it was estimated. Otherwise `Instruments.on_board`, of a campaign with the memory of its
+        vehicle's residuals if that is shorter.
     candidates : iterable of Manoeuvre, optional
         By default all of `seatrial.experiment.forecast` that fit into the limits.
     recorded : Linearisation, optional
@@ -125,8 +127,11 @@ def plan(
     given = instruments or Instruments.on_board()
     if recorded is None and campaign is not None and use_recorded:
         recorded = _linearised(campaign, vehicle, None if what is not campaign else given, threads)
-    if recorded is not None and instruments is None and what is not campaign:
-        given = fisher.seen_by(recorded)
+    if recorded is not None and instruments is None:
+        seen = fisher.seen_by(recorded)
+        # Before a fit the residuals hold the model's errors, so that they only shorten the usual memory.
+        memory = min(given.correlation_s, seen.correlation_s)
+        given = seen if what is not campaign else replace(given, correlation_s=memory)
     prior = fisher.prior_information(sought)
     if recorded is not None and use_recorded:
         prior = prior + fisher.recorded_information(recorded, sought, given)
