@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch"]
+__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
 
 @final
 class Autopilot:
@@ -706,6 +706,11 @@ def error_edges() -> NDArray[float64]:
     The thresholds of the counts of errors, m, shape (edges,).
     """
 
+def file_kind(keys: SupportsGetItem[int, str]) -> str | None:
+    """
+    Kind of the file with these keys at its top: "a mission"; None where no key tells.
+    """
+
 def file_text(path: str | PathLike[str]) -> str:
     """
     Text of a regular file of bounded size, in UTF-8 with or without a byte order mark.
@@ -786,4 +791,9 @@ def simulate_batch(vehicle: Vehicle, coefficients: Mapping[str, ArrayLike], t: A
 
     Every array of the Run has a leading dimension k. Candidates fly side by side in vector lanes and on
     `threads` threads (all when missing).
+    """
+
+def wrong_kind(expected: str, keys: SupportsGetItem[int, str]) -> str | None:
+    """
+    What is wrong with a file of these keys where one of the kind `expected` belongs; None where it may be one.
     """

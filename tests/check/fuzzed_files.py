@@ -148,7 +148,7 @@ def mutated(tree: dict[str, Any], random: Random) -> dict[str, Any]:
             value.extend(copy.deepcopy(value[:3]))
         elif kind < 0.84 and isinstance(value, dict):
             owner[last] = list(value.values())
-        elif kind < 0.87 and len(list(places(value))) < 20:
+        elif kind < 0.87 and len(list(places(value))) < 20 and len(str(value)) < 2000:
             owner[last] = [
                 copy.deepcopy(value[0] if isinstance(value, list) and value else value)
             ] * random.choice((300, 300, 300, LONG))

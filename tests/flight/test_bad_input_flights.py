@@ -111,7 +111,7 @@ def test_a_file_in_the_wrong_place_is_called_by_its_kind(
         (["--outage", "position@1e9"], "outages: position: expected a beginning within the flight"),
         (["--outage", "position@9-5"], "expected a beginning from 0 on and a later end"),
         (["--fault", "SbU@5", "--fault", "SbU@9"], "SbU fails twice"),
-        (["--sensors", "out.toml"], "unknown key 'name'"),
+        (["--sensors", "out.toml"], "expected a set of sensors, found a mission"),
         (["--sensors", "late.toml"], "key latency_s: expected at most 1000 s"),
         (["--out", "out.toml"], "expected a folder, found a file"),
         (["--out", "out.toml/run"], "cannot be written"),

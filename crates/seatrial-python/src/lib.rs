@@ -36,7 +36,7 @@ mod _core {
     #[pymodule_export]
     use crate::simulate::{simd_level, simulate_batch};
     #[pymodule_export]
-    use crate::text::file_text_for_python;
+    use crate::text::{file_kind, file_text_for_python, wrong_kind};
     #[pymodule_export]
     use crate::vehicle::{Vehicle, restored_vehicle};
     #[pymodule_export]

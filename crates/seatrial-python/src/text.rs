@@ -6,6 +6,8 @@
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedStr;
+use seatrial::toml_file;
 use std::fs::{File, metadata};
 use std::io::{Error, Read};
 use std::path::{Path, PathBuf};
@@ -46,4 +48,16 @@ fn said(error: &Error) -> String {
 #[pyo3(name = "file_text")]
 pub fn file_text_for_python(path: PathBuf) -> PyResult<String> {
     file_text(&path).map_err(PyValueError::new_err)
+}
+
+/// Kind of the file with these keys at its top: "a mission"; None where no key tells.
+#[pyfunction]
+pub fn file_kind(keys: Vec<PyBackedStr>) -> Option<&'static str> {
+    toml_file::file_kind(&keys.iter().map(|key| &**key).collect::<Vec<_>>())
+}
+
+/// What is wrong with a file of these keys where one of the kind `expected` belongs; None where it may be one.
+#[pyfunction]
+pub fn wrong_kind(expected: &str, keys: Vec<PyBackedStr>) -> Option<String> {
+    toml_file::wrong_kind(expected, &keys.iter().map(|key| &**key).collect::<Vec<_>>())
 }

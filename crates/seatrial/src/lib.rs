@@ -10,7 +10,7 @@
 //! |---|---|
 //! | [`error`] | what may go wrong, as one type |
 //! | [`ranges`] | what every number, list and name of a file may be |
-//! | `toml_file` | how a file of the core is read |
+//! | [`toml_file`] | how a file of the core is read, and what kind of file one is |
 //! | [`number`] | the number types (`f64`, eight lanes, dual numbers), algebra, random numbers |
 //! | [`actuator`] | from a command to a force: motor, characteristic of a thruster, fin |
 //! | [`model`] | the equation of motion, each term a file; one step of time; the tangent |
@@ -30,6 +30,6 @@ pub mod mission;
 pub mod model;
 pub mod number;
 pub mod ranges;
-mod toml_file;
+pub mod toml_file;
 
 pub use error::Error;

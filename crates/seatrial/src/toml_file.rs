@@ -1,6 +1,6 @@
 //! What the files of vehicle, autopilot and mission have in common: TOML of `format = 1`, unknown keys refused with the
 //! nearest known name, rows of a fixed number of numbers. One too many is as wrong as one too few, and neither is passed
-//! over.
+//! over. A file of another kind, which its keys tell, is named before any of its keys is called unknown.
 //!
 //! Tests: `tests/files.rs`.
 
@@ -12,11 +12,48 @@ use serde::{Deserialize, Deserializer};
 /// The largest file, bytes: a mission of the most waypoints has a third of it.
 const LARGEST_FILE: usize = 8 << 20;
 
-/// A file of format 1, read, its numbers within the ranges of `rows`; `source_name` stands in messages.
+/// Kinds of file with the keys that tell them, the most telling first: one key is enough.
+const KINDS: [(&str, &[&str]); 8] = [
+    ("a bench file", &["pulls", "steps"]),
+    ("the recipe of a generated trial", &["truth"]),
+    ("the truth of generated trials", &["factors"]),
+    ("a campaign", &["stages", "trials", "tuning", "verification"]),
+    ("a mission", &["legs"]),
+    ("an autopilot", &["schedule", "modes", "loops"]),
+    ("a set of sensors", &["sensors"]),
+    ("a vehicle", &["geometry", "coefficients", "thrusters", "motors", "characteristics", "fins"]),
+];
+
+/// Kind of the file with these keys at its top: "a mission"; none where no key tells.
+pub fn file_kind(keys: &[&str]) -> Option<&'static str> {
+    KINDS.iter().find(|(_, telling)| keys.iter().any(|key| telling.contains(key))).map(|(kind, _)| *kind)
+}
+
+/// What is wrong with a file of these keys where one of the kind `expected` belongs; nothing where it may be one.
+pub fn wrong_kind(expected: &str, keys: &[&str]) -> Option<String> {
+    let own = KINDS.iter().find(|(kind, _)| *kind == expected).map_or(&[][..], |(_, telling)| *telling);
+    let found = if keys.is_empty() {
+        "an empty file"
+    } else if keys.iter().any(|key| own.contains(key)) {
+        return None;
+    } else {
+        file_kind(keys).filter(|found| *found != expected)?
+    };
+    let file = if expected.contains(" of ") || expected.ends_with("file") { "" } else { " file" };
+    Some(format!("expected {expected}{file}, found {found}; check which file goes where"))
+}
+
+/// A file of format 1 and of the kind `expected`, read, its numbers within the ranges of `rows`; `source_name` stands in
+/// messages.
 ///
 /// # Errors
-/// When the text is not TOML, a key is unknown or missing, or a value has the wrong type or lies beyond its range.
-pub(crate) fn parsed<F: DeserializeOwned>(text: &str, source_name: &str, rows: &[Range]) -> Result<F, Error> {
+/// When the text is not TOML, the file is of another kind, a key is unknown or missing, or a value has the wrong type or lies beyond its range.
+pub(crate) fn parsed<F: DeserializeOwned>(
+    expected: &str,
+    text: &str,
+    source_name: &str,
+    rows: &[Range],
+) -> Result<F, Error> {
     let refused = |error: toml::de::Error| Error::vehicle(source_name, explain(&error, text));
     if text.len() > LARGEST_FILE {
         return Err(Error::vehicle(
@@ -28,6 +65,10 @@ pub(crate) fn parsed<F: DeserializeOwned>(text: &str, source_name: &str, rows: &
         ));
     }
     let table: toml::Table = toml::from_str(text).map_err(refused)?;
+    let keys: Vec<&str> = table.keys().map(String::as_str).collect();
+    if let Some(message) = wrong_kind(expected, &keys) {
+        return Err(Error::vehicle(source_name, message));
+    }
     // The format first: another one may have keys that this one does not know.
     if let Some(found) = table.get("format").and_then(toml::Value::as_integer).filter(|found| *found != 1) {
         let message = format!("format: this version reads format = 1, found {found}");

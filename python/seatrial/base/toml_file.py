@@ -2,7 +2,7 @@
 
 Every format (campaign, bench test, sensors, generated trial) is a `Section` of sections: `text_of` reads the
 file, `tables` and `checked` make the model, `file_path` resolves the paths in it. `loaded` takes a vehicle,
-an autopilot or a mission as object, name or path, and `file_kind` says which other kind a wrong file is.
+an autopilot or a mission as object, name or path. The core tells kinds of file apart, by their keys.
 Held by ``tests/campaign/test_campaign_file.py`` and ``tests/flight/test_bad_input_flights.py``.
 """
 
@@ -19,7 +19,8 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from seatrial._core import file_text
+from seatrial._core import file_kind as kind_of_keys
+from seatrial._core import file_text, wrong_kind
 from seatrial.base.data_sets import VARIABLE, data_folder
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest
 from seatrial.base.ranges import number_complaints, text_complaints
@@ -66,6 +67,8 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     advice: ClassVar[str] = ""
+    file_kind: ClassVar[str] = ""
+    """Kind of the file that it is the whole of, as the core calls it."""
 
     @model_validator(mode="before")
     @classmethod
@@ -174,7 +177,8 @@ def checked(
     source : str
         What to call the file in messages.
     error : type
-        Raised for an unknown key, a missing key or a value that a key may not hold; all of them are listed.
+        Raised for a file of another kind, an unknown key, a missing key or a value that a key may not hold;
+        all of them are listed.
 
     Examples
     --------
@@ -183,11 +187,13 @@ def checked(
     >>> checked(Tank, tables("length_m = 12.0", "tank.toml"), "tank.toml").length_m
     12.0
     """
+    if model.file_kind and (wrong := wrong_kind(model.file_kind, list(data))):
+        raise error(f"{source}: {wrong}")
     _refuse(data, source, text_complaints(data), error)
     try:
         found = model.model_validate(data)
-    except ValidationError as wrong:
-        details = wrong.errors()
+    except ValidationError as invalid:
+        details = invalid.errors()
         paths = [detail["loc"] for detail in details]
         # An array whose entries are all wrong is also reported as too short: the entries say why.
         own = [
@@ -295,20 +301,9 @@ def file_path(text: str, folder: Path, where: str) -> Path:
     return folder / Path(re.sub(r"\$\{(\w+)\}", value, text)).expanduser()
 
 
-CAMPAIGN, MISSION, AUTOPILOT, VEHICLE = "a campaign", "a mission", "an autopilot", "a vehicle"
+CAMPAIGN, VEHICLE = "a campaign", "a vehicle"
 
 _EMPTY = "an empty file"
-
-_KEYS = {
-    "a bench file": ("pulls", "steps"),
-    "the recipe of a generated trial": ("truth",),
-    "the truth of generated trials": ("factors",),
-    CAMPAIGN: ("stages", "trials", "tuning", "verification"),
-    MISSION: ("legs",),
-    AUTOPILOT: ("schedule", "modes", "loops"),
-    "a set of sensors": ("sensors",),
-    VEHICLE: ("geometry", "coefficients", "thrusters", "motors", "characteristics", "fins"),
-}
 
 
 def file_kind(path: str | Path) -> str | None:
@@ -326,10 +321,7 @@ def file_kind(path: str | Path) -> str | None:
         return None
     if not text.strip():
         return _EMPTY
-    for kind, keys in _KEYS.items():
-        if any(key in data for key in keys):
-            return kind
-    return None
+    return kind_of_keys(list(data))
 
 
 def loaded(kind: Any, source: Any, name: str | None = None) -> Any:
@@ -361,13 +353,4 @@ def loaded(kind: Any, source: Any, name: str | None = None) -> Any:
         )
     if not str(source).strip():
         raise VehicleError(f"{name or what}: expected a name or a path, found an empty text")
-    try:
-        return kind.load(source)
-    except VehicleError as error:
-        expected = AUTOPILOT if what == "autopilot" else f"a {what}"
-        other = file_kind(source)
-        if other is None or other == expected:
-            raise error from None
-        raise VehicleError(
-            f"{source}: expected {expected} file, found {other}; check which file goes where"
-        ) from None
+    return kind.load(source)

@@ -139,6 +139,8 @@ _DEFAULT = Regression(
 class BenchFile(Section):
     """The whole file."""
 
+    file_kind = "a bench file"
+
     format: Literal[1]
     name: FolderName
     vehicle: Name

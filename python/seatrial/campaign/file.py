@@ -16,6 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, TrialError, nearest
 from seatrial.base.toml_file import (
+    CAMPAIGN,
     Count,
     FolderName,
     Interval,
@@ -315,6 +316,8 @@ _MOST_STAGES = 1000  # each is planned by itself, in about a millisecond
 
 class CampaignFile(Section):
     """The whole file."""
+
+    file_kind = CAMPAIGN
 
     format: Literal[1]
     name: FolderName

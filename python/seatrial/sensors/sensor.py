@@ -205,6 +205,8 @@ def _position(value: Any, where: str) -> Position:
 class SensorFile(Section):
     """A set of sensors by kind; a truth file is one too."""
 
+    file_kind = "a set of sensors"
+
     format: Literal[1]
     description: str = ""
     sensors: dict[str, dict[str, Any]] = Field(default_factory=dict)

@@ -61,6 +61,8 @@ class _Current(Section):
 class RecipeFile(Section):
     """A generated trial."""
 
+    file_kind = "the recipe of a generated trial"
+
     format: Literal[1]
     description: str
     truth: Name

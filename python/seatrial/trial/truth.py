@@ -30,6 +30,8 @@ class TruthFile(SensorFile):
     (limits of a motor).
     """
 
+    file_kind = ""  # it need not have a key that tells it from a set of sensors
+
     vehicle: Name
     vehicle_file: dict[str, Any] = Field(default_factory=dict)
     factors: dict[str, Number] = Field(default_factory=dict)

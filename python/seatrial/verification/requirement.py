@@ -111,6 +111,7 @@ class Requirement:
             )
         try:
             object.__setattr__(self, "_tree", parse(self.holds))
+            _refuse_not_finite(self._tree)
         except CampaignError as error:
             raise self._refused(error) from None
 
@@ -265,6 +266,33 @@ def _value(node: ast.expr, metrics: Mapping[str, Values]) -> Values:
             found = [_value(argument, metrics) for argument in args]
             return np.asarray(_FUNCTIONS[name](*found) if len(found) == 1 else _folded(name, found))
     raise AssertionError(ast.dump(node))  # `check` lets nothing else through
+
+
+def _refuse_not_finite(tree: ast.expr) -> None:
+    """Refuse sums without a metric that give no finite number, and divisions by such a sum that is zero.
+
+    Raises
+    ------
+    CampaignError
+        With the smallest part that is wrong.
+    """
+    for node in reversed(list(ast.walk(tree))):
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div) and _constant(node.right) == 0.0:
+            raise CampaignError(f'"{ast.unparse(node)}" divides by zero; correct the number')
+        value = _constant(node)
+        if value is not None and not np.isfinite(value):
+            raise CampaignError(f'"{ast.unparse(node)}" is {value:g}; expected a finite number')
+
+
+def _constant(node: ast.AST) -> float | None:
+    """Value of a sum of numbers; None where it names a metric or is none."""
+    parts = list(ast.walk(node))
+    words = any(isinstance(part, ast.Constant) and isinstance(part.value, str) for part in parts)
+    truths = any(isinstance(part, ast.Compare | ast.BoolOp | ast.Not) for part in parts)
+    if not isinstance(node, ast.expr) or words or truths or names_in(node):
+        return None
+    with np.errstate(all="ignore"):
+        return float(_value(node, {}))
 
 
 def _folded(name: str, values: list[Values]) -> Values:

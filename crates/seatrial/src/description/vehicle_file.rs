@@ -326,7 +326,7 @@ impl VehicleFile {
     /// # Errors
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
     pub fn parse(text: &str, source_name: &str) -> Result<Self, Error> {
-        parsed(text, source_name, ranges::VEHICLE)
+        parsed("a vehicle", text, source_name, ranges::VEHICLE)
     }
 
     /// The file as TOML.

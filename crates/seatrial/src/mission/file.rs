@@ -156,7 +156,7 @@ impl MissionFile {
     /// # Errors
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
     pub fn parse(text: &str, source_name: &str) -> Result<Self, Error> {
-        parsed(text, source_name, ranges::MISSION)
+        parsed("a mission", text, source_name, ranges::MISSION)
     }
 
     /// The file as TOML.

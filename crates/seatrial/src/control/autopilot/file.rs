@@ -221,7 +221,7 @@ impl AutopilotFile {
     /// # Errors
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type.
     pub fn parse(text: &str, source_name: &str) -> Result<Self, Error> {
-        parsed(text, source_name, ranges::AUTOPILOT)
+        parsed("an autopilot", text, source_name, ranges::AUTOPILOT)
     }
 
     /// The file as TOML.
