@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,7 +13,7 @@ from seatrial.base.errors import SeatrialError
 from seatrial.bench_test.file import parse as parse_bench
 from seatrial.sensors import load_sensors
 
-READERS = {
+READERS: dict[str, Callable[[Path], Any]] = {
     "a vehicle file": Vehicle.load,
     "an autopilot file": Autopilot.load,
     "a mission file": Mission.load,
