@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.intake.vehicle_draft import matched, thruster_signs, turned
+from seatrial.intake.survey import SurveyedLog
+from seatrial.intake.vehicle_draft import draft_vehicle, matched, thruster_signs, turned
 
 AGAINST = ("thruster_3", "thruster_4", "thruster_6", "thruster_7")
 
@@ -64,3 +68,27 @@ def test_turned_thrusters_push_the_other_way() -> None:
 )
 def test_commands_are_matched_by_name_group_or_number(names: list[str], actuator: str, name: str) -> None:
     assert matched(names, st.Vehicle.load("beluga"))[actuator] == name
+
+
+def test_stub_loads_once_its_measures_are_filled_in() -> None:
+    log = SurveyedLog(Path("dive 1.csv"), "csv", (), (), (), (), {}, None)
+    units = {"port": "us", "propeller": "rpm", "rudder": "deg"}
+    stub = draft_vehicle([log], units, None)
+    assert stub.vehicle is None
+    measures = {"length_m": "1.6", "diameter_m": "0.2", "m": "30.0", "B": "294.3", "z_g": "0.02"}
+    measures |= {
+        "voltage_v": "[16.0]",
+        "force_n": "[[-30.0, -9.0, 0.0, 0.0, 10.0, 40.0]]",
+        "p1_ahead": "0.1",
+        "area_m2": "0.006",
+        "aspect_ratio": "2.0",
+    }
+    text = re.sub(
+        r'(?m)^(\w+) = "FILL IN[^"]*"',
+        lambda found: f"{found[1]} = {measures.get(found[1], '[0.0, -1.0, 0.0]')}",
+        stub.text,
+    )
+    vehicle = st.Vehicle.from_toml(text)
+    assert set(vehicle.actuators) == set(units)
+    facts = vehicle.actuator_info()
+    assert [facts[name]["unit"] for name in units] == ["us", "rpm", "rad"]

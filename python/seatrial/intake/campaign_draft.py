@@ -54,6 +54,8 @@ class DraftedTrial:
         Why that part.
     input
         "commands" or "tau".
+    rate_hz
+        Rate of a recording with very many samples; None for its own.
     corrections
         Proposed by the consistency check, none applied.
     """
@@ -65,6 +67,7 @@ class DraftedTrial:
     hold_out_s: tuple[float, float] | None
     why: str
     input: str
+    rate_hz: float | None = None
     corrections: tuple[Correction, ...] = field(default=())
 
 
@@ -142,6 +145,8 @@ def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedT
             lines.append(line("hold_out_s", [list(one.hold_out_s)]))
         else:
             lines.append(f"# no hold-out: {one.why}")
+        if one.rate_hz is not None:
+            lines.append(f"{line('rate_hz', one.rate_hz)} # of very many samples")
         if one.input != "commands":
             lines.append(line("input", one.input))
         if shared is None:
@@ -174,9 +179,8 @@ def _corrections(drafted: Sequence[DraftedTrial]) -> list[str]:
 def _open_stage(drafted: Sequence[DraftedTrial]) -> list[str]:
     """A stage of one axis for a vehicle that is not complete yet."""
     return [
-        "# The vehicle is a stub, so this stage is only a beginning: import again with --vehicle when it",
-        "# is filled",
-        "# in, and the stages are drafted for its actuators.",
+        "# The vehicle is a stub, so this stage is only a beginning: fill in vehicle.toml, import again with",
+        "# --force, and stages are drafted for its actuators.",
         "[[stages]]",
         'name = "surge"',
         line("trials", [one.name for one in drafted]),
@@ -194,16 +198,16 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     groups = ["X", "YN", "ZM", "K"] if slender else list(AXES)
     groups = [kept for group in groups if (kept := "".join(axis for axis in group if axis in free))]
     lines = [
-        "# A stage per axis on all trials. Mass and thrust stay as the vehicle file has them: motion",
-        "# tells only",
-        '# their ratio. "default": the bounds of the vehicle.',
+        "# A stage per axis on all trials. Mass and thrust stay as the vehicle file has them, because motion",
+        '# tells only their ratio. "default": the bounds of the vehicle.',
     ]
     still = [axis for axis in "KM" if axis not in free and usable]
     if still:
         names = " and ".join(_NAMES[axis] for axis in still)
         lines.append(
-            f"# The {names} of these trials is replayed: it spreads by less than 2 deg, or is not recorded."
+            f"# Not identified, replayed from the log: {names}. The angle spreads by less than 2 deg, or it"
         )
+        lines.append("# is not recorded.")
     first = len(lines)
     for group in groups:
         shown = [one for one in usable if all(_shown(one.trial, CHANNELS[AXES.index(a)]) for a in group)]

@@ -15,19 +15,29 @@ import numpy as np
 
 from seatrial.base.errors import TrialError
 from seatrial.intake.consistency import Consistency, Series, consistency
+from seatrial.intake.consistency_trials import series_of
 from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.map_file import Column, ImportMap, load_map
 from seatrial.intake.project import edited, map_text, refuse_foreign, write_project
-from seatrial.intake.recordings import Recorded, Recording, proposed_columns, recordings, table_of
+from seatrial.intake.recordings import (
+    MANY,
+    Recorded,
+    Recording,
+    proposed_columns,
+    rate_of_long,
+    recordings,
+    table_of,
+)
 from seatrial.intake.survey import Survey, survey
 from seatrial.intake.trial_windows import TrialWindows
 from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
 from seatrial.logs.log import printable
+from seatrial.trial.columns import GROUPS
+from seatrial.trial.recording import recording
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.trial.signals import RecordingReport
     from seatrial.trial.trial import Trial
 
 __all__ = ["import_logs"]
@@ -85,7 +95,9 @@ def import_logs(
             f"{', '.join(printable(log.path.name) for log in seen.logs)}: no field is recognised; list them"
             " with seatrial import LOG, write map.toml with [columns], and give it with --map"
         )
-    commands = [name.removeprefix("cmd.") for name in columns if name.startswith("cmd.")]
+    commands = {
+        name.removeprefix("cmd."): one.unit for name, one in columns.items() if name.startswith("cmd.")
+    }
     draft = draft_vehicle(seen.logs, commands, _kept_vehicle(folder, vehicle))
     unmatched: tuple[str, ...] = ()
     if draft.vehicle is not None and given is None:
@@ -151,7 +163,9 @@ def _for_vehicle(
 def _trial(one: Recording, recorded: Recorded) -> Trial:
     from seatrial.trial.trial import Trial
 
-    trial = Trial.read(recorded.table, columns=recorded.columns, name=one.name)
+    trial = Trial.read(
+        recorded.table, columns=recorded.columns, name=one.name, rate_hz=rate_of_long(recorded.table)
+    )
     return replace(trial, source=one.name, report=replace(trial.report, source=one.name))
 
 
@@ -181,7 +195,7 @@ def _imported(one: Recording, recorded: Recorded, trial: Trial, vehicle: Vehicle
         hold_out,
         why,
         tuple((max(t, first), mode) for t, mode in recorded.events if t < last),
-        _compared(one, recorded, kind),
+        _compared(recorded, kind),
         kind,
         recorded.notes,
         recorded.absent,
@@ -205,62 +219,36 @@ def _hold_out(
     return (moved, reach), f"{proposed.sentence}; here it {' and '.join(words)}"
 
 
-def _compared(one: Recording, recorded: Recorded, kind: KindOfData) -> Consistency:
+def _compared(recorded: Recorded, kind: KindOfData) -> Consistency:
     """Whether the channels tell one motion; without motion only what is missing."""
-    found = consistency(_series(one, recorded))
+    found = consistency(_series(recorded))
     if kind.excitation and len(kind.weak) == len(kind.excitation):
         still = "hardly any motion: whether the channels agree cannot be told"
         return Consistency((), (still, *found.missing))
     return found
 
 
-def _series(one: Recording, recorded: Recorded) -> dict[str, Series]:
-    """Channels of a recording at their own stamps, SI, NED and FRD, each with the clock of its file."""
-    from seatrial.base.rotation import to_euler
-    from seatrial.trial import table
-    from seatrial.trial.columns import parse
-    from seatrial.trial.signals import RecordingReport
-
-    report: RecordingReport = RecordingReport(one.name)
-    sources = parse(recorded.columns, recorded.table.columns, one.name)
-    t = table.time_base(recorded.table, sources["t_s"], one.name)
+def _series(recorded: Recorded) -> dict[str, Series]:
+    """Channels of a recording at their own stamps, each with the clock of its file."""
+    found = series_of(recording(recorded.table, columns=recorded.columns))
     result = {}
-    for signal in table.signals(recorded.table, t, sources, one.name, report).values():
-        clock = _clock(signal.name, signal.channels, recorded)
-        if signal.name.startswith(("cmd.", "meas.")):
-            result[signal.name] = Series(signal.t, signal.y[:, 0], clock)
-            continue
-        values, channels = signal.y, signal.channels
-        unknown = signal.bad
-        if signal.name == "attitude":
-            values, channels = to_euler(signal.y), ("roll", "pitch", "yaw")
-            unknown = signal.bad[:, :3] if signal.unknown is None else signal.unknown
-            if "roll_deg" in recorded.columns or "q_w" in recorded.columns or "yaw_deg" in recorded.columns:
-                channels = tuple(
-                    name if "q_w" in recorded.columns or f"{name}_deg" in recorded.columns else ""
-                    for name in channels
-                )
-        for k, channel in enumerate(channels):
-            if channel in _COMPARED:
-                result[channel] = Series(signal.t, np.where(unknown[:, k], np.nan, values[:, k]), clock)
+    for channel, one in found.items():
+        stride = -(-len(one.t) // MANY)
+        result[channel] = Series(one.t[::stride], one.value[::stride], _clock(channel, recorded))
     return result
 
 
-_COMPARED = {
-    *("x", "y", "z", "u", "v", "w", "p", "q", "r", "roll", "pitch", "yaw"),
-    *("u_water", "v_water", "w_water"),
+_COLUMN_OF = {
+    channel: column for group in GROUPS for column, channel in zip(group.columns, group.channels, strict=True)
 }
 
 
-def _clock(name: str, channels: Sequence[str], recorded: Recorded) -> str:
-    """File whose clock stamped a signal."""
-    if name in recorded.clocks:
-        return recorded.clocks[name]
-    starts = (*channels, "q_w", "roll", "pitch", "yaw") if name == "attitude" else channels
-    for start in starts:
-        for canonical, file in recorded.clocks.items():
-            if canonical == start or canonical.startswith(f"{start}_"):
-                return file
+def _clock(channel: str, recorded: Recorded) -> str:
+    """File whose clock stamped a channel; "" where it is derived."""
+    attitude = "q_w" if channel in ("roll", "pitch", "yaw") else ""
+    for column in (channel, _COLUMN_OF.get(channel, ""), attitude):
+        if column in recorded.clocks:
+            return recorded.clocks[column]
     return ""
 
 

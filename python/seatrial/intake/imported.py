@@ -231,6 +231,7 @@ def _problems(made: Imported) -> Iterator[str]:
         )
     elif not made.vehicle_certain:
         yield f"the vehicle is a guess: {made.vehicle_source}"
+    yield from _supply(made)
     if made.reversed_thrusters:
         yield (
             f"{', '.join(made.reversed_thrusters)} push against the built-in direction, by the log's"
@@ -255,6 +256,18 @@ def _problems(made: Imported) -> Iterator[str]:
         yield from (f"trial {one.name}: {note}" for note in one.notes if note not in known)
     if made.kept:
         yield f"{', '.join(made.kept)} kept as edited; delete a file to have it drafted again"
+
+
+def _supply(made: Imported) -> Iterator[str]:
+    """What to do about trials without the supply voltage that the vehicle's thrust depends on."""
+    if made.vehicle is None or not any(one["needs_voltage"] for one in made.vehicle.actuator_info().values()):
+        return
+    bare = [one.name for one in made.trials if one.trial.voltage_v is None]
+    if bare:
+        yield (
+            f"trial {', '.join(bare)}: the thrust of {made.vehicle.name} depends on the supply voltage, which"
+            " is not in the log: give it in campaign.toml, mixer = { supply_v = 16.0 }"
+        )
 
 
 def _next(made: Imported) -> str:

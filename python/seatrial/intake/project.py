@@ -19,6 +19,7 @@ from seatrial.base.atomic_write import write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError, reason
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
 from seatrial.intake.map_file import Column
+from seatrial.intake.recordings import rate_of_long
 from seatrial.logs.log import printable
 
 if TYPE_CHECKING:
@@ -150,6 +151,7 @@ def write_project(
             one.hold_out_s,
             one.why,
             "commands" if one.trial.commands or one.trial.tau is None else "tau",
+            rate_of_long(table.table),
             one.consistency.corrections,
         )
         for one, table in zip(made.trials, recorded, strict=True)

@@ -26,13 +26,18 @@ from seatrial.logs.log import Log, listed
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Recorded", "Recording", "proposed_columns", "recordings", "table_of"]
+__all__ = ["MANY", "Recorded", "Recording", "proposed_columns", "rate_of_long", "recordings", "table_of"]
 
 _EARTH_M, _FLATTENING = 6_378_137.0, 1.0 / 298.257223563  # WGS 84
 
 _SURFACE_PA = (8e4, 1.1e5)  # pressures of the air at the surface
 
 _WATER_KG_M3, _GRAVITY_M_S2 = 1025.0, 9.81
+
+MANY = 200_000
+"""Samples of a trial: a longer one is thinned."""
+
+_LEAST_HZ = 10.0  # the rate that it keeps at least
 
 _SHARED = ("voltage_v",)  # columns that logs of one recording may all have
 
@@ -198,6 +203,19 @@ def table_of(
         tuple(dict.fromkeys(notes)),
         tuple(_events(recording, clocks, joined.epoch_s)),
     )
+
+
+def rate_of_long(table: pl.DataFrame) -> float | None:
+    """Rate in Hz for a recording with very many samples; None for one that keeps its own.
+
+    No vehicle that is steered moves faster than `_LEAST_HZ` can show; a million samples only take time.
+    """
+    busiest = max(table.height - one.null_count() for one in table.iter_columns())
+    if busiest <= MANY:
+        return None
+    span = float(table["t_s"][-1]) - float(table["t_s"][0])
+    rate = float(f"{max(_LEAST_HZ, MANY / span):.2g}")
+    return rate if rate < busiest / span else None
 
 
 def _refuse_twins(found: Mapping[str, tuple[Wanted, Log]], logs: Sequence[Log]) -> None:

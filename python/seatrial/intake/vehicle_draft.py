@@ -64,7 +64,7 @@ class VehicleDraft:
 
 
 def draft_vehicle(
-    logs: Sequence[SurveyedLog], actuators: Sequence[str], given: str | Path | None
+    logs: Sequence[SurveyedLog], actuators: Mapping[str, str], given: str | Path | None
 ) -> VehicleDraft:
     """Vehicle file for logs with commands of these `actuators`.
 
@@ -72,7 +72,7 @@ def draft_vehicle(
     ----------
     logs
     actuators
-        Names of the commands in the column map.
+        Unit of each command in the column map, "" where unknown, by its name.
     given
         A vehicle file or the name of a built-in vehicle; None to draft one.
 
@@ -108,15 +108,17 @@ def draft_vehicle(
     return VehicleDraft(_stub(logs, actuators), None, f"a stub{told}: measures are to be filled in", False)
 
 
-def _stub(logs: Sequence[SurveyedLog], actuators: Sequence[str]) -> str:
+def _stub(logs: Sequence[SurveyedLog], actuators: Mapping[str, str]) -> str:
     """Vehicle file with the channels of the log and FILL IN for what only the user can measure."""
     name = file_name(logs[0].path.name.partition(".")[0])
+    fins = [actuator for actuator, unit in actuators.items() if unit in ("deg", "rad", "mrad")]
+    thrusters = {actuator: unit for actuator, unit in actuators.items() if actuator not in fins}
     lines = [
         "# Drafted by seatrial import. Replace every FILL IN by a number that you measure: tape, scales, the",
         "# maker's sheet. seatrial check names the first one that is left.",
         "format = 1",
         f'name = "{name}"',
-        'controllable = ["X", "Y", "Z", "N"] # axes that the actuators can drive',
+        'controllable = ["X", "N"] # axes that the actuators drive: add "Y", "Z", "K", "M" where they do',
         "",
         "[environment]",
         "rho_kg_m3 = 1025.0 # sea; 1000 in fresh water",
@@ -124,31 +126,57 @@ def _stub(logs: Sequence[SurveyedLog], actuators: Sequence[str]) -> str:
         "[geometry]",
         'length_m = "FILL IN: length of the hull, m"',
         'diameter_m = "FILL IN: diameter or breadth of the hull, m"',
-        'shape = "box" # or "torpedo"',
         "design_speed_m_s = 1.0",
         "",
         "[coefficients]",
         'm = "FILL IN: mass in air with the water inside, kg"',
         'B = "FILL IN: buoyancy, N: m times 9.81 where it is trimmed neutral"',
-        "",
-        "[motors.motor]",
-        "maximum_ahead = 400.0 # us about neutral, or rpm",
-        "",
-        "[characteristics.propeller]",
-        'kind = "quadratic"',
-        'p1_ahead = "FILL IN: bollard thrust / (largest command)^2 ..., seatrial bench fits it"',
+        'z_g = "FILL IN: how far the centre of gravity is below that of buoyancy, m: heel test"',
     ]
-    for actuator in actuators:
+    kinds = {"us" if unit == "us" else "rpm" for unit in thrusters.values()}
+    if "us" in kinds:
         lines += [
             "",
-            "[[thrusters]]",
-            f'name = "{actuator}"',
-            'command = "us" # or "rpm"',
-            "neutral = 1500.0",
+            "[motors.us]",
+            "maximum_ahead = 400.0 # us about neutral",
+            "",
+            "[characteristics.us]",
+            'kind = "table"',
+            "signal = [-400.0, -200.0, -28.0, 28.0, 200.0, 400.0] # us about neutral",
+            'voltage_v = "FILL IN: [voltages of the table, V]"',
+            'force_n = "FILL IN: [a row per voltage of the thrust in N at each signal]"',
+        ]
+    if "rpm" in kinds:
+        lines += [
+            "",
+            "[motors.rpm]",
+            "maximum_ahead = 1500.0 # rpm",
+            "",
+            "[characteristics.rpm]",
+            'kind = "quadratic"',
+            'p1_ahead = "FILL IN: thrust at rest over the square of rev/s, N s2; seatrial bench fits it"',
+        ]
+    lines += ["", "[motors.servo]", "maximum_ahead = 0.35 # rad"] if fins else []
+    for actuator, unit in thrusters.items():
+        kind = "us" if unit == "us" else "rpm"
+        lines += ["", "[[thrusters]]", f'name = "{actuator}"', f'command = "{kind}"']
+        lines += ["neutral = 1500.0"] if kind == "us" else []
+        lines += [
             'position_m = "FILL IN: [forward, starboard, down] of O, m"',
             'direction = "FILL IN: [forward, starboard, down] of its thrust at a positive command"',
-            'motor = "motor"',
-            'characteristic = "propeller"',
+            f'motor = "{kind}"',
+            f'characteristic = "{kind}"',
+        ]
+    for actuator in fins:
+        lines += [
+            "",
+            "[[fins]]",
+            f'name = "{actuator}"',
+            'position_m = "FILL IN: [forward, starboard, down] of O, m"',
+            'normal = "FILL IN: [forward, starboard, down] of its force at a positive angle under way"',
+            'area_m2 = "FILL IN: area of the blade, m2"',
+            'aspect_ratio = "FILL IN: span squared over area"',
+            'motor = "servo"',
         ]
     return "\n".join(lines) + "\n"
 
