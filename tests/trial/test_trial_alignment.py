@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -81,3 +83,31 @@ def test_a_unit_that_the_pose_contradicts_is_named_with_the_line(
     entries = {name: {"from": name, "unit": unit} for name in columns}
     stated = Trial.read(table | {name: factor * table[name] for name in columns}, columns=entries)
     assert "times what the derivative" not in str(stated.report)
+
+
+@pytest.mark.parametrize(("unit", "size"), [("mm/s", 1e-3), ("knot", 1852.0 / 3600.0), ("m/s", 1.0)])
+@pytest.mark.parametrize("fixes", [False, True])
+def test_a_velocity_in_another_unit_is_told_by_the_depth_alone(unit: str, size: float, fixes: bool) -> None:
+    t = np.arange(0.0, 300.0, 0.1)
+    pitch, roll = 0.2 * np.sin(0.07 * t), 0.1 * np.sin(0.11 * t)
+    u, v, w = 1.4 + 0.1 * np.sin(0.05 * t), 0.1 * np.sin(0.2 * t), 0.3 * np.cos(0.13 * t)
+    sink = -np.sin(pitch) * u + np.cos(pitch) * (np.sin(roll) * v + np.cos(roll) * w)
+    columns: dict[str, Any] = {
+        "t_s": t,
+        "z_m": 30.0 + np.cumsum(sink) * 0.1,
+        "roll_deg": np.degrees(roll),
+        "pitch_deg": np.degrees(pitch),
+        "yaw_deg": 0.0 * t,
+        **{f"{name}_m_s": y / size for name, y in (("u", u), ("v", v), ("w", w))},
+    }
+    if fixes:  # at the surface alone
+        columns |= {
+            name: np.array([at if at % 20.0 < 0.05 else None for at in t.tolist()], object)
+            for name in ("x_m", "y_m")
+        }
+    found = [str(one) for one in Trial.read(columns).report.findings if "of the recorded depth" in str(one)]
+    if unit == "m/s":
+        assert found == []
+    else:
+        assert len(found) == 3
+        assert f'{unit}? State it in the column map: u_m_s = {{ from = "u_m_s", unit = "{unit}"' in found[0]

@@ -298,3 +298,9 @@ def test_every_number_has_its_source(name: str) -> None:
     numbers = [line for line in text.splitlines() if NUMBER.match(line)]
     assert len(numbers) > 40
     assert not [line for line in numbers if not SOURCE.search(line)]
+
+
+def test_the_check_of_the_bluerov2_says_what_published_sets_do_not_agree_on() -> None:
+    said = str(check_vehicle(Vehicle.load("bluerov2-heavy")))
+    assert "85 mm here, 11 mm in Gazebo's" in said
+    assert "10 mm here, 49 mm" in said

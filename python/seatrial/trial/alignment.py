@@ -84,6 +84,8 @@ def align(
     """
     aligned = dict(signals)
     given = given or Corrections()
+    if "velocity" in names and "velocity" in signals:
+        _report_scale_of_depth(signals, t, report, sources)
     for name in names:
         if (
             name not in signals
@@ -292,20 +294,25 @@ def _report_scale(
     known: Mask,
     report: RecordingReport,
     sources: Mapping[str, Source],
+    down: Array | None = None,
 ) -> None:
     """Warn of a sensor that is larger or smaller than the pose's motion, with the unit that would explain it.
 
     The scale is that of the root mean squares of both about their means, over the channels that follow the
-    pose: latency does not change it.
+    pose: latency does not change it. With ``down`` (n, k), the share of each channel that goes down, the
+    reference (n, 1) is the rate of depth, and all channels have its scale.
     """
     y, good = _filtered(sensor, t)
+    if down is not None:
+        y = np.sum(down * y, axis=1, keepdims=True)
     index = np.flatnonzero(known & good)
     if len(index) < _FEWEST:
         return
     follows = [
         k
         for k in range(y.shape[1])
-        if _best_correlation(y[:, k], reference[:, k], index, float(t[1] - t[0])) > _SCALED
+        if _best_correlation(y[:, k], reference[:, k], index, float(t[1] - t[0]))
+        > (_SCALED if down is None else _FOLLOWS)
     ]
     if not follows:
         return
@@ -313,14 +320,16 @@ def _report_scale(
     if not moved > 0.0 or 1.0 / _OFF < shown / moved < _OFF:
         return
     scale = shown / moved
-    columns = [_COLUMN[sensor.channels[k]] for k in follows]
+    told = sensor.channels if down is not None else [sensor.channels[k] for k in follows]
+    columns = [_COLUMN[channel] for channel in told]
+    moving = "pose" if down is None else "depth"
     group = next(group for group in GROUPS if columns[0] in group.columns)
     units = _UNITS[sensor.name]
     for column in columns:
         source = sources[column]
         stated = _size_of_unit(source.unit, group)
         likely = [unit for unit, size in units.items() if abs(scale * size / stated - 1.0) < _TOLERANCE]
-        said = f"{scale:.3g} times what the derivative of the recorded pose shows"
+        said = f"{scale:.3g} times what the derivative of the recorded {moving} shows"
         channel = sensor.channels[columns.index(column)] if len(columns) == len(sensor.channels) else column
         if likely:
             entry = replace(source, unit=likely[0])
@@ -328,8 +337,33 @@ def _report_scale(
         elif 1.0 / _FAR_OFF < scale < _FAR_OFF:  # noise of a positioning system may do that
             continue
         else:
-            said += "; check its unit, and that of the pose"
+            said += f"; check its unit, and that of the {moving}"
         report.add("warning", channel, said)
+
+
+def _report_scale_of_depth(
+    signals: Mapping[str, Signal], t: Array, report: RecordingReport, sources: Mapping[str, Source]
+) -> None:
+    """Warn of a velocity that the rate of depth contradicts, where no position at a useful rate tells more.
+
+    The rate of depth is the third row of R times the velocity (Fossen 2011, equation 2.40).
+    """
+    depth = next((signals[name] for name in ("depth", "position") if name in signals), None)
+    if depth is None or "z" not in depth.channels or "attitude" not in signals:
+        return
+    position = signals.get("position")
+    if position is not None and "x" in position.channels and position.step <= _SLOWEST_S:
+        return
+    step = float(t[1] - t[0])
+    half = _half_width(step)
+    z, seen = linear(depth, t)
+    q, valid = linear(signals["attitude"], t)
+    column = depth.channels.index("z")
+    known = _all_around(seen[:, column] & valid[:, 0], half)
+    velocity = signals["velocity"]
+    down = matrix(q)[:, 2, ["uvw".index(channel) for channel in velocity.channels]]
+    rate = _slope(z[:, column : column + 1], half, step)
+    _report_scale(velocity, t, rate, known, report, sources, down)
 
 
 def _size_of_unit(unit: str | None, group: Group) -> float:

@@ -112,7 +112,7 @@ def _read_frame(source: Any) -> pl.DataFrame:
     kind = f"{type(source).__module__}.{type(source).__qualname__}"
     try:
         if isinstance(source, Mapping):
-            return pl.DataFrame(dict(source), strict=False)
+            return pl.DataFrame({name: _cells(column) for name, column in source.items()}, strict=False)
         if kind.startswith("pandas.") and hasattr(source, "index"):
             named = all(name is not None for name in source.index.names)
             frame = source.reset_index() if named else source
@@ -123,6 +123,11 @@ def _read_frame(source: Any) -> pl.DataFrame:
     raise TrialError(
         f"frame: expected the path of a file or a polars or pandas frame, found an object of {kind}"
     )
+
+
+def _cells(column: Any) -> Any:
+    """A column of a mapping; an array of objects as a list, whose cells polars can read one by one."""
+    return column.tolist() if getattr(getattr(column, "dtype", None), "kind", "") == "O" else column
 
 
 def _series(name: str, column: Any) -> pl.Series:
