@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from seatrial._core import Vehicle
-from seatrial.diagnosis.advice import inseparable, manoeuvre, role
+from seatrial.diagnosis.advice import inseparable, manoeuvre, role, scaled
+from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 NAMES = Vehicle.load("cwolf").coefficient_info()
 
@@ -90,3 +92,23 @@ def test_lift_and_munk_moment_are_one_in_the_core(lift: str, mass: str, follow: 
     total = [sum(float(part[axis]) for part in one.forces(nu, level).values()) for one in (vehicle, moved)]
     # Sums of moments of some 100 N m.
     assert total[1] == pytest.approx(total[0], abs=1e-11)
+
+
+def test_sentences_are_those_of_the_actuators_that_the_vehicle_has() -> None:
+    """A torpedo has no thruster for heave, sway or yaw, and its fins have no thrust."""
+    torpedo = Vehicle.load("remus100")
+    pushed, fins = pushed_axes(torpedo), fins_and_groups(torpedo)
+    assert pushed == "X"
+    assert set(fins) == {*torpedo.actuators} - {"propeller"} | {"rudder", "stern planes"}
+    assert pushed_axes(Vehicle.load("beluga")) == "XYZKMN"
+    hull = ["Y_v", "Z_w", "K_p", "M_q", "N_r", "Y_ur", "Y_uv", "Z_uw", "Z_uq", "M_uw"]
+    own = [name for name in torpedo.coefficient_info() if name.partition(".")[0] in fins]
+    for name in [*hull, *(f"{one}dot" for one in hull[:5]), *own]:
+        said = manoeuvre(role(name, pushed=pushed, fins=fins))
+        assert not re.search("thrust|bollard|push|revolutions|on the spot|side force", said), (name, said)
+    pair = inseparable(["rudder.C_La", "N_r"], pushed=pushed, fins=fins)
+    assert "thrust" not in pair
+    assert "bollard" not in pair
+    assert "thrust" not in inseparable(["rudder_upper.C_La", "rudder_lower.C_La"], pushed=pushed, fins=fins)
+    assert "bench" not in scaled(["rudder.C_La", "N_r"], 0.1, fins=fins)
+    assert "vertical thrusters" in manoeuvre(role("Z_ww", pushed=pushed_axes(Vehicle.load("cwolf"))))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 __all__ = [
     "AXES",
@@ -71,6 +71,10 @@ _PARTS = {
     "lever_N": "lever",
     "astern_ratio": "ratio",
     "loss": "wash",
+    "C_La": "fin",
+    "C_Lmax": "fin",
+    "C_D0": "fin",
+    "C_D90": "fin",
 }
 
 _DERIVATIVES = (
@@ -88,6 +92,17 @@ _DAMPING = {
     "p": ROLL_DECAY,
     "q": f"run pitch dives with several trim moments, or {PITCH_DECAY}",
     "r": "run turning circles to both sides at several rates of turn, some on the spot",
+}
+
+# Where no thruster pushes along the axis (a torpedo's rudder and planes do it under way).
+_WITHOUT_THRUST = {
+    ("damping", "v"): ("Y", "run turning circles and zigzags with sway free"),
+    ("damping", "w"): ("Z", "dive and rise by the planes at several speeds, and let it rise or sink freely"),
+    ("damping", "r"): ("N", "run turning circles to both sides at several rates of turn"),
+    ("acceleration", "v"): ("Y", "run zigzags with quick reversals and sway free"),
+    ("acceleration", "w"): ("Z", "run quick steps of the planes under way"),
+    ("acceleration", "r"): ("N", "run zigzags with quick reversals of the rudder"),
+    ("lift", "w"): ("Z", "dive by the planes at two forward speeds or more"),
 }
 
 _ACCELERATION = {
@@ -120,8 +135,8 @@ class Role:
     """What a coefficient is: ``kind``, ``force`` letters that it makes, ``velocities`` that must move.
 
     ``kind`` is mass, inertia, added mass, gravity (its centre), buoyancy, buoyancy centre, linear, quadratic,
-    lift, bias, thrust, inflow, torque, motor, lever, ratio, wash or other; ``part`` is the name behind the
-    ``actuator``.
+    lift, bias, thrust, inflow, torque, motor, lever, ratio, wash, fin or other; ``part`` is the name behind
+    the ``actuator``, which is a fin where `of_fin`. ``pushed`` are the axes that thrusters push directly.
     """
 
     name: str
@@ -130,6 +145,8 @@ class Role:
     velocities: str = ""
     actuator: str = ""
     part: str = ""
+    of_fin: bool = False
+    pushed: str = FORCES
 
     @property
     def rates(self) -> str:
@@ -137,8 +154,16 @@ class Role:
         return self.velocities[1:] if self.kind == "lift" else self.velocities
 
 
-def role(name: str) -> Role:
+def role(name: str, *, pushed: str = FORCES, fins: Collection[str] = ()) -> Role:
     """Role of a coefficient or of a campaign's parameter, from its name.
+
+    Parameters
+    ----------
+    name : str
+    pushed : str
+        Letters of the axes that the vehicle's thrusters push directly.
+    fins : collection of str
+        Its fins and groups of fins.
 
     Examples
     --------
@@ -147,10 +172,15 @@ def role(name: str) -> Role:
     >>> role("stern.gain").kind, role("stern.gain").actuator
     ('thrust', 'stern')
     """
+    return replace(_role(name, fins), pushed=pushed)
+
+
+def _role(name: str, fins: Collection[str]) -> Role:
     actuator, _, part = name.rpartition(".")
     if actuator:
         kind = "thrust" if re.fullmatch(r"a(0|1|11)_(ahead|astern)", part) else _PARTS.get(part, "other")
-        return Role(name, kind, force=part[-1] if kind == "lever" else "", actuator=actuator, part=part)
+        force, of_fin = part[-1] if kind == "lever" else "", kind == "fin" or actuator in fins
+        return Role(name, kind, force=force, actuator=actuator, part=part, of_fin=of_fin)
     if name in ("m", "B"):
         return Role(name, "mass" if name == "m" else "buoyancy")
     if found := re.fullmatch(r"I_([xyz])([xyz])?", name):
@@ -171,16 +201,25 @@ def manoeuvre(one: Role) -> str:
     --------
     >>> manoeuvre(role("Z_uw"))
     'dive with the vertical thrusters under way, at two forward speeds or more'
+    >>> manoeuvre(role("Z_uw", pushed="X"))
+    'dive by the planes at two forward speeds or more'
     """
     if one.kind in ("linear", "quadratic"):
-        return _DAMPING[one.velocities]
+        return _without_thrust(one, "damping", one.velocities) or _DAMPING[one.velocities]
     if one.kind == "lift":
-        return _LIFT[one.rates]
+        return _without_thrust(one, "lift", one.rates) or _LIFT[one.rates]
     if one.kind in ("added mass", "inertia"):
-        return _ACCELERATION[one.velocities[0]]
+        velocity = one.velocities[0]
+        return _without_thrust(one, "acceleration", velocity) or _ACCELERATION[velocity]
     if one.kind in _STATIC:
         return _STATIC[one.kind]
     who = one.actuator
+    if one.of_fin and one.kind in ("fin", "thrust", "other"):
+        return f"deflect {who} in steps over its range at two forward speeds or more"
+    if one.of_fin and one.kind == "motor":
+        return f"run steps of {who} with its angle logged, at 20 Hz or more"
+    if one.of_fin and one.kind == "lever":
+        return f"measure the lever of {who} with a tape"
     if one.kind == "thrust":
         _, _, side = one.part.partition("_")
         return f"run {who} {side or 'both ways'} in steps over its range, or on the bench (bollard test)"
@@ -197,6 +236,12 @@ def manoeuvre(one: Role) -> str:
     if one.kind == "lever":
         return f"run steps of {who} alone with {axis(one.force)} free, or measure the lever with a tape"
     return "add a trial in which it acts"
+
+
+def _without_thrust(one: Role, kind: str, velocity: str) -> str | None:
+    """Manoeuvre of a vehicle whose thrusters do not push along the axis of this motion; None if they do."""
+    needed, told = _WITHOUT_THRUST.get((kind, velocity), ("", ""))
+    return told if needed and needed not in one.pushed else None
 
 
 def axis(letter: str) -> str:
@@ -231,7 +276,13 @@ def anchor(names: Sequence[str]) -> str | None:
 
 
 def unexcited(
-    names: Sequence[str], *, moving: Collection[str], silent: Collection[str], seen: Collection[str]
+    names: Sequence[str],
+    *,
+    moving: Collection[str],
+    silent: Collection[str],
+    seen: Collection[str],
+    pushed: str = FORCES,
+    fins: Collection[str] = (),
 ) -> dict[tuple[str, ...], str]:
     """Sentences, by names, about coefficients that the data would not show even if all others were known.
 
@@ -244,10 +295,12 @@ def unexcited(
         Those of the names that change no channel at all.
     seen : collection of str
         Coefficients that the data do show.
+    pushed, fins
+        As for `role`.
     """
     groups: dict[tuple[str, str], list[str]] = {}
     for name in names:
-        one = role(name)
+        one = role(name, pushed=pushed, fins=fins)
         groups.setdefault((_why(one, moving, name in silent), manoeuvre(one)), []).append(name)
     return {
         tuple(members): f"{join(members)}: {why} {what}{_cross_flow(members, seen)}"
@@ -308,7 +361,7 @@ def strayed(name: str, value: str, *, away: float, prior: str) -> str:
     )
 
 
-def scaled(names: Sequence[str], factor_sd: float) -> str:
+def scaled(names: Sequence[str], factor_sd: float, *, fins: Collection[str] = ()) -> str:
     """Sentence about coefficients that scale together: the homogeneous direction.
 
     Parameters
@@ -316,18 +369,23 @@ def scaled(names: Sequence[str], factor_sd: float) -> str:
     names : sequence of str
     factor_sd : float
         Standard deviation of their common factor.
+    fins : collection of str
+        Names of the vehicle's fins and groups of fins.
     """
     only = "the motion fixes only their ratios"
     if factor_sd < 1.0:
         only += f" (the common factor to {_percent(factor_sd)} at best, through what is held fixed)"
-    if any(role(name).actuator for name in names):
+    driven = [one for one in (role(name, fins=fins) for name in names) if one.actuator]
+    if driven and all(one.of_fin for one in driven):
+        how = "a fin's lift at a given speed comes from its area and lift slope; until then fix one of them"
+    elif driven:
         how = "thrust scale comes from a bench (bollard) test only; until then fix one of them"
     else:
         how = f"the absolute scale comes from a known weight: {INCLINE}"
     return f"all of {', '.join(names)} scale together, {only}: {how}"
 
 
-def inseparable(names: Sequence[str]) -> str:
+def inseparable(names: Sequence[str], *, pushed: str = FORCES, fins: Collection[str] = ()) -> str:
     """Sentence about coefficients of which the data show only a combination, and what would separate them.
 
     Examples
@@ -336,7 +394,7 @@ def inseparable(names: Sequence[str]) -> str:
     'X_u and X_uu: surge speed varies too little to tell them apart; run a staircase of speeds, slow to fast,
     ahead and astern, with a coast-down after each step'
     """
-    roles = [role(name) for name in names]
+    roles = [role(name, pushed=pushed, fins=fins) for name in names]
     for rule in _RULES:
         if told := rule(roles):
             return f"{join(names)}: {told[0]}; {told[1]}"
@@ -436,6 +494,12 @@ def _actuators(roles: Sequence[Role]) -> _Told:
     kinds, who = {one.kind for one in roles}, sorted({one.actuator for one in roles})
     if not all(who):
         return None
+    if all(one.of_fin for one in roles):
+        if len(who) > 1:
+            return "they deflect in one proportion in these trials", f"run steps of each of {join(who)} alone"
+        if kinds == {"motor"}:
+            return "lag, dead time and rate limits look alike in these trials", manoeuvre(roles[0])
+        return "only the force that results acts on this data", manoeuvre(roles[0])
     if len(who) > 1:
         return "they push in one proportion in these trials", f"run steps of each of {join(who)} alone"
     if kinds == {"motor"}:
@@ -456,6 +520,9 @@ def _thrust_and_hull(roles: Sequence[Role]) -> _Told:
     if not thrust or not hull:
         return None
     who = join(sorted({one.actuator for one in thrust}))
+    if all(one.of_fin for one in thrust):
+        way = f"take the lift slope of {who} from its shape, or {manoeuvre(hull[0])}"
+        return "only the ratio of the fin's lift to the hull's force acts on this data", way
     way = f"do a bench (bollard) test of {who}, or {manoeuvre(hull[0])}"
     return "only the ratio of thrust to the hull's force acts on this data", way
 

@@ -106,9 +106,10 @@ def undetermined(
             found.append(Undetermined("nuisance", members, _capped(group.sd), absorbed(members, hidden)))
         elif group.kind == "scale":
             factor_sd = _capped(group.sd * float(np.median(widening[list(group.places)])))
-            found.append(Undetermined("scale", members, factor_sd, scaled(members, factor_sd)))
+            found.append(Undetermined("scale", members, factor_sd, scaled(members, factor_sd, fins=lin.fins)))
         elif group.kind == "combination":
-            found.append(Undetermined("combination", members, _capped(group.sd), inseparable(members)))
+            said = inseparable(members, pushed=lin.pushed, fins=lin.fins)
+            found.append(Undetermined("combination", members, _capped(group.sd), said))
         else:
             single += members
     blind = {name for name, value in zip(names, np.diag(sized), strict=True) if value * ROUNDING**2 < 1.0}
@@ -126,6 +127,8 @@ def _unexcited(
         moving=moving,
         silent=silent | {name for name in single if role(name).force in locked},
         seen={name for name, value in relative.items() if value <= WEAK},
+        pushed=lin.pushed,
+        fins=lin.fins,
     )
     return [
         Undetermined("unexcited", members, max(relative[name] for name in members), sentence)
@@ -307,12 +310,12 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
                 size=size,
                 widening=widening,
             ),
-            *_small(judged),
+            *_small(lin, judged),
         ),
     )
 
 
-def _small(judged: Sequence[Judgement]) -> list[Undetermined]:
+def _small(lin: Linearisation, judged: Sequence[Judgement]) -> list[Undetermined]:
     """Sentences about coefficients that are weak for their small values alone."""
     return [
         Undetermined(
@@ -321,7 +324,7 @@ def _small(judged: Sequence[Judgement]) -> list[Undetermined]:
             one.relative,
             f"{one.name}: {one.value:.3g} ± {one.sd:.2g}{_unit(one.unit)}, so that its standard deviation is"
             f" {_share(one)} its value; hold it at zero and compare the held-out scores, or"
-            f" {manoeuvre(role(one.name))}",
+            f" {manoeuvre(role(one.name, pushed=lin.pushed, fins=lin.fins))}",
         )
         for one in judged
         if one.verdict == "weak" and one.relative <= WEAK

@@ -21,6 +21,7 @@ from seatrial._core import initial_names
 from seatrial.base.arrays import Array
 from seatrial.estimation.joint import Joint
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 __all__ = ["INITIALS", "GaussNewton"]
 
@@ -280,4 +281,6 @@ class GaussNewton:
             noise=self.noise.copy(),
             dt=joint.data.dt,
             pieces=tuple(pieces),
+            pushed=pushed_axes(joint.vehicle),
+            fins=fins_and_groups(joint.vehicle),
         )

@@ -216,8 +216,9 @@ class InputJudgement:
         if not self.drives:
             return []
         driven = len(self.thrusts.singular_values) - self.thrusts.lost
+        what = "Thrust and fins" if self.fins else "Thrust"
         said = [
-            f"Thrust: {len(self.drives)} actuators, {driven} independent combinations driven"
+            f"{what}: {len(self.drives)} actuators, {driven} independent combinations driven"
             f" (singular values {', '.join(_rounded(x) for x in self.thrusts.singular_values)})"
         ]
         if self.thrusts.still:
@@ -231,8 +232,10 @@ class InputJudgement:
         said: list[str] = []
         lost = self.thrusts.involved
         if lost:
+            fins = [name for name in lost if name in self.fins]
+            single = "lifts" if len(fins) == len(lost) else "thrusts and lifts" if fins else "thrust gains"
             said.append(
-                f"Single thrust gains of {_and(lost)} cannot be told apart by these inputs: what differs"
+                f"Single {single} of {_and(lost)} cannot be told apart by these inputs: what differs"
                 " between them shows only as coupling of the axes, which offset centres, levers and"
                 " off-diagonal damping imitate"
             )

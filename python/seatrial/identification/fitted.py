@@ -27,6 +27,7 @@ from seatrial.diagnosis.advice import manoeuvre, role
 from seatrial.identification.covariance import CoefficientCovariance, widened
 from seatrial.identification.identification import Identification
 from seatrial.statistics.draws import checked_numbers, generator
+from seatrial.vehicle.actuators import pushed_axes
 from seatrial.vehicle.passivity import PossibleCoefficients
 
 if TYPE_CHECKING:
@@ -59,12 +60,15 @@ class Drawn:
         How many impossible draws went before each, (k,).
     outside
         How often a coefficient had a part in what made a draw impossible, (n,).
+    pushed
+        Letters of the axes that the vehicle's thrusters push directly, for the words.
     """
 
     names: tuple[str, ...]
     values: Array
     thrown: NDArray[np.int_]
     outside: Array
+    pushed: str = "XYZKMN"
 
     @property
     def coefficients(self) -> dict[str, Array]:
@@ -92,10 +96,11 @@ class Drawn:
         if self.impossible < _DOUBTFUL:
             return ""
         name = self.names[int(self.outside.argmax())]
+        one = role(name, pushed=self.pushed)
         return (
             f"{100 * self.impossible:.2g} % of the vehicles drawn from the standard deviations are physically"
             " impossible (damping that adds energy, negative mass or gain) and were drawn again, most often"
-            f" for {name}: its standard deviation is too large for its value; {manoeuvre(role(name))} and"
+            f" for {name}: its standard deviation is too large for its value; {manoeuvre(one)} and"
             " identify again, or hold it at a value that you trust"
         )
 
@@ -212,7 +217,7 @@ class Fitted:
                 self._fill(
                     asked[start : start + _CHUNK], numbers, seed, root, possible, (values, thrown, outside)
                 )
-        return Drawn(self.names, values, thrown, outside)
+        return Drawn(self.names, values, thrown, outside, pushed_axes(self.vehicle))
 
     def doubt(self, *, draws: int = 200) -> str:
         """Heading where many vehicles drawn from the covariance are impossible, see `Drawn.doubt`."""

@@ -60,7 +60,8 @@ class Linearisation:
     """Residuals and their derivatives at one point of the unknowns.
 
     ``values`` (m,), ``noise`` (C,) standard deviation of each channel's residual in SI, ``dt`` seconds
-    between samples, one `Piece` per segment, those of a trial in the order of time.
+    between samples, one `Piece` per segment, those of a trial in the order of time. For the words: letters of
+    the axes ``XYZKMN`` that thrusters push directly, and the names of fins and of their groups.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -69,6 +70,8 @@ class Linearisation:
     noise: Array
     dt: float
     pieces: tuple[Piece, ...]
+    pushed: str = "XYZKMN"
+    fins: tuple[str, ...] = ()
 
     def information(self) -> Array:
         """Information (m, m): ``sum J' W J`` and the priors' ``1/sd^2``."""

@@ -167,6 +167,38 @@ def actuator_groups(vehicle: Vehicle) -> dict[str, list[str]]:
     return groups
 
 
+_DIRECT = (
+    0.5,
+    0.5,
+    0.5,
+    0.03,
+    0.03,
+    0.03,
+)  # wrench about O per newton, 1 and m, from which a thruster serves
+
+
+def pushed_axes(vehicle: Vehicle) -> str:
+    """Letters of the axes ``XYZKMN`` that thrusters push directly; all where there is no actuator."""
+    facts = vehicle.actuator_info()
+    thrusters = [k for k, name in enumerate(vehicle.actuators) if facts[name]["kind"] != "fin"]
+    if not vehicle.actuators:
+        return "XYZKMN"
+    matrix = np.abs(np.asarray(vehicle.allocation_matrix()).reshape(6, -1)[:, thrusters])
+    return "".join(
+        axis
+        for axis, row, least in zip("XYZKMN", matrix, _DIRECT, strict=True)
+        if row.max(initial=0.0) >= least
+    )
+
+
+def fins_and_groups(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the fins, and of the groups that are made of fins."""
+    facts = vehicle.actuator_info()
+    fins = [name for name in vehicle.actuators if facts[name]["kind"] == "fin"]
+    groups = [group for group, own in actuator_groups(vehicle).items() if set(own) <= set(fins)]
+    return tuple(dict.fromkeys([*fins, *groups]))
+
+
 def largest(facts: Mapping[str, Any], sign: float) -> float:
     """Largest step of a command away from neutral that pushes along (sign > 0) or against the direction.
 
