@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 
 import seatrial as st
+from seatrial.intake.consistency_result import Correction
 from seatrial.intake.map_file import MapClock, MapFile, MapTrial, load_map, parse_map
 from tests.docs.pages import ROOT
 
@@ -137,3 +138,9 @@ def test_keys_of_the_map_are_those_of_its_page() -> None:
     told = {key for row in rows for key in re.findall(r"\w+", row)}
     known = {key for section in (MapFile, MapClock, MapTrial) for key in section.model_fields}
     assert told == known | {"from", "unit", "frame", "sign", "convert", "why"}
+
+
+def test_proposed_clock_is_a_line_that_the_map_takes() -> None:
+    found = Correction("clocks", "dvl.csv.offset_s", 0.37, 0.01, "s", 0.02, 0.01, "the rate of depth", "late")
+    text = f'format = 1\ncolumns = {{ yaw_deg = "a.b" }}\n[clocks]\n{found.line}\n'
+    assert parse_map(text, "map.toml").clocks["dvl.csv"].offset_s == 0.37

@@ -44,7 +44,9 @@ class Correction:
     @property
     def line(self) -> str:
         """The key and its value as a TOML file holds them."""
-        return f"{self.key} = {_toml(self.value)}"
+        file, _, key = self.key.rpartition(".")
+        name = f'"{file}".{key}' if self.table == "clocks" else self.key
+        return f"{name} = {_toml(self.value)}"
 
 
 @dataclass(frozen=True, eq=False)

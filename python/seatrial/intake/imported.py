@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.base.channels import CHANNELS
 from seatrial.base.report import Report, Section, Table
 from seatrial.intake.consistency import Consistency
+from seatrial.intake.consistency_trials import proposals
 from seatrial.intake.kind_of_data import KindOfData
 from seatrial.intake.map_file import Column
 from seatrial.intake.survey import Survey
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
 __all__ = ["Imported", "ImportedTrial"]
+
+_SHOWN = 10  # problems; the others are details
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,11 +183,15 @@ def _report(made: Imported) -> Report:
         worst=problems[0] if problems else "nothing was found wrong",
         next_step=_next(made),
         sections=(
-            Section("Look at this", tuple(problems[1:])),
+            Section("Look at this", tuple(problems[1:_SHOWN])),
             Section("Columns", tables=(_columns(made),)),
             Section("Trials", tuple(_done(made)), (_trials(made), _modes(made))),
-            Section("Proposed corrections, none applied", tuple(_corrections(made))),
+            Section(
+                "Proposed corrections, none applied: comments in campaign.toml and map.toml",
+                tuple(_corrections(made)),
+            ),
             Section("Missing, and what that costs", tuple(_missing(made))),
+            Section("Look at this, too", tuple(problems[_SHOWN:]), details=True),
             Section("Every field", tables=(made.survey.table(),), details=True),
             *(
                 Section(f"Trial {one.name}", (*one.notes, *str(one.trial.report).splitlines()), details=True)
@@ -330,10 +337,9 @@ def _modes(made: Imported) -> Table:
 
 
 def _corrections(made: Imported) -> Iterator[str]:
-    for one in made.trials:
-        for correction in one.consistency.corrections:
-            where = "map.toml" if correction.table == "clocks" else "campaign.toml"
-            yield f"trial {one.name}: {correction.sentence} ([{correction.table}] in {where}, as a comment)"
+    found = {one.name: one.consistency for one in made.trials}
+    for proposal in proposals(found, {one.name: one.trial.report for one in made.trials}):
+        yield proposal.text
 
 
 def _missing(made: Imported) -> Iterator[str]:
