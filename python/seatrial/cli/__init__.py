@@ -20,6 +20,7 @@ from seatrial.cli import (
     coverage,
     data,
     demo,
+    export,
     fly,
     identify,
     import_,
@@ -85,6 +86,7 @@ _VERBS: tuple[Callable[..., None], ...] = (
     tune.tune,
     verify.verify,
     coverage.coverage,
+    export.export,
 )
 
 for _verb in _VERBS:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from seatrial.trial.score import Score
     from seatrial.trial.trial import Trial
 
-__all__ = ["score"]
+__all__ = ["read_trials", "score"]
 
 
 def score(
@@ -64,7 +64,7 @@ def score(
         else Vehicle.load(name)
         for label, name in _labels([vehicle, *(against or [])]).items()
     }
-    chosen = _read(trials, columns_from)
+    chosen = read_trials(trials, columns_from)
     measured = "".join(axis for axis in "XYZKMN" if axis not in free)
     options: dict[str, Any] = {"free_run": free_run, "free": free, "measured": measured}
     options["own_stamps"] = own_stamps
@@ -111,7 +111,7 @@ def _labels(names: list[str]) -> dict[str, str]:
     return found
 
 
-def _read(trials: list[str], columns_from: Path | None) -> list[Trial]:
+def read_trials(trials: list[str], columns_from: Path | None) -> list[Trial]:
     """Trials, each a file or a name that the campaign knows."""
     from seatrial.base.errors import TrialError, nearest
     from seatrial.base.toml_file import twice

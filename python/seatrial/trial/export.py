@@ -1,0 +1,296 @@
+"""Tables of trials and flights as files for other programs: CSV and Parquet in any unit, MCAP for Foxglove.
+
+MCAP messages are JSON with JSON schemas. Topic ``/trial`` has every column under its own name, an empty cell
+left out; ``/pose`` (foxglove.PoseInFrame) and ``/tf`` (foxglove.FrameTransform) have the pose in the frames
+of viewers, east-north-up and forward-left-up. Numbers are written with all their digits; stamps are the
+times in whole nanoseconds, moved to begin at zero where the first is negative. Held by
+``tests/trial/test_export.py``.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base import units
+from seatrial.base.arrays import Array
+from seatrial.base.atomic_write import write_atomic, write_table
+from seatrial.base.errors import TrialError, nearest, reason
+from seatrial.base.frames import attitude_to_ned
+from seatrial.base.rotation import from_euler
+from seatrial.logs.formats import extra
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["ENDINGS", "export", "unit_of"]
+
+ENDINGS = (".mcap", ".csv", ".parquet")
+
+_UNITS = {
+    "_deg_s": "deg/s",
+    "_m_s": "m/s",
+    "_deg": "deg",
+    "_nm": "N*m",
+    "_wh": "W*h",
+    "_m": "m",
+    "_n": "N",
+    "_v": "V",
+    "_w": "W",
+    "_s": "s",
+}
+"""By the end of a column's name, longer ones first."""
+
+_EARTH, _BODY = "earth", "vehicle"
+
+
+def unit_of(column: str) -> str:
+    """Unit that the end of a column's name says; "" for none, as of a command.
+
+    Examples
+    --------
+    >>> unit_of("u_m_s"), unit_of("cmd.rudder")
+    ('m/s', '')
+    """
+    if column.startswith(("cmd.", "meas.")):
+        return ""
+    return next((unit for ending, unit in _UNITS.items() if column.endswith(ending)), "")
+
+
+def export(table: pl.DataFrame, path: str | Path, *, units: Mapping[str, str] | None = None) -> None:
+    """Write a table of a trial or a flight to a .mcap, .csv or .parquet file.
+
+    Parameters
+    ----------
+    table
+        `Trial.table`, or ``Flight.table()``: a column ``t_s`` in s and others named with their units.
+    path
+        Its ending decides the format.
+    units
+        Unit by column, instead of that in its name: ``{"u_m_s": "knot"}`` becomes a column ``u [knot]``. Not
+        for MCAP, whose columns keep their names.
+
+    Raises
+    ------
+    TrialError
+        The ending, a column or a unit is wrong, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> t = np.arange(0.0, 2.0, 0.1)
+    >>> trial = st.Trial.read({"t_s": t, "u_m_s": t})
+    >>> export(trial.table, "speed.csv", units={"u_m_s": "knot"})  # doctest: +SKIP
+    """
+    path = Path(path)
+    if path.suffix not in ENDINGS:
+        raise TrialError(f'{path}: expected one of the endings {", ".join(ENDINGS)}, found "{path.suffix}"')
+    if "t_s" not in table.columns:
+        raise TrialError(f"{path}: the table has no column t_s, the time in s; nothing is written")
+    if path.suffix == ".mcap":
+        if units:
+            raise TrialError(f"{path}: MCAP keeps units as they are; leave out the units or write CSV")
+        content = _mcap(table, path)
+        try:
+            write_atomic(path, content)
+        except OSError as error:
+            raise TrialError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
+        return
+    write_table(_in_units(table, units or {}, path), path)
+
+
+def _in_units(table: pl.DataFrame, wanted: Mapping[str, str], path: Path) -> pl.DataFrame:
+    """The table with some columns in other units, which their new names state."""
+    import polars as pl
+
+    changed = []
+    for column in table.columns:
+        if column not in wanted:
+            changed.append(pl.col(column))
+            continue
+        unit, own = wanted[column], unit_of(column)
+        if not own:
+            raise TrialError(f"{path}: {column}: its name says no unit, so that it cannot be converted")
+        factor = 1.0 / units.factor(unit, (own,), f"{path}: {column}")
+        ending = next(end for end in _UNITS if column.endswith(end))
+        changed.append((pl.col(column) * factor).alias(f"{column.removesuffix(ending)} [{unit}]"))
+    for column in wanted:
+        if column not in table.columns:
+            raise TrialError(f'{path}: there is no column "{column}"{nearest(column, table.columns)}')
+    return table.select(changed)
+
+
+def _mcap(table: pl.DataFrame, path: Path) -> bytes:
+    writer_module = extra("mcap.writer", path)
+    content = io.BytesIO()
+    writer = writer_module.Writer(content)
+    writer.start(library="seatrial")
+    numeric = [name for name, kind in table.schema.items() if name != "t_s" and kind.is_numeric()]
+    t = table["t_s"].to_numpy().astype(float)
+    stamps = [round(time * 1e9) for time in (t - min(0.0, float(t[0]))).tolist()]
+    topics = [_Topic(writer, "/trial", "seatrial.Trial", _trial_schema(numeric))]
+    messages = [_rows(table, ["t_s", *numeric])]
+    pose = _pose(table)
+    if pose is not None:
+        topics += [
+            _Topic(writer, "/tf", "foxglove.FrameTransform", _TRANSFORM),
+            _Topic(writer, "/pose", "foxglove.PoseInFrame", _POSE),
+        ]
+        messages += [_transforms(stamps, *pose), _poses(stamps, *pose)]
+    for k, stamp in enumerate(stamps):
+        for topic, parts in zip(topics, messages, strict=True):
+            if parts[k] is not None:
+                topic.write(stamp, parts[k])
+    writer.finish()
+    return content.getvalue()
+
+
+class _Topic:
+    """A channel of an MCAP file with its schema."""
+
+    def __init__(self, writer: Any, topic: str, name: str, schema: Mapping[str, Any]) -> None:
+        self.writer = writer
+        number = writer.register_schema(name=name, encoding="jsonschema", data=json.dumps(schema).encode())
+        self.number = writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
+
+    def write(self, stamp: int, message: Any) -> None:
+        """A message at a stamp in ns."""
+        data = json.dumps(message, allow_nan=False).encode()
+        self.writer.add_message(channel_id=self.number, log_time=stamp, publish_time=stamp, data=data)
+
+
+def _rows(table: pl.DataFrame, names: list[str]) -> list[Any]:
+    """A message per row: every column by its name, ``cmd.PU`` nested as ``cmd`` and ``PU``."""
+    columns = [np.asarray(table[name].cast(float).to_numpy(), float).tolist() for name in names]
+    result = []
+    for row in zip(*columns, strict=True):
+        message: dict[str, Any] = {}
+        for name, value in zip(names, row, strict=True):
+            if np.isfinite(value):
+                group, _, field = name.partition(".")
+                if field:
+                    message.setdefault(group, {})[field] = value
+                else:
+                    message[name] = value
+        result.append(message)
+    return result
+
+
+def _pose(table: pl.DataFrame) -> tuple[Array, Array] | None:
+    """Positions (n, 3) east, north, up and quaternions (n, 4) w x y z of forward-left-up in it; NaN unknown.
+
+    A position that is not recorded is zero, an angle as well; None where neither is there.
+    """
+    from seatrial.trial.columns import GROUPS
+
+    columns = {group.name: group.columns for group in GROUPS}
+
+    def of(names: tuple[str, ...], unknown: float) -> Array:
+        n = table.height
+        parts = [
+            table[c].to_numpy().astype(float) if c in table.columns else np.full(n, unknown) for c in names
+        ]
+        return np.stack(parts, axis=1)
+
+    turned = [name for name in ("quaternion", "euler") if any(c in table.columns for c in columns[name])]
+    if not turned and not any(c in table.columns for c in columns["position"]):
+        return None
+    place = of(columns["position"], 0.0)[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+    if "quaternion" in turned:
+        q = of(columns["quaternion"], np.nan)
+    else:
+        q = from_euler(np.deg2rad(of(columns["euler"], 0.0)))
+    return place, attitude_to_ned(q, "FLU/ENU", "export")
+
+
+def _stamp(ns: int) -> dict[str, int]:
+    return {"sec": ns // 1_000_000_000, "nsec": ns % 1_000_000_000}
+
+
+def _vector(values: Array, names: str) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, values, strict=True)}
+
+
+def _known(place: Array, q: Array) -> Array:
+    return np.asarray(np.isfinite(place).all(axis=1) & np.isfinite(q).all(axis=1))
+
+
+def _transforms(stamps: Sequence[int], place: Array, q: Array) -> list[Any]:
+    known = _known(place, q)
+    return [
+        {
+            "timestamp": _stamp(stamps[k]),
+            "parent_frame_id": _EARTH,
+            "child_frame_id": _BODY,
+            "translation": _vector(place[k], "xyz"),
+            "rotation": _vector(q[k], "wxyz"),
+        }
+        if known[k]
+        else None
+        for k in range(len(stamps))
+    ]
+
+
+def _poses(stamps: Sequence[int], place: Array, q: Array) -> list[Any]:
+    known = _known(place, q)
+    return [
+        {
+            "timestamp": _stamp(stamps[k]),
+            "frame_id": _EARTH,
+            "pose": {"position": _vector(place[k], "xyz"), "orientation": _vector(q[k], "wxyz")},
+        }
+        if known[k]
+        else None
+        for k in range(len(stamps))
+    ]
+
+
+def _trial_schema(columns: list[str]) -> dict[str, Any]:
+    """JSON schema of ``/trial``: the unit of every column is its description."""
+    fields: dict[str, Any] = {"t_s": {"type": "number", "description": "time, s"}}
+    for column in columns:
+        group, _, name = column.partition(".")
+        entry = {"type": "number", "description": unit_of(column) or "unit of the actuator"}
+        if name:
+            inner = fields.setdefault(group, {"type": "object", "properties": {}})
+            inner["properties"][name] = entry
+        else:
+            fields[column] = entry
+    return {"title": "seatrial.Trial", "type": "object", "properties": fields}
+
+
+def _numbers(names: str) -> dict[str, Any]:
+    return {"type": "object", "properties": {name: {"type": "number"} for name in names}}
+
+
+_TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+
+_TRANSFORM = {
+    "title": "foxglove.FrameTransform",
+    "type": "object",
+    "properties": {
+        "timestamp": _TIME,
+        "parent_frame_id": {"type": "string"},
+        "child_frame_id": {"type": "string"},
+        "translation": _numbers("xyz"),
+        "rotation": _numbers("xyzw"),
+    },
+}
+
+_POSE = {
+    "title": "foxglove.PoseInFrame",
+    "type": "object",
+    "properties": {
+        "timestamp": _TIME,
+        "frame_id": {"type": "string"},
+        "pose": {
+            "type": "object",
+            "properties": {"position": _numbers("xyz"), "orientation": _numbers("xyzw")},
+        },
+    },
+}
