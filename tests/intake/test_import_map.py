@@ -144,3 +144,13 @@ def test_proposed_clock_is_a_line_that_the_map_takes() -> None:
     found = Correction("clocks", "dvl.csv.offset_s", 0.37, 0.01, "s", 0.02, 0.01, "the rate of depth", "late")
     text = f'format = 1\ncolumns = {{ yaw_deg = "a.b" }}\n[clocks]\n{found.line}\n'
     assert parse_map(text, "map.toml").clocks["dvl.csv"].offset_s == 0.37
+
+
+def test_log_without_a_known_field_says_what_to_write(tmp_path: Path) -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    pl.DataFrame({"time": t, "abc": t, "xyzzy": t}).write_csv(tmp_path / "odd.csv")
+    with pytest.raises(
+        st.TrialError, match=r"odd.csv: no field is recognised.*write map.toml with \[columns\]"
+    ):
+        st.import_logs(tmp_path / "odd.csv", out=tmp_path / "p")
+    assert not (tmp_path / "p").exists()

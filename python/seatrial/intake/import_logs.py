@@ -91,10 +91,7 @@ def import_logs(
     made = recordings(seen.logs, given.trials if given else None)
     columns = given.columns if given else proposed_columns(made)
     if not columns:
-        raise TrialError(
-            f"{', '.join(printable(log.path.name) for log in seen.logs)}: no field is recognised; list them"
-            " with seatrial import LOG, write map.toml with [columns], and give it with --map"
-        )
+        raise TrialError(_nothing_known(seen))
     commands = {
         name.removeprefix("cmd."): one.unit for name, one in columns.items() if name.startswith("cmd.")
     }
@@ -145,6 +142,16 @@ def import_logs(
         result = replace(result, kept=kept)
     say(1.0, "done")
     return result
+
+
+def _nothing_known(seen: Survey) -> str:
+    """What to do about logs of which no field is recognised, and what could not be read of them."""
+    names = ", ".join(printable(log.path.name) for log in seen.logs)
+    lost = "; ".join(note for log in seen.logs for note in log.notes)
+    return (
+        f"{names}: no field is recognised{f' ({lost})' if lost else ''}; list them with seatrial import LOG,"
+        " write map.toml with [columns], and give it with --map"
+    )
 
 
 def _for_vehicle(
