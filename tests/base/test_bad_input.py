@@ -350,3 +350,17 @@ def test_interrupted_bench_leaves_nothing_half_written(
     assert "interrupted" in result.stderr
     assert not (here / "runs").exists()
     assert not (here / "v.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["check", "cwolf", "--voltage", "1e308"], "--voltage"),
+        (["check", "cwolf", "--speed-kn", "1e308"], "--speed-kn"),
+        (["plan", "cwolf", "--duration", "1e308"], "--duration"),
+    ],
+)
+def test_a_number_that_no_vehicle_has_is_refused(arguments: list[str], words: str) -> None:
+    result = call(*arguments)
+    assert result.exit_code == 2
+    assert words in result.output

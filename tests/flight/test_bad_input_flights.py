@@ -33,6 +33,9 @@ depth_m = 5.0
 """
 
 
+FLOWN = ("out.toml", "--vehicle", "cwolf", "--autopilot", "cwolf")
+
+
 def call(*arguments: str) -> Result:
     return CliRunner().invoke(app, list(arguments))
 
@@ -134,6 +137,9 @@ def test_an_option_is_answered_in_a_sentence(here: Path, options: list[str], wor
         (["sensors.toml"], "found a set of sensors; fly with it"),
         (["recipe.toml"], "found the recipe of a generated trial"),
         (["out.toml", "--vehicle", "out.toml"], "expected a vehicle file, found a mission"),
+        ([*FLOWN, "--current", "nan", "0", "0"], "--current: expected three finite"),
+        ([*FLOWN, "--current", "90", "0", "0"], "--current: expected at most 15 m/s"),
+        ([*FLOWN, "--seabed", "nan"], "--seabed: expected a finite number"),
         (["out.toml", "--vehicle", ""], "--vehicle: expected a name or a path"),
         (["out.toml", "--vehicle", "remus100", "--autopilot", "cwolf"], "the loop heave needs the row Z"),
         (["autopilot.toml", "--vehicle", "autopilot.toml"], "expected a vehicle file, found an autopilot"),

@@ -103,7 +103,11 @@ def check(
     json: Json = False,
 ) -> None:
     """Check a vehicle (signs, speeds, turns, stability), an autopilot, a mission or a campaign beforehand."""
-    _check_options(voltage, speed_kn or [])
+    _check_options(voltage, speed_kn or [], seabed)
+    if current is not None:
+        from seatrial.flight.checks import checked_rows
+
+        checked_rows("--current", current)
     kind = _kind(target)
     given = {"--vehicle": vehicle, "--autopilot": autopilot, "--speed-kn": speed_kn or None, "--out": out}
     flying = {"--current": current, "--sensors": sensors, "--seabed": seabed}
@@ -168,12 +172,19 @@ def _draw_vehicle(vehicle: Vehicle, voltage: float, folder: Path, endings: tuple
     return written
 
 
-def _check_options(voltage: float, speed_kn: list[float]) -> None:
-    """Refuse numbers that are no voltage or speed."""
-    for option, values in (("--voltage", [voltage]), ("--speed-kn", speed_kn)):
+def _check_options(voltage: float, speed_kn: list[float], seabed: float | None) -> None:
+    """Refuse numbers that are no voltage, speed or depth."""
+    bottom = [] if seabed is None else [seabed]
+    for option, values, most in (
+        ("--voltage", [voltage], 10_000.0),
+        ("--speed-kn", speed_kn, 100.0),
+        ("--seabed", bottom, 12_000.0),
+    ):
         for value in values:
             if not math.isfinite(value):
                 raise SeatrialError(f"{option}: expected a finite number, found {value}")
+            if value > most:
+                raise SeatrialError(f"{option}: expected at most {most:g}, found {value:g}; check the unit")
 
 
 def _kind(target: str) -> str:

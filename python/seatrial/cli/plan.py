@@ -29,7 +29,7 @@ def plan(
     coefficients: Annotated[
         str | None, typer.Option(help="Those that count, as K_p,K_pp; all that are sought by default.")
     ] = None,
-    duration: Annotated[float, typer.Option(min=10.0, help="Time for one trial, s.")] = 180.0,
+    duration: Annotated[float, typer.Option(min=10.0, max=86_400.0, help="Time for one trial, s.")] = 180.0,
     count: Annotated[int, typer.Option(min=1, max=20, help="Trials to plan.")] = 3,
     max_depth: Annotated[
         float | None, typer.Option(min=0.1, help="Depth of the water that may be used, m.")
