@@ -9,6 +9,7 @@ import pytest
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
+from seatrial.base.rotation import from_euler, matrix
 from seatrial.intake.consistency import Consistency, Correction, Series, consistency
 from tests.intake.logs import Errors, log
 
@@ -141,6 +142,52 @@ def test_law_the_tilt_is_found_from_the_depth_alone() -> None:
     found = consistency({name: one for name, one in series.items() if name not in ("x", "y", "roll", "p")})
     tilt = of(found, "tilt_deg.velocity")
     assert abs(tilt.value[1] - 2.0) < 4.0 * tilt.sd[1]
+
+
+def test_law_the_sign_of_the_vertical_velocity_is_found_from_the_depth_alone() -> None:
+    series = log(8, Errors(signs={"w": -1.0}))
+    found = consistency({name: one for name, one in series.items() if name not in ("x", "y")})
+    assert keys(found) == {"signs.w"}
+
+
+def test_law_a_delay_that_noise_hides_has_a_large_deviation() -> None:
+    random = np.random.default_rng(9)
+    series = log(9)
+    for name, size in (("w", 0.3), ("u", 0.3)):  # three times the motion
+        one = series[name]
+        series[name] = Series(one.t, one.value + size * random.standard_normal(len(one.t)), one.clock)
+    found = consistency({name: one for name, one in series.items() if name not in ("x", "y")})
+    assert "delay_s.velocity" not in keys(found)
+
+
+def test_law_a_slow_position_leaves_the_delay_to_the_depth() -> None:
+    series = log(10, Errors(velocity_late=0.3, heading=15.0 * DEGREE), 600.0)
+    random = np.random.default_rng(10)
+    for name in "xy":  # of a second each, with a noise of 0.3 m
+        one = series[name]
+        value = one.value + 0.3 * random.standard_normal(len(one.t))
+        series[name] = Series(one.t[::5], value[::5], one.clock)
+    found = consistency(series)
+    assert keys(found) == {"delay_s.velocity", "heading_deg"}
+    delay = of(found, "delay_s.velocity")
+    assert abs(delay.value - 0.3) < 4.0 * delay.sd
+    assert of(found, "heading_deg").value == pytest.approx(15.0, abs=0.5)
+
+
+def test_law_a_current_is_the_difference_of_both_velocities() -> None:
+    series = log(11, length_s=600.0)
+    t = series["u"].t
+    yaw = np.interp(t, series["yaw"].t, np.unwrap(series["yaw"].value))
+    pitch = np.interp(t, series["pitch"].t, series["pitch"].value)
+    roll = np.interp(t, series["roll"].t, series["roll"].value)
+    north = 0.1 + 0.1 * t / t[-1]
+    turned = matrix(from_euler(np.stack([roll, pitch, yaw], axis=1)))
+    c = np.einsum("nji,nj->ni", turned, np.stack([north, 0.0 * t, 0.0 * t], axis=1))
+    water = {f"{n}_water": Series(t, series[n].value - c[:, k], "ahrs") for k, n in enumerate("uvw")}
+    current = consistency(series | water).current
+    assert current is not None
+    known = np.stack([np.interp(current.t, t, north), 0.0 * current.t], axis=1)
+    assert np.sqrt(np.mean((current.velocity - known) ** 2)) < 0.01
 
 
 def test_the_report_says_what_to_paste() -> None:

@@ -106,7 +106,7 @@ def test_belugas_gyro_signs_and_delays_are_found(run: str) -> None:
     keys = {one.key for one in found.corrections} - {"tilt_deg.frame"}
     assert keys == {"signs.p", "signs.q", "delay_s.velocity", "delay_s.rates"}
     # published: 0.24 s and 0.075 s; a low-passed velocity has no single delay
-    assert of(found, "delay_s.velocity").value == pytest.approx(0.24, abs=0.03)
+    assert of(found, "delay_s.velocity").value == pytest.approx(0.24, abs=0.04)
     assert of(found, "delay_s.rates").value == pytest.approx(0.075, abs=0.005)
 
 

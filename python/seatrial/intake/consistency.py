@@ -65,23 +65,25 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
     corrections = _angles(known)
     angles = ("roll", "yaw")
     channels = Channels({name: Curve(one, angle=name in angles) for name, one in known.items()})
+    found = [rates_found(channels), *velocity_found(channels)]
     compared = []
-    for find in (rates_found, velocity_found, force_found):
-        found = find(channels)
-        if found is None:
+    for one in (*(one for one in found if one is not None), force_found(channels)):
+        if one is None:
             continue
-        if found.fit is None:
-            said.append(f"{found.of}: too little in common for a comparison")
+        if one.fit is None:
+            said.append(f"{one.of}: too little in common for a comparison")
             continue
-        if find is velocity_found:
-            made = corrections_of(found, channels, _turned_sensor(channels, found))
-            if (sentence := list_sentence(found.fit)) is not None:
-                said.append(sentence)
-            _apply(channels, found)
+        made = corrections_of(one, channels, _turned_sensor(channels, one))
+        if one.group == "specific force":  # no trial reads it: nothing to paste
+            said += [f"specific force: {correction.sentence}" for correction in made]
         else:
-            made = corrections_of(found, channels)
-        corrections += made
-        compared.append((found.of, found.sizes[0], found.fit.after))
+            present = {correction.key for correction in corrections}
+            corrections += [correction for correction in made if correction.key not in present]
+        if (sentence := list_sentence(one.fit)) is not None:
+            said.append(sentence)
+        if one.group == "velocity":
+            _apply(channels, one)
+        compared.append((one.of, one.sizes[0], one.fit.after))
     corrections += _frame(channels)
     current = slow_current(channels)
     if isinstance(current, str):

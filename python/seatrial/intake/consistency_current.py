@@ -45,7 +45,7 @@ _START, _WALK = 1.0, 3e-3  # m/s: prior deviations of the current, and of its ch
 
 _SWAY = 0.05  # m/s: prior deviation of the sensor's own sway, a degree at three m/s
 
-_SHARE = 0.5  # prior deviation of the share k
+_SHARE = 0.3  # prior deviation of the share k
 
 
 def slow_current(channels: Channels) -> SlowCurrent | str:
@@ -156,17 +156,23 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
         return "too few samples of legs under a held command: the current is not told"
     start = np.array([np.log(_WALK), *np.log([0.02, 0.02, 0.05, 0.05]), 0.0])
     used = start.size if legs.shared else 3
-
-    def cost(x: Array) -> float:
-        return parts.solve(np.concatenate([x, start[used:]]))[0]
-
-    simplex = np.vstack([start[:used], start[:used] + np.diag([1.0, 0.5, 0.5, 0.5, 0.5, 0.3][:used])])
-    options = {"xatol": 0.02, "fatol": 0.05, "maxfev": 600, "initial_simplex": simplex}
-    best = np.concatenate([
-        minimize(cost, start[:used], method="Nelder-Mead", options=options).x,
-        start[used:],
-    ])
+    options = {"xatol": 0.02, "fatol": 0.05, "maxfev": 400}
+    best, least = start, np.inf
+    # The likelihood may have one maximum where the propeller explains the speed and one where k does.
+    for share in (0.0, 0.5) if legs.shared else (0.0,):
+        first = np.append(start[:-1], share)
+        simplex = np.vstack([first[:used], first[:used] + np.diag([1.0, 0.5, 0.5, 0.5, 0.5, 0.2][:used])])
+        found = minimize(
+            lambda x: parts.solve(np.append(x, start[used:]))[0],
+            first[:used],
+            method="Nelder-Mead",
+            options=options | {"initial_simplex": simplex},
+        )
+        if found.fun < least:
+            best, least = np.append(found.x, start[used:]), float(found.fun)
     _, current, sd = parts.solve(best)
+    if legs.shared:
+        sd = np.hypot(sd, parts.by_share(best))
     wide = float(np.sqrt(np.mean(sd**2)))
     if wide > _WIDEST:
         return f"the current is not told: {source} leave it uncertain by {wide:.2f} m/s"
@@ -242,6 +248,15 @@ class _Parts:
         memory = max(lag_one_correlation(residual[:, i], most=0.95) for i in range(2))
         variance = np.diag(np.linalg.inv(normal))[: 2 * m] * variance_inflation(memory)
         return cost, solution[: 2 * m].reshape(2, m).T, np.sqrt(variance).reshape(2, m).T
+
+    def by_share(self, x: Array) -> Array:
+        """What the uncertainty of the share k adds to the current's deviations, (m, 2)."""
+        step = np.zeros_like(x)
+        step[5] = 0.1
+        (more, above, _), (cost, _, _), (less, below, _) = (self.solve(y) for y in (x + step, x, x - step))
+        curvature = (more - 2.0 * cost + less) / step[5] ** 2
+        sd = 1.0 / np.sqrt(max(curvature, 1.0 / _SHARE**2))
+        return np.asarray(np.abs(above - below) / (2.0 * step[5]) * sd)
 
     def _prior(self, walk: float, size: int) -> Array:
         """Information of the random walk from a wide start, and of constants that are hardly known."""

@@ -30,7 +30,13 @@ _CERTAIN = 5.0  # deviations from which a parameter is believed
 
 _BLOCK_S, _MOST_BLOCKS, _FEWEST_BLOCKS = 20.0, 60, 8
 
-_ROUNDS = 12
+_ROUNDS = 20
+
+_FURTHEST, _FARTHEST = 5.0, 100.0  # steps of a shift's difference quotient in one round, and in all
+
+_BETTER = 0.97  # residual of another start over that of the likelier one
+
+_LEAST_SHARE = 1e-3  # of the largest eigenvalue of the scaled information
 
 _LEAST_WIDTHS = 50.0  # of the low-pass: less cannot be compared
 
@@ -118,6 +124,8 @@ class Parameter:
         Whether it is fitted without being asked: a delay, or a nuisance.
     material
         Share by which it must reduce the residual's root mean square.
+    shift
+        Whether it shifts a sensor in time, a delay or a drift.
     """
 
     name: str
@@ -126,6 +134,7 @@ class Parameter:
     prior: float = np.inf
     always: bool = False
     material: float = 0.0
+    shift: bool = False
 
 
 @dataclass(frozen=True)
@@ -148,7 +157,10 @@ Residual = Callable[[Mapping[str, float]], tuple[Array, Mask]]
 
 
 def fitted(
-    residual: Residual, parameters: Sequence[Parameter], grid: Grid, start: Mapping[str, float] | None = None
+    residual: Residual,
+    parameters: Sequence[Parameter],
+    grid: Grid,
+    starts: Sequence[Mapping[str, float]] = ({},),
 ) -> Fit | None:
     """Fit of the parameters that are certain and reduce the residual; None if too little can be compared.
 
@@ -160,8 +172,9 @@ def fitted(
         Candidates.
     grid
         Times of the residuals.
-    start
-        Values to begin with, zero when omitted.
+    starts
+        Values to begin with, the likeliest first; what is absent is zero. A later one counts if it leads to
+        a clearly smaller residual: one of many minima of noise is no finding.
     """
     told = _without_nuisances(residual, parameters)
     active = [one for one in parameters if one.always]
@@ -172,8 +185,11 @@ def fitted(
         return None
     before = robust_rms(y[good])
     problem = _Problem(residual, grid)
-    values |= start or {}
-    values = problem.descend(values, active)
+    begun = [problem.descend(values | dict(start), active) for start in starts]
+    values = begun[0]
+    for other in begun[1:]:
+        if robust_rms(_used(residual(other))) < _BETTER * robust_rms(_used(residual(values))):
+            values = other
     while candidates:
         chosen = _next(problem, told, values, active, candidates)
         if chosen is None:
@@ -256,27 +272,40 @@ def _next(
 
 
 class _Linear:
-    """Whitened, weighted residuals and their derivatives, ready for any choice of the columns."""
+    """Whitened, weighted residuals and their derivatives, ready for any choice of the columns.
 
-    def __init__(
-        self, y: Array, design: Array, weight: Array, blocks: Array, prior: Array, at: Array
-    ) -> None:
+    A shift in time moves a sensor's noise too, whose slope is not small: products of first derivatives alone
+    (Gauss-Newton) would count it as motion, make steps too short and deviations too small. The second
+    derivative, in `curvature` (p, p), takes it out again.
+    """
+
+    def __init__(self, y: Array, design: Array, weight: Array, blocks: Array, curvature: Array) -> None:
         # y (m,), design (m, p), weight (m,), blocks (m,) labels.
         self.weighted = design * weight[:, None]
-        self.hessian = self.weighted.T @ design
+        self.products = self.weighted.T @ design
+        self.hessian = self.products + curvature
         self.gradient = self.weighted.T @ y
         self.y, self.design, self.weight, self.blocks = y, design, weight, blocks
-        self.prior, self.at = prior, at
+        self.prior = np.full(design.shape[1], np.inf)
+        self.at = np.zeros(design.shape[1])
 
     def step(self, columns: Sequence[int]) -> Array:
         """Newton step of the parameters in `columns`."""
-        hessian, gradient = self._normal(columns)
+        hessian, gradient = self._normal(columns, convex=True)
         return np.asarray(-np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0], float)
 
-    def _normal(self, columns: Sequence[int]) -> tuple[Array, Array]:
+    def _normal(self, columns: Sequence[int], *, convex: bool = False) -> tuple[Array, Array]:
         index = np.asarray(columns)
         information = 1.0 / self.prior[index] ** 2
-        hessian = self.hessian[np.ix_(index, index)] + np.diag(information)
+        hessian = self.hessian[np.ix_(index, index)]
+        size = np.sqrt(np.diag(self.products)[index]) + 1e-300
+        # Where noise hides the motion the curvature vanishes: the deviation is then large, not imaginary.
+        values, vectors = np.linalg.eigh(hessian / np.outer(size, size))
+        if convex and values.min(initial=1.0) < _LEAST_SHARE:  # a step from there leads uphill
+            values, vectors = np.linalg.eigh(self.products[np.ix_(index, index)] / np.outer(size, size))
+        least = _LEAST_SHARE * max(float(values.max(initial=0.0)), 1e-300)
+        hessian = (vectors * np.maximum(values, least)) @ vectors.T * np.outer(size, size)
+        hessian = hessian + np.diag(information)
         return hessian, self.gradient[index] + information * self.at[index]
 
     def covariance(self, columns: Sequence[int], change: Array) -> Array:
@@ -320,19 +349,44 @@ class _Problem:
     def linear(self, values: Mapping[str, float], parameters: Sequence[Parameter]) -> _Linear:
         """The problem about `values`."""
         y, good = self.residual(values)
-        derivatives = []
-        for one in parameters:
+        derivatives, shifts = [], [one for one in parameters if one.shift]
+        second: dict[tuple[int, int], Array] = {}
+        ahead: dict[str, Array] = {}
+        for k, one in enumerate(parameters):
             there, also = self.residual({**values, one.name: values[one.name] + one.step})
-            derivatives.append((there - y) / one.step)
             good = good & also
+            if not one.shift:
+                derivatives.append((there - y) / one.step)
+                continue
+            back, also = self.residual({**values, one.name: values[one.name] - one.step})
+            good = good & also
+            derivatives.append((there - back) / (2.0 * one.step))
+            second[k, k] = (there - 2.0 * y + back) / one.step**2
+            ahead[one.name] = there
+        for i, one in enumerate(parameters):
+            for j in range(i):
+                other = parameters[j]
+                # Delay and drift of one sensor; those of different sensors move different noise.
+                if one in shifts and other in shifts and one.name.split(".")[1] == other.name.split(".")[1]:
+                    steps = {p.name: values[p.name] + p.step for p in (one, other)}
+                    both, also = self.residual({**values, **steps})
+                    good = good & also
+                    across = both - ahead[one.name] - ahead[other.name] + y
+                    second[i, j] = across / (one.step * other.step)
         thin = slice(None, None, self.stride)
         y, good, t = y[thin], good[thin], self.grid.t[thin]
-        columns = np.stack([d[thin] for d in derivatives], axis=2) if derivatives else np.zeros((*y.shape, 0))
+        p = len(parameters)
+        all_ = [d[thin] for d in (*derivatives, *second.values())]
+        columns = np.stack(all_, axis=2) if all_ else np.zeros((*y.shape, 0))
         parts = [self._white(y[:, k], columns[:, k], good, t) for k in range(y.shape[1])]
-        prior = np.array([one.prior for one in parameters])
-        at = np.array([values[one.name] for one in parameters])
         y, white, weight, blocks = (np.concatenate(x) for x in zip(*parts, strict=True))
-        return _Linear(y, white, weight, blocks, prior, at)
+        curvature = np.zeros((p, p))
+        for (i, j), column in zip(second, white[:, p:].T, strict=True):
+            curvature[i, j] = curvature[j, i] = float(np.sum(weight * y * column))
+        linear = _Linear(y, white[:, :p], weight, blocks, curvature)
+        linear.prior = np.array([one.prior for one in parameters])
+        linear.at = np.array([values[one.name] for one in parameters])
+        return linear
 
     def _white(self, y: Array, columns: Array, good: Mask, t: Array) -> tuple[Array, Array, Array, Array]:
         """Residual (m,) and derivatives (m, p) without memory and in deviations, weights, blocks."""
@@ -363,12 +417,17 @@ class _Problem:
         values = dict(values)
         if not active:
             return values
-        columns = range(len(active))
+        columns, begin = range(len(active)), dict(values)
         for _ in range(_ROUNDS):
             linear = self.linear(values, active)
-            change = linear.step(columns)
+            # A shift goes no further at once than the low-pass lets see, and never far from its start.
+            most = np.array([_FURTHEST * one.step if one.shift else np.inf for one in active])
+            change = np.clip(linear.step(columns), -most, most)
             for one, x in zip(active, change, strict=True):
-                values[one.name] += float(x)
+                away = np.inf if not one.shift else _FARTHEST * one.step
+                values[one.name] = float(
+                    np.clip(values[one.name] + x, begin[one.name] - away, begin[one.name] + away)
+                )
             if all(abs(x) < 0.02 * one.step for one, x in zip(active, change, strict=True)):
                 break
         return values

@@ -168,7 +168,9 @@ class VelocityResidual:
             p = np.stack([self.channels.at(name, t, values) for name in names], axis=1)
             known = self.grid.inside(self.channels.known(names, t, values))
             self._positions = {key: (self.grid.slope(p), known)}
-        return self._positions[key]
+        rate, known = self._positions[key]
+        size = np.array([1.0 + values.get("scale.depth", 0.0) if k == 2 else 1.0 for k in self.rows])
+        return rate * size, known
 
 
 class RatesResidual:

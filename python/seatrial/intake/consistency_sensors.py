@@ -32,6 +32,12 @@ _SURE_BIAS = 0.003  # m/s: what a Doppler log's own bias of w may be
 
 _LEAST_FORCE = 0.03  # m/s^2
 
+_FITS, _CLEARLY = 0.6, 0.7  # correlation of signs that are believed, and what they leave of the variance
+
+_SHARED = 0.3  # correlation from which a rough delay is believed
+
+_SLOW = 2.0  # times the interval of depth, velocity and attitude: a slower position is compared apart
+
 
 @dataclass(frozen=True)
 class Found:
@@ -51,6 +57,8 @@ class Found:
         Whether the sensor has another clock than the attitude.
     sizes
         Residual's root mean square as recorded and after axes, signs and units.
+    middle
+        Time at which a delay with a drift holds, s.
     """
 
     group: str
@@ -60,6 +68,7 @@ class Found:
     unit: dict[str, tuple[str, float]] = field(default_factory=dict)
     other_clock: bool = False
     sizes: tuple[float, float] = (0.0, 0.0)
+    middle: float = 0.0
 
 
 def _reach(channels: Channels, group: str) -> tuple[float, bool]:
@@ -69,10 +78,12 @@ def _reach(channels: Channels, group: str) -> tuple[float, bool]:
 
 def _timing(channels: Channels, group: str, grid: Grid) -> list[Parameter]:
     """Delay of a sensor, and the drift of its clock where it has one of its own."""
-    parameters = [Parameter(f"delay.{group}", 0.02, _LEAST_S, always=group in ("velocity", "rates"))]
+    parameters = [
+        Parameter(f"delay.{group}", 0.02, _LEAST_S, always=group in ("velocity", "rates"), shift=True)
+    ]
     if channels.clock(group) != channels.clock("attitude"):
         span = float(grid.t[-1] - grid.t[0])
-        parameters.append(Parameter(f"drift.{group}", 0.02 / span, 0.02 / span))
+        parameters.append(Parameter(f"drift.{group}", 0.02 / span, 0.02 / span, shift=True))
     return parameters
 
 
@@ -111,9 +122,9 @@ def rates_found(channels: Channels) -> Found | None:
     biases = tuple(Parameter(f"bias.{n}", 0.1 * DEGREE, _LEAST_BIAS) for n in names)
     channels.middle = float(grid.t.mean())
     parameters = [*_timing(channels, "rates", grid), *biases, *scales]
-    fit = fitted(residual, parameters, grid, {"delay.rates": found.delay})
+    fit = fitted(residual, parameters, grid, [{"delay.rates": found.delay}])
     _keep_delay(channels, "rates", fit)
-    return Found("rates", of, fit, found, units, other, sizes)
+    return Found("rates", of, fit, found, units, other, sizes, channels.middle)
 
 
 def _keep_delay(channels: Channels, group: str, fit: Fit | None) -> None:
@@ -122,44 +133,75 @@ def _keep_delay(channels: Channels, group: str, fit: Fit | None) -> None:
         channels.delay[group] = fit.values.get(f"delay.{group}", 0.0)
 
 
-def velocity_found(channels: Channels) -> Found | None:
-    """The velocity against position and depth; None where the log has not what it takes."""
+def velocity_found(channels: Channels) -> list[Found]:
+    """The velocity against position and depth; empty where the log has not what it takes.
+
+    A position that comes much more slowly than the depth is compared apart: the depth, at its own rate, tells
+    delay and tilt.
+    """
     have = set(channels.curves)
     rows = []
     if {"x", "y", "u", "v", "yaw"} <= have:
         rows += [0, 1]
     if {"z", "u", "w", "pitch"} <= have:
         rows += [2]
-    if not rows:
-        return None
+    parts = [tuple(rows)] if rows else []
+    if len(rows) == 3:
+        step = {name: channels.curves[name].step for name in ("x", "z", "u", "pitch")}
+        if step["x"] > _SLOW * max(step["z"], step["u"], step["pitch"]):
+            parts = [(2,), (0, 1)]
+    found = [
+        _velocity(channels, part, timed=k == 0, sized=k == len(parts) - 1) for k, part in enumerate(parts)
+    ]
+    return [one for one in found if one is not None]
+
+
+def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: bool) -> Found | None:
+    """The velocity against these rows of north, east and down; `timed`: with delay, `sized`: with scale."""
     used = tuple(["xyz"[k] for k in rows] + ["u", "v", "w", "roll", "pitch", "yaw"])
     grid = channels.grid(used, 2.0)
     if grid is None:
         return None
-    residual = VelocityResidual(channels, grid, tuple(rows))
+    residual = VelocityResidual(channels, grid, rows)
     before = _rms(residual({}))
     reach, other = _reach(channels, "velocity")
     reach = min(reach, 0.2 * float(grid.t[-1] - grid.t[0]))
     good = residual({})[1]
     whole = len(rows) == 3
-    assignment, ratio = (_by_axes if whole else _by_rows)(channels, grid, residual, good, tuple(rows), reach)
-    of = "rates of position and depth" if whole else "rate of depth" if rows == [2] else "rate of position"
+    known = channels.delay.get("velocity", 0.0)
+    assignment, ratio = (_by_axes if whole else _by_rows)(channels, grid, residual, good, rows, reach)
+    of = "rates of position and depth" if whole else "rate of depth" if rows == (2,) else "rate of position"
     of += " and the velocity, m/s"
     units: dict[str, tuple[str, float]] = {}
     if (unit := unit_of(ratio, "velocity")) is not None:
         units["velocity"] = unit
         scaled(channels, dict.fromkeys("uvw", unit[1]))
-    elif rows == [2] and (unit := unit_of(1.0 / max(ratio, 1e-300), "depth")) is not None:
+    elif rows == (2,) and (unit := unit_of(1.0 / max(ratio, 1e-300), "depth")) is not None:
         units["depth"] = unit
         scaled(channels, {"z": unit[1]})
-    residual = VelocityResidual(channels, grid, tuple(rows))
+    if units and not whole:  # the rough delay was told from samples of another size
+        residual = VelocityResidual(channels, grid, rows)
+        assignment, _ = _by_rows(channels, grid, residual, good, rows, reach)
+    if not timed:
+        channels.delay["velocity"] = known
+    residual = VelocityResidual(channels, grid, rows)
     sizes = (before, _rms(residual({})))
     channels.middle = float(grid.t.mean())
-    start = {"delay.velocity": channels.delay.pop("velocity", 0.0)}
-    fit = fitted(residual, _velocity_parameters(channels, grid, tuple(rows)), grid, start)
-    for group in ("velocity", *{channels.group("xyz"[k]) for k in rows}):
+    parameters = _velocity_parameters(channels, grid, rows)
+    starts: list[dict[str, float]] = [{}]
+    if timed:
+        starts = [
+            {"delay.velocity": delay} for delay in sorted({0.0, channels.delay.pop("velocity", 0.0)}, key=abs)
+        ]
+    else:
+        parameters = [one for one in parameters if not one.shift]
+    if not sized:
+        parameters = [one for one in parameters if one.name != "scale.velocity"]
+        parameters.append(Parameter("scale.depth", 0.01, 0.02, material=0.02))
+    fit = fitted(residual, parameters, grid, starts)
+    for group in ("velocity", *{channels.group("xyz"[k]) for k in rows}) if timed else ():
         _keep_delay(channels, group, fit)
-    return Found("velocity", of, fit, assignment, units, other, sizes)
+    return Found("velocity", of, fit, assignment, units, other, sizes, channels.middle)
 
 
 def _velocity_parameters(channels: Channels, grid: Grid, rows: tuple[int, ...]) -> list[Parameter]:
@@ -249,8 +291,7 @@ def _by_rows(
         strength = float(np.abs(np.diag(rho)).max())
         if strength > best[0]:
             best = (strength, delay, factor)
-    if best[0] > 0.3:
-        channels.delay["velocity"] = best[1]
+    channels.delay["velocity"] = best[1] if best[0] > _SHARED else 0.0
     values: dict[str, float] = {}
 
     def told(signs: tuple[float, ...]) -> tuple[float, float]:
@@ -268,13 +309,14 @@ def _by_rows(
     fits = {signs: told(signs) for signs in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))}
     own = fits[1.0, 1.0]
     chosen = max(fits, key=lambda signs: fits[signs][0])
-    if fits[chosen][0] < 0.9 or own[0] > 0.5:
+    left = [1.0 - max(fit[0], 0.0) ** 2 for fit in (fits[chosen], own)]
+    if fits[chosen][0] < _FITS or left[0] > _CLEARLY * left[1]:
         chosen = (1.0, 1.0)
     axes = {name: (name, sign) for name, sign in zip(names, chosen, strict=True)}
     channels.axes |= {name: entry for name, entry in axes.items() if entry[1] < 0.0}
     fit, ratio = fits[chosen]
     found = Assignment(channels.delay.get("velocity", 0.0), axes, dict.fromkeys(names, fit), ratio)
-    return found, ratio if fit > 0.6 else 1.0
+    return found, ratio if fit > _FITS else 1.0
 
 
 def force_found(channels: Channels, g: float = 9.81) -> Found | None:

@@ -18,7 +18,7 @@ _CERTAIN = 5.0
 
 _LEAST_S = 0.015
 
-_MATERIAL = 0.01  # share of the residual that a delay must take away: a lever arm may look like a small one
+_MATERIAL = 0.03  # share of the residual that a delay must take away: a lever arm may look like a small one
 
 _SENSOR = {"rates": "the gyro", "specific force": "the accelerometer"}
 
@@ -90,7 +90,7 @@ def _timing(found: Found, fit: Fit, channels: Channels) -> list[Correction]:
             continue
         value, sd = fit.values[name], fit.sd[name]
         if drift in fit.values:
-            value, sd = _at_zero(fit, name, drift, channels.middle)
+            value, sd = _at_zero(fit, name, drift, found.middle)
         if abs(value) > max(_CERTAIN * sd, _LEAST_S):
             made.append(
                 Correction(
@@ -112,7 +112,7 @@ def _timing(found: Found, fit: Fit, channels: Channels) -> list[Correction]:
         if kind == "drift":
             rate, sd = fit.values[name], fit.sd[name]
             own = channels.clock(group)
-            span = 2.0 * abs(channels.middle - _start(channels, group))
+            span = 2.0 * abs(found.middle - _start(channels, group))
             made.append(
                 Correction(
                     "clocks",
