@@ -31,7 +31,11 @@ _SLOWEST_S = 10.0  # slower changes are offsets and drifts
 
 _FITS, _FAILS = 0.6, 0.2  # mean correlation of an assignment that is believed, and of one that is not
 
-_TOLERANCE = 0.12  # how far a ratio may be off that of a unit
+_TOLERANCE, _WIDE, _FAR = (
+    0.12,
+    0.4,
+    20.0,
+)  # how far a ratio may be off that of a unit, and off that of a far one
 
 _SPIKE = 4.0  # times what three quarters of the samples do not reach
 
@@ -128,4 +132,8 @@ def unit_of(ratio: float, kind: str) -> tuple[str, float] | None:
     """
     if not ratio > 0.0 or 1.0 / _OFF < ratio < _OFF:
         return None
-    return next(((name, x) for name, x in UNITS[kind].items() if abs(ratio * x - 1.0) < _TOLERANCE), None)
+    for name, x in UNITS[kind].items():
+        far = x < 1.0 / _FAR or x > _FAR  # no other unit is near: noise may make up a part of the size
+        if abs(ratio * x - 1.0) < (_WIDE if far else _TOLERANCE):
+            return name, x
+    return None
