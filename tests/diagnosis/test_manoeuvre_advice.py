@@ -10,6 +10,7 @@ import pytest
 
 from seatrial._core import Vehicle
 from seatrial.diagnosis.advice import inseparable, manoeuvre, role, scaled
+from seatrial.identification.identification import derived
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 NAMES = Vehicle.load("cwolf").coefficient_info()
@@ -111,4 +112,8 @@ def test_sentences_are_those_of_the_actuators_that_the_vehicle_has() -> None:
     assert "bollard" not in pair
     assert "thrust" not in inseparable(["rudder_upper.C_La", "rudder_lower.C_La"], pushed=pushed, fins=fins)
     assert "bench" not in scaled(["rudder.C_La", "N_r"], 0.1, fins=fins)
+    assert "without way" not in inseparable(["Z_w", "Z_uw"], pushed=pushed, fins=fins)
+    assert not [
+        name for name in derived(torpedo) if name.startswith(("rudder thrust", "stern planes thrust"))
+    ]
     assert "vertical thrusters" in manoeuvre(role("Z_ww", pushed=pushed_axes(Vehicle.load("cwolf"))))

@@ -543,7 +543,9 @@ def _one_force(roles: Sequence[Role]) -> _Told:
         return "too little acceleration to tell inertia from drag", _ways(moved)
     lifts = [one for one in roles if one.kind == "lift"]
     if lifts:
-        way = f"{manoeuvre(lifts[0])}, and the same without way"
+        way = manoeuvre(lifts[0])
+        if lifts[0].force in lifts[0].pushed:
+            way += ", and the same without way"
         return "forward speed varies too little to tell them apart", way
     return f"{axis(rates[0])} speed varies too little to tell them apart", _ways(roles)
 

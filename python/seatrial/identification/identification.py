@@ -17,7 +17,7 @@ from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 from seatrial.identification.hold_out import POOLED, replayed
-from seatrial.vehicle.actuators import actuator_groups
+from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -243,8 +243,10 @@ def derived(vehicle: Vehicle) -> dict[str, float]:
     }
     found["net buoyancy B - m g, N"] = values.get("B", 0.0) - values["m"] * vehicle.environment()["g"]
     groups = actuator_groups(vehicle)
-    for suffix, words in (("gain", "thrust gain"), ("T_1", "lag T_1, s"), ("T_t", "dead time T_t, s")):
+    fins = set(fins_and_groups(vehicle))
+    for suffix, of_thrusters in (("gain", "thrust gain"), ("T_1", "lag T_1, s"), ("T_t", "dead time T_t, s")):
         for group, actuators in groups.items():
+            words = of_thrusters.replace("thrust", "lift") if set(actuators) <= fins else of_thrusters
             each = {
                 actuator: values[key] for actuator in actuators if (key := f"{actuator}.{suffix}") in values
             }
