@@ -160,3 +160,10 @@ def test_damaged_logs_are_read_in_part_or_refused(logs: dict[str, Path], kind: s
         path.write_bytes(mutated(source.read_bytes(), rng))
         complaint = survives(path)
         assert complaint is None, complaint
+
+
+def test_a_topic_of_a_ulog_without_stamps_is_left_out(tmp_path: Path) -> None:
+    path = log_files.ulog(tmp_path)
+    path.write_bytes(path.read_bytes().replace(b"uint64_t timestamp;", b"uint64_t timestemp;", 1))
+    with pytest.raises(TrialError, match="holds no topic with samples"):
+        open_log(path)

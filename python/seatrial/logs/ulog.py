@@ -52,6 +52,9 @@ class _ULog(Log):
             whole = self._parse(group)
             for data in whole.data_list:
                 names = [entry.field_name for entry in data.field_data]
+                if "timestamp" not in names:
+                    self.note(f"{_topic(data)}: its samples have no timestamp; left out")
+                    continue
                 self._units[_topic(data)] = {
                     n: "" for n in names if n != "timestamp" and not n.startswith("_")
                 }
