@@ -81,7 +81,7 @@ def fly(
 
     The exit code is 0 when the mission was complete and every waypoint reached, 1 when not, 2 for bad input.
     """
-    from seatrial.base.run import check_writable
+    from seatrial.base.run import check_writable, only_user
     from seatrial.cli.console import answer, formats, print_json
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.fly import fly as flown
@@ -113,7 +113,10 @@ def fly(
         return f"Results in {folder}: flight.json, flight.parquet, summary.txt and the inputs"
 
     def drawn() -> list[Path]:
-        return draw_flight(flight, folder, formats(pdf)) if figures else []
+        if not figures:
+            return []
+        with only_user(folder):  # another flight would replace the folder under the figures
+            return draw_flight(flight, folder, formats(pdf))
 
     if json:
         saved()
