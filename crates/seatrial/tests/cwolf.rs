@@ -5,9 +5,7 @@
 //! number. The others compare the file with numbers computed from its own assumptions by the formulas named,
 //! marked C (computed from Table I alone) or A (computed from an assumed value too; `vehicles/cwolf.toml` says which).
 
-#[path = "support/vehicles.rs"]
-mod vehicles;
-
+use crate::vehicles::{GRAVITY, fly, load, moving, times, value, with};
 use seatrial::description::Description;
 use seatrial::description::coefficients::{LIFT_NAMES, added_mass, quadratic};
 use seatrial::description::geometry::{cross_flow_drag, lamb_factors};
@@ -19,7 +17,6 @@ use seatrial::model::vehicle::{Instant, Vehicle};
 use seatrial::number::algebra::product;
 use seatrial::number::real::Real;
 use std::f64::consts::PI;
-use vehicles::{GRAVITY, fly, load, moving, times, value, with};
 
 /// The stern propellers.
 const STERN: [&str; 4] = ["SbU", "SbL", "PU", "PL"];

@@ -1,14 +1,11 @@
 //! Vehicle files: what is wrong is refused with its place and a way out; what is right survives a round
 //! trip.
 
-#[path = "support/vehicles.rs"]
-mod vehicles;
-
+use crate::vehicles::{cases, load, value, with};
 use proptest::prelude::*;
 use seatrial::description::coefficients::{HULL, PER_ACTUATOR};
 use seatrial::description::{Description, built_in, built_in_names};
 use std::collections::BTreeMap;
-use vehicles::{cases, load, value, with};
 
 /// A small vehicle with one thruster.
 const FILE: &str = r#"

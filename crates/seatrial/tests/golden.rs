@@ -3,9 +3,7 @@
 //! Sources: MSS toolbox (Fossen & Perez) run unmodified in Octave 7.3; the hydrodynamics unit test of
 //! gz-sim; Lamb's factors checked by quadrature; the formulas of Taubert et al. (2014) at CWolf's size.
 
-#[path = "support/vehicles.rs"]
-mod vehicles;
-
+use crate::vehicles::{distance, load, value};
 use seatrial::actuator::wrench::wrench_per_newton;
 use seatrial::description::coefficients::{added_mass, quadratic};
 use seatrial::description::geometry::{Geometry, Shape, lamb_factors};
@@ -15,7 +13,6 @@ use seatrial::model::restoring::Restoring;
 use seatrial::model::rigid_body::RigidBody;
 use seatrial::model::vehicle::Vehicle;
 use seatrial::number::algebra::{Mat3, product, skew};
-use vehicles::{distance, load, value};
 
 /// MSS `rbody`: 20 kg, radii of gyration 0.3, 0.5, 0.6 m about the centre of gravity.
 fn mss_body() -> RigidBody<f64> {
@@ -211,7 +208,7 @@ fn golden_cwolf_allocation_has_rank_five() {
 #[test]
 fn golden_lauv_straight_and_level_drag() {
     // da Silva et al. (2007): 2.4 u + 2.4 u² = 8.3398 N at 1.43 m/s.
-    let lauv = vehicles::with(&vehicles::hull(&body()), &[("X_u", -2.4), ("X_uu", -2.4)]);
+    let lauv = crate::vehicles::with(&crate::vehicles::hull(&body()), &[("X_u", -2.4), ("X_uu", -2.4)]);
     assert_eq!(value(&lauv, "X_u"), -2.4);
     let forces = Vehicle::nominal(&lauv).forces(
         &rotation(&[1.0, 0.0, 0.0, 0.0]),

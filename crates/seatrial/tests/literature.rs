@@ -4,13 +4,10 @@
 //! Mechanics*, drag of finite cylinders. Prestero: REMUS, MIT/WHOI 2001. Da Silva: da Silva et al. (2007),
 //! LAUV. What Taubert et al. (2014) print of CWolf: `tests/cwolf.rs`.
 
-#[path = "support/vehicles.rs"]
-mod vehicles;
-
+use crate::vehicles::{fly, hull, moving, times};
 use seatrial::description::geometry::{cross_flow_drag, lamb_factors};
 use seatrial::fit::inputs::Inputs;
 use seatrial::model::added_mass::AddedMass;
-use vehicles::{fly, hull, moving, times};
 
 #[test]
 fn lit_da_silva_lauv_trims_at_its_thrust() {

@@ -1,19 +1,11 @@
 //! Missions: the geometry of patterns and fences, what a file means, and what is refused.
 
-#[path = "mission/expansion.rs"]
 mod expansion;
-#[path = "mission/fence.rs"]
 mod fence;
-#[path = "mission/patterns.rs"]
 mod patterns;
-#[path = "mission/perimeter.rs"]
 mod perimeter;
-#[path = "mission/plan.rs"]
 mod plan;
-#[path = "mission/refusals.rs"]
 mod refusals;
-#[path = "support/vehicles.rs"]
-mod vehicles;
 
 use seatrial::mission::plane::Place;
 use seatrial::mission::{Mission, Waypoint};

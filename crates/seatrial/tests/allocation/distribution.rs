@@ -1,6 +1,6 @@
 //! The pseudo-inverse: exact where it can be, of least effort, bounded where it cannot.
 
-use crate::setup::Setup;
+use crate::allocation::setup::Setup;
 use crate::vehicles::{cases, load};
 use proptest::prelude::*;
 use seatrial::number::algebra::{Vec6, dot};
@@ -12,7 +12,8 @@ const HOVERING: [(&str, f64); 3] = [("beluga", 8.0), ("bluerov2-heavy", 8.0), ("
 fn forces(setup: &Setup, nu_r: &Vec6<f64>) -> Vec<f64> {
     let actuators = setup.vehicle.actuators.iter().zip(&setup.signals);
     let each = actuators.map(|(actuator, signal)| {
-        let thrust = actuator.directed(actuator.characteristic.thrust(*signal, crate::setup::VOLTAGE));
+        let thrust =
+            actuator.directed(actuator.characteristic.thrust(*signal, crate::allocation::setup::VOLTAGE));
         thrust.force + thrust.force_per_inflow * dot(&actuator.inflow, nu_r)
     });
     each.collect()

@@ -1,6 +1,6 @@
 //! Failed and stuck actuators.
 
-use crate::setup::Setup;
+use crate::allocation::setup::Setup;
 use crate::vehicles::load;
 use seatrial::control::allocation::authority;
 

@@ -1,6 +1,6 @@
 //! The deflection gives the force along the normal that is asked for.
 
-use crate::setup::Setup;
+use crate::allocation::setup::Setup;
 use crate::vehicles::{cases, load, with};
 use proptest::prelude::*;
 use seatrial::model::vehicle::Vehicle;

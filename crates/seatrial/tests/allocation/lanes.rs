@@ -1,6 +1,6 @@
 //! Lanes and single vehicles agree, with other failures in every lane.
 
-use crate::setup::{VOLTAGE, smooth};
+use crate::allocation::setup::{VOLTAGE, smooth};
 use crate::vehicles::load;
 use fearless_simd::{Level, Simd, SimdFrom, f64x8};
 use seatrial::control::allocation::{AllocationTable, Allocator};

@@ -1,6 +1,6 @@
 //! No chatter about the minimum revolutions.
 
-use crate::setup::Setup;
+use crate::allocation::setup::Setup;
 use crate::vehicles::load;
 use seatrial::actuator::motor::Limits;
 use seatrial::control::allocation::minimum::Hold;

@@ -1,6 +1,6 @@
 //! The bounded quadratic programme against its conditions of optimality.
 
-use crate::setup::Setup;
+use crate::allocation::setup::Setup;
 use crate::vehicles::cases;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;

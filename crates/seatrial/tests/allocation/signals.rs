@@ -1,6 +1,6 @@
 //! The inverse characteristic gives back the thrust that is asked for.
 
-use crate::setup::{Setup, VOLTAGE, smooth};
+use crate::allocation::setup::{Setup, VOLTAGE, smooth};
 use crate::vehicles::{cases, load, with};
 use proptest::prelude::*;
 use seatrial::actuator::characteristic::{Bias, Characteristic, FlowTerms, Shape, Table};

@@ -1,6 +1,6 @@
 //! Many cases: a case is a function of itself alone, and lanes fly as plain numbers do.
 
-use crate::flights::{DIVE, Trip, case, column, fault};
+use crate::closed_loop::flights::{DIVE, Trip, case, column, fault};
 use seatrial::control::autopilot::settings::tunable_index;
 use seatrial::control::navigation::{ChannelErrors, GroupTiming, Outage};
 use seatrial::flight::batch::{Case, Outcome};

@@ -1,7 +1,7 @@
 //! Every instruction set of this processor flies the same flights, forced by `SEATRIAL_SIMD`, which the process reads:
 //! the test starts itself once per level.
 
-use crate::batch::{cases, course, trip};
+use crate::closed_loop::batch::{cases, course, trip};
 use seatrial::number::lanes::{SIMD_VARIABLE, available_levels};
 use std::process::Command;
 
@@ -20,7 +20,12 @@ fn flights_of_this_process() {
 fn numbers(level: &str) -> Vec<f64> {
     let this = std::env::current_exe().expect("the path of this test");
     let output = Command::new(this)
-        .args(["--exact", "instruction_sets::flights_of_this_process", "--ignored", "--nocapture"])
+        .args([
+            "--exact",
+            "closed_loop::instruction_sets::flights_of_this_process",
+            "--ignored",
+            "--nocapture",
+        ])
         .env(SIMD_VARIABLE, level)
         .output()
         .expect("this test starts itself");

@@ -1,6 +1,6 @@
 //! The mode table at work.
 
-use crate::flights::{AUTOPILOT, DIVE, Trip, case, column};
+use crate::closed_loop::flights::{AUTOPILOT, DIVE, Trip, case, column};
 use seatrial::control::autopilot::settings::Settings;
 
 /// From rest the vehicle hovers, then cruises, and switches once.

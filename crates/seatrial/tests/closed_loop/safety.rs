@@ -1,6 +1,6 @@
 //! Each watch calls for its reaction, and each reaction does what it says.
 
-use crate::flights::{DIVE, Trip, case, column, fault};
+use crate::closed_loop::flights::{DIVE, Trip, case, column, fault};
 use seatrial::control::autopilot::channels::Use;
 use seatrial::control::navigation::{CHANNELS, Measurement, Outage};
 use seatrial::control::safety::{Alert, Circumstances, Reaction, SafetyTable, WATCH_NAMES, watch};

@@ -1,6 +1,6 @@
 //! Set points in place of guidance, and the constraint criteria of their responses.
 
-use crate::flights::{Trip, case, column};
+use crate::closed_loop::flights::{Trip, case, column};
 use proptest::prelude::*;
 use seatrial::control::autopilot::set_point::SET_POINTS;
 use seatrial::flight::batch::Case;

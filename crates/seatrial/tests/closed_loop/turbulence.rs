@@ -1,6 +1,6 @@
 //! The turbulent current is the process that it says, and moves the vehicle as water does.
 
-use crate::flights::{Trip, case, column};
+use crate::closed_loop::flights::{Trip, case, column};
 use seatrial::flight::turbulence::Turbulence;
 use seatrial::model::kinematics::{from_euler, rotation};
 
@@ -93,7 +93,7 @@ fn turbulence_is_continuous_with_the_rate_that_it_says() {
 
 #[test]
 fn law_the_water_of_a_flight_is_that_of_its_seed() {
-    let mut trip = Trip::cwolf(crate::flights::DIVE);
+    let mut trip = Trip::cwolf(crate::closed_loop::flights::DIVE);
     trip.seconds = 60.0;
     let (mean, sigma) = ([0.2, -0.1, 0.0], [0.05, 0.08, 0.01]);
     let mut rough = case(mean);

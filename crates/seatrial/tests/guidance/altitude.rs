@@ -1,6 +1,6 @@
 //! Legs that follow the bottom.
 
-use crate::vessel::{DT, Kind, Vessel, fly, guidance, pass, start, table};
+use crate::guidance::vessel::{DT, Kind, Vessel, fly, guidance, pass, start, table};
 use seatrial::control::guidance::{Fix, Method};
 use seatrial::mission::{Vertical, Waypoint};
 

@@ -1,6 +1,6 @@
 //! Circles.
 
-use crate::vessel::{
+use crate::guidance::vessel::{
     Kind, Point, Vessel, cases, fly, guidance, largest, pass, range, start, table, waypoint,
 };
 use proptest::prelude::*;

@@ -1,6 +1,8 @@
 //! Station-keeping.
 
-use crate::vessel::{DT, Kind, Point, Vessel, cases, fly, guidance, largest, pass, range, table, waypoint};
+use crate::guidance::vessel::{
+    DT, Kind, Point, Vessel, cases, fly, guidance, largest, pass, range, table, waypoint,
+};
 use proptest::prelude::*;
 use seatrial::control::guidance::Method;
 use seatrial::mission::Task;

@@ -1,6 +1,6 @@
 //! What the integral keeps over a turn, and what it does not learn.
 
-use crate::vessel::{DT, Kind, Point, Vessel, fly, go_on, guidance, largest, pass, start, table};
+use crate::guidance::vessel::{DT, Kind, Point, Vessel, fly, go_on, guidance, largest, pass, start, table};
 use seatrial::control::guidance::{Fix, GuidanceTable, Method};
 
 /// Two lanes to the north and south, 25 m apart.

@@ -1,6 +1,6 @@
 //! Limits of what is desired.
 
-use crate::vessel::{DT, Kind, Vessel, cases, fly, guidance, pass, table, waypoint};
+use crate::guidance::vessel::{DT, Kind, Vessel, cases, fly, guidance, pass, table, waypoint};
 use proptest::prelude::*;
 use seatrial::control::guidance::{Fix, GuidanceTable, Method};
 use seatrial::mission::{Start, Task};

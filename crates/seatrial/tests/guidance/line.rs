@@ -1,6 +1,6 @@
 //! Straight paths in all quadrants.
 
-use crate::vessel::{Kind, Vessel, cases, fly, guidance, largest, pass, start, table};
+use crate::guidance::vessel::{Kind, Vessel, cases, fly, guidance, largest, pass, start, table};
 use proptest::prelude::*;
 use seatrial::control::guidance::{Desired, Fix, Guidance, GuidanceTable, Method};
 use seatrial::number::real::Real;

@@ -1,6 +1,6 @@
 //! Lanes against `f64`: each lane has its own guidance and its own place in the mission.
 
-use crate::vessel::{DT, Kind, Vessel, go_on, guidance, pass, start, table, waypoint};
+use crate::guidance::vessel::{DT, Kind, Vessel, go_on, guidance, pass, start, table, waypoint};
 use fearless_simd::{Level, Simd, SimdFrom, f64x8};
 use seatrial::control::guidance::{Desired, Fix, Guidance, GuidanceTable, Method};
 use seatrial::mission::{Task, Vertical, Waypoint};

@@ -1,6 +1,6 @@
 //! Which waypoint is active.
 
-use crate::vessel::{DT, Kind, Vessel, cases, fly, guidance, largest, pass, range, start, table};
+use crate::guidance::vessel::{DT, Kind, Vessel, cases, fly, guidance, largest, pass, range, start, table};
 use proptest::prelude::*;
 use seatrial::control::guidance::{Fix, Method, TUNABLE};
 use std::f64::consts::PI;
@@ -57,7 +57,7 @@ fn law_switching_not_for_a_vehicle_that_begins_beyond_the_plane() {
         let guidance = guidance(&table(method), Kind::Torpedo);
         let mut vessel = Vessel::new(Kind::Torpedo, 0.0, 1.5).at([90.0, 5.0, 10.0]);
         let mut progress = guidance.begin(&start([0.0, 0.0, 10.0]), &waypoints);
-        let flight = crate::vessel::go_on(&guidance, &waypoints, &mut progress, &mut vessel, 300.0);
+        let flight = crate::guidance::vessel::go_on(&guidance, &waypoints, &mut progress, &mut vessel, 300.0);
         assert!(flight.last().unwrap().desired.done == 1.0);
         assert!(progress.farthest_miss() <= 3.0, "{method:?}: {}", progress.farthest_miss());
     }
@@ -115,10 +115,10 @@ fn law_stop_here_ends_the_mission_at_the_present_place() {
         let guidance = guidance(&table(Method::Integral), kind);
         let mut vessel = Vessel::new(kind, 0.0, 1.5).in_current([0.0, 0.2, 0.0]);
         let mut progress = guidance.begin(&start(vessel.position), &waypoints);
-        crate::vessel::go_on(&guidance, &waypoints, &mut progress, &mut vessel, 40.0);
+        crate::guidance::vessel::go_on(&guidance, &waypoints, &mut progress, &mut vessel, 40.0);
         let place = vessel.position;
         guidance.stop_here(&mut progress, &vessel.fix(), true);
-        let flight = crate::vessel::go_on(&guidance, &waypoints, &mut progress, &mut vessel, 600.0);
+        let flight = crate::guidance::vessel::go_on(&guidance, &waypoints, &mut progress, &mut vessel, 600.0);
         for p in &flight[5000..] {
             assert!(p.desired.done == 1.0 && range(p.vessel.position, place) < most);
             assert!((p.vessel.position[2] - place[2]).abs() < 0.1);

@@ -1,6 +1,6 @@
 //! The turn from one leg to the next begins before the waypoint.
 
-use crate::vessel::{Kind, Vessel, cases, fly, guidance, largest, pass, table};
+use crate::guidance::vessel::{Kind, Vessel, cases, fly, guidance, largest, pass, table};
 use proptest::prelude::*;
 use seatrial::control::guidance::{GuidanceTable, Method};
 

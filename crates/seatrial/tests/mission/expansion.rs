@@ -1,6 +1,6 @@
 //! What a file means: defaults, order, and the file again.
 
-use crate::mission;
+use crate::mission::mission;
 use seatrial::mission::{Mission, MissionFile, Task, Vertical};
 use std::f64::consts::PI;
 

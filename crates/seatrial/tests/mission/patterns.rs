@@ -1,7 +1,7 @@
 //! Lawnmower and spiral.
 
+use crate::mission::{mission, places};
 use crate::vehicles::cases;
-use crate::{mission, places};
 use proptest::prelude::*;
 use seatrial::mission::patterns::{Coil, Rectangle};
 use seatrial::mission::plane::{cross, difference, distance, distance_to_stretch, towards};

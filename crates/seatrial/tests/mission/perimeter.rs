@@ -1,7 +1,7 @@
 //! Rounds about a fish farm.
 
+use crate::mission::{mission, places, read};
 use crate::vehicles::cases;
-use crate::{mission, places, read};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use seatrial::mission::farm::{Farm, Round};

@@ -1,6 +1,6 @@
 //! Length, time, course and slope.
 
-use crate::mission;
+use crate::mission::mission;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// Rounding of sums of some hundred metres.

@@ -1,6 +1,6 @@
 //! What is wrong is refused in one sentence with file, leg and key.
 
-use crate::read;
+use crate::mission::read;
 use seatrial::mission::Mission;
 
 /// A good leg to stand before a bad one.

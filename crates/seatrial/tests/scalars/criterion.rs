@@ -1,6 +1,6 @@
 //! The criterion that accumulates is the sum over the run, and masked samples do not matter.
 
-use crate::candidates::{Trials, inputs};
+use crate::scalars::candidates::{Trials, inputs};
 use seatrial::fit::criterion::{CHANNELS, Loss, channels};
 use seatrial::fit::record::Record;
 use seatrial::number::real::Real;

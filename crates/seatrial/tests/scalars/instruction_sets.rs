@@ -3,8 +3,8 @@
 //!
 //! The variable is read by the process, so these tests start themselves once per level.
 
-use crate::candidates::Trials;
-use crate::flights::{Flights, NAMES};
+use crate::scalars::candidates::Trials;
+use crate::scalars::flights::{Flights, NAMES};
 use seatrial::fit::criterion::{CHANNELS, Loss};
 use seatrial::number::lanes::{SIMD_VARIABLE, available_levels, level};
 use std::process::Command;
@@ -59,7 +59,7 @@ fn derivatives_of_this_process() {
 fn print_of(test: &str, variable: &str) -> String {
     let this = std::env::current_exe().expect("the path of this test");
     let output = Command::new(this)
-        .args(["--exact", &format!("instruction_sets::{test}"), "--ignored", "--nocapture"])
+        .args(["--exact", &format!("scalars::instruction_sets::{test}"), "--ignored", "--nocapture"])
         .env(SIMD_VARIABLE, variable)
         .output()
         .expect("this test starts itself");

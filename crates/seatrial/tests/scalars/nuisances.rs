@@ -1,6 +1,6 @@
 //! Nuisance parameters and initial conditions do what their definition says.
 
-use crate::flights::{Flights, NAMES, noise};
+use crate::scalars::flights::{Flights, NAMES, noise};
 use seatrial::fit::criterion::{CHANNEL_NAMES, CHANNELS, channels};
 use seatrial::fit::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
 use seatrial::model::integrate::State;

@@ -1,6 +1,6 @@
 //! Motors that are played once per record do what they do in every flight.
 
-use crate::flights::{Flights, NAMES};
+use crate::scalars::flights::{Flights, NAMES};
 use seatrial::fit::record::MotorStart;
 
 #[test]

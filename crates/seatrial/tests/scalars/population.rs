@@ -1,6 +1,6 @@
 //! A candidate's result is its own: of lane neighbours, batch size, order and threads independent.
 
-use crate::candidates::Trials;
+use crate::scalars::candidates::Trials;
 use seatrial::Error;
 use seatrial::fit::criterion::{CHANNELS, Loss};
 use std::sync::atomic::AtomicBool;

@@ -1,7 +1,7 @@
 //! Exact derivatives of whole flights: the values are the plain model's, the partials those of finite
 //! differences, and neither threads nor grouping nor instruction set matter.
 
-use crate::flights::{Flights, NAMES, noise};
+use crate::scalars::flights::{Flights, NAMES, noise};
 use crate::vehicles::{hull, moving, times};
 use seatrial::description::assembly::Structure;
 use seatrial::fit::criterion::{CHANNELS, Loss};

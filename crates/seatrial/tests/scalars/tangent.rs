@@ -1,7 +1,7 @@
 //! A and B of the equation of motion: against difference quotients of the plain model, and both sets of
 //! coordinates against each other.
 
-use crate::flights::{NAMES, vehicle};
+use crate::scalars::flights::{NAMES, vehicle};
 use crate::vehicles::{attitude, body, cases, velocity, with};
 use proptest::array::uniform3;
 use proptest::prelude::*;

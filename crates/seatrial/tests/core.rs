@@ -1,0 +1,18 @@
+//! The evidence of the core in one binary: the physics in lanes, dual numbers and plain numbers is compiled once for all.
+
+mod allocation;
+mod closed_loop;
+mod control;
+mod cwolf;
+mod files;
+mod golden;
+mod guidance;
+mod laws;
+mod literature;
+mod lqr;
+mod mission;
+mod order;
+mod ranges;
+mod scalars;
+#[path = "support/vehicles.rs"]
+mod vehicles;
