@@ -57,7 +57,7 @@ def test_bluerov_campaign_is_ready_and_thrusters_turn_as_the_data_say(
     folder, made = bluerov
     # As MOT_n_DIRECTION of the same frame in ardusub_small/small.tlog, which this log does not carry.
     assert made.reversed_thrusters == ("thruster_3", "thruster_4", "thruster_6", "thruster_7")
-    assert [mode for _, mode in made.trials[0].modes][1:3] == ["GUIDED", "ALT_HOLD"]
+    assert [mode for _, mode in made.trials[0].modes][:3] == ["SURFTRAK", "GUIDED", "ALT_HOLD"]
     held = made.trials[0].hold_out_s
     assert held is not None
     assert held[0] == pytest.approx(732.3)  # the change of mode nearest to the proposed part

@@ -257,11 +257,14 @@ class _BinaryLog(Log):
             self.note(f"{lost} of {self.index.data_len} bytes are no readable messages; the others were read")
 
 
+_LATER_SUB_MODES = {20: "MOTOR_DETECT", 21: "SURFTRAK"}
+"""Modes of ArduSub 4.5 and later by their number (ArduSub's documentation), which pymavlink does not name."""
+
+
 def _modes(path: Path, messages: Sequence[str]) -> dict[int, str]:
     """Name by number of the flight modes of the firmware that wrote the messages."""
     mavutil = extra("pymavlink.mavutil", path)
     tables = (
-        ("ArduSub", "mode_mapping_sub"),
         ("ArduRover", "mode_mapping_rover"),
         ("ArduCopter", "mode_mapping_acm"),
         ("ArduPlane", "mode_mapping_apm"),
@@ -269,7 +272,7 @@ def _modes(path: Path, messages: Sequence[str]) -> dict[int, str]:
     for firmware, table in tables:
         if any(firmware in text for text in messages):
             return dict(getattr(mavutil, table, {}))
-    return dict(getattr(mavutil, "mode_mapping_sub", {}))
+    return _LATER_SUB_MODES | dict(getattr(mavutil, "mode_mapping_sub", {}))
 
 
 @dataclass
