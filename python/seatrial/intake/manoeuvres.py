@@ -174,8 +174,8 @@ def manoeuvres(trial: Trial, vehicle: Vehicle | None = None) -> list[Manoeuvre]:
     >>> surge = np.where(t < 20.0, 0.0, 30.0)
     >>> trial = st.Trial.read({"t_s": t, "u_m_s": np.minimum(0.05 * np.maximum(t - 20.0, 0.0), 1.0),
     ...     "tau.X_n": surge})
-    >>> manoeuvres(trial)[0].sentence
-    'step of the surge force from 0 to 30 N at 20 s, held for 40 s'
+    >>> [one.sentence for one in manoeuvres(trial) if one.kind == "step"]
+    ['step of the surge force from 0 to 30 N at 20 s, held for 40 s']
     """
     driving = drives(trial, vehicle)
     motion = _Motion(trial)
