@@ -159,9 +159,7 @@ def mutated(tree: dict[str, Any], random: Random) -> dict[str, Any]:
                 nested = [nested] if random.random() < 0.5 else {"a": nested}
             owner[last] = nested
         elif kind < 0.91 and isinstance(owner, dict) and len(list(places(value))) < 5:
-            owner.update({
-                f"k{i}": copy.deepcopy(value) for i in range(random.choice((3, 30, 300, 300, 300, 300, LONG)))
-            })
+            owner.update({f"k{i}": value for i in range(random.choice((3, 30, 300, 300, 300, 300, LONG)))})
             break
         elif isinstance(owner, dict):
             other = random.choice(all_places)
@@ -186,6 +184,8 @@ def written(value: Any) -> str:
             for i, (key, entry) in enumerate(item.items()):
                 pieces += [_Literal(f"{', ' if i else ''}{quoted(key)} = "), entry]
             stack.extend(reversed([*pieces, _Literal("}")]))
+        elif isinstance(item, list) and len(item) > 1 and all(entry is item[0] for entry in item):
+            parts.append(f"[{(written(item[0]) + ', ') * len(item)}]")
         elif isinstance(item, list):
             pieces = [_Literal("[")]
             for entry in item:
@@ -209,6 +209,7 @@ class _Literal:
         self.text = text
 
 
+@cache
 def quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 

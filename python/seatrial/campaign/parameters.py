@@ -29,6 +29,10 @@ OF_AN_AXIS = re.compile(rf"([{AXES}])_(0|[{VELOCITIES}]dot|[{VELOCITIES}]{{1,2}}
 """A coefficient of a force: the force's letter, and what it is proportional to."""
 
 
+# Unit, start value and default bounds by coefficient, as the vehicle gives them: asked for once per stage.
+_Facts = Mapping[str, Mapping[str, Any]]
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of the search, in the unit of its first coefficient.
@@ -65,8 +69,9 @@ def parameters(stage: Stage, vehicle: Vehicle, where: str) -> tuple[Parameter, .
     CampaignError
         An unknown coefficient, a coefficient freed twice, no default bounds, bounds that exclude the start.
     """
+    known = vehicle.coefficient_info()
     freed = tuple(
-        _parameter(name, entry, vehicle, f"{where}, coefficient {name!r}")
+        _parameter(name, entry, vehicle, known, f"{where}, coefficient {name!r}")
         for name, entry in stage.coefficients.items()
     )
     owner: dict[str, str] = {}
@@ -106,9 +111,8 @@ def coefficients(chosen: Sequence[Parameter], values: Sequence[float] | Array) -
     }
 
 
-def _expand(name: str, vehicle: Vehicle, where: str) -> list[str]:
+def _expand(name: str, vehicle: Vehicle, known: _Facts, where: str) -> list[str]:
     """Coefficients behind a name: itself, or that of every actuator of a group."""
-    known = vehicle.coefficient_info()
     for candidate in (name, _transposed(name)):
         if candidate in known:
             return [candidate]
@@ -136,9 +140,9 @@ def _transposed(name: str) -> str:
     return f"{AXES[VELOCITIES.index(velocity)]}_{VELOCITIES[AXES.index(force)]}dot"
 
 
-def _parameter(name: str, entry: Coefficient, vehicle: Vehicle, where: str) -> Parameter:
-    info, values = vehicle.coefficient_info(), vehicle.coefficients()
-    own = _expand(name, vehicle, where)
+def _parameter(name: str, entry: Coefficient, vehicle: Vehicle, known: _Facts, where: str) -> Parameter:
+    values = vehicle.coefficients()
+    own = _expand(name, vehicle, known, where)
     first = values.get(own[0], 0.0)
     if entry.relative and any(values.get(member, 0.0) == 0.0 for member in own):
         raise CampaignError(
@@ -147,9 +151,9 @@ def _parameter(name: str, entry: Coefficient, vehicle: Vehicle, where: str) -> P
         )
     members = [(member, values[member] / first if entry.relative else 1.0) for member in own]
     for tie in entry.tie:
-        members += [(member, tie.factor) for member in _expand(tie.name, vehicle, f"{where}, tie")]
+        members += [(member, tie.factor) for member in _expand(tie.name, vehicle, known, f"{where}, tie")]
 
-    facts: Mapping[str, Any] = info[own[0]]
+    facts = known[own[0]]
     unit = str(facts["unit"])
     scale = first if entry.relative else 1.0
     start = first if entry.start is None else scale * entry.start
