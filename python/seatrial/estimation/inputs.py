@@ -222,10 +222,10 @@ class InputJudgement:
             f" (singular values {', '.join(_rounded(x) for x in self.thrusts.singular_values)})"
         ]
         if self.thrusts.still:
-            kinds: dict[str, list[str]] = {"thrust": [], "deflection": []}
+            kinds: dict[str, list[str]] = {"thrust": [], "lift": []}
             for name in self.thrusts.still:
-                kinds["deflection" if name in self.fins else "thrust"].append(name)
-            said += [f"Never change their {what}: {_and(names)}" for what, names in kinds.items() if names]
+                kinds["lift" if name in self.fins else "thrust"].append(name)
+            said += [f"The {what} of {_and(names)} hardly changes" for what, names in kinds.items() if names]
         return said + self.thrusts.sentences()
 
     def _gain_sentences(self) -> list[str]:
