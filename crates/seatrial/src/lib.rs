@@ -15,6 +15,7 @@
 //! | [`actuator`] | from a command to a force: motor, characteristic of a thruster, fin |
 //! | [`model`] | the equation of motion, each term a file; one step of time; the tangent |
 //! | [`description`] | where its constants come from: vehicle file, geometry, coefficients, actuators placed |
+//! | [`filter`] | the navigation filter: the vehicle as process model, its covariance, what sensors show |
 //! | [`fit`] | recorded commands through the model, and the distance from what was measured |
 //! | [`mission`] | the mission file and the waypoints that it means |
 //! | [`control`] | the autopilot: navigation, guidance, control laws, allocation, safety |
@@ -24,6 +25,7 @@ pub mod actuator;
 pub mod control;
 pub mod description;
 pub mod error;
+pub mod filter;
 pub mod fit;
 pub mod flight;
 pub mod mission;

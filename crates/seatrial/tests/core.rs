@@ -5,6 +5,7 @@ mod closed_loop;
 mod control;
 mod cwolf;
 mod files;
+mod filter;
 mod golden;
 mod guidance;
 mod laws;

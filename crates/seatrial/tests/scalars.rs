@@ -5,7 +5,7 @@ mod candidates;
 mod criterion;
 mod dual;
 mod elementary;
-mod flights;
+pub mod flights;
 mod instruction_sets;
 mod model;
 mod nuisances;

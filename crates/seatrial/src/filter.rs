@@ -1,0 +1,16 @@
+//! The navigation filter: an error-state extended Kalman filter whose process model is the identified vehicle.
+//!
+//! In reading order: [`estimate`], the state and its small error; [`error_state`], the covariance of that error, its
+//! prediction and its scalar updates; [`process`], one step of the vehicle with its exact Jacobian; [`observation`],
+//! what a sensor shows of a state, with the row of its Jacobian; [`innovation`], whether a sample is believed.
+//!
+//! Source: Solà, *Quaternion kinematics for the error-state Kalman filter* (2017), chapters 5 and 6; Farrell, *Aided
+//! Navigation* (2008), chapter 5; Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control* (2021),
+//! chapter 13.
+//! Tests: `tests/filter.rs`.
+
+pub mod error_state;
+pub mod estimate;
+pub mod innovation;
+pub mod observation;
+pub mod process;

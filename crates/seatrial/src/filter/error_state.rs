@@ -1,0 +1,286 @@
+//! The covariance of the error of a state: predicted through the Jacobian of a step, updated by one scalar at a time.
+//!
+//! Prediction: `P ← F P Fᵀ + Q`. F has the shape of the state ([`super::estimate`]): twelve rows of motion that depend on
+//! attitude, velocity, force and, for the position, the current; below them a diagonal. The products that this shape
+//! makes zero are left out.
+//!
+//! Update by `z = h x + v`, `v ~ (0, r)`: `s = h P hᵀ + r`, `K = P hᵀ/s`, and in Joseph form
+//! `P ← (I − K h) P (I − K h)ᵀ + K r Kᵀ`: a sum of two positive semidefinite matrices, whatever rounding does to K.
+//! The rows of several uncorrelated scalars may be taken at the same state: the error found so far is subtracted from
+//! each residual, and moved into the state once. Then the sum of `ν²/s` over them is the normalised innovation squared
+//! of the whole vector.
+//!
+//! Source: Bucy & Joseph, *Filtering for Stochastic Processes* (1968); Bierman, *Factorization Methods for Discrete
+//! Sequential Estimation* (1977), chapter II; Farrell (2008), sections 5.5 and 6.7.
+//! Tests: `tests/filter/error_state.rs` (against dense matrix algebra, millions of steps).
+
+use super::estimate::{ATTITUDE, CURRENT, FORCE, POSITION};
+
+/// The rows of motion: position, attitude and velocity.
+pub const MOTION: usize = FORCE;
+
+/// The columns of the Jacobian of a step: attitude, velocity and force; one more to fill two vectors.
+pub const COLUMNS: usize = 16;
+
+/// The derivatives of position, attitude and velocity after a step by attitude, velocity and force before it.
+pub type Block = [[f64; COLUMNS]; MOTION];
+
+/// The columns in use: attitude, velocity and force lie side by side.
+const USED: usize = CURRENT - ATTITUDE;
+
+/// The largest number of components that a row touches.
+const MOST: usize = 12;
+
+/// One row of the Jacobian of an observation: few components, each with its derivative.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    entries: [(usize, f64); MOST],
+    count: usize,
+}
+
+impl Row {
+    /// Derivatives of consecutive components, each part from its first one on.
+    ///
+    /// # Panics
+    /// More than twelve in all.
+    #[inline(always)]
+    pub fn of<const K: usize>(parts: [(usize, [f64; 3]); K]) -> Self {
+        let mut row = Self { entries: [(0, 0.0); MOST], count: 3 * K };
+        for (k, (first, derivatives)) in parts.iter().enumerate() {
+            for i in 0..3 {
+                row.entries[3 * k + i] = (first + i, derivatives[i]);
+            }
+        }
+        row
+    }
+
+    /// The components and their derivatives.
+    #[inline(always)]
+    pub fn entries(&self) -> &[(usize, f64)] {
+        &self.entries[..self.count]
+    }
+
+    /// `h x`.
+    #[inline(always)]
+    pub fn times(&self, x: &[f64]) -> f64 {
+        self.entries().iter().map(|&(i, h)| h * x[i]).sum()
+    }
+
+    /// `h hᵀ`.
+    #[inline(always)]
+    fn square(&self) -> f64 {
+        self.entries().iter().map(|&(_, h)| h * h).sum()
+    }
+}
+
+/// How a step moves the error.
+#[derive(Clone, Debug)]
+pub struct Transition<const N: usize> {
+    /// Derivatives of the motion.
+    pub block: Block,
+    /// Displacement per velocity of the current, s.
+    pub drift: f64,
+    /// Diagonal of F from the force on; what stands before is not read.
+    pub decay: [f64; N],
+    /// Diagonal of Q.
+    pub noise: [f64; N],
+}
+
+impl<const N: usize> Transition<N> {
+    /// A step that changes nothing.
+    pub fn identity() -> Self {
+        let mut block = [[0.0; COLUMNS]; MOTION];
+        for i in ATTITUDE..MOTION {
+            block[i][i - ATTITUDE] = 1.0;
+        }
+        Self { block, drift: 0.0, decay: [1.0; N], noise: [0.0; N] }
+    }
+
+    /// F as a full matrix, for those who compare.
+    pub fn dense(&self) -> [[f64; N]; N] {
+        let mut f = [[0.0; N]; N];
+        for i in 0..MOTION {
+            f[i][ATTITUDE..CURRENT].copy_from_slice(&self.block[i][..USED]);
+        }
+        for i in 0..3 {
+            f[POSITION + i][POSITION + i] = 1.0;
+            f[POSITION + i][CURRENT + i] = self.drift;
+        }
+        for i in MOTION..N {
+            f[i][i] = self.decay[i];
+        }
+        f
+    }
+
+    /// `F x`.
+    #[inline(always)]
+    pub fn times(&self, x: &[f64; N]) -> [f64; N] {
+        let mut y = [0.0; N];
+        for i in 0..MOTION {
+            y[i] = (0..USED).map(|k| self.block[i][k] * x[ATTITUDE + k]).sum();
+        }
+        for i in 0..3 {
+            y[POSITION + i] += x[POSITION + i] + self.drift * x[CURRENT + i];
+        }
+        for i in MOTION..N {
+            y[i] = self.decay[i] * x[i];
+        }
+        y
+    }
+}
+
+/// What an observation says against what was expected of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Innovation {
+    /// Residual less the error found so far: measured minus expected.
+    pub value: f64,
+    /// Its variance.
+    pub variance: f64,
+}
+
+impl Innovation {
+    /// The normalised innovation squared: χ² of one degree of freedom where the filter is consistent.
+    #[inline(always)]
+    pub fn normalised_squared(&self) -> f64 {
+        self.value * self.value / self.variance
+    }
+}
+
+/// The error of an estimate: its covariance, and what observations have found of it and is not yet injected.
+#[derive(Clone, Debug)]
+pub struct ErrorState<const N: usize> {
+    /// P.
+    pub covariance: [[f64; N]; N],
+    /// The mean of the error.
+    pub error: [f64; N],
+}
+
+impl<const N: usize> ErrorState<N> {
+    /// An error of independent components with these standard deviations.
+    pub fn new(deviations: &[f64; N]) -> Self {
+        let mut covariance = [[0.0; N]; N];
+        for i in 0..N {
+            covariance[i][i] = deviations[i] * deviations[i];
+        }
+        Self { covariance, error: [0.0; N] }
+    }
+
+    /// The standard deviation of a component.
+    pub fn deviation(&self, i: usize) -> f64 {
+        self.covariance[i][i].max(0.0).sqrt()
+    }
+
+    /// `P ← F P Fᵀ + Q`.
+    #[inline(always)]
+    pub fn predict(&mut self, step: &Transition<N>) {
+        let p = &mut self.covariance;
+        // F P, rows of motion.
+        let mut rows = [[0.0; N]; MOTION];
+        for i in 0..MOTION {
+            let mut row = [0.0; N];
+            if i < ATTITUDE {
+                for j in 0..N {
+                    row[j] = p[i][j] + step.drift * p[CURRENT + i][j];
+                }
+            }
+            for k in 0..USED {
+                let f = step.block[i][k];
+                for j in 0..N {
+                    row[j] += f * p[ATTITUDE + k][j];
+                }
+            }
+            rows[i] = row;
+        }
+        // Fᵀ by rows, so that the second product runs along them too.
+        let mut transposed = [[0.0; MOTION]; USED];
+        for i in 0..MOTION {
+            for k in 0..USED {
+                transposed[k][i] = step.block[i][k];
+            }
+        }
+        for i in 0..MOTION {
+            let mut motion = [0.0; MOTION];
+            for j in 0..3 {
+                motion[j] = rows[i][j] + step.drift * rows[i][CURRENT + j];
+            }
+            for k in 0..USED {
+                let a = rows[i][ATTITUDE + k];
+                for j in 0..MOTION {
+                    motion[j] += a * transposed[k][j];
+                }
+            }
+            p[i][..MOTION].copy_from_slice(&motion);
+            for j in MOTION..N {
+                p[i][j] = rows[i][j] * step.decay[j];
+            }
+        }
+        for i in MOTION..N {
+            for j in MOTION..N {
+                p[i][j] *= step.decay[i] * step.decay[j];
+            }
+        }
+        // One triangle rules: rounding leaves no asymmetry that could grow.
+        for i in 0..N {
+            for j in 0..i {
+                p[i][j] = p[j][i];
+            }
+            p[i][i] += step.noise[i];
+        }
+    }
+
+    /// What a scalar of variance `variance` says whose residual at the estimate is `residual`.
+    #[inline(always)]
+    pub fn innovation(&self, row: &Row, residual: f64, variance: f64) -> Innovation {
+        let mut spread = variance;
+        for &(i, h) in row.entries() {
+            spread += h * row.times(&self.covariance[i]);
+        }
+        Innovation { value: residual - row.times(&self.error), variance: spread }
+    }
+
+    /// Takes a scalar: mean and covariance of the error after it.
+    #[inline(always)]
+    pub fn update(&mut self, row: &Row, innovation: &Innovation, variance: f64) {
+        let p = &mut self.covariance;
+        // h P, along rows of the symmetric P.
+        let mut c = [0.0; N];
+        for &(k, h) in row.entries() {
+            for j in 0..N {
+                c[j] += h * p[k][j];
+            }
+        }
+        let scale = 1.0 / innovation.variance;
+        let mut gain = [0.0; N];
+        for j in 0..N {
+            gain[j] = c[j] * scale;
+            self.error[j] += gain[j] * innovation.value;
+        }
+        // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ.
+        for i in 0..N {
+            let k = gain[i];
+            for j in 0..N {
+                p[i][j] -= k * c[j];
+            }
+            let rest = row.times(&p[i]) - variance * k;
+            for j in 0..N {
+                p[i][j] -= rest * gain[j];
+            }
+        }
+    }
+
+    /// Forgets so much of the components that a scalar shows that the scalar's variance grows by `variance`.
+    pub fn forget(&mut self, row: &Row, variance: f64) {
+        let scale = variance / row.square().powi(2).max(f64::MIN_POSITIVE);
+        for &(i, a) in row.entries() {
+            for &(j, b) in row.entries() {
+                self.covariance[i][j] += a * b * scale;
+            }
+        }
+    }
+
+    /// The error found so far, which is none from then on.
+    #[inline(always)]
+    pub fn take(&mut self) -> [f64; N] {
+        std::mem::replace(&mut self.error, [0.0; N])
+    }
+}

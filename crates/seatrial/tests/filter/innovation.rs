@@ -1,0 +1,54 @@
+//! Wild samples are refused, and a filter that is wrong finds back.
+
+use seatrial::filter::error_state::{ErrorState, Row, Transition};
+use seatrial::filter::estimate::{POSITION, STATES};
+use seatrial::filter::innovation::{Gate, Verdict, Watch};
+
+const NORTH: [(usize, [f64; 3]); 1] = [(POSITION, [1.0, 0.0, 0.0])];
+
+#[test]
+fn law_an_outlier_moves_nothing() {
+    let mut state = ErrorState::<STATES>::new(&[1.0; STATES]);
+    let (before, mut watch, row) = (state.clone(), Watch::default(), Row::of(NORTH));
+    for wild in [50.0, -1e300, f64::NAN, f64::INFINITY] {
+        assert_eq!(watch.judge(&mut state, &Gate::default(), (&row, wild, 0.01), 1.0), Verdict::Refused);
+    }
+    assert_eq!(state.covariance, before.covariance);
+    assert_eq!(state.error, before.error);
+    assert_eq!((watch.taken, watch.refused), (0, 4));
+    assert_eq!(watch.judge(&mut state, &Gate::default(), (&row, 0.5, 0.01), 1.1), Verdict::Taken);
+}
+
+#[test]
+fn a_sensor_that_is_refused_for_long_is_believed_again() {
+    let mut state = ErrorState::<STATES>::new(&[0.1; STATES]);
+    let (mut watch, row, gate) = (Watch::default(), Row::of(NORTH), Gate::default());
+    let mut verdicts = Vec::new();
+    for k in 0..100 {
+        let time = 0.1 * f64::from(k);
+        let residual = 30.0 - state.error[POSITION];
+        // The error stays in `state.error`, so that the residual is against the first estimate.
+        let residual = residual + state.error[POSITION];
+        state.predict(&Transition::identity());
+        verdicts.push(watch.judge(&mut state, &gate, (&row, residual, 0.01), time));
+    }
+    let recovered = verdicts.iter().position(|v| *v == Verdict::Recovered).expect("it recovers");
+    assert_eq!(recovered, 50, "after five seconds of refusals");
+    assert!(verdicts[..recovered].iter().all(|v| *v == Verdict::Refused));
+    assert!(verdicts[recovered + 1..].iter().all(|v| *v == Verdict::Taken));
+    assert!((state.error[POSITION] - 30.0).abs() < 0.5, "{}", state.error[POSITION]);
+    assert_eq!(watch.recovered, 1);
+}
+
+#[test]
+fn a_good_sample_between_ends_the_wait() {
+    let mut state = ErrorState::<STATES>::new(&[0.1; STATES]);
+    let (mut watch, row, gate) = (Watch::default(), Row::of(NORTH), Gate::default());
+    for k in 0..200 {
+        let wild = if k % 10 == 0 { 0.0 } else { 30.0 };
+        let residual = wild + state.error[POSITION];
+        let verdict = watch.judge(&mut state, &gate, (&row, residual, 0.01), 0.1 * f64::from(k));
+        assert_ne!(verdict, Verdict::Recovered);
+    }
+    assert_eq!(watch.refused, 180);
+}
