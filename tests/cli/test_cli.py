@@ -203,6 +203,10 @@ def test_new_then_identify_then_score(starter: Path, here: Path) -> None:
     scored = json.loads(call(*score, "--columns-from", starter / "campaign.toml").stdout)
     assert scored["trials"] == ["zigzag", "straight"]
     assert scored["channels"]["u"]["r2"] > 0.9
+    zigzag = starter / "logs" / "zigzag.csv"
+    trained = call("score", "run/vehicle.toml", zigzag, "--train", starter / "logs" / "straight.csv")
+    assert "R2 first order" in trained.stdout
+    refused(call("score", "run/vehicle.toml", zigzag, "--train", zigzag), "it is scored, too")
     assert (
         "R2" in call("score", starter / "vehicle.toml", starter / "logs" / "zigzag.csv", "--free-run").stdout
     )

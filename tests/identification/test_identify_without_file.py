@@ -43,6 +43,21 @@ def test_truth_is_found_and_the_end_of_every_trial_judges(fit: st.Identification
     assert fit.sigma["X_uu"] > 0.0
 
 
+def test_baselines_are_judged_on_the_windows_of_the_result(fit: st.Identification) -> None:
+    assert list(fit.baselines) == ["hold last", "mean", "first order", "linear"]
+    pooled = next(iter(fit.scores["hold_out"]["ahead"].values()))
+    assert fit.baselines == pooled.baselines
+    assert set(fit.baselines["linear"]) == {"u"}  # the other axes are replayed
+    assert fit.to_dict()["baselines"] == fit.baselines
+    assert "beside baselines, on held-out data" in fit.summary()
+    assert "Does not beat" not in fit.summary()  # the true model class beats them all
+    better = replace(pooled, baselines={"first order": {"u": 1.0}})
+    beaten = replace(fit, scores={**fit.scores, "hold_out": {"ahead": {"straight": better}}})
+    first = beaten.report().lines()[0]
+    assert "Does not beat a baseline in u (R2 " in first
+    assert "first order 1.0000)" in first
+
+
 def test_a_file_with_the_same_content_gives_the_same_numbers(fit: st.Identification) -> None:
     text = """
 format = 1

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from seatrial._core import Vehicle as CoreVehicle
 from seatrial.base.errors import TrialError
 from seatrial.trial.comparison import compare
-from seatrial.trial.score import score, windows
+from seatrial.trial.score import score
 from seatrial.trial.trial import Trial
+from seatrial.trial.windows import windows
 from tests.trial import motion
 
 T = np.arange(0.0, 60.0, 0.1)

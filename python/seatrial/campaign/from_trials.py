@@ -166,7 +166,7 @@ def _axes(names: Sequence[str]) -> str:
 
 
 def _input(vehicle: Vehicle, trial: Trial) -> Input:
-    from seatrial.trial.score import default_input
+    from seatrial.trial.windows import default_input
 
     return default_input(vehicle, trial)
 

@@ -37,6 +37,14 @@ def score(
             " be compared on the same windows; repeatable.",
         ),
     ] = None,
+    train: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="TRIAL",
+            help="A recording that the vehicle was identified from: baselines are fitted to it and judged"
+            " beside the vehicle; repeatable.",
+        ),
+    ] = None,
     own_stamps: Annotated[
         bool, typer.Option("--own-stamps", help="Compare at every sensor's own stamps, not on the time base.")
     ] = False,
@@ -52,6 +60,7 @@ def score(
     With --against, which vehicle or table of predictions is better, and whether these trials can tell.
     """
     from seatrial._core import Vehicle
+    from seatrial.base.errors import TrialError
     from seatrial.cli.console import answer, check_axes, formats, print_json
     from seatrial.trial.comparison import compare
     from seatrial.trial.predictions import Predictions, is_table
@@ -65,9 +74,14 @@ def score(
         for label, name in _labels([vehicle, *(against or [])]).items()
     }
     chosen = read_trials(trials, columns_from)
+    training = read_trials(train, columns_from) if train else []
+    if both := {one.source for one in training} & {one.source for one in chosen}:
+        raise TrialError(
+            f"--train {min(both)}: it is scored, too; a baseline knows its training trials: name others"
+        )
     measured = "".join(axis for axis in "XYZKMN" if axis not in free)
     options: dict[str, Any] = {"free_run": free_run, "free": free, "measured": measured}
-    options["own_stamps"] = own_stamps
+    options |= {"own_stamps": own_stamps, "training": training}
     found: Score | Comparison
     report: Report
     if len(vehicles) == 1:

@@ -260,6 +260,7 @@ def _hold_out(campaign: Campaign, joint: Joint, vehicle: Vehicle) -> dict[str, f
         vehicle,
         [campaign.trials[name] for name in names],
         ahead_s=_AHEAD_S,
+        training=None,
         channels=joint.channels,
         input=campaign.input_of(names[0]),
         free=axes.free,

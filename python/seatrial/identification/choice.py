@@ -186,7 +186,9 @@ def _errors(
     campaign: Campaign, vehicle: Vehicle, nuisances: Mapping[str, Mapping[str, float]] | None
 ) -> dict[str, float]:
     """SSE / SST per channel ten seconds ahead on what is held out, pooled over trials."""
-    scores = part_scores(campaign, vehicle, nuisances=nuisances, parts=("hold_out",), kinds=("ahead",)).scores
+    scores = part_scores(
+        campaign, vehicle, nuisances=nuisances, parts=("hold_out",), kinds=("ahead",), baselines=False
+    ).scores
     errors: dict[str, list[tuple[float, float]]] = {}
     for trial, score in scores.get("hold_out", {}).get("ahead", {}).items():
         if trial != POOLED:

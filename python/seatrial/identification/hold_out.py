@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import TrialError
 from seatrial.campaign.campaign import Campaign
+from seatrial.trial.baselines import Baselines, fit_baselines
 from seatrial.trial.score import Score, score
 from seatrial.trial.trial import Trial
 
@@ -43,6 +44,7 @@ def part_scores(
     ahead_s: float = 10.0,
     parts: Sequence[str] = ("fit", "hold_out"),
     kinds: Sequence[str] = ("ahead", "free"),
+    baselines: bool = True,
 ) -> PartScores:
     """Scores on the fitted and the held-out part of every trial, some seconds ahead and for a free run.
 
@@ -56,24 +58,46 @@ def part_scores(
         The simulation restarts from the measured state after this time, s.
     parts, kinds : sequence of str
         Those that are wanted.
+    baselines : bool
+        Whether the baselines are fitted to the training part and judged on the same windows.
     """
     fitted = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
     missing: list[str] = []
     found: dict[str, dict[str, dict[str, Score]]] = {}
+    training = _part(campaign, fitted, "fit") if "fit" in parts or baselines else {}
+    simple = _baselines(campaign, training) if baselines else None
     for part in parts:
-        trials: dict[str, Trial] = {}
-        for name in fitted if part == "fit" else campaign.trials:
-            held_out = campaign.held_out(name)
-            mask = ~held_out if part == "fit" else held_out
-            if mask.any():
-                trial = campaign.trials[name]
-                trials[name] = replace(trial, valid=trial.valid & mask[:, None])
+        trials = training if part == "fit" else _part(campaign, list(campaign.trials), part)
         if trials:
             found[part] = {
-                kind: _scores(campaign, vehicle, trials, ahead_s, kind == "free", nuisances, missing)
+                kind: _scores(campaign, vehicle, trials, ahead_s, kind == "free", nuisances, missing, simple)
                 for kind in kinds
             }
     return PartScores(found, tuple(dict.fromkeys(missing)))
+
+
+def _part(campaign: Campaign, names: Sequence[str], part: str) -> dict[str, Trial]:
+    """Trials of which some samples belong to a part ("fit", "hold_out"), the others masked."""
+    trials: dict[str, Trial] = {}
+    for name in names:
+        held_out = campaign.held_out(name)
+        mask = ~held_out if part == "fit" else held_out
+        if mask.any():
+            trial = campaign.trials[name]
+            trials[name] = replace(trial, valid=trial.valid & mask[:, None])
+    return trials
+
+
+def _baselines(campaign: Campaign, training: Mapping[str, Trial]) -> Baselines:
+    """Baselines of the training part; forces are those of the vehicle before its identification."""
+    inputs = {campaign.input_of(name) for name in training}
+    return fit_baselines(
+        list(training.values()),
+        vehicle=campaign.vehicle,
+        input=inputs.pop() if len(inputs) == 1 else None,
+        free=_freed(campaign),
+        measured=replayed(campaign),
+    )
 
 
 def _scores(
@@ -84,6 +108,7 @@ def _scores(
     free_run: bool,
     nuisances: Mapping[str, Mapping[str, float]] | None,
     missing: list[str],
+    simple: Baselines | None,
 ) -> dict[str, Score]:
     free = _freed(campaign)
 
@@ -100,6 +125,7 @@ def _scores(
             free=free,
             measured=replayed(campaign),
             nuisances=nuisances,
+            training=simple,
         )
 
     found: dict[str, Score] = {}

@@ -17,6 +17,8 @@ from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 from seatrial.identification.hold_out import POOLED, replayed
+from seatrial.trial.baselines import not_beaten
+from seatrial.trial.score import score_text
 from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
 
 if TYPE_CHECKING:
@@ -27,17 +29,7 @@ if TYPE_CHECKING:
     from seatrial.estimation.scale import ScaleReport
     from seatrial.trial.score import Score
 
-__all__ = [
-    "Estimate",
-    "Identification",
-    "advice",
-    "derived",
-    "distinct",
-    "estimates",
-    "plus_minus",
-    "report",
-    "score_text",
-]
+__all__ = ["Estimate", "Identification", "advice", "derived", "distinct", "estimates", "plus_minus", "report"]
 
 _AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
@@ -168,6 +160,16 @@ class Identification(RunResult):
         """Standard deviations of the jointly estimated coefficients, SI; infinite if undetermined."""
         return {row.name: row.sigma for row in self.coefficients if row.sigma is not None}
 
+    @property
+    def baselines(self) -> dict[str, dict[str, float]]:
+        """R2 by baseline and velocity channel, ten seconds ahead on what is held out.
+
+        On the windows of the model's own score, after a fit of the baselines to the same training part
+        (`seatrial.trial.baselines`); on the training part itself where nothing is held out.
+        """
+        score = _judged(self)
+        return {} if score is None else {name: dict(row) for name, row in score.baselines.items()}
+
     def score_rows(self) -> Iterator[dict[str, Any]]:
         """A row per part, kind, trial and channel of the scores."""
         for part, kinds in self.scores.items():
@@ -196,6 +198,7 @@ class Identification(RunResult):
                 }
                 for part, of in self.scores.items()
             },
+            "baselines": self.baselines,
             "replayed": list(replayed(self.campaign)),
             "choice": None if self.choice is None else self.choice.to_dict(),
             "notes": list(self.notes),
@@ -337,6 +340,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         _coefficient_table(fit, truth or {}),
         _nuisance_table(fit),
         _held_out_table(fit),
+        _baseline_table(fit),
         _choice_table(fit),
     )
     return Report(
@@ -358,6 +362,9 @@ def _how_good(fit: Identification) -> str:
     said = [_prediction(fit)]
     if fit.doubt:
         said.insert(0, f"{fit.doubt}.")
+    score = _judged(fit)
+    if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
+        said.insert(0, f"Does not beat a baseline in {simpler}.")
     choice = fit.choice
     if choice is not None and choice.result == "stages":
         said.insert(0, "The stages' coefficients, for the joint estimate predicts worse outside its fit.")
@@ -365,6 +372,13 @@ def _how_good(fit: Identification) -> str:
         count = choice.polished.rounds
         said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
     return " ".join(said)
+
+
+def _judged(fit: Identification) -> Score | None:
+    """The score that heads the summary: ten seconds ahead on what is held out, else on the training part."""
+    return _pooled(fit.scores.get("hold_out", {}).get("ahead", {})) or _pooled(
+        fit.scores.get("fit", {}).get("ahead", {})
+    )
 
 
 def _prediction(fit: Identification) -> str:
@@ -525,6 +539,23 @@ def _held_out_table(fit: Identification) -> Table:
     )
 
 
+def _baseline_table(fit: Identification) -> Table:
+    """R2 of the model and of the baselines per velocity, ten seconds ahead."""
+    score = _judged(fit)
+    rows = [
+        (c, score_text(one.r2), *(score_text(row[c]) if c in row else "" for row in score.baselines.values()))
+        for c, one in ({} if score is None else score).items()
+        if score is not None and any(c in row for row in score.baselines.values())
+    ]
+    words = "held-out data" if fit.scores.get("hold_out", {}).get("ahead") else "the training data"
+    names = () if score is None else tuple(score.baselines)
+    return Table.of(
+        f"R2 {10 if score is None else score.ahead_s:g} s ahead beside baselines, on {words}",
+        ("channel", "model", *names),
+        rows,
+    )
+
+
 def _choice_table(fit: Identification) -> Table:
     """R2 per channel of the stages and of the joint estimate, on data outside the fit."""
     choice = fit.choice
@@ -595,13 +626,6 @@ def _replayed_words(fit: Identification) -> str:
     """Axes that every score replays from the recording, to add to a title; empty where there are none."""
     axes = replayed(fit.campaign)
     return f"; {', '.join(_AXES[AXES.index(axis)] for axis in axes)} replayed, not predicted" if axes else ""
-
-
-def score_text(value: float) -> str:
-    """An R2 in three decimals, in short where it is far below zero, in words where there is none."""
-    if not math.isfinite(value):
-        return "none" if math.isnan(value) else "diverged"
-    return f"{value:.3f}" if value > -10.0 else f"{value:.0f}"
 
 
 def distinct(fit: Identification) -> tuple[Estimate, ...]:

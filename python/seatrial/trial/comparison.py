@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -44,9 +44,11 @@ from seatrial.base.channels import readable
 from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
+from seatrial.trial.baselines import fit_baselines, not_beaten
 from seatrial.trial.predictions import Predictions
-from seatrial.trial.score import REPLAYED, Score, Window, channel_errors, kind, score
+from seatrial.trial.score import REPLAYED, Score, kind, score, score_text
 from seatrial.trial.trial import Input, Trial
+from seatrial.trial.windows import Window, channel_errors
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -268,7 +270,12 @@ class Comparison:
 
     def sentences(self) -> tuple[str, ...]:
         """What the windows tell of every further vehicle, and what they do not."""
-        return tuple(sentence(self, name) for name in self.scores if name != self.reference)
+        simpler = [
+            f"{name} does not beat a baseline in {where}."
+            for name, one in self.scores.items()
+            if (where := not_beaten(one.evidence, one.baselines))
+        ]
+        return (*(sentence(self, name) for name in self.scores if name != self.reference), *simpler)
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison as plain data for JSON, without the simulated samples."""
@@ -309,6 +316,7 @@ def compare(
     free: str = "XYZKMN",
     measured: str = "",
     own_stamps: bool = False,
+    training: Trial | Sequence[Trial] = (),
     level: float = 0.95,
 ) -> Comparison:
     """Comparison of vehicles on the same windows of the same trials; the first one is the reference.
@@ -318,7 +326,7 @@ def compare(
     vehicles
         Models, or predictions of others, by the names under which they are to be shown, at least two. All are
         judged on the windows and channels that every table of predictions covers.
-    trials, ahead_s, channels, start_s, stop_s, free_run, input, free, measured, own_stamps
+    trials, ahead_s, channels, start_s, stop_s, free_run, input, free, measured, own_stamps, training
         As for `seatrial.score`.
     level
         Probability with which all intervals hold together.
@@ -362,11 +370,17 @@ def compare(
             free=free,
             measured=measured,
             own_stamps=own_stamps,
+            training=None,
         )
         for name, vehicle in vehicles.items()
     }
     scores = _shared(scores, {n: v for n, v in vehicles.items() if isinstance(v, Predictions)})
     first, *others = scores
+    model = next((one for one in vehicles.values() if not isinstance(one, Predictions)), None)
+    learnt = [training] if isinstance(training, Trial) else training
+    baselines = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
+    simple = baselines.r2(scores[first].windows, scores[first].channels)
+    scores = {name: replace(one, baselines=simple) for name, one in scores.items()}
     # A channel that never moves has no R2, and one that is replayed is no evidence.
     compared = [c for c, one in scores[first].items() if not (np.isnan(one.r2) or one.replayed)]
     alpha = (1.0 - level) / max(len(others), 1)
@@ -514,6 +528,11 @@ def _table(comparison: Comparison) -> Table:
                     own.verdict,
                 ]
             rows.append((*cells, *[""] * (8 - len(cells))))
+        rows += [
+            ("", f"baseline: {name}", score_text(row[channel]), *[""] * 5)
+            for name, row in scores[reference].baselines.items()
+            if channel in row
+        ]
     rows += [
         ("all", one.vehicle, "", "", "", "", _span(one.error_ratio, one.error_interval, ""), one.verdict)
         for one in comparison.overall

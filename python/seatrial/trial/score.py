@@ -11,190 +11,29 @@ Tests: ``tests/trial/test_score.py``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial._core import nuisance_names
-from seatrial.base.arrays import Array, Mask
-from seatrial.base.channels import ANGLES, AXES, CHANNELS, deviations, difference, readable
+from seatrial.base.arrays import Mask
+from seatrial.base.channels import AXES, CHANNELS, readable
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Report, Section, Table
+from seatrial.trial.baselines import Baselines, fit_baselines, not_beaten
 from seatrial.trial.predictions import Predictions
-from seatrial.trial.record import Record, Replay, cut_spans, restarted
 from seatrial.trial.trial import Input, Trial
+from seatrial.trial.windows import Window, channel_errors, predict, windows
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = [
-    "REPLAYED",
-    "ChannelScore",
-    "Score",
-    "Window",
-    "channel_errors",
-    "default_input",
-    "kind",
-    "predict",
-    "score",
-    "windows",
-]
+__all__ = ["REPLAYED", "ChannelScore", "Score", "covered", "kind", "score", "score_text"]
 
 REPLAYED = "replayed"
 """What a table shows in place of the R2 of a channel whose axis follows the recording."""
-
-_CONVERGED = 5e-3  # change by halving the step, in standard deviations of the simulated velocity
-
-_MOST_SUBSTEPS = 64
-
-
-@dataclass(frozen=True, eq=False)
-class Window:
-    """Samples `start` to `stop` (exclusive) of a trial and the channels simulated there (n, 12), SI.
-
-    With ``own_stamps`` it is compared at the stamps of each sensor instead of the trial's time base.
-    """
-
-    trial: Trial
-    start: int
-    stop: int
-    simulated: Array
-    own_stamps: bool = False
-
-    def compared(self, channel: str) -> tuple[Array, Array]:
-        """Simulated and measured samples (m,) of a channel that count, SI: not the first, no masked one."""
-        k = CHANNELS.index(channel)
-        if self.own_stamps and channel in self.trial.samples:
-            times = self.trial.t[self.start : self.stop]
-            t, y = self.trial.samples[channel]
-            inside = (t > times[0]) & (t <= times[-1])
-            track = self.simulated[:, k]
-            with np.errstate(invalid="ignore"):  # a simulation that diverged
-                path = np.unwrap(track) if channel in ANGLES else track
-            return np.interp(t[inside], times, path), y[inside]
-        samples = slice(self.start + 1, self.stop)
-        counted = self.trial.valid[samples, k]
-        return self.simulated[1:, k][counted], self.trial.observed[samples, k][counted]
-
-
-def windows(
-    trial: Trial, ahead_s: float, *, start_s: float | None = None, stop_s: float | None = None
-) -> tuple[list[tuple[int, int]], int, int]:
-    """Windows (start, stop) in samples, one following the other, and how many start late or are left out.
-
-    A window starts at a sample where it may (`Trial.startable`), the next one where the last one ended.
-
-    Raises
-    ------
-    TrialError
-        If none can start.
-    """
-    first = 0 if start_s is None else int(np.searchsorted(trial.t, start_s - 1e-9))
-    last = len(trial) if stop_s is None else int(np.searchsorted(trial.t, stop_s - 1e-9))
-    length = last if np.isinf(ahead_s) else max(1, round(ahead_s / trial.dt))
-    spans = cut_spans(trial, first, last, length + 1)
-    planned = [first, *(stop - 1 for _, stop in spans)]
-    late = sum(start > plan for (start, _), plan in zip(spans, planned, strict=False))
-    starts = [*(start for start, _ in spans), last - 1]
-    left_out = sum((start - plan) // length for start, plan in zip(starts, planned, strict=True))
-    if not spans:
-        raise TrialError(
-            f"{trial.name}: no window can start from {trial.t[0] if start_s is None else start_s:g} s "
-            f"to {trial.t[-1] if stop_s is None else stop_s:g} s: every sample there is masked or outside "
-            "the record; see the trial's report"
-        )
-    return spans, late, left_out
-
-
-def default_input(vehicle: Vehicle, trial: Trial) -> Input:
-    """What drives the vehicle in this trial: its commands, else measured signals, else the recorded wrench.
-
-    Raises
-    ------
-    TrialError
-        If none is recorded for this vehicle's actuators.
-    """
-    for name, recorded in (("commands", trial.commands), ("measured", trial.measured)):
-        if vehicle.actuators and all(actuator in recorded for actuator in vehicle.actuators):
-            return "commands" if name == "commands" else "measured"
-    if trial.tau is not None:
-        return "tau"
-    missing = [actuator for actuator in vehicle.actuators if actuator not in trial.commands]
-    raise TrialError(
-        f"{trial.name}: nothing drives the vehicle {vehicle.name}: expected commands of all its "
-        f"actuators, their measured signals or a wrench; no column cmd.{', cmd.'.join(missing)}"
-    )
-
-
-def predict(
-    vehicle: Vehicle,
-    trial: Trial,
-    spans: Sequence[tuple[int, int]],
-    *,
-    input: Input | None = None,
-    free: str = "XYZKMN",
-    measured: str = "",
-    nuisance: Mapping[str, float] | None = None,
-) -> list[Window]:
-    """Windows of a trial simulated from the smoothed state at their start, channels in SI.
-
-    The step of the record is halved until no velocity changes by more than 0.5 % of its standard deviation.
-    Nuisance parameters by name say what the record's sensors and the water add to the motion.
-
-    Raises
-    ------
-    TrialError
-        If the input or the supply voltage that the vehicle needs is not recorded.
-    """
-    chosen = input or default_input(vehicle, trial)
-    _check_inputs(vehicle, trial, chosen)
-    record = Record(trial, chosen, trial.valid)
-    replay = Replay(vehicle, (record,), tuple(restarted(trial, spans)), free=free, measured=measured)
-    row = np.array([[(nuisance or {}).get(name, 0.0) for name in nuisance_names()]])
-    result: list[Window] = []
-    substeps = 1
-    while substeps <= _MOST_SUBSTEPS:
-        tracks = replace(replay, substeps=substeps).simulated(nuisance=row)
-        coarser = result
-        result = [
-            Window(trial, start, stop, track) for (start, stop), track in zip(spans, tracks, strict=True)
-        ]
-        if coarser and _converged(coarser, result):
-            break
-        substeps *= 2
-    return result
-
-
-def _check_inputs(vehicle: Vehicle, trial: Trial, chosen: Input) -> None:
-    if chosen == "tau":
-        return
-    recorded = trial.commands if chosen == "commands" else trial.measured
-    column = "cmd" if chosen == "commands" else "meas"
-    missing = [actuator for actuator in vehicle.actuators if actuator not in recorded]
-    if missing:
-        raise TrialError(
-            f"{trial.name}: the vehicle {vehicle.name} has actuators without a recorded signal: "
-            f"{', '.join(missing)}; map the columns {column}.{missing[0]} ..."
-        )
-    tables = any(facts["needs_voltage"] for facts in vehicle.actuator_info().values())
-    if trial.voltage_v is None and tables:
-        raise TrialError(
-            f"{trial.name}: the thrust tables of the vehicle {vehicle.name} depend on the supply voltage, "
-            'which is not recorded; map the column voltage_v, or use input="tau"'
-        )
-
-
-def _converged(coarser: Sequence[Window], finer: Sequence[Window]) -> bool:
-    """Whether no simulated velocity changed noticeably; what diverges with every step counts as converged."""
-    a = np.concatenate([window.simulated[:, :6] for window in coarser])
-    b = np.concatenate([window.simulated[:, :6] for window in finer])
-    known = np.isfinite(a) & np.isfinite(b)
-    if not np.array_equal(np.isfinite(a), np.isfinite(b)):
-        return False
-    change = np.where(known, a - b, 0.0).std(axis=0)
-    return bool(np.all(change <= _CONVERGED * np.where(known, b, 0.0).std(axis=0) + 1e-12))
 
 
 @dataclass(frozen=True)
@@ -227,6 +66,8 @@ class Score(Mapping[str, ChannelScore]):
         Windows that started later than planned because the planned sample was masked, and those left out.
     windows
         What was simulated, for figures.
+    baselines
+        R2 on the same windows by baseline (`seatrial.trial.baselines.BASELINES`) and velocity channel.
     """
 
     channels: dict[str, ChannelScore]
@@ -235,6 +76,7 @@ class Score(Mapping[str, ChannelScore]):
     shifted: int
     skipped: int
     windows: tuple[Window, ...]
+    baselines: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __getitem__(self, channel: str) -> ChannelScore:
         return self.channels[channel]
@@ -249,6 +91,11 @@ class Score(Mapping[str, ChannelScore]):
     def r2(self) -> dict[str, float]:
         """R2 by channel."""
         return {name: channel.r2 for name, channel in self.channels.items()}
+
+    @property
+    def evidence(self) -> dict[str, float]:
+        """R2 by channel, without replayed ones: those say nothing of the model."""
+        return {name: channel.r2 for name, channel in self.channels.items() if not channel.replayed}
 
     @property
     def mae(self) -> dict[str, float]:
@@ -286,7 +133,7 @@ class Score(Mapping[str, ChannelScore]):
             if name in channels
         }
         skipped = self.skipped + len(self.windows) - len(windows)
-        return replace(self, channels=table, windows=windows, skipped=skipped)
+        return replace(self, channels=table, windows=windows, skipped=skipped, baselines={})
 
     def to_dict(self) -> dict[str, Any]:
         """The score as plain data for JSON, without the simulated samples."""
@@ -297,6 +144,7 @@ class Score(Mapping[str, ChannelScore]):
             "shifted": self.shifted,
             "skipped": self.skipped,
             "channels": {name: asdict(channel) for name, channel in self.channels.items()},
+            "baselines": {name: dict(row) for name, row in self.baselines.items()},
         }
 
     def __repr__(self) -> str:
@@ -315,8 +163,11 @@ class Score(Mapping[str, ChannelScore]):
             scale, unit = readable(name)
             errors = (f"{scale * channel.mae:.4g}", f"{scale * channel.rmse:.4g}")
             r2 = REPLAYED if channel.replayed else f"{channel.r2:.3f}"
-            rows.append((name, r2, *errors, unit, str(channel.n)))
-        head = ("channel", "R2", "MAE", "RMSE", Column("unit", align="left"), "samples")
+            rivals = (score_text(row[name]) if name in row else "" for row in self.baselines.values())
+            rows.append((name, r2, *errors, unit, str(channel.n), *rivals))
+        unit_column = Column("unit", align="left")
+        simple = [f"R2 {baseline}" for baseline in self.baselines]
+        head: list[str | Column] = ["channel", "R2", "MAE", "RMSE", unit_column, "samples", *simple]
         trials = ", ".join(self.trials)
         title = f"{trials}: {kind(self)} ({self.shifted} started late, {self.skipped} left out)"
         good, worst, next_step = _verdict(self)
@@ -331,6 +182,13 @@ class Score(Mapping[str, ChannelScore]):
 
     def __str__(self) -> str:
         return self.report().sections[0].tables[0].text()
+
+
+def score_text(value: float) -> str:
+    """An R2 in three decimals, in short where it is far below zero, in words where there is none."""
+    if not math.isfinite(value):
+        return "none" if math.isnan(value) else "diverged"
+    return f"{value:.3f}" if value > -10.0 else f"{value:.0f}" if value > -1e5 else "diverged"
 
 
 def _verdict(score: Score) -> tuple[str, str, str]:
@@ -350,6 +208,8 @@ def _verdict(score: Score) -> tuple[str, str, str]:
         f"predicts {', '.join(score.trials)} {ahead} with R2 {r2[best]:.3f} in {best}, worst {r2[least]:.3f}"
         f" in {least} (1 is perfect, 0 no better than the mean)"
     )
+    if simpler := not_beaten(score.evidence, score.baselines):
+        good = f"Does not beat a baseline in {simpler}. It {good}"
     worst = f"{least}: mean error {scale * score.mae[least]:.3g} {unit}, R2 {r2[least]:.3f}"
     if r2[least] < _POOR:
         return good, worst, f"identify with trials that excite {least}, or compare vehicles with --against"
@@ -373,6 +233,7 @@ def score(
     measured: str = "",
     nuisances: Mapping[str, Mapping[str, float]] | None = None,
     own_stamps: bool = False,
+    training: Baselines | Trial | Sequence[Trial] | None = (),
 ) -> Score:
     """Score of a vehicle on one trial, or pooled over several, per channel.
 
@@ -399,6 +260,9 @@ def score(
         arm, a tilt, a current. What is compared is then what the sensors show of the simulated motion.
     own_stamps
         Compare with each sensor's own samples at their own stamps instead of the trial's time base.
+    training
+        Trials that the vehicle was identified from: the baselines are fitted to them, and judged on the same
+        windows as the vehicle. Without any, only "hold last" is judged; None judges no baseline.
 
     Raises
     ------
@@ -442,10 +306,16 @@ def score(
         for name in names
     }
     found = Score(table, tuple(one.name for one in trials), ahead, shifted, skipped, tuple(simulated))
-    if not isinstance(vehicle, Predictions):
+    if isinstance(vehicle, Predictions):
+        predicted = [name for name in names if name in vehicle.channels]
+        found = found.only(covered(found, predicted), predicted, vehicle.source)
+    if training is None:
         return found
-    predicted = [name for name in names if name in vehicle.channels]
-    return found.only(covered(found, predicted), predicted, vehicle.source)
+    if not isinstance(training, Baselines):
+        model = None if isinstance(vehicle, Predictions) else vehicle
+        learnt = [training] if isinstance(training, Trial) else training
+        training = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
+    return replace(found, baselines=training.r2(found.windows, found.channels))
 
 
 def covered(found: Score, channels: Sequence[str]) -> Mask:
@@ -473,23 +343,6 @@ def kind(score: Score) -> str:
     count = len(score.windows)
     words = f"{count} {'window' if count == 1 else 'windows'}"
     return f"{score.ahead_s:g} s ahead, {words}" if np.isfinite(score.ahead_s) else f"free run, {words}"
-
-
-def channel_errors(name: str, simulated: Sequence[Window]) -> tuple[list[Array], list[Array]]:
-    """Simulated minus measured, and measured minus the mean of all, (n,) per window and both in SI.
-
-    Only samples that count are among them: not the first one of a window, no masked one.
-    """
-    errors, measured = [], []
-    for window in simulated:
-        predicted, seen = window.compared(name)
-        measured.append(seen)
-        with np.errstate(invalid="ignore"):  # a simulation that diverged
-            errors.append(difference(predicted, seen, name))
-    if not any(len(one) for one in measured):
-        return errors, measured
-    ends = np.cumsum([len(one) for one in measured])
-    return errors, np.split(deviations(np.concatenate(measured), name), ends[:-1])
 
 
 def _channel_score(name: str, simulated: Sequence[Window]) -> ChannelScore:

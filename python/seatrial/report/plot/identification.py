@@ -360,6 +360,7 @@ def trial_figure(fit: Identification, name: str) -> Figure:
         fit.vehicle,
         trial,
         ahead_s=AHEAD_S,
+        training=None,
         channels=channels,
         input=campaign.input_of(name),
         free=free,

@@ -35,8 +35,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.ticker import Locator
 
-    from seatrial.trial.score import Score, Window
+    from seatrial.trial.score import Score
     from seatrial.trial.trial import Trial
+    from seatrial.trial.windows import Window
 
 __all__ = ["draw_variants", "measured_against_simulated", "variants"]
 

@@ -25,8 +25,8 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError
 from seatrial.trial.record import Record, Replay, restarted
-from seatrial.trial.score import default_input, predict, windows
 from seatrial.trial.trial import Input
+from seatrial.trial.windows import default_input, predict, windows
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
