@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.flight.fly import fly, fly_batch
     from seatrial.flight.mission import Mission
+    from seatrial.flight.sea import SeaState
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.identification.identify import identify
@@ -72,6 +73,7 @@ _HOME = {
     "Restarts": "seatrial.identification.restarts_result",
     "Run": "seatrial._core",
     "Score": "seatrial.trial.score",
+    "SeaState": "seatrial.flight.sea",
     "SeatrialError": "seatrial.base.errors",
     "SimulationError": "seatrial.base.errors",
     "State": "seatrial._core",
@@ -120,6 +122,7 @@ __all__ = [
     "Restarts",
     "Run",
     "Score",
+    "SeaState",
     "SeatrialError",
     "SimulationError",
     "State",

@@ -718,7 +718,7 @@ def file_text(path: str | PathLike[str]) -> str:
     Raises ValueError that says why the file cannot be read.
     """
 
-def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ...) -> Flights:
+def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ..., current_trend: ArrayLike | None = None, current_walk: ArrayLike | None = None, waves: ArrayLike | None = None) -> Flights:
     """
     Flies k cases of a mission; see `seatrial.fly`, which says it in the words of a user.
 
@@ -727,11 +727,13 @@ def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: Support
     faults: rows (case, actuator, time in s, command or nan: where it is). errors (16, 4): noise, bias, drift and
     quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
     rows (group, from, until in s), case_outages: rows (case, group, from, until). seabed (3,): depth in m and slopes
-    north and east; obstacles: rows (north, east, radius in m) besides those of the mission. turbulence (k, 3) or (3,): standard deviation of the
-    current about its mean, NED, m/s, with the time constants turbulence_times_s. set_points {"times": (S,),
-    name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its
-    plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target,
-    clock (P,)), see `Flights.violations`.
+    north and east; obstacles: rows (north, east, radius in m) besides those of the mission. turbulence (k, 3) or (3,):
+    standard deviation of the current about its mean, NED, m/s, with the time constants turbulence_times_s;
+    current_trend (m/s2) and current_walk (m/s per root of a second), (k, 3) or (3,): slow change of that mean. waves
+    (k, 5) or (5,): significant height, m, peak period, s, direction and spreading, rad, peakedness. set_points
+    {"times": (S,), name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east,
+    down by which its plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper,
+    target, clock (P,)), see `Flights.violations`.
     """
 
 def initial_names() -> list[str]:

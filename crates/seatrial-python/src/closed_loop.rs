@@ -20,6 +20,7 @@ use seatrial::flight::exceedance::{EDGES, edges};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::{self, Log};
 use seatrial::flight::summary::Summary;
+use seatrial::flight::waves::Sea;
 use seatrial::model::integrate;
 use seatrial::number::lanes::LANES;
 use std::collections::{BTreeMap, HashSet};
@@ -219,13 +220,15 @@ pub fn error_edges() -> Array {
 /// faults: rows (case, actuator, time in s, command or nan: where it is). errors (16, 4): noise, bias, drift and
 /// quantum per channel; timing (7, 5): present, every, latency (control periods), drop-outs every s, for s; outages:
 /// rows (group, from, until in s), case_outages: rows (case, group, from, until). seabed (3,): depth in m and slopes
-/// north and east; obstacles: rows (north, east, radius in m) besides those of the mission. turbulence (k, 3) or (3,): standard deviation of the
-/// current about its mean, NED, m/s, with the time constants turbulence_times_s. set_points {"times": (S,),
-/// name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east, down by which its
-/// plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper, target,
-/// clock (P,)), see `Flights.violations`.
+/// north and east; obstacles: rows (north, east, radius in m) besides those of the mission. turbulence (k, 3) or (3,):
+/// standard deviation of the current about its mean, NED, m/s, with the time constants turbulence_times_s;
+/// current_trend (m/s2) and current_walk (m/s per root of a second), (k, 3) or (3,): slow change of that mean. waves
+/// (k, 5) or (5,): significant height, m, peak period, s, direction and spreading, rad, peakedness. set_points
+/// {"times": (S,), name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east,
+/// down by which its plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper,
+/// target, clock (P,)), see `Flights.violations`.
 #[pyfunction]
-#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new()))]
+#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn fly(
     py: Python<'_>,
@@ -259,6 +262,9 @@ pub fn fly(
     case_outages: Vec<(usize, usize, f64, f64)>,
     set_points: Option<Named>,
     corridors: Vec<CorridorRow>,
+    current_trend: Option<Numbers>,
+    current_walk: Option<Numbers>,
+    waves: Option<Numbers>,
 ) -> PyResult<Flights> {
     let description = &vehicle.description;
     let settings = &autopilot.settings;
@@ -279,6 +285,27 @@ pub fn fly(
         turbulence: match turbulence {
             Some(turbulence) => spread("turbulence", turbulence.rows::<3>("turbulence")?, k)?,
             None => vec![[0.0; 3]; k],
+        },
+        current_trend: match current_trend {
+            Some(trend) => spread("current_trend", trend.rows::<3>("current_trend")?, k)?,
+            None => vec![[0.0; 3]; k],
+        },
+        current_walk: match current_walk {
+            Some(walk) => spread("current_walk", walk.rows::<3>("current_walk")?, k)?,
+            None => vec![[0.0; 3]; k],
+        },
+        seas: match waves {
+            Some(waves) => {
+                let of = |[height, period, toward, spreading, peakedness]: [f64; 5]| Sea {
+                    height,
+                    period,
+                    toward,
+                    spreading,
+                    peakedness,
+                };
+                spread("waves", waves.rows::<5>("waves")?, k)?.into_iter().map(of).collect()
+            }
+            None => vec![Sea::CALM; k],
         },
     };
     let Trials { trial, set_points, scales } = Trials::new(set_points, corridors, k)?;
@@ -306,6 +333,9 @@ pub fn fly(
             },
             current: starts.current[i],
             turbulence: starts.turbulence[i],
+            current_trend: starts.current_trend[i],
+            current_walk: starts.current_walk[i],
+            sea: starts.seas[i],
             seed: seeds[i] & ((1 << 53) - 1),
             faults: Vec::new(),
             outages: Vec::new(),
@@ -400,6 +430,9 @@ struct Starts {
     nu: Vec<[f64; 6]>,
     current: Vec<[f64; 3]>,
     turbulence: Vec<[f64; 3]>,
+    current_trend: Vec<[f64; 3]>,
+    current_walk: Vec<[f64; 3]>,
+    seas: Vec<Sea>,
 }
 
 /// The longest latency of a sensor, control periods.

@@ -1,7 +1,7 @@
 //! Closed loop: vehicle, sensors, autopilot, mission and current together; one flight, or cases side by side.
 //!
-//! In reading order: [`obstacle`], [`faults`] and [`turbulence`], what the world adds; [`energy`], what is used up;
-//! [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
+//! In reading order: [`obstacle`], [`faults`], [`turbulence`], [`drift`], [`waves`] and their sum [`water`], what the world
+//! adds; [`energy`], what is used up; [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
 //! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`fly`], one case;
 //! [`batch`], many.
 //!
@@ -13,6 +13,7 @@
 
 pub mod batch;
 pub mod case;
+pub mod drift;
 pub mod energy;
 pub mod exceedance;
 pub mod faults;
@@ -23,6 +24,8 @@ pub mod summary;
 mod tally;
 pub mod trial;
 pub mod turbulence;
+pub mod water;
+pub mod waves;
 
 use crate::actuator::motor::{Limits, MotorState};
 use crate::control::allocation::Allocator;
@@ -40,7 +43,7 @@ use log::{Log, Row};
 use std::sync::atomic::{AtomicBool, Ordering};
 use summary::Summary;
 use tally::Tally;
-use turbulence::Turbulence;
+use water::Water;
 
 /// Flies one case; the autopilot begins at the first sample.
 ///
@@ -65,16 +68,15 @@ pub fn fly<T: Real>(
     let mut state = setting.state;
     let mut tally = Tally::new(flight, unit, &limits);
     let mut instants: [Instant<T>; 3] = Default::default();
-    let water = (setting.current, setting.turbulence);
-    let mut current = Turbulence::new(water, flight.turbulence_times, setting.seed, dt);
+    let mut water = Water::new(flight, setting, dt);
     for instant in &mut instants {
-        instant.current = current.at(0.0);
+        instant.current = water.at(0.0);
     }
     for k in 0..=flight.periods {
         if stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
         }
-        let flow = current.begin(k);
+        let flow = water.begin(k, &state);
         let shown = truth(&state, flow.as_ref(), flight.seabed.as_ref());
         let measured = navigation.sample(shown, (k, dt));
         measured.voltage = flight.voltage;
@@ -94,9 +96,9 @@ pub fn fly<T: Real>(
         motors.command(vehicle, &pilot.signals, &limits);
         for s in 0..flight.substeps {
             let time = (k * flight.substeps + s) as f64 * h;
-            if current.varies() {
+            if water.varies() {
                 for (half, instant) in instants.iter_mut().enumerate() {
-                    instant.current = current.at((s as f64 + 0.5 * half as f64) * h);
+                    instant.current = water.at((s as f64 + 0.5 * half as f64) * h);
                 }
             }
             if s == 0 || motors.any_ideal {

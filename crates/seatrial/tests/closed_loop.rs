@@ -1,6 +1,7 @@
 //! Closed loop: flights of whole vehicles, alone and side by side, with sensors, faults and safety.
 
 mod batch;
+mod drift;
 mod flights;
 mod instruction_sets;
 mod modes;
@@ -9,3 +10,4 @@ mod safety;
 mod sensors;
 mod set_points;
 mod turbulence;
+mod waves;

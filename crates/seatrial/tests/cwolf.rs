@@ -162,7 +162,7 @@ fn turn(description: &Description, flow: [f64; 3], complete: bool) -> ([f64; 3],
     let rate = |state: &[f64; 13]| {
         let [_, _, _, w, x, y, z, nu @ ..] = *state;
         let r = rotation(&[w, x, y, z]);
-        let nu_c_rate = current.relative(&r, &nu).1;
+        let nu_c_rate = current.relative(&r, &nu).current_rate;
         let missing = vehicle.added_mass.momentum(&nu_c_rate).map(|f| if complete { 0.0 } else { -f });
         let instant =
             Instant { thrusts: thrusts.clone(), tau: missing, current: Some(current), ..Instant::default() };

@@ -64,7 +64,7 @@ fn golden_mss_rbody_coriolis() {
 
 #[test]
 fn golden_mss_gvect() {
-    let restoring = Restoring::new(320.0, [0.01, 0.02, 0.03], 318.0, [0.005, -0.01, 0.0]);
+    let restoring = Restoring::new((320.0, [0.01, 0.02, 0.03]), (318.0, [0.005, -0.01, 0.0]), 9.81);
     let expected = [
         0.3973386615901224,
         0.1956867900145114,

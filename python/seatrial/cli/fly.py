@@ -34,12 +34,36 @@ def fly(
             metavar="M_S", min=0.0, help="Standard deviation of the water's north and east velocity, m/s."
         ),
     ] = 0.0,
+    current_trend: Annotated[
+        tuple[float, float, float],
+        typer.Option(metavar="NORTH EAST DOWN", help="Steady change of the current in an hour, m/s."),
+    ] = (0.0, 0.0, 0.0),
+    current_walk: Annotated[
+        float,
+        typer.Option(
+            metavar="M_S",
+            min=0.0,
+            help="Standard deviation, after an hour, of a random walk of the water's north and east velocity,"
+            " m/s.",
+        ),
+    ] = 0.0,
+    waves: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            metavar="HEIGHT PERIOD TOWARD",
+            help="Significant height in m, peak period in s, and where the waves go, degrees from north over"
+            " east.",
+        ),
+    ] = None,
     sensors: Annotated[
         str | None,
         typer.Option(metavar="FILE", help="Sensors of the vehicle, or: typical. Perfect ones when missing."),
     ] = None,
     seed: Annotated[
-        int, typer.Option(min=0, help="Of sensors' errors and turbulence; the same seed, the same flight.")
+        int,
+        typer.Option(
+            min=0, help="Of sensors' errors and the water's motion; the same seed, the same flight."
+        ),
     ] = 0,
     fault: Annotated[
         list[str] | None,
@@ -85,6 +109,7 @@ def fly(
     from seatrial.cli.console import answer, formats, print_json
     from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.fly import fly as flown
+    from seatrial.flight.sea import SeaState
     from seatrial.flight.seeds import fly_seeds
 
     if out is not None:
@@ -95,6 +120,9 @@ def fly(
         "sensors": sensors,
         "current": current,
         "turbulence": turbulence,
+        "current_trend": current_trend,
+        "current_walk": current_walk,
+        "waves": None if waves is None else SeaState(*waves),
         "faults": [Fault.parse(text) for text in fault or []],
         "outages": [Outage.parse(text) for text in outage or []],
         "seabed": seabed,

@@ -41,6 +41,7 @@ from seatrial.flight.checks import (
 )
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.mission import Mission, Route
+from seatrial.flight.sea import SeaState, checked_seas, sea_rows
 from seatrial.flight.sensor_channels import SensorChannels, sensor_channels, sensors_of
 
 if TYPE_CHECKING:
@@ -50,6 +51,9 @@ __all__ = ["TURBULENCE_TIMES_S", "Cases", "Circumstances", "Shared"]
 
 TURBULENCE_TIMES_S = (60.0, 2.0)
 """Correlation time of a turbulent current, and the time in which eddies average out along the hull, s."""
+
+
+_HOUR_S = 3600.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,10 @@ class Circumstances:
         Mean, north, east, down, m/s.
     turbulence, turbulence_times_s
         Standard deviation of the current about its mean, m/s, and its two time constants, s.
+    current_trend, current_walk
+        Change of the mean in an hour, m/s, and the standard deviation of its random walk after an hour, m/s.
+    waves
+        The sea state; None: no waves.
     obstacles
         What stands in the water: north, east and radius of each cylinder, m.
     sensors
@@ -73,7 +81,7 @@ class Circumstances:
     seabed
         Depth of the bottom below the origin, m, and its slopes north and east; None: no bottom.
     seed
-        Of the sensors' noise.
+        Of the sensors' noise and of the water's motion.
     model
         The vehicle that the autopilot believes in.
     voltage_v
@@ -94,6 +102,9 @@ class Circumstances:
     max_time_s: float
     turbulence: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S
+    current_trend: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    current_walk: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    waves: SeaState | None = None
     obstacles: tuple[tuple[float, float, float], ...] = ()
     sensors: dict[str, Any] = field(default_factory=dict)
     sensor_notes: tuple[str, ...] = ()
@@ -115,6 +126,9 @@ class Circumstances:
             "current_m_s": list(self.current),
             "turbulence_m_s": list(self.turbulence),
             "turbulence_times_s": list(self.turbulence_times_s),
+            "current_trend_m_s_per_h": list(self.current_trend),
+            "current_walk_m_s_after_1_h": list(self.current_walk),
+            "waves": None if self.waves is None else asdict(self.waves),
             "obstacles_m": [list(one) for one in self.obstacles],
             "sensors": self.sensors or "perfect",
             "sensor_notes": list(self.sensor_notes),
@@ -167,6 +181,10 @@ class Cases:
         Where a case begins: (k, 3) or (3,); quaternion or roll, pitch, yaw; velocities over ground, (k, 6).
     current, turbulence
         Mean velocity of the water and its standard deviation, (k, 3) or (3,), m/s.
+    current_trend, current_walk
+        Slow change of the mean in an hour, and the standard deviation of its random walk after one, likewise.
+    waves
+        Sea states in SI and rad, (k, 5) or (1, 5), see `seatrial.flight.sea`.
     coefficients, gains
         Of the vehicle that flies and of the autopilot, (k,) each by name.
     faults
@@ -191,6 +209,9 @@ class Cases:
     nu: Array
     current: Array
     turbulence: Array
+    current_trend: Array
+    current_walk: Array
+    waves: Array
     coefficients: Mapping[str, Array] = field(default_factory=dict)
     gains: Mapping[str, Array] = field(default_factory=dict)
     faults: Sequence[tuple[int, str, float, float]] = ()
@@ -211,6 +232,9 @@ class Cases:
         initial: State | Sequence[State] | None = None,
         current: ArrayLike = (0.0, 0.0, 0.0),
         turbulence: ArrayLike = (0.0, 0.0, 0.0),
+        current_trend: ArrayLike = (0.0, 0.0, 0.0),
+        current_walk: ArrayLike = (0.0, 0.0, 0.0),
+        waves: SeaState | Sequence[SeaState | None] | None = None,
         coefficients: Mapping[str, ArrayLike] | None = None,
         gains: Mapping[str, ArrayLike] | None = None,
         faults: Sequence[Fault] | Sequence[Sequence[Fault]] = (),
@@ -236,11 +260,9 @@ class Cases:
         faults_differ = bool(failing) and not isinstance(failing[0], Fault)
         outages_differ = bool(silent) and not isinstance(silent[0], Outage)
         water = checked_rows("current", current)
-        eddies = (
-            np.asarray(checked_turbulence(turbulence))
-            if np.ndim(turbulence) < 2
-            else checked_rows("turbulence", turbulence)
-        )
+        trend = checked_rows("current_trend", current_trend)
+        eddies, walk = _deviations("turbulence", turbulence), _deviations("current_walk", current_walk)
+        seas, seas_differ = checked_seas(waves)
         changed = checked_columns("coefficients", coefficients), checked_columns("gains", gains)
         steering, lengths = checked_set_points(set_points)
         judged, bases = checked_corridors(corridors)
@@ -252,6 +274,9 @@ class Cases:
             for name, values, differs in (
                 ("current", water, water.ndim == 2),
                 ("turbulence", eddies, eddies.ndim == 2),
+                ("current_trend", trend, trend.ndim == 2),
+                ("current_walk", walk, walk.ndim == 2),
+                ("waves", seas, seas_differ),
                 ("initial", states or (), starts_differ),
                 ("outages", silent, outages_differ),
                 ("seeds", listed, not one_seed),
@@ -270,6 +295,9 @@ class Cases:
             logs=logs,
             current=_triple(np.atleast_2d(water)[0]),
             turbulence=_triple(eddies) if eddies.ndim == 1 else (0.0, 0.0, 0.0),
+            current_trend=_triple(trend) if trend.ndim == 1 else (0.0, 0.0, 0.0),
+            current_walk=_triple(walk) if walk.ndim == 1 else (0.0, 0.0, 0.0),
+            waves=None if seas_differ else seas[0],
             faults=() if faults_differ else failing,
             outages=() if outages_differ else silent,
             seed=checked_seed(listed[0]),
@@ -288,6 +316,9 @@ class Cases:
             nu=nu,
             current=water,
             turbulence=eddies,
+            current_trend=trend,
+            current_walk=walk,
+            waves=sea_rows(seas),
             coefficients=changed[0],
             gains=changed[1],
             faults=[
@@ -337,6 +368,9 @@ class Cases:
             nu=self.nu,
             current=self.current,
             turbulence=self.turbulence,
+            current_trend=self.current_trend / _HOUR_S,
+            current_walk=self.current_walk / math.sqrt(_HOUR_S),
+            waves=self.waves,
             turbulence_times_s=around.turbulence_times_s,
             obstacles=list(around.obstacles),
             coefficients=dict(self.coefficients),
@@ -378,6 +412,9 @@ def _circumstances(
     *,
     current: tuple[float, float, float],
     turbulence: tuple[float, float, float],
+    current_trend: tuple[float, float, float],
+    current_walk: tuple[float, float, float],
+    waves: SeaState | None,
     faults: tuple[Fault, ...],
     outages: tuple[Outage, ...],
     seed: int,
@@ -411,6 +448,9 @@ def _circumstances(
         current=current,
         turbulence=turbulence,
         turbulence_times_s=checked_times(turbulence_times_s),
+        current_trend=current_trend,
+        current_walk=current_walk,
+        waves=waves,
         obstacles=checked_obstacles(obstacles),
         model=vehicle if model is None else _model(model, vehicle),
         max_step_s=max_step_s,
@@ -474,6 +514,11 @@ def _start(route: Route, states: tuple[State, ...] | None, *, differs: bool) -> 
     rows = [np.array([getattr(state, name) for state in begin]) for name in ("position", "attitude", "nu")]
     position, attitude, nu = rows if differs else [row[0] for row in rows]
     return position, attitude, nu
+
+
+def _deviations(name: str, given: ArrayLike) -> Array:
+    """Standard deviations of a velocity of the water, (3,) or (k, 3), m/s."""
+    return np.asarray(checked_turbulence(given, name)) if np.ndim(given) < 2 else checked_rows(name, given)
 
 
 def _triple(row: Array) -> tuple[float, float, float]:

@@ -205,8 +205,10 @@ def longest(path: Route, autopilot: Autopilot, max_time_s: float | None, *, logs
     return float(max_time_s)
 
 
-def checked_turbulence(given: Any) -> tuple[float, float, float]:
+def checked_turbulence(given: Any, what: str = "turbulence") -> tuple[float, float, float]:
     """Standard deviations north, east, down, m/s; one number is that of both horizontal components.
+
+    `what` is what they are of, as messages call it.
 
     Raises
     ------
@@ -226,7 +228,7 @@ def checked_turbulence(given: Any) -> tuple[float, float, float]:
         values = []
     if len(values) != 3 or not all(0.0 <= x <= _MOST_EDDIES for x in values):
         raise SimulationError(
-            f"turbulence: expected a standard deviation from 0 to {_MOST_EDDIES:g} m/s, or three of them,"
+            f"{what}: expected a standard deviation from 0 to {_MOST_EDDIES:g} m/s, or three of them,"
             f" north, east and down, found {given!r}"
         )
     return values[0], values[1], values[2]

@@ -27,6 +27,7 @@ from seatrial.flight.checks import (
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
 from seatrial.flight.mission import Mission
+from seatrial.flight.sea import SeaState
 
 if TYPE_CHECKING:
     from seatrial.sensors.sensor import Sensor
@@ -44,6 +45,9 @@ def fly(
     current: ArrayLike = (0.0, 0.0, 0.0),
     turbulence: ArrayLike = (0.0, 0.0, 0.0),
     turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
+    current_trend: ArrayLike = (0.0, 0.0, 0.0),
+    current_walk: ArrayLike = (0.0, 0.0, 0.0),
+    waves: SeaState | None = None,
     obstacles: Sequence[tuple[float, float, float]] = (),
     initial: State | None = None,
     faults: Sequence[Fault] = (),
@@ -81,6 +85,12 @@ def fly(
         east and down; a second-order Gauss-Markov process that goes by the seed.
     turbulence_times_s : (float, float), optional
         Its correlation time, and the time in which eddies average out along the hull, s.
+    current_trend : (3,) array_like, optional
+        Steady change of the mean current in an hour, north, east, down, m/s.
+    current_walk : float or (3,) array_like, optional
+        Standard deviation of its random walk after an hour, m/s, as for `turbulence`.
+    waves : SeaState, optional
+        The sea whose orbital motion the vehicle meets at its place and depth; it goes by the seed.
     obstacles : sequence of (north, east, radius), optional
         Cylinders in the water, m; the metric ``clearance_m`` is the smallest distance to an edge.
     initial : State, optional
@@ -93,7 +103,7 @@ def fly(
     seabed : float or (3,) array_like, optional
         Depth of the bottom in m, and its slopes north and east; no bottom when omitted.
     seed : int, optional
-        Of the sensors' errors; the same seed, the same flight.
+        Of the sensors' errors and the water's motion; the same seed, the same flight.
     voltage_v : float, optional
         Supply, V, where thrust depends on it.
     feedback : bool, optional
@@ -142,6 +152,9 @@ def fly(
         current=checked_vector("current", current),
         turbulence=checked_turbulence(turbulence),
         turbulence_times_s=turbulence_times_s,
+        current_trend=checked_vector("current_trend", current_trend),
+        current_walk=checked_turbulence(current_walk, "current_walk"),
+        waves=waves,
         obstacles=obstacles,
         initial=initial,
         faults=checked_failures("faults", faults, Fault, per_case=False),
@@ -168,6 +181,9 @@ def fly_batch(
     current: ArrayLike = (0.0, 0.0, 0.0),
     turbulence: ArrayLike = (0.0, 0.0, 0.0),
     turbulence_times_s: tuple[float, float] = TURBULENCE_TIMES_S,
+    current_trend: ArrayLike = (0.0, 0.0, 0.0),
+    current_walk: ArrayLike = (0.0, 0.0, 0.0),
+    waves: SeaState | Sequence[SeaState | None] | None = None,
     obstacles: Sequence[tuple[float, float, float]] = (),
     seeds: int | Sequence[int] = 0,
     faults: Sequence[Fault] | Sequence[Sequence[Fault]] = (),
@@ -204,10 +220,14 @@ def fly_batch(
         Velocity of the water, north, east, down, m/s; its mean where it is turbulent.
     turbulence : float, (3,) or (k, 3) array_like, optional
         Standard deviation of the current about its mean, m/s, as for `seatrial.fly`.
+    current_trend, current_walk : array_like, optional
+        As for `seatrial.fly`, for all cases or (k, 3).
+    waves : SeaState, or k of them or None, optional
+        As for `seatrial.fly`, for all cases or per case.
     turbulence_times_s, obstacles
         As for `seatrial.fly`, for all cases.
     seeds : int or sequence of int, optional
-        Of the sensors' errors; one for all cases lets them meet the same noise.
+        Of the sensors' errors and the water's motion; one for all cases lets them meet the same noise.
     faults : sequence of Fault, or k of them, optional
         For all cases, or per case.
     initial : State, or k of them, optional
@@ -262,6 +282,9 @@ def fly_batch(
         current=current,
         turbulence=turbulence,
         turbulence_times_s=turbulence_times_s,
+        current_trend=current_trend,
+        current_walk=current_walk,
+        waves=waves,
         obstacles=obstacles,
         seeds=seeds,
         faults=faults,

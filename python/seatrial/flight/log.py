@@ -254,9 +254,10 @@ def _given(values: Array, unit: str) -> Array:
 
 
 def _current(flight: FlightLog) -> Array:
-    """Velocity of the water (n, 3), north, east, down, m/s: of a turbulent one, as met."""
+    """Velocity of the water (n, 3), north, east, down, m/s: of one that varies, as met."""
     around = flight.circumstances
-    if not any(around.turbulence):
+    varies = any((*around.turbulence, *around.current_trend, *around.current_walk))
+    if not varies and around.waves is None:
         return np.tile(np.asarray(around.current, dtype=float), (len(flight.t), 1))
     turned = matrix(from_euler(flight.euler))
     return np.asarray(np.einsum("nij,nj->ni", turned, flight.nu[:, :3] - flight.water))

@@ -135,7 +135,8 @@ impl<T: Real> Vehicle<T> {
         } else {
             Damping::Diagonal { linear: diagonal(&linear, 1.0), quadratic: diagonal(&quadratic, 1.0) }
         };
-        let restoring = Restoring::new(mass * g, r_g, c(names::BUOYANCY), at(names::CENTRE_OF_BUOYANCY));
+        let restoring =
+            Restoring::new((mass * g, r_g), (c(names::BUOYANCY), at(names::CENTRE_OF_BUOYANCY)), g);
         let mut lift = [zero; 8];
         for i in 0..8 {
             lift[i] = c(names::LIFT + i);

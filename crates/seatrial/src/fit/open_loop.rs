@@ -135,7 +135,7 @@ fn observe<T: Real>(
         Observer::Shown(shown) => shown.add(state),
         Observer::Track(track) => {
             let nu_r = match &instant.current {
-                Some(current) => current.relative(&rotation(&state.attitude), &state.nu).0,
+                Some(current) => current.relative(&rotation(&state.attitude), &state.nu).nu,
                 None => state.nu,
             };
             track.states.push(*state);

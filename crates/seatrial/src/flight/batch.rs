@@ -10,6 +10,7 @@ use super::faults::{ActuatorFault, Faults, table};
 use super::fly;
 use super::log::Log;
 use super::summary::Summary;
+use super::waves::{Harmonic, Sea};
 use crate::control::allocation::{AllocationTable, Allocator, Method};
 use crate::control::autopilot::Autopilot;
 use crate::control::navigation::{GROUPS, GroupOutage, Outage};
@@ -37,7 +38,13 @@ pub struct Case {
     pub current: [f64; 3],
     /// Standard deviation of the current about it, NED, m/s.
     pub turbulence: [f64; 3],
-    /// Seed of the sensors' noise and of the turbulence, a whole number below 2⁵³.
+    /// Steady change of the mean, NED, m/s².
+    pub current_trend: [f64; 3],
+    /// Random walk of the mean, NED, m/s per √s.
+    pub current_walk: [f64; 3],
+    /// The waves.
+    pub sea: Sea,
+    /// Seed of the sensors' noise and of the water's motion, a whole number below 2⁵³.
     pub seed: u64,
     /// What fails.
     pub faults: Vec<ActuatorFault>,
@@ -109,6 +116,9 @@ impl Flight<'_> {
             state: case.state,
             current: case.current,
             turbulence: case.turbulence,
+            current_trend: case.current_trend,
+            current_walk: case.current_walk,
+            waves: case.sea.harmonics(case.seed as f64, self.environment.g_m_s2),
             seed: case.seed as f64,
             faults: Faults::new(from, signal, !case.faults.is_empty()),
             outages: case.outages.iter().map(|o| (o.group, [o.from, o.until])).collect(),
@@ -150,6 +160,9 @@ impl Flight<'_> {
             (self.trial.named.len() * self.trial.times.len(), self.trial.corridors.len());
         let setting = Setting {
             turbulence: std::array::from_fn(|i| lanes(&|case| case.turbulence[i])),
+            current_trend: std::array::from_fn(|i| lanes(&|case| case.current_trend[i])),
+            current_walk: std::array::from_fn(|i| lanes(&|case| case.current_walk[i])),
+            waves: waves(simd, &case, self.environment.g_m_s2),
             outages: outages(simd, &case),
             set_points: (0..named).map(|i| lanes(&|case| case.set_points[i])).collect(),
             scales: (0..corridors)
@@ -211,6 +224,25 @@ fn outages<'a, S: Simd>(simd: S, case: &impl Fn(usize) -> &'a Case) -> Vec<Group
         }
     }
     abreast
+}
+
+/// The waves of eight cases, harmonic by harmonic abreast; empty where all are calm.
+#[inline(always)]
+fn waves<'a, S: Simd>(simd: S, case: &impl Fn(usize) -> &'a Case, g: f64) -> Vec<Harmonic<f64x8<S>>> {
+    let own: [_; LANES] = std::array::from_fn(|lane| case(lane).sea.harmonics(case(lane).seed as f64, g));
+    let most = own.iter().map(Vec::len).max().unwrap_or(0);
+    let abreast = |i: usize, read: &dyn Fn(&Harmonic<f64>) -> f64| {
+        f64x8::from_fn(simd, |lane| read(own[lane].get(i).unwrap_or(&Harmonic::STILL)))
+    };
+    (0..most)
+        .map(|i| Harmonic {
+            omega: abreast(i, &|h| h.omega),
+            number: abreast(i, &|h| h.number),
+            direction: [abreast(i, &|h| h.direction[0]), abreast(i, &|h| h.direction[1])],
+            phase: abreast(i, &|h| h.phase),
+            speed: abreast(i, &|h| h.speed),
+        })
+        .collect()
 }
 
 /// How the allocator of a number type is made.

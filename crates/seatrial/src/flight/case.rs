@@ -2,6 +2,7 @@
 
 use super::faults::Faults;
 use super::trial::Trial;
+use super::waves::Harmonic;
 use crate::control::autopilot::settings::Settings;
 use crate::control::navigation::{GroupOutage, Seabed, Sensors};
 use crate::description::Description;
@@ -59,7 +60,13 @@ pub struct Setting<T> {
     pub current: Vec3<T>,
     /// Standard deviation of the current about it, NED, m/s.
     pub turbulence: Vec3<T>,
-    /// Seed of the sensors' noise and of the turbulence.
+    /// Steady change of the mean, NED, m/s².
+    pub current_trend: Vec3<T>,
+    /// Random walk of the mean, NED, m/s per √s.
+    pub current_walk: Vec3<T>,
+    /// The waves; empty for none.
+    pub waves: Vec<Harmonic<T>>,
+    /// Seed of the sensors' noise and of the water's motion.
     pub seed: T,
     /// What fails, and when.
     pub faults: Faults<T>,

@@ -17,6 +17,12 @@ use crate::number::real::Real;
 /// The places of the random numbers, beyond those of the sensors.
 const PLACE: usize = 64;
 
+/// Whether any component is other than zero, in any lane.
+#[inline(always)]
+pub(super) fn is_any<T: Real>(x: &Vec3<T>) -> bool {
+    x.iter().any(|c| !c.equals(c.zero()))
+}
+
 /// A turbulent current under way.
 pub struct Turbulence<T> {
     mean: Vec3<T>,
@@ -38,7 +44,6 @@ impl<T: Real> Turbulence<T> {
     /// A current of a mean and standard deviations per axis (NED, m/s), with time constants τ and τ_2 in s.
     #[inline(always)]
     pub fn new((mean, sigma): (Vec3<T>, Vec3<T>), [tau, tau_2]: [f64; 2], seed: T, dt: f64) -> Self {
-        let is_any = |x: &Vec3<T>| x.iter().any(|c| !c.equals(seed.zero()));
         let varies = is_any(&sigma);
         let (decay, decay_2) = ((-dt / tau).exp(), (-dt / tau_2).exp());
         // Variance of the slow part per variance of the velocity.
@@ -90,9 +95,11 @@ impl<T: Real> Turbulence<T> {
     /// The current `time` seconds into the period.
     #[inline(always)]
     pub fn at(&self, time: f64) -> Option<Current<T>> {
-        if !self.moves {
-            return None;
-        }
+        self.moves.then(|| self.moving(time))
+    }
+
+    #[inline(always)]
+    fn moving(&self, time: f64) -> Current<T> {
         let mut current = Current { velocity: self.now, rate: [self.seed.zero(); 3] };
         if self.varies {
             for axis in 0..3 {
@@ -101,7 +108,7 @@ impl<T: Real> Turbulence<T> {
                 current.velocity[axis] += rate * time;
             }
         }
-        Some(current)
+        current
     }
 
     /// Whether it differs within a period.

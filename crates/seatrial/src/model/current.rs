@@ -1,8 +1,9 @@
-//! Ocean current: uniform and irrotational, given in NED.
+//! Moving water at the vehicle, given in NED: ocean current, turbulence, the orbital motion of waves.
 //!
 //! `ν_r = ν − [v_c; 0]` with `v_c = Rᵀ v_c,n`, and `ν_c' = [−S(ω) v_c + Rᵀ v_c,n'; 0]`. The force
 //! `M_A ν_c'` belongs to the equation of motion; the paper's (6) lacks it, which puts a turning CWolf in a
-//! 0.5 m/s current off by 51° in a minute (`docs/errata.md`).
+//! 0.5 m/s current off by 51° in a minute (`docs/errata.md`). Water that accelerates also pushes by its pressure
+//! gradient, see [`crate::model::restoring`].
 //!
 //! Source: Fossen (2011), section 8.3; Taubert et al. (2014), equations 4–6, corrected.
 //! Tests: `tests/laws.rs` (Galilean invariance), `tests/cwolf.rs::errata_6_…`.
@@ -10,27 +11,38 @@
 use crate::number::algebra::{Mat3, Vec3, Vec6, add_cross, transposed_product};
 use crate::number::real::Real;
 
-/// The current at one instant, NED.
+/// The moving water at one instant, NED.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Current<T> {
     /// Velocity of the water, m/s.
     pub velocity: Vec3<T>,
-    /// Its rate of change, m/s².
+    /// Its rate of change at a fixed place, m/s².
     pub rate: Vec3<T>,
 }
 
+/// Moving water as the vehicle meets it, body frame.
+pub struct Relative<T> {
+    /// `ν_r`.
+    pub nu: Vec6<T>,
+    /// `ν_c'`, with the share of the turning frame.
+    pub current_rate: Vec6<T>,
+    /// `Rᵀ v_c,n'`, the acceleration of the water alone, m/s².
+    pub acceleration: Vec3<T>,
+}
+
 impl<T: Real> Current<T> {
-    /// `ν_r` and `ν_c'` of a vehicle with velocity `nu` at the rotation `r` (body → NED).
+    /// The water as a vehicle with velocity `nu` at the rotation `r` (body → NED) meets it.
     #[inline(always)]
-    pub fn relative(&self, r: &Mat3<T>, nu: &Vec6<T>) -> (Vec6<T>, Vec6<T>) {
+    pub fn relative(&self, r: &Mat3<T>, nu: &Vec6<T>) -> Relative<T> {
         let k = nu[0];
         let flow = transposed_product(r, &self.velocity);
-        let rate = transposed_product(r, &self.rate);
+        let acceleration = transposed_product(r, &self.rate);
         let omega = [nu[3], nu[4], nu[5]];
-        let rate = add_cross(&flow, &omega, &rate);
-        (
-            [nu[0] - flow[0], nu[1] - flow[1], nu[2] - flow[2], nu[3], nu[4], nu[5]],
-            [rate[0], rate[1], rate[2], k.zero(), k.zero(), k.zero()],
-        )
+        let rate = add_cross(&flow, &omega, &acceleration);
+        Relative {
+            nu: [nu[0] - flow[0], nu[1] - flow[1], nu[2] - flow[2], nu[3], nu[4], nu[5]],
+            current_rate: [rate[0], rate[1], rate[2], k.zero(), k.zero(), k.zero()],
+            acceleration,
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The equation of motion, for one number type:
 //!
-//! `(M_RB + M_A) ν' = τ − C_RB(ν) ν − C_A(ν_r) ν_r − D(ν_r) ν_r + τ_L(ν_r) − g(η) + M_A ν_c'`
+//! `(M_RB + M_A) ν' = τ − C_RB(ν) ν − C_A(ν_r) ν_r − D(ν_r) ν_r + τ_L(ν_r) − g(η) + M_A ν_c' + τ_FK`
 //!
 //! Each term has its own file. A degree of freedom is free, frozen (keeps its velocity) or measured
 //! (replayed from a log); `M` is factored once for the free ones, so that
@@ -14,7 +14,7 @@ use crate::actuator::characteristic::Thrust;
 use crate::actuator::fin::{Deflection, Fin};
 use crate::actuator::motor::Motor;
 use crate::model::added_mass::AddedMass;
-use crate::model::current::Current;
+use crate::model::current::{Current, Relative};
 use crate::model::damping::Damping;
 use crate::model::lift::Lift;
 use crate::model::restoring::Restoring;
@@ -129,7 +129,7 @@ pub struct Forces<T> {
     pub damping: Vec6<T>,
     /// `τ_L(ν_r)`.
     pub lift: Vec6<T>,
-    /// `−g(η)`.
+    /// `−g(η) + τ_FK`.
     pub restoring: Vec6<T>,
 }
 
@@ -172,9 +172,10 @@ impl<T: Real> Vehicle<T> {
         };
         let mut nu_r = *nu;
         if let Some(current) = &instant.current {
-            let (relative, nu_c_rate) = current.relative(r, nu);
-            nu_r = relative;
-            f = add(&f, &self.added_mass.momentum(&nu_c_rate));
+            let relative = current.relative(r, nu);
+            nu_r = relative.nu;
+            f = add(&f, &self.added_mass.momentum(&relative.current_rate));
+            f = self.restoring.add_pressure(&relative.acceleration, &f);
         }
         f = self.inflow(instant, &nu_r, &f);
         f = self.rigid_body.add_coriolis(nu, &f);
@@ -266,13 +267,15 @@ impl<T: Real> Vehicle<T> {
     /// Every term by itself, at the rotation `r`, without thrust and bias.
     pub fn forces(&self, r: &Mat3<T>, nu: &Vec6<T>, current: Option<&Current<T>>) -> Forces<T> {
         let none = [nu[0].zero(); 6];
-        let (nu_r, nu_c_rate) = current.map_or((*nu, none), |current| current.relative(r, nu));
+        let still = Relative { nu: *nu, current_rate: none, acceleration: [none[0]; 3] };
+        let Relative { nu: nu_r, current_rate, acceleration } =
+            current.map_or(still, |current| current.relative(r, nu));
         Forces {
             rigid_body: self.rigid_body.add_coriolis(nu, &none),
-            added_mass: self.added_mass.add_coriolis(&nu_r, &self.added_mass.momentum(&nu_c_rate)),
+            added_mass: self.added_mass.add_coriolis(&nu_r, &self.added_mass.momentum(&current_rate)),
             damping: self.damping.add(&nu_r, &none),
             lift: self.lift.map_or(none, |lift| lift.add(&nu_r, &none)),
-            restoring: self.restoring.add(r, &none),
+            restoring: self.restoring.add(r, &self.restoring.add_pressure(&acceleration, &none)),
         }
     }
 }

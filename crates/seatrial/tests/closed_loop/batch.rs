@@ -4,6 +4,7 @@ use crate::closed_loop::flights::{DIVE, Trip, case, column, fault};
 use seatrial::control::autopilot::settings::tunable_index;
 use seatrial::control::navigation::{ChannelErrors, GroupTiming, Outage};
 use seatrial::flight::batch::{Case, Outcome};
+use seatrial::flight::waves::Sea;
 
 /// CWolf with sensors that err, are late and drop out.
 pub fn trip() -> Trip {
@@ -28,6 +29,11 @@ pub fn cases(trip: &Trip) -> (Vec<Case>, Vec<usize>, Vec<usize>) {
         one.tunables = vec![25.0 + 15.0 * share];
         one.seed = k as u64;
         one.turbulence = [0.05 * share, 0.05 * share, 0.01 * share];
+        if k % 3 == 2 {
+            one.sea = Sea { height: 0.5, period: 5.0 + share, toward: share, ..Sea::CALM };
+            one.current_walk = [0.002, 0.001, 0.0];
+            one.current_trend = [1e-4, 0.0, 0.0];
+        }
         if k % 4 == 2 {
             let from = 10.0 * f64::from(k);
             one.outages = vec![Outage { group: 3, from, until: from + 5.0 }];

@@ -9,6 +9,7 @@ use seatrial::flight::batch::{Case, Cases, Outcome};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::columns;
 use seatrial::flight::trial::Trial;
+use seatrial::flight::waves::Sea;
 use seatrial::mission::{Mission, Obstacle};
 use seatrial::model::integrate::State;
 use std::sync::Arc;
@@ -97,6 +98,9 @@ pub fn case(current: [f64; 3]) -> Case {
         state: State { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0], nu: [0.0; 6] },
         current,
         turbulence: [0.0; 3],
+        current_trend: [0.0; 3],
+        current_walk: [0.0; 3],
+        sea: Sea::CALM,
         seed: 1,
         faults: Vec::new(),
         outages: Vec::new(),

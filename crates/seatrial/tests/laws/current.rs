@@ -45,7 +45,7 @@ proptest! {
     }
 
     #[test]
-    fn law_a_growing_current_pulls_the_added_mass(body in body(), start in attitude(), flow in uniform3(-1.0..1.0)) {
+    fn law_a_growing_current_pulls_the_added_and_the_displaced_mass(body in body(), start in attitude(), flow in uniform3(-1.0..1.0)) {
         // Ahead of any rotation: all axes but the three translations are frozen.
         let description = body.vehicle();
         let inputs = |current: Vec<[f64; 3]>| Inputs { t: times(101, 0.1), current, ..Inputs::default() };
@@ -54,12 +54,13 @@ proptest! {
         let [with, without] = [growing, vec![]].map(|c| {
             fly(&description, &inputs(c), state, "XYZ", 1).states[100].nu
         });
-        // (m + M_A) ν' = M_A v_c' at a steady attitude: impulse of the water's acceleration.
+        // (m + M_A) ν' = (B/g + M_A) v_c' at a steady attitude: impulse of the water's acceleration.
         let gained: [f64; 3] = std::array::from_fn(|i| with[i] - without[i]);
         let along = transposed_product(&rotation(&start), &flow);
         for i in 0..3 {
             let added = |x: &[f64; 3]| (0..3).map(|j| body.added[i][j] * x[j]).sum::<f64>();
-            let impulse = body.mass * gained[i] + added(&gained) - added(&along);
+            let displaced = body.buoyancy * body.mass * along[i];
+            let impulse = body.mass * gained[i] + added(&gained) - added(&along) - displaced;
             // Exact for RK4 (linear in time): rounding of impulses up to a few hundred N s.
             prop_assert!(impulse.abs() < 1e-10, "{impulse:e} N s");
         }
