@@ -25,10 +25,11 @@ pytestmark = pytest.mark.skipif(
 
 @cache
 def identified() -> Identification:
-    """The example's campaign with a third of its budget."""
+    """The example's campaign with a third of its budget and few rounds of its joint estimate."""
     text = (EXAMPLE / "campaign.toml").read_text(encoding="utf-8")
     text = re.sub(r"(?m)^budget = .*\n", "", text)
     text = text.replace("seed = 1\n", "seed = 1\nbudget = { generations = 100, simplex_rounds = 20 }\n", 1)
+    text = text.replace("rounds = 15", "rounds = 4", 1)
     return identify(Campaign.from_toml(text, folder=EXAMPLE))
 
 
