@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.identification.identify import identify
+    from seatrial.identification.leave_one_out import LeaveOneOut, leave_one_out
     from seatrial.identification.restarts import restarts
     from seatrial.identification.restarts_result import Restarts
     from seatrial.intake.import_logs import import_logs
@@ -64,6 +65,7 @@ _HOME = {
     "Flights": "seatrial._core",
     "Identification": "seatrial.identification.identification",
     "Imported": "seatrial.intake.imported",
+    "LeaveOneOut": "seatrial.identification.leave_one_out",
     "LogVerdict": "seatrial.verification.mission_log.verdict",
     "Mission": "seatrial.flight.mission",
     "MissionLog": "seatrial.verification.mission_log.log",
@@ -90,6 +92,7 @@ _HOME = {
     "fly_batch": "seatrial.flight.fly",
     "identify": "seatrial.identification.identify",
     "import_logs": "seatrial.intake.import_logs",
+    "leave_one_out": "seatrial.identification.leave_one_out",
     "plan": "seatrial.experiment.plan",
     "restarts": "seatrial.identification.restarts",
     "score": "seatrial.trial.score",
@@ -113,6 +116,7 @@ __all__ = [
     "Flights",
     "Identification",
     "Imported",
+    "LeaveOneOut",
     "LogVerdict",
     "Mission",
     "MissionLog",
@@ -139,6 +143,7 @@ __all__ = [
     "fly_batch",
     "identify",
     "import_logs",
+    "leave_one_out",
     "plan",
     "restarts",
     "score",

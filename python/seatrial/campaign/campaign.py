@@ -22,7 +22,7 @@ from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.campaign.file import CampaignFile, Environment, Input, Stage, TrialSource, in_order, parse
 from seatrial.campaign.parameters import Parameter, coefficient_names, parameters
 from seatrial.campaign.search_budget import Budget
-from seatrial.campaign.variants import LockedAxes, with_locked_axes, with_start_values
+from seatrial.campaign.variants import LockedAxes, with_locked_axes, with_start_values, without_trial
 from seatrial.trial.corrections import merged
 from seatrial.trial.sensor_position import refuse_far
 
@@ -220,6 +220,31 @@ class Campaign:
         """
         file = with_start_values(self.file, self.parameters, starts, self.vehicle)
         return self.with_file(file.model_copy(update={"seed": seed}))
+
+    def without_trial(self, name: str) -> tuple[Campaign, tuple[str, ...]]:
+        """Campaign that does not know a trial, and the stages that no other trial is left for.
+
+        Raises
+        ------
+        CampaignError
+            There is no such trial, or the rest is no campaign.
+        """
+        if name not in self.trials:
+            raise CampaignError(f"{self.source}: there is no trial {name!r}{nearest(name, self.trials)}")
+        file, lost = without_trial(self.file, name)
+        given = {trial: data for trial, data in self._data.items() if trial != name}
+        other = Campaign(
+            file,
+            text=self.text,
+            source=self.source,
+            folder=self.folder,
+            trials=given,
+            vehicle=self._given_vehicle,
+            bench=self._given_bench,
+            progress=self.progress,
+        )
+        other.trials = {trial: self.trials[trial] for trial in self.trials if trial != name}
+        return other, lost
 
     def with_file(self, file: CampaignFile, *, text: str | None = None) -> Campaign:
         """Campaign with another file, checked again; trials that were read are not read again.

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.channels import AXES
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.campaign.file import CampaignFile, Coefficient, parse
+from seatrial.campaign.file import Axes, CampaignFile, Coefficient, Nuisance, Polish, Stage, parse
 from seatrial.campaign.parameters import Parameter
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LockedAxes", "with_locked_axes", "with_start_values"]
+__all__ = ["LockedAxes", "with_locked_axes", "with_start_values", "without_trial"]
 
 LockedAxes = Literal["frozen", "measured"]
 
@@ -71,6 +71,60 @@ def with_start_values(
                 entries[parameter.name] = entry.model_copy(update={"start": value / scale})
         stages.append(stage.model_copy(update={"coefficients": entries}))
     return file.model_copy(update={"stages": tuple(stages)})
+
+
+def without_trial(file: CampaignFile, name: str) -> tuple[CampaignFile, tuple[str, ...]]:
+    """Campaign file that does not know a trial, and the stages that no other trial is left for.
+
+    What such a stage frees is estimated with everything else, where the file asks for a joint estimate.
+    """
+    kept: list[Stage] = []
+    lost: list[Stage] = []
+    for stage in file.stages:
+        others = tuple(trial for trial in stage.trials if trial != name)
+        (kept if others else lost).append(stage.model_copy(update={"trials": others}))
+    gone = {stage.name for stage in lost}
+    stages = tuple(
+        stage.model_copy(update={"after": tuple(one for one in stage.after if one not in gone)})
+        for stage in kept
+    )
+    polish = file.polish
+    if polish is not None:
+        free = {axis for stage in file.stages for axis in stage.axes.free}
+        replayed = {axis for stage in file.stages for axis in stage.axes.measured} - free
+        axes = Axes(
+            free="".join(axis for axis in AXES if axis in free),
+            measured="".join(axis for axis in AXES if axis in replayed),
+        )
+        staged = {key for stage in stages for key in stage.coefficients}
+        unstaged = {
+            key: entry
+            for stage in lost
+            for key, entry in stage.coefficients.items()
+            if key not in staged and key not in polish.fixed
+        }
+        polish = polish.model_copy(
+            update={
+                "trials": tuple(trial for trial in polish.trials if trial != name),
+                "axes": polish.axes or axes,
+                "coefficients": unstaged | polish.coefficients,
+                "fixed": tuple(key for key in polish.fixed if key in staged),
+                "nuisances": _nuisances(polish, name),
+            }
+        )
+    trials = {trial: source for trial, source in file.trials.items() if trial != name}
+    shorter = file.model_copy(update={"trials": trials, "stages": stages, "polish": polish})
+    return shorter, tuple(stage.name for stage in lost)
+
+
+def _nuisances(polish: Polish, name: str) -> dict[str, Nuisance]:
+    """Nuisance parameters without those that belong to one trial alone."""
+    found = {}
+    for key, entry in polish.nuisances.items():
+        others = tuple(trial for trial in entry.trials if trial != name)
+        if others or not entry.trials:
+            found[key] = entry.model_copy(update={"trials": others})
+    return found
 
 
 def _axes(free: set[str], **modes: set[str]) -> Any:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.campaign.variants import LockedAxes
     from seatrial.identification.identification import Identification
+    from seatrial.identification.leave_one_out import LeaveOneOut
     from seatrial.identification.restarts_result import Restarts
 
 __all__ = ["draw", "identify", "run_identification"]
@@ -49,6 +50,14 @@ def identify(
             " folder, RUN-random-starts.",
         ),
     ] = None,
+    leave_one_out: Annotated[
+        bool,
+        typer.Option(
+            "--leave-one-out",
+            help="Afterwards identify again without each trial, and predict it; results in a second folder,"
+            " RUN-leave-one-out.",
+        ),
+    ] = False,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -68,8 +77,12 @@ def identify(
     beside = folder.with_name(f"{folder.name}-random-starts")
     if random_starts is not None:
         check_writable(beside)  # refused now rather than after the search
+    without = folder.with_name(f"{folder.name}-leave-one-out")
+    if leave_one_out:
+        check_writable(without)
     fit = run_identification(loaded, folder, threads=threads, resume=resume, quiet=json)
     again: Restarts | None = None
+    left_out: LeaveOneOut | None = None
 
     def drawn() -> list[Path]:
         return draw(fit, folder, formats(pdf)) if figures and not fit.interrupted else []
@@ -87,14 +100,22 @@ def identify(
             files = "random_starts.json, Parquet tables, summary.txt"
             results = "" if again.interrupted else f"Random starts in {beside}: {files}"
             answer(again.report(), verbose=verbose, results=results, draw=drawn_starts)
+    if leave_one_out and not fit.interrupted and not (again is not None and again.interrupted):
+        left_out = _leave_one_out(fit, without, threads=threads, resume=resume, quiet=json)
+        if not json:
+            files = "leave_one_out.json, Parquet tables, summary.txt"
+            results = "" if left_out.interrupted else f"Leave one out in {without}: {files}"
+            answer(left_out.report(), verbose=verbose, results=results)
     if json:
         result: dict[str, Any] = fit.to_dict()
         result |= {"run_directory": str(folder), "figures": [str(path) for path in drawn()]}
         if again is not None:
             drawn_starts()
             result["random_starts"] = again.to_dict()
+        if left_out is not None:
+            result["leave_one_out"] = left_out.to_dict()
         print_json(result)
-    if fit.interrupted or (again is not None and again.interrupted):
+    if fit.interrupted or any(one is not None and one.interrupted for one in (again, left_out)):
         raise typer.Exit(130)
 
 
@@ -167,4 +188,17 @@ def _restart(
             progress=progress,
             resume=resume,
             threads=threads,
+        )
+
+
+def _leave_one_out(
+    fit: Identification, folder: Path, *, threads: int | None, resume: bool, quiet: bool
+) -> LeaveOneOut:
+    """The identified campaign without each trial in turn, with progress on standard error."""
+    from seatrial.cli.console import search_progress
+    from seatrial.identification.leave_one_out import leave_one_out
+
+    with search_progress("reading the trials", quiet=quiet) as progress:
+        return leave_one_out(
+            fit.campaign, sigma=fit.sigma, run_dir=folder, progress=progress, resume=resume, threads=threads
         )

@@ -22,7 +22,7 @@ from seatrial.trial.trial import Trial
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["POOLED", "PartScores", "part_scores", "replayed"]
+__all__ = ["POOLED", "PartScores", "left_out_score", "part_scores", "replayed"]
 
 POOLED = "all"
 """Name under which the scores of all trials together stand."""
@@ -74,6 +74,49 @@ def part_scores(
                 for kind in kinds
             }
     return PartScores(found, tuple(dict.fromkeys(missing)))
+
+
+def left_out_score(
+    campaign: Campaign,
+    rest: Campaign,
+    vehicle: Vehicle,
+    name: str,
+    *,
+    nuisances: Mapping[str, Mapping[str, float]],
+) -> Score:
+    """Score ten seconds ahead of a trial that a fit left out, beside baselines that did not see it either.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        With the trial: it says on which axes the trial is judged.
+    rest : Campaign
+        Without it: what vehicle and baselines learnt from.
+    vehicle : Vehicle
+    name : str
+        Of the trial.
+    nuisances : mapping
+        Of the other trials' records; those that all of them share hold here, too.
+
+    Raises
+    ------
+    TrialError
+        Nothing of it can be scored.
+    """
+    fitted = list(dict.fromkeys(trial for stage in rest.stages for trial in stage.trials))
+    shared = set.intersection(*({*one.items()} for one in nuisances.values())) if len(nuisances) > 1 else ()
+    axes = _freed(campaign, name) or _freed(campaign)
+    trial = campaign.trials[name]
+    return score(
+        vehicle,
+        trial,
+        channels=[c for i, c in enumerate(CHANNELS) if AXES[i % 6] in axes and c in trial.channels],
+        input=campaign.input_of(name),
+        free=_freed(campaign),
+        measured=replayed(campaign),
+        nuisances={name: dict(shared)},
+        training=_baselines(campaign, _part(rest, fitted, "fit")),
+    )
 
 
 def _part(campaign: Campaign, names: Sequence[str], part: str) -> dict[str, Trial]:

@@ -593,7 +593,10 @@ def _regressions(
 def _training_error(
     known: Baselines, linear: Linear, driven: Sequence[_Driven], spans: Sequence[Sequence[tuple[int, int]]]
 ) -> float:
-    """Mean over the velocities of SSE / SST on the training windows; infinite where one diverges."""
+    """Mean over the velocities of ln(SSE / SST) on the training windows; infinite where one diverges.
+
+    The logarithm lets no single channel decide that nothing predicts well.
+    """
     from dataclasses import replace
 
     trial_of = replace(known, linear=linear)
@@ -603,7 +606,7 @@ def _training_error(
         for window in _predicted(trial_of, "linear", own, parts[:: max(1, len(parts) // _MOST_WINDOWS)])
     ]
     errors = [1.0 - value for c in linear.states if c in VELOCITIES and (value := _r2(c, shown)) == value]
-    return float(np.mean(errors)) if errors else float("inf")
+    return float(np.mean(np.log(np.maximum(errors, 1e-12)))) if errors else float("inf")
 
 
 _MOST_WINDOWS = 60  # of a trial that judge a linear model in the choice of its horizon

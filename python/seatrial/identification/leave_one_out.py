@@ -1,0 +1,486 @@
+"""Leave one out: the campaign identified again without each of its trials, and judged on that trial.
+
+A hold-out by time is of the same day, current, battery and manoeuvre as the rest of its trial. A whole trial
+that was left out is closer to what the vehicle does next (cross-validation by groups; Stone, *J. R. Stat.
+Soc. B* 36 (1974) 111). Per trial of the stages:
+
+1. the stages are searched anew without it, then estimated jointly, and the better of the two is taken as
+   always (`seatrial.identification.choice`); a stage that has no other trial is left to the joint estimate;
+2. the vehicle and the baselines, which did not see the trial either, predict it ten seconds ahead, on the
+   axes that the campaign frees on it.
+
+How a coefficient scatters over the k fits gives its jackknife deviation, ``sqrt((k - 1) / k sum (x_i -
+mean)^2)`` (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, section 11.2): it holds what
+differs from trial to trial, which the deviations of one fit do not know.
+
+Tests: ``tests/identification/test_leave_one_out.py``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial._core import checked_threads
+from seatrial.base.atomic_write import parquet
+from seatrial.base.channels import VELOCITIES
+from seatrial.base.errors import CampaignError, SeatrialError
+from seatrial.base.progress import Clock, Progress, Step
+from seatrial.base.report import Column, Report, Section, Table
+from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
+from seatrial.campaign.campaign import input_hashes
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.joint_estimate import polish
+from seatrial.estimation.stage import plan
+from seatrial.identification.choice import choose
+from seatrial.identification.hold_out import left_out_score
+from seatrial.identification.identify import StageOrder
+from seatrial.trial.baselines import not_beaten
+from seatrial.trial.score import score_text
+
+if TYPE_CHECKING:
+    from seatrial.campaign.campaign import Campaign
+
+__all__ = ["LeaveOneOut", "LeftOut", "leave_one_out"]
+
+_SCATTER = 3.0
+"""Jackknife deviation over the standard deviation of the fit from which the trials contradict one another."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One trial judged by a vehicle that was identified without it.
+
+    Attributes
+    ----------
+    trial
+        Its name.
+    r2, baselines
+        R2 ten seconds ahead by velocity channel, and by baseline and channel.
+    coefficients
+        Estimates by name, SI, of what the fit without it found.
+    result
+        "joint estimate" or "stages".
+    lost
+        Stages that have no other trial: what they free was left to the joint estimate.
+    failed
+        Why it could not be identified or judged without this trial; empty otherwise.
+    """
+
+    trial: str
+    r2: Mapping[str, float]
+    baselines: Mapping[str, Mapping[str, float]]
+    coefficients: Mapping[str, float]
+    result: str
+    lost: tuple[str, ...] = ()
+    failed: str = ""
+
+    def best_baseline(self, channel: str) -> tuple[str, float] | None:
+        """Name and R2 of the best baseline in a channel; None where none is judged."""
+        rivals = {name: row[channel] for name, row in self.baselines.items() if channel in row}
+        best = max(rivals, key=rivals.__getitem__, default=None)
+        return None if best is None else (best, rivals[best])
+
+
+@dataclass(frozen=True, eq=False)
+class LeaveOneOut(RunResult):
+    """Every trial predicted by a fit that did not see it; printed, a table of R2 and one of coefficients.
+
+    Attributes
+    ----------
+    campaign
+        Its name.
+    left_out
+        A `LeftOut` per trial that was finished.
+    sigma
+        Standard deviations of the fit to all trials by coefficient, SI, as far as they are known.
+    units
+        Unit by coefficient.
+    interrupted, text, facts
+        Whether Ctrl-C ended the run early, the campaign file, and what the result rests on.
+    """
+
+    campaign: str
+    left_out: tuple[LeftOut, ...]
+    sigma: Mapping[str, float]
+    units: Mapping[str, str]
+    interrupted: bool
+    text: str
+    facts: Mapping[str, Any]
+
+    @property
+    def r2(self) -> dict[str, dict[str, float]]:
+        """R2 ten seconds ahead by left-out trial and velocity channel."""
+        return {one.trial: dict(one.r2) for one in self.left_out if not one.failed}
+
+    def coefficients(self) -> Iterator[dict[str, Any]]:
+        """A row per coefficient: least and most over the fits, jackknife deviation, deviation of the fit.
+
+        The jackknife deviation is NaN where the fit without the trial ``only_from`` could not estimate it.
+        """
+        fits = {one.trial: one.coefficients for one in self.left_out if not one.failed}
+        for name in dict.fromkeys(name for fit in fits.values() for name in fit):
+            values = np.array([fit[name] for fit in fits.values() if name in fit])
+            missing = [trial for trial, fit in fits.items() if name not in fit]
+            k = len(values)
+            jackknife = math.sqrt((k - 1) / k * float(np.sum((values - values.mean()) ** 2)))
+            jackknife = math.nan if missing or k < 2 else jackknife
+            sigma = self.sigma.get(name, math.nan)
+            known = [trial for trial, fit in fits.items() if name in fit]
+            far = known[int(np.argmax(np.abs(values - np.median(values))))]
+            yield {
+                "coefficient": name,
+                "unit": self.units.get(name, ""),
+                "fits": k,
+                "only_from": ", ".join(missing),
+                "farthest_without": far,
+                "least": float(values.min()),
+                "most": float(values.max()),
+                "mean": float(values.mean()),
+                "jackknife": jackknife,
+                "sigma": sigma,
+                "ratio": jackknife / sigma if 0.0 < sigma < math.inf else math.nan,
+            }
+
+    def report(self) -> Report:
+        """How well left-out trials are predicted, the worst one, what to do; then both tables."""
+        return _report(self)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data."""
+        return {
+            "campaign": self.campaign,
+            "interrupted": self.interrupted,
+            "left_out": [asdict(one) for one in self.left_out],
+            "coefficients": list(self.coefficients()),
+        }
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        import polars as pl
+
+        rows = [
+            {"trial": one.trial, "channel": c, "r2": value}
+            | {f"r2 {name}": row.get(c) for name, row in one.baselines.items()}
+            for one in self.left_out
+            for c, value in one.r2.items()
+        ]
+        return {
+            "leave_one_out.json": to_json(self.to_dict()),
+            "scores.parquet": parquet(pl.DataFrame(rows, infer_schema_length=None)),
+            "coefficients.parquet": parquet(
+                pl.DataFrame(list(self.coefficients()), infer_schema_length=None)
+            ),
+            "summary.txt": self.summary() + "\n",
+            "campaign.toml": self.text,
+        }
+
+
+def leave_one_out(
+    campaign: Campaign,
+    *,
+    sigma: Mapping[str, float] | None = None,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> LeaveOneOut:
+    """Every trial of the stages predicted by a vehicle identified without it, and how coefficients scatter.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        With at least two trials in its stages.
+    sigma : mapping, optional
+        Standard deviation of coefficients by name, SI, as `Identification.sigma` gives them.
+    run_dir : str or Path, optional
+        Folder for the results. Finished trials and stages are kept beside it while the run goes on.
+    progress : callable, optional
+        Called in the caller's thread with a `Progress` of the whole.
+    resume : bool
+        Reuse what an earlier run in this folder finished from the same inputs.
+    threads : int, optional
+        Threads of the core; the result does not depend on it.
+
+    Returns
+    -------
+    LeaveOneOut
+        After Ctrl-C: the trials that were finished, marked as interrupted.
+
+    Raises
+    ------
+    CampaignError, TrialError
+        Fewer than two trials, or the campaign asks for what cannot be done.
+    SeatrialError
+        The run directory cannot be written.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> from seatrial.identification.leave_one_out import leave_one_out
+    >>> campaign = st.Campaign.load("examples/cwolf/campaign.toml")  # doctest: +SKIP
+    >>> print(leave_one_out(campaign))  # doctest: +SKIP
+    """
+    checked_threads(threads)
+    names = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
+    if len(names) < 2:
+        raise CampaignError(
+            f"{campaign.source}: leave one out: expected two trials or more in the stages, found"
+            f" {len(names)}: nothing would be left to identify from; hold out a part of the trial"
+            " (hold_out_s)"
+        )
+    plan(campaign)  # refuses a bad campaign before a folder appears
+    clock = Clock()
+    found: list[LeftOut] = []
+    interrupted = False
+    hashes = input_hashes(campaign)
+    with RunDirectory(run_dir, resume=resume) as run:
+        try:
+            for number, name in enumerate(names):
+                show = None if progress is None else _whole(progress, name, number, len(names), clock)
+                inputs = _inputs(campaign, name, hashes)
+                kept = run.finished(f"without {name}", inputs)
+                if kept is not None:
+                    kept = {key: value for key, value in kept.items() if key != "inputs"}
+                    found.append(LeftOut(**kept | {"lost": tuple(kept["lost"])}))
+                    continue
+                found.append(_without(campaign, name, run, show, threads))
+                run.keep(f"without {name}", inputs, asdict(found[-1]))
+        except KeyboardInterrupt:
+            interrupted = True
+        info = campaign.vehicle.coefficient_info()
+        result = LeaveOneOut(
+            campaign.name,
+            tuple(found),
+            dict(sigma or {}),
+            {key: str(info[key]["unit"]) for one in found for key in one.coefficients},
+            interrupted,
+            campaign.text,
+            run_facts(
+                "leave one out",
+                campaign.name,
+                clock=clock,
+                inputs=hashes,
+                seed=campaign.seed,
+                interrupted=interrupted,
+            ),
+        )
+        if run_dir is not None and found and not interrupted:
+            run.publish(result.facts, result.files())
+    return result
+
+
+def _without(
+    campaign: Campaign,
+    name: str,
+    run: RunDirectory,
+    progress: Callable[[Progress], None] | None,
+    threads: int | None,
+) -> LeftOut:
+    """One trial left out of the stages and of the joint estimate, and predicted.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        The search was interrupted.
+    """
+    lost: tuple[str, ...] = ()
+    try:
+        rest, lost = campaign.without_trial(name)
+        order = StageOrder(
+            rest, plan(rest), run, part=f"without {name}, ", progress=progress, threads=threads
+        )
+        stages = order.stages()
+        if order.stop.is_set():
+            raise KeyboardInterrupt
+        vehicle, nuisances, result = rest.vehicle, dict[str, dict[str, float]](), "stages"
+        for stage in stages:
+            vehicle = vehicle.with_coefficients(stage.coefficients)
+        if rest.file.polish is not None and rest.file.polish.rounds:
+            joint = Joint(rest, vehicle, threads=threads)
+            polished = polish(joint, watch=None if progress is None else _polishing(progress, order))
+            if polished.interrupted:
+                raise KeyboardInterrupt
+            choice = choose(rest, joint, polished, stages=stages, threads=threads)
+            if choice.result == "joint estimate":
+                vehicle, result = joint.identified(polished.values), choice.result
+                nuisances = joint.records(polished.values)
+        score = left_out_score(campaign, rest, vehicle, name, nuisances=nuisances)
+    except SeatrialError as error:
+        return LeftOut(name, {}, {}, {}, "", lost, str(error))
+    # What kept its start value, for want of a trial, is no estimate.
+    values = vehicle.coefficients()
+    freed = {name for stage in stages for name in stage.coefficients}
+    if result != "stages":
+        freed |= {member for parameter in joint.parameters for member, _ in parameter.members}
+    return LeftOut(
+        name,
+        {c: value for c, value in score.evidence.items() if c in VELOCITIES},
+        score.baselines,
+        {key: values[key] for key in values if key in freed},
+        result,
+        lost,
+    )
+
+
+def _inputs(campaign: Campaign, name: str, hashes: Mapping[str, str]) -> str:
+    """SHA-256 of everything that the fit without a trial depends on."""
+    described = {
+        "version": version("seatrial"),
+        "file": campaign.file.model_dump(mode="json"),
+        "vehicle": campaign.vehicle.to_toml(),
+        "hashes": dict(hashes),
+        "left_out": name,
+    }
+    digest = hashlib.sha256(to_json(described).encode())
+    for trial in campaign.trials.values():  # a trial that was given has no file to hash
+        for values in (trial.t, trial.observed, trial.valid, *trial.commands.values()):
+            digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
+
+
+def _whole(
+    progress: Callable[[Progress], None], name: str, number: int, count: int, clock: Clock
+) -> Callable[[Progress], None]:
+    """What the fit without one trial reports, as progress of all of them."""
+
+    def show(state: Progress) -> None:
+        fraction = (number + state.fraction) / count
+        progress(
+            replace(
+                state,
+                what=f"without {name} ({number + 1} of {count}), {state.what}",
+                fraction=fraction,
+                elapsed_s=clock.elapsed_s,
+                left_s=clock.left_s(fraction, 1.0 - fraction),
+            )
+        )
+
+    return show
+
+
+def _polishing(progress: Callable[[Progress], None], order: StageOrder) -> Callable[[Step], None]:
+    """What the joint estimate reports."""
+
+    def show(step: Step) -> None:
+        stages = len(order.plans)
+        elapsed = order.clock.elapsed_s
+        progress(Progress("joint estimate", stages, stages + 1, 1.0, elapsed, step.left_s, step=step))
+
+    return show
+
+
+def _report(found: LeaveOneOut) -> Report:
+    """Three lines, R2 by trial and channel, scatter of the coefficients."""
+    judged = [one for one in found.left_out if one.r2]
+    cells = [(value, one, c) for one in judged for c, value in one.r2.items() if value == value]
+    worse = [f"{one.trial}: {where}" for one in judged if (where := not_beaten(one.r2, one.baselines))]
+    if cells:
+        value, trial, channel = min(cells, key=lambda cell: cell[0])
+        best = score_text(max(value for value, _, _ in cells))
+        good = (
+            f"Trials that were left out are predicted 10 s ahead with R2 {best} at best,"
+            f" {score_text(value)} at worst ({channel} of {trial.trial}; {len(judged)} trials)"
+        )
+    else:
+        good = "No trial could be judged by a fit without it"
+    if worse:
+        good = f"Does not beat a baseline in {'; '.join(worse)}. {good}"
+    worst, next_step = _worst(found)
+    return Report(
+        title=f"{found.campaign}, leave one out",
+        outcome="interrupted" if found.interrupted else "judged",
+        good=good,
+        worst=worst,
+        next_step=next_step,
+        sections=(Section(sentences=_remarks(found), tables=(_scores(found), _scatter(found))),),
+    )
+
+
+def _worst(found: LeaveOneOut) -> tuple[str, str]:
+    if found.interrupted:
+        return (
+            f"Ctrl-C ended the run after {len(found.left_out)} trials",
+            "run the same command again; finished trials and stages are kept",
+        )
+    if failed := [one for one in found.left_out if one.failed]:
+        return f"without {failed[0].trial}: {failed[0].failed}", "repeat the manoeuvre in another trial"
+    rows = [row for row in found.coefficients() if row["ratio"] == row["ratio"]]
+    far = max(rows, key=lambda row: row["ratio"], default=None)
+    lost = {one.trial: one.lost for one in found.left_out if one.lost}
+    if far is not None and far["ratio"] >= _SCATTER and far["farthest_without"] in lost:
+        trial = far["farthest_without"]
+        return (
+            f"{far['coefficient']} rests on {trial}: {far['least']:.4g} to {far['most']:.4g} {far['unit']}"
+            f" over the fits, farthest without {trial}, the only trial of stage {', '.join(lost[trial])}",
+            "repeat its manoeuvre in a second trial, so that each can judge the other",
+        )
+    if far is not None and far["ratio"] >= _SCATTER:
+        return (
+            f"{far['coefficient']} scatters from trial to trial by {far['ratio']:.2g} times its standard"
+            f" deviation ({far['least']:.4g} to {far['most']:.4g} {far['unit']})",
+            f"take {far['jackknife']:.2g} {far['unit']} as its deviation; look for what differs between the"
+            " trials: current, battery, ballast, trim",
+        )
+    if lost:
+        trial, stages = next(iter(lost.items()))
+        return (
+            f"stage {', '.join(stages)} has no other trial than {trial}",
+            "repeat its manoeuvre in a second trial, so that each can judge the other",
+        )
+    return "nothing stands out: no coefficient depends on a single trial", "rely on the deviations of the fit"
+
+
+def _remarks(found: LeaveOneOut) -> tuple[str, ...]:
+    said = [f"Without {one.trial}: {one.failed}." for one in found.left_out if one.failed]
+    said += [
+        f"Without {one.trial} there is no trial for stage {', '.join(one.lost)}: what it frees was estimated"
+        " with everything else, or kept its start value."
+        for one in found.left_out
+        if one.lost and not one.failed
+    ]
+    return tuple(said)
+
+
+def _scores(found: LeaveOneOut) -> Table:
+    """R2 by trial and channel, beside the best baseline."""
+    rows = []
+    for one in found.left_out:
+        for k, (channel, value) in enumerate(one.r2.items()):
+            rival = one.best_baseline(channel)
+            known = ("", "") if rival is None else (score_text(rival[1]), rival[0])
+            rows.append(("" if k else one.trial, channel, score_text(value), *known, "" if k else one.result))
+    words = [Column(name, align="left") for name in ("best baseline", "predicted by")]
+    head: list[str | Column] = ["left out", "channel", "R2", "R2 baseline", *words]
+    return Table.of("Trials that were left out, 10 s ahead", head, rows, left=2)
+
+
+def _scatter(found: LeaveOneOut) -> Table:
+    rows = [
+        (
+            row["coefficient"],
+            row["unit"],
+            f"{row['least']:.4g} to {row['most']:.4g}",
+            f"{row['jackknife']:.2g}"
+            if math.isfinite(row["jackknife"])
+            else f"only {row['only_from']} tells",
+            f"{row['sigma']:.2g}" if math.isfinite(row["sigma"]) else "",
+            f"{row['ratio']:.2g}" if math.isfinite(row["ratio"]) else "",
+        )
+        for row in found.coefficients()
+    ]
+    head = ("coefficient", "unit", "without a trial each", "jackknife sd", "sd of the fit", "ratio")
+    return Table.of("Coefficients without a trial each", head, rows, left=2)
