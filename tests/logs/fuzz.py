@@ -1,16 +1,21 @@
 """Damaged logs: every reader refuses them with its own error or reads what is left, fast and in bounded
 memory.
 
-``python -m tests.logs.fuzz SECONDS`` goes on for that long over one log of every format and files given
-after.
+``python -m tests.logs.fuzz SECONDS [FILE…]`` goes on for that long over one log of every format and the
+files given; ``python -m tests.logs.fuzz SECONDS FILE… --only`` over the files alone. A case that is not
+handled is shown with its trace and kept, with its seed, in the folder named at the end. The cases run in a
+process of their own, so that one that ends the interpreter or asks for all memory is found as well.
 """
 
 from __future__ import annotations
 
+import multiprocessing
+import resource
 import sys
 import tempfile
 import time
 import traceback
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +26,9 @@ from seatrial.logs.formats import open_log
 _PIECES = (b"nan,", b"1e999", b"\xff\xff\xff\x7f", b"-1  ", b"\n\n\n\n", b'",",', b"\0\0\0\0", b"9" * 40)
 _LARGE = 400_000
 _SLOW_S = 30.0  # a hang, on any machine
+_HUNG_S = 120.0  # the process of the cases is ended after that
+_MOST_MIB = 1024  # resident while a damaged log of less than 1 MB is read
+_LIMIT_BYTES = 6 << 30  # of addresses: what asks for more fails instead of filling the machine
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
@@ -71,31 +79,79 @@ def survives(path: Path) -> str | None:
     return f"{path.name}: took {taken:.0f} s" if taken > _SLOW_S else None
 
 
+def _peak_mib(*, reset: bool = False) -> int:
+    """Most memory that was resident, MiB, since it was last reset; 0 where the system does not say."""
+    try:
+        if reset:
+            Path("/proc/self/clear_refs").write_text("5")
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return 0
+    return next(int(line.split()[1]) // 1024 for line in lines if line.startswith("VmHWM"))
+
+
+def _cases(logs: list[Path], folder: Path, seed: int, seconds: float, told: Connection) -> None:
+    """Read damaged logs one after another; tells the seed and file of each case, then what is wrong."""
+    resource.setrlimit(resource.RLIMIT_AS, (_LIMIT_BYTES, _LIMIT_BYTES))
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        rng = np.random.default_rng(seed)
+        source = logs[int(rng.integers(len(logs)))]
+        path = folder / source.name
+        path.write_bytes(mutated(source.read_bytes(), rng))
+        told.send((seed, path))
+        before = _peak_mib(reset=True)
+        complaint = survives(path)
+        peak = _peak_mib()
+        if complaint is None and peak - before > _MOST_MIB:
+            complaint = f"{path.name}: {before} MiB before, {peak} MiB at most"
+        told.send((complaint, peak))
+        seed += 1
+    told.send(None)
+
+
 def main() -> int:
     """Fuzz for some seconds; exit code 1 where something was found."""
-    import resource
-
     from tests.logs import log_files
 
-    seconds, given = float(sys.argv[1]), [Path(name) for name in sys.argv[2:]]
-    rng = np.random.default_rng(int(time.time()))
-    found: dict[str, str] = {}
+    given = [Path(name) for name in sys.argv[2:] if name != "--only"]
+    seed = int(time.time())
+    found: dict[str, Path] = {}
+    kept = Path(tempfile.mkdtemp(prefix="seatrial-fuzz-"))
+    context = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        logs = [path for path in log_files.write(folder).values() if path.is_file()] + given
+        own = [] if "--only" in sys.argv else [p for p in log_files.write(folder).values() if p.is_file()]
         (folder / "damaged").mkdir()
-        end, cases = time.monotonic() + seconds, 0
+        end, cases, peak, case = time.monotonic() + float(sys.argv[1]), 0, 0, (seed, folder)
         while time.monotonic() < end:
-            source = logs[int(rng.integers(len(logs)))]
-            path = folder / "damaged" / source.name
-            path.write_bytes(mutated(source.read_bytes(), rng))
-            complaint = survives(path)
-            cases += 1
-            if complaint is not None and complaint.splitlines()[-1] not in found:
-                found[complaint.splitlines()[-1]] = complaint
-                print(complaint, flush=True)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-    print(f"{cases} damaged logs, {len(found)} not handled, {peak} MiB at most")
+            heard, told = context.Pipe(duplex=False)
+            arguments = (own + given, folder / "damaged", seed, end - time.monotonic(), told)
+            worker = context.Process(target=_cases, args=arguments)
+            worker.start()
+            told.close()
+            while True:
+                try:
+                    said = heard.recv() if heard.poll(_HUNG_S) else (f"{case[1].name}: hangs", 0)
+                except EOFError:
+                    worker.join()
+                    said = (f"{case[1].name}: ended the interpreter, exit code {worker.exitcode}", 0)
+                if said is None:
+                    break
+                if isinstance(said[1], Path):
+                    case = said
+                    continue
+                complaint, peak, cases = said[0], max(peak, said[1]), cases + 1
+                seed = case[0] + 1
+                if complaint is not None and (last := complaint.splitlines()[-1]) not in found:
+                    found[last] = kept / f"{case[0]}-{case[1].name}"
+                    found[last].write_bytes(case[1].read_bytes())
+                    print(f"{found[last]}: {complaint}", flush=True)
+                if said[1] == 0:
+                    worker.kill()
+                    break
+            worker.join()
+    print(f"{cases} damaged logs, {len(found)} not handled, {peak} MiB at most; kept in {kept}")
     return 1 if found else 0
 
 

@@ -167,3 +167,47 @@ def test_a_topic_of_a_ulog_without_stamps_is_left_out(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(b"uint64_t timestamp;", b"uint64_t timestemp;", 1))
     with pytest.raises(TrialError, match="holds no topic with samples"):
         open_log(path)
+
+
+@pytest.mark.parametrize("kind", ["dataflash", "ulog"])
+def test_scattered_damage_costs_the_messages_that_it_hits(
+    logs: dict[str, Path], kind: str, tmp_path: Path
+) -> None:
+    """Neither format marks the ends of its messages: reading must find its way back after each."""
+    whole = sum(topic.samples for topic in open_log(logs[kind]).topics())
+    data = bytearray(logs[kind].read_bytes())
+    rng = np.random.default_rng(5)
+    places = rng.integers(len(data) // 5, len(data) - 200, size=10)
+    for at in places.tolist():
+        data[at] ^= int(rng.integers(1, 256))
+    data[len(data) // 2 : len(data) // 2 + 60] = rng.bytes(60)
+    path = tmp_path / logs[kind].name
+    path.write_bytes(data)
+    log = open_log(path)
+    assert whole - 30 <= sum(topic.samples for topic in log.topics()) < whole
+    (note,) = [text for text in log.notes if "are no whole messages" in text]
+    assert "byte" in note
+
+
+def test_a_damaged_stamp_or_instance_is_no_sample(logs: dict[str, Path], tmp_path: Path) -> None:
+    """A flipped high byte of TimeUS is a year; a flipped instance number is no further instrument."""
+    data = bytearray(logs["dataflash"].read_bytes())
+    first = data.find(b"\xa3\x95\x83", 700)
+    length = data.find(b"\xa3\x95\x83", first + 1) - first
+    data[first + 40 * length + 3 + 5] ^= 0x10
+    data[first + 60 * length + 11] = 77
+    data[first + 80 * length] ^= 0xFF
+    path = tmp_path / "damaged.BIN"
+    path.write_bytes(data)
+    log = open_log(path)
+    topics = {topic.name: topic for topic in log.topics()}
+    assert set(topics) == {"PARM", "MODE", "MSG", "NAV[0]", "NAV[1]"}
+    assert max(topic.end_s for topic in topics.values()) == pytest.approx(T[-1])
+    assert "1 messages are stamped unlike those around them; left out" in log.notes
+
+
+def test_the_tables_of_a_log_are_no_topics_and_every_rate_is_a_number(logs: dict[str, Path]) -> None:
+    topics = {topic.name: topic for topic in open_log(logs["dataflash"]).topics()}
+    assert "FMT" not in topics
+    assert round(topics["MODE"].rate_hz, 1) == 0.0
+    assert topics["NAV[0]"].rate_hz == pytest.approx(10.0)

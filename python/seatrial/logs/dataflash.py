@@ -1,18 +1,24 @@
-"""ArduPilot DataFlash logs (`.bin`, and `.log` of text) by pymavlink's index; values cut out in NumPy.
+"""ArduPilot DataFlash logs (`.bin`, and `.log` of text).
 
 A message type is a topic, ``IMU[0]`` where the type counts instances. Stamps are TimeUS, the time since the
 autopilot booted; `epoch_s` comes from the first GPS fix. Units are those of the log's FMTU messages where
 it has them. Format: ArduPilot, AP_Logger, LogStructure.
+
+A message is its header (A3 95 and the number of its type) and a body whose length the FMT message of the
+type states; nothing marks its end. It counts where the next header, or the end of the log, follows its last
+byte: so a damaged header costs two messages, and reading goes on at the next header. What was skipped is
+noted with its place and its time.
 """
 
 from __future__ import annotations
 
 import contextlib
-import io
 import mmap
-import os
+import re
+import struct
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -37,6 +43,20 @@ _NOT_COUNTED = {"MODE", "PARM", "FMT", "FMTU", "MSG", "UNIT", "MULT", "CMD"}
 _GPS_EPOCH_S, _LEAP_S, _WEEK_S = 315_964_800.0, 18.0, 604_800.0
 
 
+_TABLES = {"FMT", "FMTU", "UNIT", "MULT"}  # of the log itself: no measurements
+_PREFIXES = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
+
+_HEADER = b"\xa3\x95"
+_FMT, _FMT_BYTES = 128, 89
+_LONGEST = 255  # bytes of a message
+_BLOCK = 1 << 24
+_AROUND = 64  # messages
+_STRAY = 0.002  # share of a damaged log's messages below which an instance is a damaged number
+
+Bytes = np.ndarray[Any, np.dtype[np.uint8]]
+Places = np.ndarray[Any, np.dtype[np.int64]]
+
+
 @dataclass(frozen=True)
 class _Type:
     """A message type: its packed layout, names and units of its columns, the instance column, its offsets."""
@@ -46,7 +66,7 @@ class _Type:
     codes: str
     units: tuple[str, ...]
     instance: str | None
-    offsets: np.ndarray[Any, np.dtype[np.int64]]
+    offsets: Places
 
 
 def open_log(path: Path) -> Log:
@@ -55,90 +75,117 @@ def open_log(path: Path) -> Log:
     Raises
     ------
     TrialError
-        If pymavlink is missing or the file is no DataFlash log.
+        If the file is no DataFlash log.
     """
-    reader = extra("pymavlink.DFReader", path)
     with path.open("rb") as stream:
-        text = stream.read(4) == b"FMT,"
-    if text:
-        return _TextLog(path, "dataflash")
-
-    class Index(reader.DFReader_binary):  # type: ignore[misc,name-defined]
-        """pymavlink's index of offsets without its guess of the clock."""
-
-        def init_clock(self) -> None:
-            """Stamps are read from each message."""
-
-    try:
-        with _silent():
-            index = Index(str(path))
-    except Exception as error:  # a damaged format message may raise anything in pymavlink
-        raise TrialError(
-            f"{path}: not readable as a DataFlash log ({type(error).__name__}: {error}); its format messages"
-            " are damaged: fetch the file from the vehicle again"
-        ) from None
-    log = _BinaryLog(path, "dataflash", index=index)
-    log._report_damage()
-    return log
-
-
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Keep pymavlink's compiled index from writing a line for every byte that it cannot read."""
-    kept = os.dup(2)
-    try:
-        with Path(os.devnull).open("wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-                yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        head = stream.read(4)
+        if head == b"FMT,":
+            return _TextLog(path, "dataflash")
+        if not head:
+            raise TrialError(f"{path}: the file is empty; expected a log")
+        data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    return _BinaryLog(path, "dataflash", data=data)
 
 
 @dataclass
 class _BinaryLog(Log):
-    index: Any = field(kw_only=True, repr=False)
+    data: mmap.mmap = field(kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
-        self._types = dict(self._layouts())
-        self.index.offsets = None  # lists of numbers: eight times the size of the arrays
+        self._raw: Bytes = np.frombuffer(self.data, np.uint8)
+        forms = dict(self._forms())
+        lengths = np.zeros(256, np.int64)
+        for number, (length, kind) in forms.items():
+            lengths[number] = length
+            if isinstance(kind, str):
+                self.note(kind)
+        self._numbered = {n: kind for n, (_, kind) in forms.items() if isinstance(kind, _Type)}
+        begins, numbers = _messages(self._raw, lengths)
+        self._damaged = self._report_damage(begins, numbers, lengths)
+        if self._damaged:
+            near = self._near_in_time(begins, numbers)
+            begins, numbers = begins[near], numbers[near]
+        self._types: dict[str, _Type] = {}
+        order = np.argsort(numbers, kind="stable")
+        places = np.split(begins[order], np.searchsorted(numbers[order], np.arange(1, 256)))
+        for number, kind in self._numbered.items():
+            if len(places[number]):
+                self._types[kind.name] = replace(kind, offsets=places[number])
+        if not self._types:
+            raise TrialError(
+                f"{self.path}: no DataFlash message in it, or its format messages are damaged: fetch the file"
+                " from the vehicle again; is it another .bin file?"
+            )
+        self._name_units()
         self.epoch_s = self._epoch()
         self.parameters = self._parameters()
 
-    def _layouts(self) -> Iterator[tuple[str, _Type]]:
-        for number, offsets in enumerate(self.index.offsets):
-            form = self.index.formats.get(number)
-            if form is None or not len(offsets):
+    def _forms(self) -> Iterator[tuple[int, tuple[int, _Type | str]]]:
+        """Length and type (or why it is left out) by number, from the FMT messages."""
+        at = -1
+        while (at := self.data.find(_HEADER + bytes([_FMT]), at + 1)) >= 0:
+            body = self.data[at + 3 : at + _FMT_BYTES]
+            if len(body) < _FMT_BYTES - 3:
+                return
+            cells = struct.unpack("<BB4s16s64s", body)
+            number, length = int(cells[0]), int(cells[1])
+            name, codes, columns = (_plain(cell) for cell in cells[2:])
+            codes_known = set(codes) <= _CODES.keys() and columns.isprintable()
+            if not re.fullmatch(r"\w{1,4}", name, re.ASCII) or not codes_known or length < 3:
+                continue  # damaged: as if it were not there
+            if number == _FMT and length != _FMT_BYTES:
                 continue
-            codes = form.format.rstrip("\0")
-            names = list(form.columns)
-            if len(names) != len(codes) or len(set(names)) != len(names):
-                self.note(f"{form.name}: {len(codes)} values for {len(names)} columns; left out")
+            names = columns.split(",") if columns else []
+            if len(names) != len(codes) or len(set(names)) != len(names) or not all(names):
+                yield number, (length, f"{name}: {len(codes)} values for {len(names)} columns; left out")
                 continue
             layout = np.dtype([(name, _CODES[code]) for name, code in zip(names, codes, strict=True)])
-            if layout.itemsize + 3 != form.len:
-                self.note(f"{form.name}: {layout.itemsize + 3} bytes expected, {form.len} stated; left out")
+            if layout.itemsize + 3 != length:
+                stated = f"{name}: {layout.itemsize + 3} bytes expected, {length} stated; left out"
+                yield number, (length, stated)
                 continue
-            where = np.asarray(offsets, np.int64)
-            whole = where + form.len <= self.index.data_len
-            instance = form.instance_field
-            if instance is None and form.name not in _NOT_COUNTED:
-                instance = next((n for n in _INSTANCES if n in names and codes[names.index(n)] in "bB"), None)
-            units = tuple(form.units) if form.units else ("",) * len(names)
-            yield form.name, _Type(form.name, layout, codes, units, instance, where[whole])
+            counts = (n for n in _INSTANCES if n in names and codes[names.index(n)] in "bB")
+            instance = None if name in _NOT_COUNTED else next(counts, None)
+            none = np.empty(0, np.int64)
+            yield number, (length, _Type(name, layout, codes, ("",) * len(names), instance, none))
+
+    def _name_units(self) -> None:
+        """Give the types the units and instance columns of the log's FMTU, UNIT and MULT messages."""
+        labels = {chr(row["Id"]): _plain(row["Label"]) for row in self._table("UNIT", "Id", "Label")}
+        factors = {chr(row["Id"]): float(f"{row['Mult']:.7g}") for row in self._table("MULT", "Id", "Mult")}
+        for row in self._table("FMTU", "FmtType", "UnitIds", "MultIds"):
+            numbered = self._numbered.get(int(row["FmtType"]))
+            kind = None if numbered is None else self._types.get(numbered.name)
+            if kind is None:
+                continue
+            columns = kind.layout.names or ()
+            ids, scales = _plain(row["UnitIds"]), _plain(row["MultIds"])
+            units = []
+            for k, code in enumerate(kind.codes):
+                unit = labels.get(ids[k : k + 1], "")
+                factor = factors.get(scales[k : k + 1], 0.0)
+                if unit and code not in _SCALED and factor not in (0.0, 1.0):
+                    unit = _PREFIXES[factor] + unit if factor in _PREFIXES else f"{factor:.4g} {unit}"
+                units.append(unit)
+            counted = ids.find("#")
+            instance = columns[counted] if 0 <= counted < len(columns) else kind.instance
+            self._types[kind.name] = replace(kind, units=tuple(units), instance=instance)
+
+    def _table(self, name: str, *columns: str) -> np.ndarray[Any, Any] | list[Any]:
+        """Messages of a type of the log itself; none where it lacks a column."""
+        kind = self._types.get(name)
+        return self._rows(kind) if kind is not None and set(columns) <= set(kind.layout.names or ()) else []
 
     def _rows(self, kind: _Type, begin: int = 0, end: int | None = None) -> np.ndarray[Any, Any]:
         """Messages of a type as records."""
         where = kind.offsets[begin:end]
-        data: mmap.mmap = self.index.data_map
-        raw = np.frombuffer(data, np.uint8)
-        cells = raw[where[:, None] + np.arange(3, kind.layout.itemsize + 3)]
+        cells = self._raw[where[:, None] + np.arange(3, kind.layout.itemsize + 3)]
         return np.ascontiguousarray(cells).view(kind.layout)[:, 0]
 
     def _numbers(self, kind: _Type, rows: np.ndarray[Any, Any], name: str) -> Array:
         code = kind.codes[(kind.layout.names or ()).index(name)]
-        return np.asarray(rows[name].astype(float) * _SCALED.get(code, 1.0))
+        with np.errstate(invalid="ignore"):  # a damaged number that is no number
+            return np.asarray(rows[name].astype(float) * _SCALED.get(code, 1.0))
 
     def _stamps(self, kind: _Type, rows: np.ndarray[Any, Any]) -> Array:
         names = kind.layout.names or ()
@@ -153,19 +200,23 @@ class _BinaryLog(Log):
         found: dict[str, tuple[int, ...]] = {}
         for name, kind in self._types.items():
             if kind.instance is not None:
-                seen: set[int] = set()
+                seen: Counter[int] = Counter()
                 for begin in range(0, len(kind.offsets), CHUNK_ROWS):
                     rows = self._rows(kind, begin, begin + CHUNK_ROWS)
                     if rows[kind.instance].dtype.kind in "iu":
-                        seen.update(np.unique(rows[kind.instance]).tolist())
-                found[name] = tuple(sorted(seen))
+                        ones, counts = np.unique(rows[kind.instance], return_counts=True)
+                        seen.update(dict(zip(ones.tolist(), counts.tolist(), strict=True)))
+                least = max(_STRAY * len(kind.offsets), 1.0) if self._damaged else 0.0
+                found[name] = tuple(sorted(one for one, count in seen.items() if count > least)) or tuple(
+                    seen
+                )
         return found
 
     @cached_property
     def _topics(self) -> dict[str, tuple[str, int | None]]:
         """Type and instance by topic."""
         topics: dict[str, tuple[str, int | None]] = {}
-        for name in self._types:
+        for name in (name for name in self._types if name not in _TABLES):
             for one in self._instances.get(name) or (None,):
                 topics[name if one is None else f"{name}[{one}]"] = (name, one)
         return topics
@@ -246,15 +297,76 @@ class _BinaryLog(Log):
                 events.append(Event(t, "mode", names.get(int(number), str(number))))
         return sorted(events)
 
-    def _report_damage(self) -> None:
-        known = sum(len(kind.offsets) * (kind.layout.itemsize + 3) for kind in self._types.values())
-        lost = self.index.data_len - known
-        if known == 0:
-            raise TrialError(
-                f"{self.path}: not a DataFlash log: it holds no message; is it another .bin file?"
-            )
-        if lost > 1024 + 0.001 * self.index.data_len:
-            self.note(f"{lost} of {self.index.data_len} bytes are no readable messages; the others were read")
+    def _report_damage(self, begins: Places, numbers: Bytes, lengths: Places) -> bool:
+        """Note what is no whole message: how much, where, when; and a log that ends within a message.
+
+        Whether there was any before the end.
+        """
+        size = len(self._raw)
+        froms, tos = np.r_[0, begins + lengths[numbers]], np.r_[begins, size]
+        gaps = np.flatnonzero(tos > froms)
+        if len(gaps) and gaps[-1] == len(begins):
+            tail = self.data[int(froms[-1]) :]
+            begun = tail[:2] == _HEADER[: len(tail)]
+            cut = begun and (len(tail) < 3 or len(tail) < lengths[tail[2]])
+            if cut:
+                self.note(f"cut off within its last message: its {len(tail)} bytes are left out")
+            if cut or not tail.strip(b"\0") or not tail.strip(b"\xff"):  # a logger fills its last page
+                gaps = gaps[:-1]
+        if not len(gaps):
+            return False
+        widths = (tos - froms)[gaps]
+        worst = gaps[int(np.argmax(widths))]
+        lost = int(widths.sum())
+        place = f"from byte {froms[worst]:,} on{self._when(begins[:worst], numbers[:worst])}"
+        if len(gaps) > 1:
+            place = f"in {len(gaps):,} places, the longest of {widths.max():,} bytes {place}"
+        self.note(
+            f"{lost:,} of {size:,} bytes ({100.0 * lost / size:.2g} %) are no whole messages, {place}; they"
+            " were skipped, the others read"
+        )
+        heads = self._raw[np.minimum(froms[gaps, None] + np.arange(3), size - 1)]
+        foreign = (heads[:, 0] == _HEADER[0]) & (heads[:, 1] == _HEADER[1]) & (lengths[heads[:, 2]] == 0)
+        counts = np.bincount(heads[foreign, 2], minlength=256)
+        if counts.max() > 2:  # else a damaged number
+            named = ", ".join(f"{number} ({counts[number]:,})" for number in np.flatnonzero(counts > 2))
+            self.note(f"messages of types without a format message, number (count): {named}; left out")
+        return True
+
+    def _near_in_time(self, begins: Places, numbers: Bytes) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Which messages of a damaged log are stamped like those around them in the file.
+
+        They are written as they happen: a stamp that lies a second outside the medians of the messages before
+        and after, `_AROUND` at a time, is damaged itself.
+        """
+        stamped = np.zeros(256, bool)
+        for number, kind in self._numbered.items():
+            stamped[number] = (kind.layout.names or ("",))[0] == "TimeUS" and kind.codes[0] == "Q"
+        which = np.flatnonzero(stamped[numbers])
+        if len(which) < 2 * _AROUND:
+            return np.ones(len(begins), bool)
+        t = self._raw[begins[which, None] + np.arange(3, 11)].view("<u8")[:, 0].astype(float) * 1e-6
+        parts = len(t) // _AROUND
+        middle = np.median(t[: parts * _AROUND].reshape(parts, _AROUND), axis=1)
+        around = np.stack([np.r_[middle[0], middle[:-1]], middle, np.r_[middle[1:], middle[-1]]])
+        part = np.minimum(np.arange(len(t)) // _AROUND, parts - 1)
+        slack = 1.0 + (around.max(axis=0) - around.min(axis=0))[part]
+        near = (t >= around.min(axis=0)[part] - slack) & (t <= around.max(axis=0)[part] + slack)
+        if not near.all():
+            self.note(f"{int((~near).sum()):,} messages are stamped unlike those around them; left out")
+        kept = np.ones(len(begins), bool)
+        kept[which] = near
+        return kept
+
+    def _when(self, begins: Places, numbers: Bytes) -> str:
+        """Time of the last of some messages, in brackets; nothing where none has one."""
+        for at, number in zip(begins[:-20:-1].tolist(), numbers[:-20:-1].tolist(), strict=True):
+            kind = self._numbered.get(number)
+            if kind is not None:
+                t = self._stamps(kind, self._raw[at + 3 : at + 3 + kind.layout.itemsize].view(kind.layout))[0]
+                if np.isfinite(t):
+                    return f" ({t:.1f} s after the start of the autopilot)"
+        return ""
 
 
 _LATER_SUB_MODES = {20: "MOTOR_DETECT", 21: "SURFTRAK"}
@@ -339,3 +451,50 @@ def _float(cell: str | None) -> float:
 def _chunk(name: str, rows: list[list[float]]) -> Chunk:
     values = np.array(rows)
     return Chunk(name, values[:, 0], values[:, 1:])
+
+
+def _plain(cell: bytes) -> str:
+    """Text of a cell of fixed width."""
+    return bytes(cell).partition(b"\0")[0].decode("latin-1")
+
+
+def _messages(data: Bytes, lengths: Places) -> tuple[Places, Bytes]:
+    """Begins and type numbers of the whole messages of a log, in its order.
+
+    A header that is followed, after the length of its type, by another header or the end begins a message,
+    unless it lies in a message that itself follows another: two bytes of a body may look like a header.
+    """
+    size = len(data)
+    # Block-based loggers fill their last page with zeros or ones.
+    filled = size
+    for value in (0, 255):
+        tail = data[max(size - 2 * _LONGEST, 0) :] != value
+        filled = min(filled, size - int(np.argmax(tail[::-1])) if tail.any() else size)
+    parts: list[tuple[Places, Bytes]] = []
+    marks = np.zeros(_BLOCK + _LONGEST + 1, bool)  # ends of messages, from the beginning of the block
+    marks[0] = True
+    reach = 0
+    for block in range(0, size - 2, _BLOCK):
+        part = data[block : block + _BLOCK + 2]
+        at = block + np.flatnonzero((part[:-2] == _HEADER[0]) & (part[1:-1] == _HEADER[1]))
+        numbers = data[at + 2]
+        ends = at + lengths[numbers]
+        whole = (lengths[numbers] > 0) & (ends <= size)
+        at, numbers, ends = at[whole], numbers[whole], ends[whole]
+        first, second = data[np.minimum(ends, size - 1)], data[np.minimum(ends + 1, size - 1)]
+        next_begins = (first == _HEADER[0]) & ((second == _HEADER[1]) | (ends == size - 1))
+        linked = next_begins | (ends >= filled)
+        at, numbers, ends = at[linked], numbers[linked], ends[linked]
+        marks[ends - block] = True
+        follows = marks[at - block]
+        reached = np.maximum.accumulate(np.r_[reach, np.where(follows, ends, 0)])
+        kept = follows | (reached[:-1] <= at)
+        parts.append((at[kept], numbers[kept]))
+        reach = int(reached[-1])
+        marks[: _LONGEST + 1] = marks[_BLOCK : _BLOCK + _LONGEST + 1]
+        marks[_LONGEST + 1 :] = False
+    at = np.concatenate([part[0] for part in parts]) if parts else np.empty(0, np.int64)
+    numbers = np.concatenate([part[1] for part in parts]) if parts else np.empty(0, np.uint8)
+    # What is left to overlap began in a body, where a damaged message went before.
+    apart = np.append(at[:-1] + lengths[numbers[:-1]] <= at[1:], True) if len(at) else np.empty(0, bool)
+    return at[apart], numbers[apart]

@@ -128,9 +128,9 @@ class Topic:
 
     @property
     def rate_hz(self) -> float:
-        """Mean rate over the time between the first and last stamp; NaN for fewer than two."""
+        """Mean rate over the time between the first and last stamp; 0 for fewer than two different stamps."""
         span = self.end_s - self.start_s
-        return (self.samples - 1) / span if self.samples > 1 and span > 0.0 else math.nan
+        return (self.samples - 1) / span if self.samples > 1 and span > 0.0 else 0.0
 
 
 @dataclass

@@ -2,6 +2,10 @@
 
 A topic is a uORB topic, with ``.1`` after it for further instances; stamps are the time since boot. pyulog
 keeps every sample of the topics that it reads, so a large log is read in groups of topics of bounded size.
+
+A frame is its size (2 bytes), its kind (1 byte) and its content; it counts where another frame, or the end,
+follows. A damaged log goes to pyulog as a copy without what does not count, because pyulog looks for its next
+frame only at synchronisation marks, which may be minutes apart. Format: PX4 user guide, ULog file format.
 """
 
 from __future__ import annotations
@@ -9,7 +13,8 @@ from __future__ import annotations
 import contextlib
 import io
 import math
-import struct
+import mmap
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +29,26 @@ from seatrial.logs.log import CHUNK_ROWS, Chunk, Event, Log, Share
 __all__ = ["open_log"]
 
 _GROUP_BYTES = 200_000_000
+_HEADER_BYTES = 16
+_FLAGS = b"\x28\0B"  # the frame of flags: 40 bytes, that of data appended after a crash among them
+_LEAST = {
+    "B": 40,
+    "F": 4,
+    "I": 3,
+    "M": 4,
+    "P": 3,
+    "Q": 4,
+    "A": 4,
+    "R": 2,
+    "D": 10,
+    "L": 9,
+    "C": 11,
+    "S": 8,
+    "O": 2,
+}
+_FIXED = {"B", "R", "S", "O"}
+"""Least bytes of the content by kind of frame; those of the kinds in `_FIXED` always have that many."""
+_KEYED = {"I": 0, "P": 0, "M": 1, "Q": 1}  # bytes before the length and text of a key
 
 
 def open_log(path: Path) -> Log:
@@ -47,7 +72,18 @@ class _ULog(Log):
     _events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._sizes = _sizes(self.path)
+        walk = _Walk(self.path)
+        self._sizes = walk.sizes
+        if walk.lost:
+            size = self.path.stat().st_size
+            self.note(
+                f"{walk.lost:,} of {size:,} bytes ({100.0 * walk.lost / size:.2g} %) are no whole messages,"
+                f" in {walk.places:,} places, the first from byte {walk.first:,} on; they were skipped, the"
+                " others read"
+            )
+        if walk.cut:
+            self.note(f"cut off within its last message: its {walk.cut} bytes are left out")
+        self._copy = walk.copy()
         for group in self._groups(self._sizes):
             whole = self._parse(group)
             for data in whole.data_list:
@@ -98,7 +134,8 @@ class _ULog(Log):
                 stamps = data.data["timestamp"]
                 for begin in range(0, len(stamps), CHUNK_ROWS):
                     part = slice(begin, begin + CHUNK_ROWS)
-                    values = [np.asarray(column[part], float) for column in columns]
+                    with np.errstate(invalid="ignore"):  # a damaged number that is no number
+                        values = [np.asarray(column[part], float) for column in columns]
                     rows = np.stack(values, axis=1) if values else np.empty((len(stamps[part]), 0))
                     yield Chunk(topic, np.asarray(stamps[part] * 1e-6, float), rows)
             if share is not None:
@@ -121,7 +158,8 @@ class _ULog(Log):
         said = io.StringIO()
         try:
             with contextlib.redirect_stdout(said):
-                return package.ULog(str(self.path), list(names), True)
+                source = str(self.path) if self._copy is None else self._copy.name
+                return package.ULog(source, list(names), True)
         except Exception as error:  # a damaged header may raise anything in pyulog
             raise TrialError(
                 f"{self.path}: not readable as a ULog ({type(error).__name__}: {error}); fetch the file again"
@@ -136,25 +174,115 @@ def _numbered(topic: str) -> bool:
     return topic.rpartition(".")[2].isdigit() and "." in topic
 
 
-def _sizes(path: Path) -> dict[str, int]:
-    """Bytes of samples by uORB name: the frames of the file are walked over, not read.
+class _Walk:
+    """The frames of a file: bytes of samples by uORB name, the parts that hold whole frames, what is lost.
 
-    A frame is its size (2 bytes), its kind (1 byte) and its content; kind "A" names a subscription, "D" is a
-    sample.
+    Attributes
+    ----------
+    sizes
+        Bytes of samples by uORB name.
+    lost, places, first
+        Bytes that are no whole frames, in how many places, and where the first begins.
+    cut
+        Bytes of a last frame that the file does not hold whole.
     """
-    names: dict[int, str] = {}
-    sizes: dict[str, int] = {}
-    with path.open("rb") as stream:
-        stream.seek(16)
-        while len(head := stream.read(3)) == 3:
-            size, kind = struct.unpack("<HB", head)
-            body = stream.read(size)
-            if kind == ord("A") and size > 3:
-                number = int.from_bytes(body[1:3], "little")
-                names[number] = body[3:].decode("utf-8", "replace")
-                sizes.setdefault(names[number], 0)
-            elif kind == ord("D") and size > 2:
-                name = names.get(int.from_bytes(body[:2], "little"))
-                if name is not None:
-                    sizes[name] += size
-    return sizes
+
+    def __init__(self, path: Path) -> None:
+        self.sizes: dict[str, int] = {}
+        self.lost = self.places = self.first = self.cut = 0
+        self._path = path
+        self._names: dict[int, str] = {}  # of the subscriptions, by number
+        self._lengths: dict[int, int] = {}  # of their samples
+        self._parts: list[tuple[int, int]] = []
+        if path.stat().st_size <= _HEADER_BYTES:
+            return
+        with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            self._walk(data)
+
+    def copy(self) -> Any:
+        """A temporary file of the header and the whole frames; None where nothing is lost."""
+        if not self.lost:
+            return None
+        copied = tempfile.NamedTemporaryFile(suffix=".ulg")  # noqa: SIM115 - lives as long as the log
+        with self._path.open("rb") as stream:
+            copied.write(stream.read(_HEADER_BYTES))
+            for begin, end in self._parts:
+                stream.seek(begin)
+                part = stream.read(end - begin)
+                if begin == _HEADER_BYTES and part.startswith(_FLAGS):
+                    part = _FLAGS + bytes(40) + part[43:]  # the copy has no such places
+                copied.write(part)
+        copied.flush()
+        return copied
+
+    def _walk(self, data: mmap.mmap) -> None:
+        at = begin = _HEADER_BYTES
+        size = len(data)
+        while at < size:
+            end = self._end(data, at)
+            if end and (end == size or (end < size and self._end(data, end))):
+                self._count(data, at, end)
+                at = end
+                continue
+            following = self._next(data, at + 1)
+            if following == size and (size - at < 3 or end > size):
+                self.cut = size - at
+                break
+            self._parts.append((begin, at))
+            begin = following
+            self.first = self.first if self.places else at
+            self.places += 1
+            self.lost += begin - at
+            at = begin
+        self._parts.append((begin, at))
+
+    def _next(self, data: mmap.mmap, at: int) -> int:
+        """Begin of the next frame that another follows; the end of the file where there is none."""
+        while at < len(data):
+            end = self._end(data, at)
+            if end and end < len(data) and self._end(data, end):
+                return at
+            at += 1
+        return at
+
+    def _end(self, data: mmap.mmap, at: int) -> int:
+        """End of the frame that begins there; 0 where none can."""
+        if at + 3 > len(data):
+            return at + 3 if at < len(data) else 0
+        size, kind = data[at] + 256 * data[at + 1], chr(data[at + 2])
+        least = _LEAST.get(kind)
+        if least is None or size < least or (kind in _FIXED and size != least):
+            return 0
+        if kind == "D" and len(data) >= at + 5:
+            number = self._number(data, at + 3)
+            if number not in self._names or self._lengths.get(number, size) != size:
+                return 0
+        if kind == "A" and len(data) >= at + 6:
+            name = data[at + 6 : at + 3 + size]
+            if not name.replace(b"_", b"").isalnum():
+                return 0
+            self._names.setdefault(self._number(data, at + 4), "")  # the frame after it may be its sample
+        if kind in ("F", "L", "C"):
+            text = data[at + 3 + (_LEAST[kind] if kind != "F" else 0) : at + 3 + size]
+            return at + 3 + size if text.isascii() and (kind != "F" or b":" in text) else 0
+        if kind in _KEYED:
+            length = at + 3 + _KEYED[kind]
+            key = data[length + 1 : length + 1 + data[length]] if length < len(data) else b"a"
+            if not key.isascii() or not key.decode().isprintable():
+                return 0
+        return at + 3 + size
+
+    def _count(self, data: mmap.mmap, at: int, end: int) -> None:
+        kind = data[at + 2]
+        if kind == ord("A"):
+            name = data[at + 6 : end].decode("utf-8", "replace")
+            self._names[self._number(data, at + 4)] = name
+            self.sizes.setdefault(name, 0)
+        elif kind == ord("D"):
+            number = self._number(data, at + 3)
+            self.sizes[self._names[number]] += end - at - 3
+            self._lengths[number] = end - at - 3
+
+    @staticmethod
+    def _number(data: mmap.mmap, at: int) -> int:
+        return int.from_bytes(data[at : at + 2], "little")
