@@ -17,6 +17,7 @@ import time
 import traceback
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -123,7 +124,9 @@ def main() -> int:
         folder = Path(name)
         own = [] if "--only" in sys.argv else [p for p in log_files.write(folder).values() if p.is_file()]
         (folder / "damaged").mkdir()
-        end, cases, peak, case = time.monotonic() + float(sys.argv[1]), 0, 0, (seed, folder)
+        end, cases, peak = time.monotonic() + float(sys.argv[1]), 0, 0
+        case: tuple[int, Path] = (seed, folder)
+        said: Any
         while time.monotonic() < end:
             heard, told = context.Pipe(duplex=False)
             arguments = (own + given, folder / "damaged", seed, end - time.monotonic(), told)

@@ -393,14 +393,23 @@ class _TextLog(Log):
 
     def __post_init__(self) -> None:
         self._columns: dict[str, tuple[list[str], str]] = {}
+        odd, line = 0, "\n"
         with self.path.open(encoding="utf-8", errors="replace") as stream:
             for line in stream:
                 cells = [cell.strip() for cell in line.rstrip("\r\n").split(",")]
+                known = self._columns.get(cells[0])
+                odd += (known is None or len(cells) - 1 < len(known[0])) and cells[0] != "FMT"
                 if cells[0] == "FMT" and len(cells) > 5:
                     self._columns[cells[3]] = (cells[5:], cells[4])
                 elif cells[0] == "PARM" and len(cells) > 3:
                     with contextlib.suppress(ValueError):
                         self.parameters[cells[2]] = float(cells[3])
+        if odd:
+            self.note(
+                f"{odd:,} lines are no whole messages of a type with a format; left out or read in part"
+            )
+        if not line.endswith("\n"):
+            self.note("cut off: its last line has no end, its last value may be cut short")
 
     @cached_property
     def fields(self) -> Mapping[str, Mapping[str, str]]:
@@ -412,6 +421,7 @@ class _TextLog(Log):
                 if code not in "nNZa" and column not in ("TimeUS", "TimeMS")
             }
             for name, (columns, codes) in self._columns.items()
+            if name not in _TABLES
         }
 
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:

@@ -35,6 +35,8 @@ _HEAD_BYTES = 262_144
 _HEAD_ROWS = 200
 _BLOCK_BYTES = 8_388_608
 _LONGEST_LINE = 4_194_304
+_CONTROLS = bytes(k for k in range(32) if k not in b"\t\n\r")
+_MOST_CONTROLS = 0.05  # share of control bytes in text that a loss of power damaged
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,7 @@ class Table(Log):
     def cells(self, share: Share | None = None, rows: int | None = None) -> Iterator[pl.DataFrame]:
         """Rows of text cells, an empty cell null, in tables of bounded size; `rows`: those of the first."""
         size = max(self.path.stat().st_size, 1)
+        odd = 0
         with unpacked(self.path) as raw:
             rest = ""
             for block in self._blocks(raw, _BLOCK_BYTES if rows is None else 64 * 1024):
@@ -178,6 +181,7 @@ class Table(Log):
                         )
                     continue
                 part, rest = rest + block[: end + 1], block[end + 1 :]
+                odd += self._ragged(part)
                 table = self._table(part)
                 if table.height:
                     yield table if rows is None else table.head(rows)
@@ -187,6 +191,20 @@ class Table(Log):
                     share(min(raw.tell() / size, 1.0))
             if rest.strip():
                 yield from self._last(rest)
+        if odd:
+            self.note(
+                f"{odd:,} lines have more or fewer than {len(self.layout.names)} cells: those beyond are left"
+                " out, missing ones empty"
+            )
+
+    def _ragged(self, text: str) -> int:
+        """Lines with more or fewer cells than columns; 0 where quotes or comments may hide them."""
+        separator, width = self.layout.separator, len(self.layout.names) - 1
+        if separator == " " or self.layout.comment or '"' in text:
+            return 0
+        if text.count(separator) == width * text.count("\n"):
+            return 0
+        return sum(line.count(separator) != width for line in text.split("\n") if line.strip())
 
     def _blocks(self, raw: Any, size: int) -> Iterator[str]:
         """Text of about `size` bytes at a time, from the first row on; up to where the file is damaged."""
@@ -197,7 +215,7 @@ class Table(Log):
             try:
                 data = raw.read(size)
             except DAMAGED as error:
-                self.note(f"cut short ({reason(error)}); what came before was read")
+                self.note(f"its packing is cut short or damaged ({reason(error)}); what came before was read")
                 data = b""
             text = decoder.decode(data, final=not data)
             if skipped:
@@ -356,7 +374,7 @@ def _encoding(head: bytes, path: Path) -> str:
     for mark, name in ((codecs.BOM_UTF8, "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
         if head.startswith(mark):
             return name
-    if b"\0" in head:
+    if b"\0" in head and len(head.translate(None, _CONTROLS)) < (1.0 - _MOST_CONTROLS) * len(head):
         raise TrialError(
             f"{path}: not a text file (it holds null bytes); expected a row of names and rows of numbers;"
             " save it as UTF-8 text, or name its reader"

@@ -103,7 +103,7 @@ class _Lsf(Log):
     def _messages(self, kinds: set[str] | None) -> Iterator[tuple[float, int, Any, float]]:
         """Stamp, entity and message of every packet of some kinds, and the share of the file up to each."""
         size = max(self.path.stat().st_size, 1)
-        skipped = damaged = unknown = 0
+        skipped = damaged = unknown = cut = 0
         names: dict[int, str] = {}
         with unpacked(self.path) as stream:
             data = b""
@@ -111,7 +111,7 @@ class _Lsf(Log):
                 try:
                     block = stream.read(1 << 20)
                 except DAMAGED as error:
-                    self.note(f"cut short ({error}); what came before was read")
+                    self.note(f"its packing is cut short or damaged ({error}); what came before was read")
                     block = b""
                 data += block
                 begin = 0
@@ -126,6 +126,7 @@ class _Lsf(Log):
                     if end > len(data):
                         if block:
                             break
+                        cut = cut or len(data) - begin
                         begin += 1
                         skipped += 1
                         continue
@@ -140,6 +141,7 @@ class _Lsf(Log):
                                 unknown += 1
                                 begin = end
                             continue
+                        cut = 0
                         names[kind] = type(message).__name__
                         if kinds is None or names[kind] in kinds:
                             yield stamp, entity, message, stream.tell() / size
@@ -147,9 +149,12 @@ class _Lsf(Log):
                 data = data[begin:]
                 if not block:
                     break
-        skipped += len(data)
+        cut = cut or (len(data) if _order(data, 0) is not None else 0)
+        skipped += len(data) - cut
+        if cut:
+            self.note(f"cut off within its last packet: its {cut} bytes are left out")
         if skipped:
-            self.note(f"{skipped} bytes between packets are damaged; the others were read")
+            self.note(f"{skipped:,} bytes are no whole packets; they were skipped, the others read")
         if damaged or unknown:
             self.note(f"{damaged} packets are damaged and {unknown} of unknown kind; the others were read")
 

@@ -32,6 +32,7 @@ CHUNK_ROWS = 65_536
 Share = Callable[[float], None]
 """Called with the share of the file that was read, 0 to 1."""
 
+_MOST_NOTES = 200
 MOST_TOPICS, MOST_FIELDS = 10_000, 100_000
 """A log with more is damaged or hostile."""
 
@@ -211,8 +212,8 @@ class Log(ABC):
         return result
 
     def note(self, text: str) -> None:
-        """Keep a note, once."""
-        if text not in self.notes:
+        """Keep a note, once; of very many only the first."""
+        if len(self.notes) < _MOST_NOTES and text not in self.notes:
             self.notes.append(text)
 
 

@@ -1,4 +1,4 @@
-"""MATLAB files: up to version 7.2 by scipy, version 7.3 (HDF5) by h5py.
+"""MATLAB files: versions 5 to 7.2 (`matlab5`), version 7.3 (HDF5) by h5py.
 
 A structure, or the top of the file, whose arrays have one length is a topic; a matrix is a field a column
 (``name[0]``, ...). The time is the field that is called so; where a structure has none, the one time of
@@ -20,6 +20,7 @@ from seatrial.base.errors import TrialError
 from seatrial.logs.clock import TimeScale, scale_of, time_fields
 from seatrial.logs.formats import extra
 from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share
+from seatrial.logs.matlab5 import arrays
 from seatrial.logs.rows import LONGEST_ARRAY
 
 __all__ = ["open_log"]
@@ -40,10 +41,10 @@ def open_log(path: Path) -> Log:
         head = stream.read(8)
     log = _Matlab(path, "matlab")
     hdf = head.startswith(b"\x89HDF") or _is_hdf(path)
-    arrays = _hdf_arrays(path, log) if hdf else _old_arrays(path, log)
-    log._sort(arrays)
+    log._sort(_hdf_arrays(path, log) if hdf else arrays(path, log))
     if not log.fields:
-        raise TrialError(f"{path}: no signals; expected arrays of equal length, one of them a time")
+        why = "".join(f"; {note}" for note in log.notes)
+        raise TrialError(f"{path}: no signals; expected arrays of equal length, one of them a time{why}")
     return log
 
 
@@ -74,11 +75,11 @@ class _Matlab(Log):
             if share is not None:
                 share((done + 1) / len(wanted))
 
-    def _sort(self, arrays: Iterator[tuple[str, str, Array]]) -> None:
+    def _sort(self, found: Iterator[tuple[str, str, Array]]) -> None:
         """Put arrays (structure, name, values (n, k)) into topics by structure and length."""
         groups: dict[tuple[str, int], dict[str, Array]] = {}
         count = 0
-        for structure, name, values in arrays:
+        for structure, name, values in found:
             matrix = values[:, None] if values.ndim == 1 else values
             if matrix.shape[0] < matrix.shape[1] and matrix.shape[0] <= LONGEST_ARRAY:
                 matrix = matrix.T
@@ -94,7 +95,7 @@ class _Matlab(Log):
         for (structure, length), columns in groups.items():
             several = sum(other == structure for other, _ in groups) > 1
             topic = (structure or self.path.stem) + (f" ({length} rows)" if several else "")
-            names = [n for n in time_fields(list(columns)) if np.all(np.diff(columns[n]) >= 0.0)]
+            names = [n for n in time_fields(list(columns)) if np.mean(np.diff(columns[n]) >= 0.0) > 0.9]
             time = columns[names[0]] if names else top.get(length)
             self._columns[topic] = columns
             if time is None:
@@ -115,31 +116,6 @@ def _is_hdf(path: Path) -> bool:
         return stream.read(520)[512:516] == b"\x89HDF"
 
 
-def _old_arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(path, struct_as_record=False, squeeze_me=True, chars_as_strings=True)
-    except Exception as error:  # a damaged file may raise anything in scipy
-        raise TrialError(
-            f"{path}: not readable as a MATLAB file ({type(error).__name__}: {error}); save it again with -v7"
-        ) from None
-    yield from _walk("", {k: v for k, v in content.items() if not k.startswith("__")}, log, 0)
-
-
-def _walk(
-    structure: str, content: Mapping[str, Any], log: Log, depth: int
-) -> Iterator[tuple[str, str, Array]]:
-    for name, value in content.items():
-        inner = f"{structure}.{name}" if structure else name
-        if hasattr(value, "_fieldnames") and depth < _DEEPEST:
-            yield from _walk(inner, {n: getattr(value, n) for n in value._fieldnames}, log, depth + 1)
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.ndim in (1, 2):
-            yield structure, name, value.astype(float)
-        elif type(value).__name__ in ("MatlabOpaque", "MatlabFunction", "MatlabObject"):
-            log.note(f"{inner}: an object of MATLAB, not read; save its data as plain arrays")
-
-
 def _hdf_arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
     h5py = extra("h5py", path)
     try:
@@ -149,7 +125,8 @@ def _hdf_arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
         raise
     except Exception as error:  # a damaged file may raise anything in h5py
         raise TrialError(
-            f"{path}: not readable as a MATLAB 7.3 file ({type(error).__name__}: {error}); save it again"
+            f"{path}: not readable as a MATLAB 7.3 file, which cannot be read in part"
+            f" ({type(error).__name__}: {error}); save or copy it again"
         ) from None
 
 

@@ -23,6 +23,7 @@ from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
 
 __all__ = ["open_log"]
 
+_STAMP_BYTES = 8
 _AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
 _GROUND = 255  # the usual system number of a ground station
 _TIMES = ("time_boot_ms", "time_usec")
@@ -49,14 +50,16 @@ class _Telemetry(Log):
     _boot: dict[int, float] = field(default_factory=dict)  # Unix time of boot by system
 
     def __post_init__(self) -> None:
-        damaged = 0
+        places = whole = 0
         mode: str | None = None
         mavutil = extra("pymavlink.mavutil", self.path)
         for message, _ in self._messages():
             kind = message.get_type()
             if kind.startswith(("BAD_DATA", "UNKNOWN")):
-                damaged += kind.startswith("BAD_DATA")
+                places += kind.startswith("BAD_DATA")
+                whole += 0 if kind.startswith("BAD_DATA") else _STAMP_BYTES + len(message.get_msgbuf())
                 continue
+            whole += _STAMP_BYTES + len(message.get_msgbuf())
             values = dict(_flat(message))
             topic = _topic(message)
             known = self._units.setdefault(topic, {})
@@ -79,8 +82,15 @@ class _Telemetry(Log):
                 if now != mode:
                     self._events.append(Event(received, "mode", now))
                     mode = now
-        if damaged:
-            self.note(f"{damaged} pieces between messages are damaged; the others were read")
+        size = self.path.stat().st_size
+        lost = size - whole
+        if places:
+            self.note(
+                f"{lost:,} of {size:,} bytes ({100.0 * lost / size:.2g} %) are no whole messages, in"
+                f" {places:,} {'places' if places > 1 else 'place'}; they were skipped, the others read"
+            )
+        elif lost > 0:
+            self.note(f"cut off within its last message: its {lost} bytes are left out")
 
     @property
     def fields(self) -> Mapping[str, Mapping[str, str]]:

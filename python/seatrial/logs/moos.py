@@ -67,6 +67,10 @@ class _Alog(Log):
                     raise TrialError(f"{self.path}: more than {MOST_TOPICS} variables; the file is damaged")
             elif variable in _MODES:
                 self._events.append(Event(t, "mode", f"{variable} {text[:200]}"))
+        with self.path.open("rb") as stream:
+            stream.seek(-1, 2)
+            if stream.read(1) not in b"\r\n":
+                self.note("cut off: its last line has no end, its value may be cut short")
         if odd:
             self.note(f"{odd} lines are no entries of an alog; the others were read")
 

@@ -1,7 +1,13 @@
-"""Apache Parquet: a table in columns, read in row groups."""
+"""Apache Parquet: a table in columns, read in row groups.
+
+The names and places of the columns stand at the end of the file: one that is cut off cannot be read. A part
+of a column that is damaged is empty, with a note.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +19,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.logs.clock import TimeScale, scale_of, time_fields
-from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share
+from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share, printable
 
 if TYPE_CHECKING:
     import polars as pl
@@ -46,11 +52,22 @@ class _Parquet(Log):
     def _schema(self) -> pl.Schema:
         import polars as pl
 
+        with self.path.open("rb") as stream:
+            begun = stream.read(4) == b"PAR1"
+            stream.seek(max(self.path.stat().st_size - 4, 0))
+            ended = stream.read(4) == b"PAR1"
+        if begun and not ended:
+            raise TrialError(
+                f"{self.path}: cut off: its end, which says what is in it, is missing; fetch or write the"
+                " file again"
+            )
         try:
-            return self._frame.collect_schema()
-        except (pl.exceptions.PolarsError, OSError) as error:
-            why = str(error).splitlines()[0]
-            raise TrialError(f"{self.path}: not readable as Parquet ({why}); is it another format?") from None
+            with _quiet():
+                return self._frame.collect_schema()
+        except (pl.exceptions.PolarsError, OSError, pl.exceptions.PanicException) as error:
+            raise TrialError(
+                f"{self.path}: not readable as Parquet ({_first_line(error)}); is it another format?"
+            ) from None
 
     @cached_property
     def fields(self) -> Mapping[str, Mapping[str, str]]:
@@ -75,7 +92,7 @@ class _Parquet(Log):
         if self._schema[name].is_temporal():
             self.epoch_s = 0.0
             return name, None
-        head = self._part(0, 2_000, [name])[name]
+        head = self._part(0, min(2_000, self._height), [name])[name]
         scale = scale_of(name, "", _numbers(head))
         if scale.unix:
             self.epoch_s = 0.0
@@ -84,37 +101,70 @@ class _Parquet(Log):
         return name, scale
 
     def _part(self, begin: int, count: int, names: Sequence[str]) -> pl.DataFrame:
+        """Some rows of some columns; empty, with a note, where a column is damaged."""
         import polars as pl
 
         try:
-            return self._frame.select(names).slice(begin, count).collect()
+            with _quiet():
+                return self._frame.select(names).slice(begin, count).collect()
         except (pl.exceptions.PolarsError, OSError, pl.exceptions.PanicException) as error:
-            why = str(error).splitlines()[0]
+            if len(names) == 1:
+                self.note(f'column "{printable(names[0])}" is damaged ({_first_line(error)}); read as empty')
+                return pl.DataFrame({names[0]: [None] * count}, schema={names[0]: pl.Float64})
+        columns = [self._part(begin, count, [name]) for name in names]
+        rows = min(column.height for column in columns)
+        return pl.concat([column.head(rows) for column in columns], how="horizontal")
+
+    @cached_property
+    def _height(self) -> int:
+        import polars as pl
+
+        try:
+            with _quiet():
+                return int(self._frame.select(pl.len()).collect().item())
+        except (pl.exceptions.PolarsError, OSError, pl.exceptions.PanicException) as error:
             raise TrialError(
-                f"{self.path}: row {begin + 1}: not readable ({why}); the file is damaged"
+                f"{self.path}: not readable as Parquet ({_first_line(error)}); the file is damaged: fetch or"
+                " write it again"
             ) from None
 
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
         """Samples of the columns wanted."""
-        import polars as pl
-
         (topic, names), *_ = wanted.items()
         needed = list(names)
         if self._clock is not None and self._clock[0] not in needed:
             needed.append(self._clock[0])
-        rows = int(self._frame.select(pl.len()).collect().item())
+        rows = self._height
         for begin in range(0, rows, CHUNK_ROWS):
-            part = self._part(begin, CHUNK_ROWS, needed)
+            part = self._part(begin, min(CHUNK_ROWS, rows - begin), needed)
             values = [_numbers(part[name]) for name in names]
             stamps = np.full(part.height, np.nan)
             if self._clock is not None:
                 name, scale = self._clock
                 stamps = _numbers(part[name])
                 if scale is not None:
-                    stamps = (stamps - scale.origin) * scale.factor
+                    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers
+                        stamps = (stamps - scale.origin) * scale.factor
             yield Chunk(topic, stamps, np.stack(values, axis=1) if values else np.empty((part.height, 0)))
             if share is not None:
                 share(min(1.0, (begin + CHUNK_ROWS) / rows))
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep polars from writing the trace of each thread that a damaged file stops."""
+    kept = os.dup(2)
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _first_line(error: BaseException) -> str:
+    return printable((str(error).splitlines() or [type(error).__name__])[0], 200)
 
 
 def _numbers(cells: pl.Series) -> Array:

@@ -1,21 +1,18 @@
-"""ROS 1 and ROS 2 bags by rosbags, MCAP by mcap; no ROS needed.
+"""ROS 1 and ROS 2 bags by rosbags; no ROS needed. MCAP files are read by `mcap_file`.
 
 Fields are the numbers of a message with their path, ``twist.twist.linear.x``; short arrays by index. The
 stamp is the message's own ``header.stamp`` where it has one near the time of reception, else the time of
 reception. `epoch_s` is zero where stamps are Unix times. Message definitions come with the bag; where a ROS
-2 bag has none, those of the distribution Humble are taken, with a note. MCAP messages may also be JSON;
-others are noted.
+2 bag has none, those of the distribution Humble are taken, with a note.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +23,7 @@ from seatrial.logs.formats import extra
 from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share
 from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
 
-__all__ = ["open_log"]
+__all__ = ["Bag", "Message", "open_log"]
 
 _LOOK_AT = 3  # messages of a topic from which its fields are learnt
 _NEAR_S = 86_400.0  # a stamp of a header further from the reception is from another clock
@@ -34,7 +31,9 @@ _DEEPEST = 8
 _UNIX_S = 9e8
 
 
-class _Message(NamedTuple):
+class Message(NamedTuple):
+    """A message as its file holds it: topic, time of reception in s, what decodes it, share of the file."""
+
     topic: str
     received: float
     decode: Callable[[], Any]
@@ -51,7 +50,13 @@ def open_log(path: Path) -> Log:
     """
     with (path / "metadata.yaml" if path.is_dir() else path).open("rb") as stream:
         head = stream.read(8)
-    log: _Bag = _Mcap(path, "mcap") if head.startswith(b"\x89MCAP") else _Ros(path, "rosbag")
+    log: Bag
+    if head.startswith(b"\x89MCAP"):
+        from seatrial.logs.mcap_file import McapFile
+
+        log = McapFile(path, "mcap")
+    else:
+        log = _Ros(path, "rosbag")
     log.learn()
     if not log.fields:
         raise TrialError(
@@ -61,10 +66,12 @@ def open_log(path: Path) -> Log:
 
 
 @dataclass
-class _Bag(Log):
+class Bag(Log):
+    """A file of messages whose fields are learnt from the first of each topic."""
+
     _names: dict[str, dict[str, str]] = field(default_factory=dict)
 
-    def messages(self, topics: set[str] | None) -> Iterator[_Message]:
+    def messages(self, topics: set[str] | None) -> Iterator[Message]:
         """Messages of some topics, or of all."""
         raise NotImplementedError
 
@@ -103,7 +110,7 @@ class _Bag(Log):
                     yield chunk
         yield from gathered.rest()
 
-    def _decoded(self, message: _Message) -> dict[str, float] | None:
+    def _decoded(self, message: Message) -> dict[str, float] | None:
         try:
             return dict(_flat("", message.decode(), 0))
         except Exception as error:  # a damaged message may raise anything in the decoder
@@ -111,10 +118,10 @@ class _Bag(Log):
             return None
 
 
-class _Ros(_Bag):
+class _Ros(Bag):
     """A bag of ROS 1 or ROS 2 by rosbags."""
 
-    def messages(self, topics: set[str] | None) -> Iterator[_Message]:
+    def messages(self, topics: set[str] | None) -> Iterator[Message]:
         highlevel = extra("rosbags.highlevel", self.path)
         typesys = extra("rosbags.typesys", self.path)
         store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
@@ -156,58 +163,7 @@ class _Ros(_Bag):
                 def decode(data: Any = data, kind: str = connection.msgtype) -> Any:
                     return bag.deserialize(data, kind)
 
-                yield _Message(connection.topic, received * 1e-9, decode, count / total)
-
-
-class _Mcap(_Bag):
-    """An MCAP file: messages of ROS 2 (CDR), ROS 1 and JSON."""
-
-    def messages(self, topics: set[str] | None) -> Iterator[_Message]:
-        reader = extra("mcap.reader", self.path)
-        size = max(self.path.stat().st_size, 1)
-        decoders: dict[int, Callable[[bytes], Any] | None] = {}
-        with self.path.open("rb") as stream:
-            messages = reader.NonSeekingReader(stream).iter_messages(log_time_order=False)
-            while True:
-                try:
-                    schema, channel, message = next(messages)
-                except StopIteration:
-                    return
-                except Exception as error:  # a damaged record may raise anything in mcap
-                    self.note(
-                        f"stopped at a damaged part ({type(error).__name__}); what came before was read"
-                    )
-                    return
-                if topics is not None and channel.topic not in topics:
-                    continue
-                if channel.id not in decoders:
-                    decoders[channel.id] = self._decoder(schema, channel)
-                decoder = decoders[channel.id]
-                if decoder is not None:
-                    decode = partial(decoder, message.data)
-                    yield _Message(channel.topic, message.log_time * 1e-9, decode, stream.tell() / size)
-
-    def _decoder(self, schema: Any, channel: Any) -> Callable[[bytes], Any] | None:
-        """What turns the bytes of a channel into a message; None, with a note, for an unknown encoding."""
-        if channel.message_encoding == "json":
-            return json.loads
-        if schema is None or schema.encoding not in ("ros2msg", "ros1msg"):
-            what = schema.encoding if schema is not None else channel.message_encoding
-            self.note(f'{channel.topic}: messages encoded as "{what}", which is not read; left out')
-            return None
-        typesys = extra("rosbags.typesys", self.path)
-        try:
-            store = typesys.get_typestore(typesys.Stores.EMPTY)
-            store.register(typesys.get_types_from_msg(schema.data.decode(), schema.name))
-        except Exception as error:  # a damaged definition may raise anything in rosbags
-            self.note(
-                f"{channel.topic}: its message definition is damaged ({type(error).__name__}); left out"
-            )
-            return None
-        kind = schema.name if schema.name.count("/") == 2 else schema.name.replace("/", "/msg/", 1)
-        if channel.message_encoding == "ros1":
-            return lambda data: store.deserialize_ros1(data, kind)
-        return lambda data: store.deserialize_cdr(data, kind)
+                yield Message(connection.topic, received * 1e-9, decode, count / total)
 
 
 def _flat(path: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:

@@ -1,0 +1,169 @@
+"""MCAP files: messages of ROS 2 (CDR), ROS 1 and JSON; others are noted.
+
+A file is a row of records (kind, 1 byte; length, 8 bytes; content), most of them chunks of packed records.
+The framing is read here and the records by mcap: mcap's own reader stops at the first damage, and asks for
+as much memory as a damaged length says, up to 4 GiB. After damage, reading goes on at the next chunk.
+Format: MCAP specification, https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from io import BytesIO
+from typing import Any
+
+from seatrial.logs.formats import extra
+from seatrial.logs.rosbag import Bag, Message
+
+__all__ = ["McapFile"]
+
+_MAGIC_BYTES, _TAG_BYTES = 8, 9
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15
+_PACKINGS = (b"\4\0\0\0zstd", b"\3\0\0\0lz4")
+_BEFORE_PACKING = _TAG_BYTES + 28  # bytes of a chunk's record before the name of its packing
+_MOST_UNPACKED = 100_000_000  # bytes of a chunk, beyond 100 times what it takes in the file
+
+
+@dataclass
+class McapFile(Bag):
+    """An MCAP file."""
+
+    _schemas: dict[int, Any] = field(default_factory=dict)
+    _channels: dict[int, Any] = field(default_factory=dict)
+
+    def learn(self) -> None:
+        """Learn the fields of each topic, of what a damaged chunk names from the summary at the end."""
+        known = 0
+        super().learn()
+        while self.notes and known < len(self._channels) and not self._names:
+            known = len(self._channels)
+            super().learn()
+
+    def messages(self, topics: set[str] | None) -> Iterator[Message]:
+        """Messages of some topics, or of all."""
+        decoders: dict[int, Callable[[bytes], Any] | None] = {}
+        kinds = extra("mcap.records", self.path)
+        for record, share in self._records():
+            if isinstance(record, kinds.Schema):
+                self._schemas[record.id] = record
+            elif isinstance(record, kinds.Channel):
+                self._channels[record.id] = record
+            elif isinstance(record, kinds.Message):
+                channel = self._channels.get(record.channel_id)
+                if channel is None:
+                    self.note("messages of a channel that nothing describes; left out")
+                    continue
+                if topics is not None and channel.topic not in topics:
+                    continue
+                if channel.id not in decoders:
+                    decoders[channel.id] = self._decoder(self._schemas.get(channel.schema_id), channel)
+                decoder = decoders[channel.id]
+                if decoder is not None:
+                    decode = partial(decoder, record.data)
+                    yield Message(channel.topic, record.log_time * 1e-9, decode, share)
+
+    def _records(self) -> Iterator[tuple[Any, float]]:
+        """Schemas, channels and messages, and the share of the file up to each."""
+        lost = places = first = 0
+        with self.path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            size, at, closed = len(data), _MAGIC_BYTES, False
+            while at + _TAG_BYTES <= size and not closed:
+                kind = data[at]
+                end = at + _TAG_BYTES + int.from_bytes(data[at + 1 : at + _TAG_BYTES], "little")
+                if end <= size and (0 < kind <= _LAST or kind >= 128):
+                    records, damaged = self._unpacked(kind, data[at + _TAG_BYTES : end])
+                else:
+                    end, records = _next_chunk(data, at + 1), []
+                    damaged = end - at
+                    if end == size:  # what is whole in the last chunk
+                        for record in self._unpacked(kind, data[at + _TAG_BYTES :])[0]:
+                            yield record, 1.0
+                        break
+                if damaged:
+                    first = first if places else at
+                    lost, places = lost + damaged, places + 1
+                for record in records:
+                    yield record, end / size
+                closed = kind == _FOOTER
+                at = end
+        if lost:
+            self.note(
+                f"{lost:,} of {size:,} bytes ({100.0 * lost / size:.2g} %) are damaged, in {places:,} places,"
+                f" the first from byte {first:,} on; they were skipped, the others read"
+            )
+        if not closed:
+            self.note(f"cut off: the last {size - at:,} bytes are no whole record; what is whole was read")
+
+    def _unpacked(self, kind: int, content: bytes) -> tuple[list[Any], int]:
+        """The schemas, channels and messages of a record, and how many of its bytes are damaged."""
+        kinds = extra("mcap.records", self.path)
+        source = extra("mcap.data_stream", self.path).ReadDataStream(BytesIO(content))
+        try:
+            if kind == _CHUNK:
+                chunk = kinds.Chunk.read(source)
+                if chunk.uncompressed_size > 100 * len(content) + _MOST_UNPACKED:
+                    return [], len(content)
+                inner = extra("mcap.stream_reader", self.path).get_chunk_data_stream(chunk)[0].read(-1)
+                return self._inner(inner, len(content))
+            if kind == _MESSAGE:
+                return [kinds.Message.read(source, len(content))], 0
+            if kind in (_SCHEMA, _CHANNEL):
+                return [(kinds.Schema if kind == _SCHEMA else kinds.Channel).read(source)], 0
+        except Exception:  # a damaged record may raise anything in mcap
+            return [], len(content)
+        return [], 0
+
+    def _inner(self, content: bytes, most: int) -> tuple[list[Any], int]:
+        """The records of an unpacked chunk up to where it is damaged; at most `most` bytes are called so."""
+        records: list[Any] = []
+        at = lost = 0
+        while at < len(content):
+            end = at + _TAG_BYTES + int.from_bytes(content[at + 1 : at + _TAG_BYTES], "little")
+            if end > len(content) or content[at] not in (_SCHEMA, _CHANNEL, _MESSAGE):
+                return records, min(lost + len(content) - at, most)
+            found, damaged = self._unpacked(content[at], content[at + _TAG_BYTES : end])
+            records += found
+            lost += damaged
+            at = end
+        return records, min(lost, most)
+
+    def _decoder(self, schema: Any, channel: Any) -> Callable[[bytes], Any] | None:
+        """What turns the bytes of a channel into a message; None, with a note, for an unknown encoding."""
+        if channel.message_encoding == "json":
+            return json.loads
+        if schema is None or schema.encoding not in ("ros2msg", "ros1msg"):
+            what = schema.encoding if schema is not None else channel.message_encoding
+            self.note(f'{channel.topic}: messages encoded as "{what}", which is not read; left out')
+            return None
+        typesys = extra("rosbags.typesys", self.path)
+        try:
+            store = typesys.get_typestore(typesys.Stores.EMPTY)
+            store.register(typesys.get_types_from_msg(schema.data.decode(), schema.name))
+        except Exception as error:  # a damaged definition may raise anything in rosbags
+            self.note(
+                f"{channel.topic}: its message definition is damaged ({type(error).__name__}); left out"
+            )
+            return None
+        kind = schema.name if schema.name.count("/") == 2 else schema.name.replace("/", "/msg/", 1)
+        if channel.message_encoding == "ros1":
+            return lambda data: store.deserialize_ros1(data, kind)
+        return lambda data: store.deserialize_cdr(data, kind)
+
+
+def _next_chunk(data: mmap.mmap, at: int) -> int:
+    """Begin of the next chunk, told by the name of its packing; the end of the file where there is none."""
+    found = [len(data)]
+    for packing in _PACKINGS:
+        place = at
+        while (place := data.find(packing, place)) >= 0:
+            begin = place - _BEFORE_PACKING
+            length = int.from_bytes(data[begin + 1 : begin + _TAG_BYTES], "little") if begin >= at else 0
+            if begin >= at and data[begin] == _CHUNK and 0 < length <= len(data) - begin - _TAG_BYTES:
+                found.append(begin)
+                break
+            place += 1
+    return min(found)
