@@ -39,9 +39,8 @@ FORMATS: dict[str, Format] = {
     "dataflash": Format("dataflash", (".bin",), (b"\xa3\x95", b"FMT, "), "ArduPilot DataFlash log"),
     "mavlink": Format("mavlink", (".tlog",), (), "MAVLink telemetry log"),
     "ulog": Format("ulog", (".ulg", ".ulog"), (b"ULog\x01\x12\x35",), "PX4 ULog"),
-    "rosbag": Format(
-        "rosbag", (".bag", ".db3", ".mcap"), (b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"), "ROS bag, MCAP"
-    ),
+    "rosbag": Format("rosbag", (".bag", ".db3"), (b"#ROSBAG V", b"SQLite format 3"), "ROS bag"),
+    "mcap": Format("mcap", (".mcap",), (b"\x89MCAP",), "MCAP"),
     "matlab": Format("matlab", (".mat",), (b"MATLAB ", b"\x89HDF\r\n"), "MATLAB file"),
     "moos": Format("moos", (".alog",), (b"%%",), "MOOS alog"),
     "imc": Format("imc", (".lsf", ".lsf.gz"), (b"\x54\xfe", b"\xfe\x54"), "IMC log of DUNE (LSF)"),

@@ -1,4 +1,4 @@
-"""ROS 1 and ROS 2 bags by rosbags; no ROS needed. MCAP files are read by `mcap_file`.
+"""ROS 1 and ROS 2 bags by rosbags; no ROS needed. MCAP files are read by `mcap`.
 
 Fields are the numbers of a message with their path, ``twist.twist.linear.x``; short arrays by index. The
 stamp is the message's own ``header.stamp`` where it has one near the time of reception, else the time of
@@ -23,7 +23,7 @@ from seatrial.logs.formats import extra
 from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share
 from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
 
-__all__ = ["Bag", "Message", "open_log"]
+__all__ = ["Bag", "Message", "learnt", "open_log"]
 
 _LOOK_AT = 3  # messages of a topic from which its fields are learnt
 _NEAR_S = 86_400.0  # a stamp of a header further from the reception is from another clock
@@ -41,26 +41,28 @@ class Message(NamedTuple):
 
 
 def open_log(path: Path) -> Log:
-    """Bag or MCAP file.
+    """Bag.
 
     Raises
     ------
     TrialError
-        If a package is missing or the file holds no message that can be read.
+        If a package is missing or the bag holds no message that can be read.
     """
-    with (path / "metadata.yaml" if path.is_dir() else path).open("rb") as stream:
-        head = stream.read(8)
-    log: Bag
-    if head.startswith(b"\x89MCAP"):
-        from seatrial.logs.mcap_file import McapFile
+    return learnt(_Ros(path, "rosbag"))
 
-        log = McapFile(path, "mcap")
-    else:
-        log = _Ros(path, "rosbag")
+
+def learnt(log: Bag) -> Bag:
+    """A log of messages, after its fields were learnt.
+
+    Raises
+    ------
+    TrialError
+        If it has none.
+    """
     log.learn()
     if not log.fields:
         raise TrialError(
-            f"{path}: no message with numbers in it" + "".join(f"; {note}" for note in log.notes)
+            f"{log.path}: no message with numbers in it" + "".join(f"; {note}" for note in log.notes)
         )
     return log
 

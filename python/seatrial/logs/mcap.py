@@ -14,12 +14,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 from seatrial.logs.formats import extra
-from seatrial.logs.rosbag import Bag, Message
+from seatrial.logs.log import Log
+from seatrial.logs.rosbag import Bag, Message, learnt
 
-__all__ = ["McapFile"]
+__all__ = ["open_log"]
 
 _MAGIC_BYTES, _TAG_BYTES = 8, 9
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15
@@ -28,8 +30,19 @@ _BEFORE_PACKING = _TAG_BYTES + 28  # bytes of a chunk's record before the name o
 _MOST_UNPACKED = 100_000_000  # bytes of a chunk, beyond 100 times what it takes in the file
 
 
+def open_log(path: Path) -> Log:
+    """MCAP file.
+
+    Raises
+    ------
+    TrialError
+        If a package is missing or the file holds no message that can be read.
+    """
+    return learnt(_Mcap(path, "mcap"))
+
+
 @dataclass
-class McapFile(Bag):
+class _Mcap(Bag):
     """An MCAP file."""
 
     _schemas: dict[int, Any] = field(default_factory=dict)
