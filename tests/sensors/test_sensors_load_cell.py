@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from seatrial._core import State, Vehicle
+from seatrial._core import Run, State, Vehicle
 from seatrial.base.errors import TrialError
 from seatrial.base.rotation import from_euler, matrix
 from seatrial.sensors.ideal import Conditions
@@ -83,6 +83,7 @@ def test_a_held_recipe_stays_where_it_is_and_logs_its_pull(tmp_path: Path) -> No
     keys = "held = true\ncommands = [{ t_s = 5.0, stern = 1000.0 }]"
     made = Recipe.load(recipe(tmp_path, keys=keys))
     run = made.run()
+    assert isinstance(run, Run)
     assert not np.any(run.nu)
     assert np.ptp(np.asarray(run.position), axis=0).max() == 0.0
     pulled = made.table()["load.X_n"].to_numpy()

@@ -105,6 +105,8 @@ KEYS = {
     "dead_zone": Range(0.0, 1e6, "give it in the channel's unit, less than from trim to min or max"),
     "full": _sized(1e6, "give the command at full deflection in its unit"),
     "drift": _sized(0.01, "a clock drifts by less than 1 %: give the ratio less one, 40e-6 for 40 ppm"),
+    "peakedness": Range(1.0, 7.0, "3.3 for a young sea, 1 for a grown one (Pierson-Moskowitz)"),
+    "spreading_deg": Range(0.0, 60.0, "give the standard deviation of the directions in degrees"),
     "keep_worst": Range(0.0, 1e4, "keep the logs of a handful"),
 }
 """By their own bounds."""

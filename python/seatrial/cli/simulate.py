@@ -6,7 +6,7 @@ Tests: ``tests/base/test_bad_input.py``, ``tests/cli/test_cli_sensors.py``.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,13 +23,20 @@ _SEES_BOTTOM = {"dvl", "dvl_water"}
 
 
 def simulate(
-    vehicle: Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle.")],
-    commands: Annotated[
-        Path,
+    vehicle: Annotated[
+        str,
         typer.Argument(
-            help="CSV or Parquet with t_s and cmd.ACTUATOR; also voltage_v, tau.*, a start state."
+            metavar="VEHICLE|RECIPE",
+            help="Vehicle file or built-in vehicle; or the recipe of a generated trial.",
         ),
     ],
+    commands: Annotated[
+        Path | None,
+        typer.Argument(
+            help="CSV or Parquet with t_s and cmd.ACTUATOR; also voltage_v, tau.*, a start state. A recipe"
+            " has its own."
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="CSV or Parquet; beside the commands by default. A log is CSV."),
@@ -58,7 +65,10 @@ def simulate(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Simulate a vehicle under commands; it starts from the first recorded state, else at rest in O."""
+    """Simulate a vehicle under commands; it starts from the first recorded state, else at rest in O.
+
+    Of a recipe alone: write the log of its sensors, and with --run what really happened.
+    """
     from seatrial._core import Vehicle
     from seatrial.base.errors import TrialError
     from seatrial.cli.console import answer, check_axes, print_json
@@ -67,6 +77,10 @@ def simulate(
     from seatrial.trial.simulation import SimulatedTrial
     from seatrial.trial.trial import Trial
 
+    if commands is None:
+        given = {"--free": free != "XYZKMN", "--held": held, "--current": current, "--sensors": sensors}
+        _recipe(Path(vehicle), (out, run), seed, given | {"--bottom": bottom}, json=json)
+        return
     loaded = Vehicle.load(vehicle)
     kind = "run" if sensors is None else "log"
     target = out or commands.with_name(f"{commands.stem}-{kind}.csv")
@@ -108,6 +122,58 @@ def simulate(
         f"seatrial score {vehicle} {target}" if fitted is None else "name this log as a trial in a campaign"
     )
     answer(made.report(f"{loaded.name} under {commands.name}", after), results=results)
+
+
+def _recipe(
+    path: Path,
+    places: tuple[Path | None, Path | None],
+    seed: int | None,
+    given: dict[str, Any],
+    *,
+    json: bool,
+) -> None:
+    """Write the log of a recipe, and the truth where it is asked for."""
+    from seatrial.base.errors import TrialError
+    from seatrial.base.report import Report
+    from seatrial.cli.console import answer, print_json
+    from seatrial.trial.generated import Recipe
+
+    if path.suffix != ".toml":
+        raise TrialError(
+            f"{path}: expected a vehicle and a file of commands, or the recipe of a generated trial (TOML)"
+            " alone; found a vehicle alone"
+        )
+    for option, value in given.items():
+        if value not in (None, False):
+            raise TrialError(f"{option}: a recipe says this itself; leave the option out")
+    out, run = places
+    target = out or path.with_name(f"{path.stem}-log.csv")
+    _check_ending(target, _ENDINGS[:1])
+    if run is not None:
+        _check_ending(run, _ENDINGS)
+    _check_places(path, target, run)
+    recipe = Recipe.load(path)
+    recipe = recipe if seed is None else recipe.with_seed(seed)
+    recipe.save(target)
+    if run is not None:
+        _write(recipe.truth_table(), run, "--run")
+    duration, ending = float(recipe.t[-1] - recipe.t[0]), None
+    if recipe.flight is not None:
+        ending = recipe.flight.outcome_in_words
+    if json:
+        files = {"file": str(target)} | ({} if run is None else {"run": str(run)})
+        print_json({"duration, s": duration, "seed": recipe.seed, "flight": ending} | files)
+        return
+    how = "under its commands" if ending is None else f"sailed by an autopilot, mission {ending}"
+    report = Report(
+        title=f"{recipe.truth.vehicle.name} by {path.name}, seed {recipe.seed}",
+        outcome="simulated",
+        good=f"{duration:.0f} s {how}; {', '.join(recipe.sensors)} log",
+        worst="nothing stands out: the motion is finite",
+        next_step="name this log as a trial in a campaign",
+    )
+    results = f"Log in {target}" + ("" if run is None else f"\nTruth in {run}")
+    answer(report, results=results)
 
 
 def _write(frame: pl.DataFrame, path: Path, option: str) -> None:

@@ -1,7 +1,8 @@
 """Generated trials with any seed of the sensors: other noise and other biases, the same known truth.
 
 A recorded campaign has one realisation and no known truth. The motion of a generated trial is simulated once;
-a seed changes only what the sensors make of it. Held by ``tests/experiment/test_coverage.py``.
+a seed changes only what the sensors make of it. A trial that an autopilot sails is flown anew, in another sea
+of the same state. Held by ``tests/experiment/test_coverage.py``.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from seatrial.trial.truth import Truth
 if TYPE_CHECKING:
     from seatrial._core import Run
     from seatrial.estimation.joint import Joint
+    from seatrial.flight.flight import Flight
 
 __all__ = ["GeneratedTrials", "unmodelled"]
 
@@ -67,15 +69,15 @@ class GeneratedTrials:
                     f" {next(iter(self.recipes))!r}; coverage needs one right answer: give all recipes the"
                     " same truth"
                 )
-        self._runs: dict[str, Run] = {}
+        self._runs: dict[str, Run | Flight] = {}
 
     def logged(self, seed: int) -> Campaign:
         """The campaign with trials as the sensors log them with this seed."""
         tables = {}
         for name, recipe in self.recipes.items():
-            if name not in self._runs:
+            if recipe.sailed is None and name not in self._runs:
                 self._runs[name] = recipe.run()
-            tables[name] = recipe.table(run=self._runs[name], seed=sensor_seed(name, seed))
+            tables[name] = recipe.table(run=self._runs.get(name), seed=sensor_seed(name, seed))
         here = self.campaign
         return Campaign(here.file, text=here.text, source=here.source, folder=here.folder, trials=tables)
 
@@ -118,6 +120,9 @@ class GeneratedTrials:
 
     def _true_nuisance(self, key: str, trial: str, seed: int) -> float:
         if key in _CURRENT:
+            sailed = self.recipes[trial].sailed
+            if sailed is not None and (sailed.current.varies or sailed.waves is not None):
+                return math.nan
             return float(self.recipes[trial].current[_CURRENT.index(key)])
         kind, _, channel = key.partition("_")
         if kind == "bias":

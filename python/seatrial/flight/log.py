@@ -120,6 +120,21 @@ class FlightLog:
         used = np.cumsum(self.power[:-1]) * self.period_s / 3600.0
         return np.concatenate([[0.0], used])
 
+    @cached_property
+    def attitude(self) -> Array:
+        """Unit quaternions (n, 4), body to NED."""
+        return from_euler(self.euler)
+
+    @cached_property
+    def current(self) -> Array:
+        """Velocity of the water (n, 3), north, east, down, m/s: of one that varies, as met."""
+        around = self.circumstances
+        varies = any((*around.turbulence, *around.current_trend, *around.current_walk))
+        if not varies and around.waves is None:
+            return np.tile(np.asarray(around.current, dtype=float), (len(self.t), 1))
+        relative = self.nu[:, :3] - self.water
+        return np.asarray(np.einsum("nij,nj->ni", matrix(self.attitude), relative))
+
     @property
     def loiter_radius(self) -> float:
         """Radius of the circle that is flown where station cannot be kept, m; 0 for a vehicle that can."""
@@ -222,7 +237,7 @@ def _columns(flight: FlightLog) -> dict[str, Any]:
     columns |= {f"cmd.{name}": values for name, values in flight.commands.items()}
     columns |= {f"meas.{name}": values for name, values in flight.actuators.items()}
     around = flight.circumstances
-    for axis, values in zip(("north", "east", "down"), _current(flight).T, strict=True):
+    for axis, values in zip(("north", "east", "down"), flight.current.T, strict=True):
         columns[f"current_{axis}_m_s"] = values
     if around.voltage_v is not None:
         columns["voltage_v"] = np.full(rows, around.voltage_v)
@@ -251,13 +266,3 @@ _TRUE = (
 def _given(values: Array, unit: str) -> Array:
     """Values in the unit of their column."""
     return values * _DEG if unit.startswith("deg") else values
-
-
-def _current(flight: FlightLog) -> Array:
-    """Velocity of the water (n, 3), north, east, down, m/s: of one that varies, as met."""
-    around = flight.circumstances
-    varies = any((*around.turbulence, *around.current_trend, *around.current_walk))
-    if not varies and around.waves is None:
-        return np.tile(np.asarray(around.current, dtype=float), (len(flight.t), 1))
-    turned = matrix(from_euler(flight.euler))
-    return np.asarray(np.einsum("nij,nj->ni", turned, flight.nu[:, :3] - flight.water))

@@ -216,6 +216,9 @@ def _left_out(sensors: Mapping[str, Sensor]) -> list[str]:
     placed = [kind for kind, sensor in carried.items() if any(sensor.position)]
     if placed:
         said.append(f"Lever arms of {_listed(placed)} are left out: they show the motion of O.")
+    tilted = [kind for kind, sensor in carried.items() if any(sensor.tilt)]
+    if tilted:
+        said.append(f"The tilt of {_listed(tilted)} is left out: in a flight they show the axes of the body.")
     ranged = [kind for kind, sensor in carried.items() if sensor.max_range_m is not None]
     if ranged:
         said.append(f"The range of {_listed(ranged)} is left out: the bottom is always within it.")

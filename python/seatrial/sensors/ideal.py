@@ -1,9 +1,10 @@
 """What perfect sensors would show of a run, at any time and at their own lever arm.
 
 A point r in the body frame moves with ``v_r = v_O + omega x r`` and lies at ``p_r = p_O + R(q) r``; through
-the water it moves with ``v_r - R(q)' v_c``. GPS has a fix while its antenna is above the surface (down < 0);
-bottom track needs the bottom within range along the sensor's own down axis. Source: Fossen, Handbook of
-Marine Craft Hydrodynamics and Motion Control (2011), sections 2.2 and 8.3. Held by
+the water it moves with ``v_r - R(q)' v_c``. A sensor whose axes are turned by R_s in the body (roll, pitch
+and yaw of its tilt) shows the vector x as ``R_s' x``. GPS has a fix while its antenna is above the surface
+(down < 0); bottom track needs the bottom within range along the sensor's own down axis. Source: Fossen,
+Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sections 2.2 and 8.3. Held by
 ``tests/sensors/test_sensors_ideal.py``.
 
 A load cell shows the force of a tied vehicle on its tether, which balances all else that acts on the vehicle:
@@ -18,20 +19,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
-from seatrial.base.rotation import continuous, matrix, to_euler
+from seatrial.base.rotation import continuous, from_euler, matrix, to_euler
 from seatrial.sensors.sensor import KINDS, Sensor
 
 if TYPE_CHECKING:
     from seatrial._core import Run, Vehicle
 
-__all__ = ["ON_THE_TETHER", "Conditions", "Ideal", "at_sea"]
+__all__ = ["ON_THE_TETHER", "Conditions", "Ideal", "Motion", "at_sea"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ def at_sea(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
     return {kind: sensor for kind, sensor in sensors.items() if kind != "load_cell"}
 
 
-def _tether_force(run: Run, conditions: Conditions) -> Array:
+def _tether_force(run: Run | Motion, conditions: Conditions) -> Array:
     """Force (n, 3) of a held vehicle on its tether at the rows of its run, body frame, N.
 
     Raises
@@ -81,7 +82,8 @@ def _tether_force(run: Run, conditions: Conditions) -> Array:
     TrialError
         The vehicle is not held.
     """
-    if not conditions.held or conditions.vehicle is None:
+    wrench = getattr(run, "tau", None)
+    if not conditions.held or conditions.vehicle is None or wrench is None:
         raise TrialError(
             "load_cell: a load cell shows the pull of a tied vehicle, and this one moves freely; hold it"
             " (held = true in a recipe, --held on the command line) or leave the load cell out"
@@ -89,8 +91,36 @@ def _tether_force(run: Run, conditions: Conditions) -> Array:
     count = len(run.t)
     at_rest = np.zeros((count, 6))
     terms = conditions.vehicle.forces(at_rest, np.asarray(run.attitude), conditions.water(count))
-    wrench = np.asarray(run.tau) + np.sum(list(terms.values()), axis=0)
-    return np.asarray(wrench[:, :3])
+    return np.asarray((np.asarray(wrench) + np.sum(list(terms.values()), axis=0))[:, :3])
+
+
+def _turned(vectors: Array, sensor: Sensor) -> Array:
+    """Vectors (n, 3) of the body frame along the sensor's own axes."""
+    return np.asarray(vectors @ matrix(from_euler(np.array(sensor.tilt)))) if any(sensor.tilt) else vectors
+
+
+class Motion(Protocol):
+    """What sensors look at: a run of the model, or a flight."""
+
+    @property
+    def t(self) -> Array:
+        """Times (n,), s, uniform."""
+
+    @property
+    def position(self) -> Array:
+        """Of O, NED, m, (n, 3)."""
+
+    @property
+    def attitude(self) -> Array:
+        """Unit quaternions (n, 4), body to NED."""
+
+    @property
+    def nu(self) -> Array:
+        """Velocities (n, 6), body frame, m/s and rad/s."""
+
+    @property
+    def actuators(self) -> Mapping[str, Array]:
+        """What the actuators do, {name: (n,)}, in the unit of the command."""
 
 
 class Ideal:
@@ -98,15 +128,15 @@ class Ideal:
 
     Parameters
     ----------
-    run : Run
-        The true motion.
+    run : Run or Motion
+        The true motion; a load cell needs the run of a held vehicle.
     conditions : Conditions
         Water, bottom, supply and tether.
     every : int, optional
         Only every so-many-th row of the run is looked at; values are linear in between.
     """
 
-    def __init__(self, run: Run, conditions: Conditions, *, every: int = 1) -> None:
+    def __init__(self, run: Run | Motion, conditions: Conditions, *, every: int = 1) -> None:
         self._run, self._conditions, self._every = run, conditions, every
         self.t: Array = np.asarray(run.t)[::every]
 
@@ -130,11 +160,11 @@ class Ideal:
             if kind == "dvl_water":
                 water = self._at(self._conditions.water(len(run.t)), t)
                 velocity -= np.einsum("nji,nj->ni", matrix(self._attitude(t)), water)
-                return velocity
+                return _turned(velocity, sensor)
             velocity[self._out_of_range(sensor, t)] = np.nan
-            return velocity
+            return _turned(velocity, sensor)
         if kind == "gyro":
-            return np.rad2deg(self._at(run.nu[:, 3:], t))
+            return _turned(np.rad2deg(self._at(run.nu[:, 3:], t)), sensor)
         if kind == "attitude":
             return np.rad2deg(to_euler(self._attitude(t)))
         if kind in ("depth", "position", "gps"):

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.sensors.ideal import Conditions, Ideal
+from seatrial.sensors.ideal import Conditions, Ideal, Motion
 from seatrial.sensors.sensor import KINDS, Sensor, one_each
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ _DROP_OUTS, _JITTER = 1, 2  # generators of a sensor beside that of its noise
 
 
 def measure(
-    run: Run,
+    run: Run | Motion,
     sensors: Mapping[str, Sensor],
     *,
     seed: int,
@@ -156,7 +156,7 @@ def measure(
 
     Parameters
     ----------
-    run : Run
+    run : Run or Motion
         Uniform in time.
     sensors : mapping of str to Sensor
         By kind.

@@ -1,6 +1,7 @@
 """Sensors: kinds and their columns, the imperfections of one, and sets of them from files.
 
-Noise, bias and quantum are in the unit of the kind, times in s, the lever arm in m in the body frame from O.
+Noise, bias and quantum are in the unit of the kind, times in s, the lever arm in m in the body frame from O,
+the tilt of its axes in rad.
 Every number is zero, and so perfect, unless it is given. "typical" is the set that comes with seatrial. Held
 by ``tests/sensors/test_sensors.py``.
 """
@@ -38,18 +39,23 @@ class Kind:
         Whether what it shows depends on where it sits, ``position_m``.
     ranged
         Whether it needs the bottom within ``max_range_m``.
+    has_axes
+        Whether it shows a vector along axes of its own, which may be tilted, ``tilt_deg``.
     """
 
     columns: tuple[str, ...]
     unit: str
     has_lever_arm: bool = False
     ranged: bool = False
+    has_axes: bool = False
 
 
 KINDS: dict[str, Kind] = {
-    "dvl": Kind(("u_m_s", "v_m_s", "w_m_s"), "m_s", has_lever_arm=True, ranged=True),
-    "dvl_water": Kind(("u_water_m_s", "v_water_m_s", "w_water_m_s"), "m_s", has_lever_arm=True),
-    "gyro": Kind(("p_deg_s", "q_deg_s", "r_deg_s"), "deg_s"),
+    "dvl": Kind(("u_m_s", "v_m_s", "w_m_s"), "m_s", has_lever_arm=True, ranged=True, has_axes=True),
+    "dvl_water": Kind(
+        ("u_water_m_s", "v_water_m_s", "w_water_m_s"), "m_s", has_lever_arm=True, has_axes=True
+    ),
+    "gyro": Kind(("p_deg_s", "q_deg_s", "r_deg_s"), "deg_s", has_axes=True),
     "attitude": Kind(("roll_deg", "pitch_deg", "yaw_deg"), "deg"),
     "depth": Kind(("z_m",), "m", has_lever_arm=True),
     "position": Kind(("x_m", "y_m"), "m", has_lever_arm=True),
@@ -89,6 +95,8 @@ class Sensor:
         Standard deviation by which a stamp misses its regular time, at most 0.45 of the interval.
     position
         Its lever arm: position in the body frame from O, m.
+    tilt
+        Roll, pitch and yaw of its axes in the body frame, rad.
     dropout_every_s, dropout_s
         Mean time from a drop-out to the next one, and its mean duration; None: it never drops out.
     max_range_m
@@ -103,6 +111,7 @@ class Sensor:
     phase_s: float = 0.0
     jitter_s: float = 0.0
     position: Position = (0.0, 0.0, 0.0)
+    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)
     dropout_every_s: float | None = None
     dropout_s: float | None = None
     max_range_m: float | None = None
@@ -138,12 +147,14 @@ class Sensor:
             keys["position_m"] = "position"
         if KINDS[kind].ranged:
             keys["max_range_m"] = "max_range_m"
+        if KINDS[kind].has_axes:
+            keys["tilt_deg"] = "tilt"
         values: dict[str, Any] = {}
         for key, value in table.items():
             if key not in keys:
                 raise TrialError(f'{where}, {kind}: unknown key "{key}"{nearest(key, keys)}')
             name = f"{where}, {kind}, key {key}"
-            values[keys[key]] = _position(value, name) if key == "position_m" else _number(value, key, name)
+            values[keys[key]] = _VECTORS[key](value, name) if key in _VECTORS else _number(value, key, name)
         if ("dropout_s" in values) != ("dropout_every_s" in values):
             given, missing = ("dropout_s", "dropout_every_s")[:: 1 if "dropout_s" in values else -1]
             raise TrialError(f"{where}, {kind}: {given} without {missing}; a drop-out needs both, in s")
@@ -193,13 +204,34 @@ def _number(value: Any, key: str, where: str) -> float:
     return float(value)
 
 
-def _position(value: Any, where: str) -> Position:
+def _three(value: Any) -> Position | None:
     numbers = isinstance(value, list | tuple) and all(
         isinstance(x, int | float) and not isinstance(x, bool) and np.isfinite(x) for x in value
     )
-    if not numbers or len(value) != 3:
+    return (float(value[0]), float(value[1]), float(value[2])) if numbers and len(value) == 3 else None
+
+
+def _position(value: Any, where: str) -> Position:
+    position = _three(value)
+    if position is None:
         raise TrialError(f"{where}: expected [forward, starboard, down] from O in m, found {value!r}")
-    return float(value[0]), float(value[1]), float(value[2])
+    return position
+
+
+def _tilt(value: Any, where: str) -> Position:
+    angles = _three(value)
+    if angles is None or max(map(abs, angles)) > _LARGEST_TILT_DEG:
+        raise TrialError(
+            f"{where}: expected [roll, pitch, yaw] of its axes in the body, from -{_LARGEST_TILT_DEG:g} to"
+            f" {_LARGEST_TILT_DEG:g} degrees, found {value!r}"
+        )
+    roll, pitch, yaw = (float(np.deg2rad(angle)) for angle in angles)
+    return roll, pitch, yaw
+
+
+_LARGEST_TILT_DEG = 180.0
+
+_VECTORS = {"position_m": _position, "tilt_deg": _tilt}
 
 
 class SensorFile(Section):

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 from seatrial.base.front import front
 
 if TYPE_CHECKING:
+    from seatrial.trial.generated import Recipe as Recipe
     from seatrial.trial.truth import Truth as Truth
 
-__all__ = ["Truth"]
+__all__ = ["Recipe", "Truth"]
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(__name__, {"Truth": "truth"})
+    __getattr__ = front(__name__, {"Recipe": "generated", "Truth": "truth"})

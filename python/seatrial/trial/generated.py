@@ -1,16 +1,16 @@
 """Generated trials: recordings that no vehicle made, simulated from a recipe.
 
 A recipe is a TOML file: a truth vehicle with its sensors (a second file, shared by the recipes of a
-campaign), the commands over time, a seed. The same recipe gives the same table. The reader "generated" turns
-it into a table like that of any log, so that a campaign can name a recipe instead of a recording. The
-models here are the only owner of the format; unknown keys are refused with the nearest known name. Held by
-``tests/sensors/test_sensors.py``.
+campaign), the commands over time or an autopilot with a mission (`seatrial.trial.sailed`), a seed. The same
+recipe gives the same table. The reader "generated" turns it into a table like that of any log, so that a
+campaign can name a recipe instead of a recording. The models here are the only owner of the format; unknown
+keys are refused with the nearest known name. Held by ``tests/sensors/test_sensors.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -22,18 +22,20 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import write_table
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.toml_file import Name, Number, Positive, Section
+from seatrial.flight.flight import Flight
 from seatrial.sensors.ideal import ON_THE_TETHER, Conditions, at_sea
 from seatrial.sensors.log import finer, held, measure, times
 from seatrial.sensors.sensor import Sensor, read_as
+from seatrial.trial.sailed import Current, Sailed, SailedTable, WavesTable
 from seatrial.trial.truth import Truth, TruthFile
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from seatrial._core import Run, Vehicle
+    from seatrial._core import Run, State, Vehicle
 
-__all__ = ["Recipe", "files_of", "write_generated"]
+__all__ = ["Recipe", "files_of", "motion_table", "write_generated"]
 
 _STEP_S = 0.01
 
@@ -50,14 +52,6 @@ class _Initial(Section):
     surge_m_s: Number = 0.0
 
 
-class _Current(Section):
-    """Steady current over ground, NED."""
-
-    north_m_s: Number = 0.0
-    east_m_s: Number = 0.0
-    down_m_s: Number = 0.0
-
-
 class RecipeFile(Section):
     """A generated trial."""
 
@@ -72,16 +66,34 @@ class RecipeFile(Section):
     held: Annotated[bool, Field(strict=True)] = False
     voltage_v: Positive | None = None
     bottom_depth_m: Positive | None = None
-    initial: _Initial = _Initial()
-    current: _Current = _Current()
+    initial: _Initial | None = None
+    current: Current = Current()
+    waves: WavesTable | None = None
     commands: tuple[dict[str, Number], ...] = ()
+    sailed: SailedTable | None = None
 
     @model_validator(mode="after")
     def _a_held_vehicle_is_at_rest(self) -> RecipeFile:
-        if self.held and self.initial.surge_m_s != 0.0:
+        if self.held and self.initial is not None and self.initial.surge_m_s != 0.0:
             raise ValueError(
                 f"a held vehicle does not move, found initial surge_m_s = {self.initial.surge_m_s:g};"
                 " leave it out, or held"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _commanded_or_sailed(self) -> RecipeFile:
+        if self.sailed is None:
+            for what, given in (("waves", self.waves is not None), ("current", self.current.varies)):
+                if given:
+                    raise ValueError(
+                        f"{what}: water that moves unsteadily needs an autopilot, found no table [sailed];"
+                        " add one, or keep to a steady current"
+                    )
+        elif self.commands or self.held:
+            raise ValueError(
+                f"an autopilot sails this trial, found {'held' if self.held else 'commands'} beside [sailed];"
+                " leave one of them out"
             )
         return self
 
@@ -101,13 +113,16 @@ class Recipe:
     initial
         State at the start, by the recipe's keys.
     current
-        Steady current (3,), NED, m/s; only a sensor of the velocity through the water measures it.
+        Current (3,), NED, m/s, at the start where it varies; only a sensor of the velocity through the water
+        measures it.
     held
         Whether the vehicle is tied, as in a bollard test: no axis moves.
     voltage_v
         Supply in V, (n,), where the recipe gives one.
     bottom_depth_m
         Depth of the bottom, where the recipe gives one.
+    sailed, flight
+        How an autopilot sails it, and the flight: None where commands are given.
     """
 
     path: Path
@@ -121,6 +136,8 @@ class Recipe:
     held: bool = False
     voltage_v: Array | None = None
     bottom_depth_m: float | None = None
+    sailed: Sailed | None = None
+    flight: Flight | None = None
 
     @classmethod
     def load(cls, path: str | Path, *, truth: Truth | None = None) -> Recipe:
@@ -150,9 +167,8 @@ class Recipe:
             )
         t = np.arange(rows) / file.rate_hz
         commands, voltage_v = _commands(file, truth.vehicle, t, str(path))
-        current = np.array([file.current.north_m_s, file.current.east_m_s, file.current.down_m_s])
-        initial = file.initial.model_dump()
-        return cls(
+        initial = (file.initial or _Initial()).model_dump()
+        recipe = cls(
             path=path,
             description=file.description,
             seed=file.seed,
@@ -160,15 +176,56 @@ class Recipe:
             t=t,
             commands=commands,
             initial=initial,
-            current=current,
+            current=file.current.at_start,
             held=file.held,
             voltage_v=voltage_v,
             bottom_depth_m=file.bottom_depth_m,
+        )
+        if file.sailed is None:
+            return recipe
+        sailed = Sailed.of(
+            file.sailed,
+            path,
+            truth,
+            waves=file.waves,
+            current=file.current,
+            initial=None if file.initial is None else _state(initial),
+            duration_s=file.duration_s,
+            rate_hz=file.rate_hz,
+            bottom_depth_m=file.bottom_depth_m,
+            voltage_v=file.voltage_v,
+        )
+        return replace(recipe, sailed=sailed).with_seed(file.seed)
+
+    def with_seed(self, seed: int) -> Recipe:
+        """The same recipe with another seed; what an autopilot sails is flown again, in another sea.
+
+        Raises
+        ------
+        TrialError
+            It cannot be flown.
+        """
+        if self.sailed is None:
+            return replace(self, seed=seed)
+        flight = self.sailed.fly(seed)
+        every = self.sailed.every(flight)
+        rows = (len(flight.t) - 1) // every * every + 1
+        return replace(
+            self,
+            seed=seed,
+            flight=flight,
+            t=flight.t[:rows:every],
+            commands={name: values[:rows:every] for name, values in flight.commands.items()},
+            voltage_v=None
+            if self.voltage_v is None
+            else np.full(len(range(0, rows, every)), self.voltage_v[0]),
         )
 
     @property
     def every(self) -> int:
         """Rows of `run` per row of the log: 1, or so many that a sensor may sample in between."""
+        if self.sailed is not None and self.flight is not None:
+            return self.sailed.every(self.flight)
         return finer(self.sensors.values(), self.t)
 
     @property
@@ -179,21 +236,15 @@ class Recipe:
             return {kind: sensor for kind, sensor in carried.items() if kind in ON_THE_TETHER}
         return at_sea(carried)
 
-    def run(self) -> Run:
+    def run(self) -> Run | Flight:
         """What the truth vehicle really did, with `every` rows per row of the log."""
-        from seatrial._core import State
-
-        start = self.initial
-        state = State(
-            position=[0.0, 0.0, start["depth_m"]],
-            attitude=np.deg2rad([start["roll_deg"], start["pitch_deg"], start["yaw_deg"]]),
-            nu=[start["surge_m_s"], 0.0, 0.0, 0.0, 0.0, 0.0],
-        )
+        if self.flight is not None:
+            return self.flight
         commands: dict[str, ArrayLike] = {name: held(y, self.every) for name, y in self.commands.items()}
         run = self.truth.vehicle.simulate(
             times(self.t, self.every),
             commands,
-            state,
+            _state(self.initial),
             self.current,
             "" if self.held else "XYZKMN",
             voltage_v=self._fine_voltage,
@@ -206,25 +257,27 @@ class Recipe:
             )
         return run
 
-    def table(self, *, run: Run | None = None, seed: int | None = None) -> pl.DataFrame:
+    def table(self, *, run: Run | Flight | None = None, seed: int | None = None) -> pl.DataFrame:
         """What its `sensors` logged, with canonical columns, the commands, and the supply as set.
 
         A supply that a voltage sensor measures is logged by it alone.
 
         Parameters
         ----------
-        run : Run, optional
-            An earlier result of `run`, which no seed changes.
+        run : Run or Flight, optional
+            An earlier result of `run`, which no seed changes where commands are given.
         seed : int, optional
-            Seed of the sensors' noise and biases; by default the recipe's.
+            Seed of the sensors' noise and biases, and of the sea of a sailed trial; by default the recipe's.
         """
+        if self.sailed is not None and seed not in (None, self.seed):
+            return self.with_seed(seed).table()
         sensors = self.sensors
         inputs = {f"cmd.{name}": y for name, y in self.commands.items()}
         if self.voltage_v is not None and "voltage" not in sensors:
             inputs["voltage_v"] = self.voltage_v
         around = Conditions(
             vehicle=self.truth.vehicle,
-            current=self.current,
+            current=self.current if self.flight is None else self.flight.current,
             voltage_v=self._fine_voltage,
             bottom_depth_m=self.bottom_depth_m,
             held=self.held,
@@ -237,6 +290,22 @@ class Recipe:
             inputs=inputs,
             every=self.every,
         )
+
+    def truth_table(self) -> pl.DataFrame:
+        """What really happened, with canonical columns: motion, water, commands and actuators.
+
+        Of a sailed trial it is the log of the flight, a row per control period, with what the autopilot
+        measured and wanted beside it.
+        """
+        import polars as pl
+
+        if self.flight is not None:
+            return self.flight.table()
+        run = self.run()
+        assert not isinstance(run, Flight)
+        table = motion_table(run, self.commands, self.every)
+        water = zip(("north", "east", "down"), self.current, strict=True)
+        return table.with_columns(**{f"current_{axis}_m_s": pl.lit(v) for axis, v in water})
 
     @property
     def _fine_voltage(self) -> Array | None:
@@ -254,7 +323,7 @@ class Recipe:
 
 
 def files_of(path: str | Path) -> tuple[Path, ...]:
-    """Files that a generated trial is made of: its recipe, the truth, the truth's own vehicle file.
+    """Files that a generated trial is made of: recipe, truth, the truth's own vehicle file, what sails it.
 
     Raises
     ------
@@ -262,9 +331,32 @@ def files_of(path: str | Path) -> tuple[Path, ...]:
         The recipe or its truth file cannot be read.
     """
     recipe = Path(path)
-    truth = recipe.parent / read_as(RecipeFile, recipe).truth
-    vehicle = read_as(TruthFile, truth).vehicle
-    return (recipe, truth, *((truth.parent / vehicle,) if vehicle.endswith(".toml") else ()))
+    file = read_as(RecipeFile, recipe)
+    truth = recipe.parent / file.truth
+    named = [(truth, read_as(TruthFile, truth).vehicle)]
+    if file.sailed is not None:
+        named += [(recipe, getattr(file.sailed, key)) for key in ("autopilot", "mission", "sensors")]
+    beside = (owner.parent / name for owner, name in named if name.endswith(".toml"))
+    return (recipe, truth, *beside)
+
+
+def motion_table(run: Run, commands: Mapping[str, Array], every: int = 1) -> pl.DataFrame:
+    """Table of a run with canonical columns, the commands and the actuators behind their motors.
+
+    Every so-many-th row of the run stands in it; `commands` (n,) are of the rows that do.
+    """
+    import polars as pl
+
+    angles = np.rad2deg(run.euler)[::every]
+    nu, position = np.asarray(run.nu)[::every], np.asarray(run.position)[::every]
+    columns: dict[str, ArrayLike] = {"t_s": np.asarray(run.t)[::every]}
+    columns |= dict(zip(("x_m", "y_m", "z_m"), position.T, strict=True))
+    columns |= dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), angles.T, strict=True))
+    columns |= dict(zip(("u_m_s", "v_m_s", "w_m_s"), nu[:, :3].T, strict=True))
+    columns |= dict(zip(("p_deg_s", "q_deg_s", "r_deg_s"), np.rad2deg(nu[:, 3:]).T, strict=True))
+    columns |= {f"cmd.{name}": values for name, values in commands.items()}
+    columns |= {f"meas.{name}": values[::every] for name, values in run.actuators.items()}
+    return pl.DataFrame(columns)
 
 
 def write_generated(table: pl.DataFrame, path: str | Path, origin: str, description: str = "") -> None:
@@ -277,6 +369,17 @@ def write_generated(table: pl.DataFrame, path: str | Path, origin: str, descript
     """
     lines = [f"GENERATED by seatrial from {origin}: no vehicle was at sea.", *description.splitlines()]
     write_table(table, path, comments="".join(f"# {line}\n" for line in lines))
+
+
+def _state(start: Mapping[str, float]) -> State:
+    """State at the start, of the recipe's keys."""
+    from seatrial._core import State
+
+    return State(
+        position=[0.0, 0.0, start["depth_m"]],
+        attitude=np.deg2rad([start["roll_deg"], start["pitch_deg"], start["yaw_deg"]]),
+        nu=[start["surge_m_s"], 0.0, 0.0, 0.0, 0.0, 0.0],
+    )
 
 
 def _commands(

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import polars as pl
 
 from seatrial._core import State
 from seatrial.base.errors import SimulationError, TrialError, nearest
@@ -19,11 +18,12 @@ from seatrial.sensors.ideal import Conditions
 from seatrial.sensors.log import finer, linear, measure, times
 from seatrial.sensors.log import held as rows_held
 from seatrial.trial.columns import GROUPS
-from seatrial.trial.generated import write_generated
+from seatrial.trial.generated import motion_table, write_generated
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import polars as pl
     from numpy.typing import NDArray
 
     from seatrial._core import Run, Vehicle
@@ -92,17 +92,7 @@ class SimulatedTrial:
 
     def frame(self) -> pl.DataFrame:
         """Table of a run with canonical columns, the commands and the actuators behind their motors."""
-        run, every = self.run, self.every
-        angles = np.rad2deg(run.euler)[::every]
-        nu, position = np.asarray(run.nu)[::every], np.asarray(run.position)[::every]
-        columns: dict[str, Any] = {"t_s": np.asarray(run.t)[::every]}
-        columns |= dict(zip(("x_m", "y_m", "z_m"), position.T, strict=True))
-        columns |= dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), angles.T, strict=True))
-        columns |= dict(zip(("u_m_s", "v_m_s", "w_m_s"), nu[:, :3].T, strict=True))
-        columns |= dict(zip(("p_deg_s", "q_deg_s", "r_deg_s"), np.rad2deg(nu[:, 3:]).T, strict=True))
-        columns |= {f"cmd.{name}": values for name, values in self.trial.commands.items()}
-        columns |= {f"meas.{name}": values[::every] for name, values in run.actuators.items()}
-        return pl.DataFrame(columns)
+        return motion_table(self.run, self.trial.commands, self.every)
 
     def summary(self) -> dict[str, Any]:
         """Duration, distance, speeds and angles of the whole run, each key with its unit."""
