@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
 import polars as pl
 import pytest
 
 import seatrial as st
 from seatrial.base.errors import TrialError
+from seatrial.logs.formats import open_log
 from seatrial.trial.mixer import FRAMES, Mixer, Output, Stick
 
 T = np.arange(0.0, 10.0, 0.1)
@@ -121,3 +125,26 @@ def test_a_mixer_that_does_not_fit_is_refused(mixer: Mixer, message: str) -> Non
     table = log(C4=pulses(np.zeros(len(T))), voltage_v=np.full(len(T), 12.0))
     with pytest.raises(TrialError, match=message):
         st.Trial.read(table, mixer=mixer)
+
+
+def test_real_sticks_through_the_frame_give_the_outputs_of_ardusub_in_manual() -> None:
+    """A telemetry log of ArduSub 4.1.1, VECTORED_6DOF, mode MANUAL: RC_CHANNELS against SERVO_OUTPUT_RAW."""
+    path = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "ardusub_small" / "small.tlog"
+    if not path.is_file():
+        pytest.skip("ardusub_small is not here; set SEATRIAL_DATA")
+    log = open_log(path)
+    channels = {"throttle": "chan3_raw", "yaw": "chan4_raw", "forward": "chan5_raw", "lateral": "chan6_raw"}
+    outputs = [f"servo{number}_raw" for number in range(1, 9)]
+    read = log.read({"RC_CHANNELS": list(channels.values()), "SERVO_OUTPUT_RAW[0]": outputs})
+    rc, servo = read["RC_CHANNELS"], read["SERVO_OUTPUT_RAW[0]"]
+    held = np.searchsorted(rc.t, servo.t, side="right") - 1
+    sticks = pl.DataFrame({name: rc.fields[channel][held] for name, channel in channels.items()})
+    reversed_ = [f"thruster_{n}" for n in range(1, 9) if log.parameters[f"MOT_{n}_DIRECTION"] < 0.0]
+    mixer = Mixer({name: Stick(name) for name in channels}, frame="VECTORED_6DOF", reversed=reversed_)
+    found = mixer.mixed(sticks, path.name)
+    away = (sticks - 1500.0).select(pl.max_horizontal(pl.all().abs())).to_series().to_numpy() > 100.0
+    assert away.sum() >= 3
+    for number, name in enumerate(outputs, start=1):
+        commanded = found[f"cmd.thruster_{number}"].to_numpy()
+        # The output is a whole number of microseconds.
+        np.testing.assert_allclose(servo.fields[name][away], commanded[away], atol=1.0)

@@ -280,7 +280,9 @@ class _Walk:
             self.sizes.setdefault(name, 0)
         elif kind == ord("D"):
             number = self._number(data, at + 3)
-            self.sizes[self._names[number]] += end - at - 3
+            name = self._names[number]
+            if name in self.sizes:  # else its subscription is damaged
+                self.sizes[name] += end - at - 3
             self._lengths[number] = end - at - 3
 
     @staticmethod
