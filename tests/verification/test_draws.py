@@ -145,6 +145,26 @@ def test_current_is_distributed_as_asked(cases: Draws) -> None:
     np.testing.assert_allclose(cases.turbulence, np.outer(strength, [1.0, 1.0, 0.55]), rtol=1e-12)
 
 
+def test_waves_are_drawn_and_change_none_of_the_others(cases: Draws, deep: st.Mission) -> None:
+    sea = "[verification.waves]\nheight_m = { rayleigh = 0.3 }\nspreading_deg = 20.0\n"
+    rough = draw_missions(parsed(FULL + sea), Fitted.of("cwolf"), [deep], seed=5, numbers=K)
+    height, period, toward, spreading, peakedness = rough.waves.T
+    assert height.mean() == pytest.approx(0.3 * math.sqrt(math.pi / 2.0), abs=0.3 * 0.655 * FOUR)
+    np.testing.assert_allclose(period, np.maximum(4.3 * np.sqrt(height), 1.0), rtol=1e-12)
+    assert abs(np.exp(1j * toward).mean()) < FOUR
+    assert set(spreading) == {math.radians(20.0)}
+    assert set(peakedness) == {3.3}
+    assert not cases.waves[:, 0].any()
+    for name in ("current", "turbulence", "position", "attitude", "nu", "seeds"):
+        np.testing.assert_array_equal(getattr(rough, name), getattr(cases, name), err_msg=name)
+    assert {"wave height, m", "waves from ahead at the start, share"} <= set(rough.causes)
+    # A period that would let the sea break is made longer.
+    short = parsed("[verification.waves]\nheight_m = 1.0\nperiod_s = [1.0, 2.0]\ntoward_deg = 90.0\n")
+    steep = draw_missions(short, Fitted.of("cwolf"), [deep], seed=5, numbers=3)
+    np.testing.assert_allclose(steep.waves[:, 1], math.sqrt(2.0 * math.pi * 15.0 / 9.81), rtol=1e-12)
+    assert not any("wave" in name and "period" not in name for name in steep.causes)
+
+
 def test_start_is_scattered_about_that_of_the_mission(cases: Draws, deep: st.Mission) -> None:
     off = cases.position - [5.0, -7.0, 10.0]
     for axis, sd in enumerate((2.0, 2.0, 0.3)):

@@ -70,6 +70,9 @@ def flown(folder: Path, text: str, *, mission: str = OUT) -> Verification:
         ),
         ("current = { speed_m_s = { rayleigh = 9.0 } }", "current, key speed_m_s: expected at most 15 m/s"),
         ("current = { vertical_m_s = 20.0 }", "current, key vertical_m_s: expected at most 15 m/s"),
+        ("waves = { height_m = 30.0 }", "waves, key height_m: expected 0 to 20 m, found 30"),
+        ("waves = { height_m = 1.0, period_s = [5.0, 50.0] }", "waves, key period_s: expected 1 to 30 s"),
+        ("current = { walk_m_s = 9.0 }", "current, key walk_m_s: expected a standard deviation from 0 to 5"),
         ("current = { turbulence_m_s = 30.0 }", "current, key turbulence_m_s: expected 0 to 5 m/s, found 30"),
         (
             "current = { turbulence_times_s = [1e-4, 1.0] }",

@@ -126,7 +126,8 @@ def test_missions_fly_in_the_water_that_the_campaign_states(tmp_path: Path) -> N
     confidence = 0.8
     voltage_v = 13.5
     seabed = { depth_m = 30.0, slope_east = 0.1 }
-    current = { turbulence_times_s = [30.0, 3.0] }
+    current = { turbulence_times_s = [30.0, 3.0], walk_m_s = 0.1 }
+    waves = { height_m = 0.4, period_s = 6.0, toward_deg = 90.0 }
     obstacles = { north_m = 500.0, east_m = 0.0, radius_m = 1.0 }
     max_time_s = 2.0
     [environment]
@@ -137,6 +138,8 @@ def test_missions_fly_in_the_water_that_the_campaign_states(tmp_path: Path) -> N
     around = found.replay(1).circumstances
     assert (around.voltage_v, around.rho, around.g, around.max_time_s) == (13.5, 1000.0, 9.78, 2.0)
     assert (around.seabed, around.turbulence_times_s) == ((30.0, 0.0, 0.1), (30.0, 3.0))
+    assert around.current_walk == (0.1, 0.1, 0.0)
+    assert around.waves == st.SeaState(0.4, 6.0, toward_deg=90.0)
     assert around.obstacles == ((500.0, 0.0, 1.0),)
     assert {one.found.confidence for one in found.requirements} == {0.8}
 

@@ -62,6 +62,7 @@ __all__ = [
     "Seabed",
     "Start",
     "VerificationTable",
+    "Waves",
     "parse_verification",
 ]
 
@@ -246,7 +247,8 @@ class Current(Section):
     """Water that moves: steady, towards a direction in degrees from north over east, and turbulent about it.
 
     By default the speed is uniform from zero to a quarter of the slowest speed of the missions, and the
-    turbulence a tenth of the speed. ``vertical_m_s`` and ``turbulence_m_s`` are standard deviations.
+    turbulence a tenth of the speed. ``vertical_m_s`` and ``turbulence_m_s`` are standard deviations,
+    ``walk_m_s`` that of a random walk of the mean after an hour.
     """
 
     speed_m_s: PositiveDistribution | None = None
@@ -254,6 +256,20 @@ class Current(Section):
     vertical_m_s: NotNegative = 0.0
     turbulence_m_s: PositiveDistribution | None = None
     turbulence_times_s: tuple[Positive, Positive] = (60.0, 2.0)
+    walk_m_s: NotNegative = 0.0
+
+
+class Waves(Section):
+    """The sea: heights and periods that are drawn, where the waves go, degrees from north over east.
+
+    By default the period goes with the height, 4.3 s for the root of a metre.
+    """
+
+    height_m: PositiveDistribution
+    period_s: PositiveDistribution | None = None
+    toward_deg: Direction = DistributionTable(uniform=(0.0, 360.0))
+    spreading_deg: NotNegative = 0.0
+    peakedness: Positive = 3.3
 
 
 class FaultTable(Section):
@@ -357,6 +373,7 @@ class VerificationTable(Section):
     keep_worst: Annotated[int, Field(strict=True, ge=0)] = 5
     coefficients: Annotated[str | dict[str, float], BeforeValidator(_coefficients)] = "covariance"
     current: Current = Current()
+    waves: Waves | None = None
     faults: Annotated[tuple[FaultTable, ...], BeforeValidator(_as_list)] = ()
     outages: Annotated[tuple[OutageTable, ...], BeforeValidator(_as_list)] = ()
     start: Start = Start()

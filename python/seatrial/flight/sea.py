@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.flight.checks import within
 
-__all__ = ["SeaState", "checked_seas", "sea_rows"]
+__all__ = ["CALM", "LIMITS", "SeaState", "checked_seas", "sea_rows", "steepest_period"]
 
 CALM = (0.0, 8.0, 0.0, 0.0, 3.3)
 """The core's row for no waves."""
@@ -70,13 +71,20 @@ class SeaState:
     def __post_init__(self) -> None:
         for name, (least, most, unit) in LIMITS.items():
             within(f"waves: {name}", getattr(self, name), (least, most), unit)
-        steepest = steepness(self.height_m, self.period_s)
-        if steepest > STEEPEST:
+        shortest = float(steepest_period(self.height_m))
+        if self.period_s < shortest:
             raise SimulationError(
                 f"waves: expected a significant height of at most a {1 / STEEPEST:.0f}th of the length of a"
-                f" wave of the peak period, {self.height_m * STEEPEST / steepest:.2g} m at"
+                f" wave of the peak period, {self.height_m * (self.period_s / shortest) ** 2:.2g} m at"
                 f" {self.period_s:g} s, found {self.height_m:g} m; steeper seas break"
             )
+
+    @classmethod
+    def of_row(cls, row: ArrayLike) -> SeaState | None:
+        """Sea state of a row of the core; None for a calm one."""
+        height, period, toward, spreading, peakedness = np.asarray(row, float).tolist()
+        turned = math.degrees(toward), math.degrees(spreading)
+        return cls(height, period, *turned, peakedness) if height > 0.0 else None
 
     @property
     def row(self) -> tuple[float, float, float, float, float]:
@@ -89,9 +97,9 @@ STEEPEST = 1.0 / 15.0
 """Steepest sea, height over wave length: DNV-RP-C205 (2010), section 3.5.4, at peak periods up to 8 s."""
 
 
-def steepness(height_m: Any, period_s: Any) -> Any:
-    """Significant height over the length of a wave of the peak period in deep water."""
-    return height_m * 2.0 * math.pi / (9.81 * period_s**2)
+def steepest_period(height_m: Any) -> Any:
+    """Shortest peak period, s, of a sea of this significant height, m, that does not break, in deep water."""
+    return np.sqrt(2.0 * math.pi * np.asarray(height_m) / (9.81 * STEEPEST))
 
 
 def checked_seas(given: Any) -> tuple[tuple[SeaState | None, ...], bool]:

@@ -26,11 +26,13 @@ from seatrial.flight.checks import (
     checked_seed,
     checked_supply,
     checked_times,
+    checked_turbulence,
     longest,
     within,
 )
 from seatrial.flight.failures import Outage, outage_rows
 from seatrial.flight.mission import Mission, Route
+from seatrial.flight.sea import LIMITS
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.sensors.sensor import TYPICAL
@@ -42,7 +44,7 @@ from seatrial.verification.verification import WITHOUT_FILE
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
-    from seatrial.campaign.verification_table import Between, Current, DistributionTable
+    from seatrial.campaign.verification_table import Between, Current, DistributionTable, Waves
 
 __all__ = [
     "VerifiedCampaign",
@@ -158,6 +160,8 @@ def check_table(source: str, flights: CampaignFlights) -> tuple[str, ...]:
                 None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east), route
             )
     _check_water(source, table.current)
+    if table.waves is not None:
+        _check_waves(source, table.waves)
     for entry, keys in zip(table.faults, _keys("faults", table.faults), strict=True):
         with under(source, keys, said="faults"):
             targets(entry, vehicle)
@@ -207,6 +211,23 @@ def _check_water(source: str, current: Current) -> None:
             within("turbulence", fastest(current.turbulence_m_s), (0.0, _STRONGEST_M_S), "m/s")
     with under(source, "current", "turbulence_times_s", said="turbulence_times_s"):
         checked_times(current.turbulence_times_s)
+    with under(source, "current", "walk_m_s", said="current_walk"):
+        checked_turbulence(current.walk_m_s, "current_walk")
+
+
+def _check_waves(source: str, waves: Waves) -> None:
+    for key, asked in (("height_m", waves.height_m), ("period_s", waves.period_s)):
+        if asked is None:
+            continue
+        least, most, unit = LIMITS[key]
+        ends = (0.0, 1.0) if asked.uniform is not None else (1.0 - _SELDOM, _SELDOM)
+        with under(source, "waves", key, said=key):
+            for end in asked.quantiles(np.array(ends), above_zero=True):
+                within(key, float(end), (least, most), unit)
+    for key in ("spreading_deg", "peakedness"):
+        least, most, unit = LIMITS[key]
+        with under(source, "waves", key, said=key):
+            within(key, getattr(waves, key), (least, most), unit)
 
 
 def _begins_in_flight(between: Between | None, end_s: float) -> None:

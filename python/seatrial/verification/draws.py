@@ -7,8 +7,10 @@ each other; a further entry of faults or outages changes none of the rest.
 What the table leaves open: the current's speed is uniform from zero to a quarter of the slowest speed of the
 missions, its turbulence a tenth of it (intensities near 10 % in tidal channels: Thomson, Polagye, Durgesh and
 Richmond 2012, IEEE J. Oceanic Eng. 37:363), alike north and east and 0.55 of that down (Nezu and Nakagawa
-1993, *Turbulence in Open-Channel Flows*: 1.27 against 2.30). The vehicle starts level and, unless a speed
-is given, drifts with the water. A start above the surface is one at the surface.
+1993, *Turbulence in Open-Channel Flows*: 1.27 against 2.30). The period of waves is that of a sea of their
+height, 4.3 s for the root of a metre; a drawn one that would let them break is made longer. The vehicle
+starts level and, unless a speed is given, drifts with the water. A start above the surface is one at the
+surface.
 
 A cause has a column where the table scatters it, whatever these missions happened to draw. Coefficients count
 in standard deviations; of those that move together, as tied ones do, only the first has a column.
@@ -29,9 +31,16 @@ from numpy.typing import ArrayLike, NDArray
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, SimulationError, nearest
-from seatrial.campaign.verification_table import DistributionTable, FaultTable, OutageTable, VerificationTable
+from seatrial.campaign.verification_table import (
+    DistributionTable,
+    FaultTable,
+    OutageTable,
+    VerificationTable,
+    Waves,
+)
 from seatrial.flight.checks import checked_seed
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
+from seatrial.flight.sea import CALM, LIMITS, steepest_period
 from seatrial.identification.fitted import Fitted
 from seatrial.statistics.draws import checked_numbers, uniforms
 from seatrial.vehicle.actuators import actuator_groups
@@ -61,6 +70,8 @@ class Draws:
         Of the vehicle that flies, by name, (k,) each.
     current, turbulence
         Mean velocity of the water, and standard deviation about it, (k, 3), m/s.
+    waves
+        Sea states (k, 5), see `seatrial.flight.sea`.
     position, attitude, nu
         Start: place (k, 3), roll, pitch, yaw (k, 3), velocities over ground in the body frame (k, 6).
     faults
@@ -68,7 +79,7 @@ class Draws:
     outages
         Rows (case, group, from, until in s).
     seeds
-        Of the sensors' noise and of the turbulence, (k,).
+        Of the sensors' noise and of the water's motion, (k,).
     causes
         What was drawn, by readable names with units, (k,) each.
     notes
@@ -82,6 +93,7 @@ class Draws:
     coefficients: Mapping[str, Array]
     current: Array
     turbulence: Array
+    waves: Array
     position: Array
     attitude: Array
     nu: Array
@@ -111,6 +123,7 @@ class Draws:
             coefficients={name: column[chosen] for name, column in self.coefficients.items()},
             current=self.current[chosen],
             turbulence=self.turbulence[chosen],
+            waves=self.waves[chosen],
             position=self.position[chosen],
             attitude=self.attitude[chosen],
             nu=self.nu[chosen],
@@ -274,6 +287,20 @@ def _of_water(table: VerificationTable, draws: Draws, bow: Array) -> dict[str, A
         found["current down, m/s"] = down
     if asked.turbulence_m_s is not None and not asked.turbulence_m_s.is_fixed:
         found["turbulence, m/s"] = draws.turbulence[:, 0]
+    if table.waves is not None:
+        found |= _of_waves(table.waves, draws.waves, bow)
+    return found
+
+
+def _of_waves(asked: Waves, rows: Array, bow: Array) -> dict[str, Array]:
+    height, period, toward = rows[:, 0], rows[:, 1], rows[:, 2]
+    found: dict[str, Array] = {}
+    if not asked.height_m.is_fixed:
+        found["wave height, m"] = height
+    if asked.period_s is not None and not asked.period_s.is_fixed:
+        found["wave period, s"] = period
+    if not asked.toward_deg.is_fixed:
+        found["waves from ahead at the start, share"] = -np.cos(toward - bow)
     return found
 
 
@@ -347,11 +374,16 @@ _ORDER = (
     "depth",
     "heading",
     "ahead",
+    "wave height",
+    "wave period",
+    "wave direction",
 )  # columns of the common stream; more go behind
 
 _SEEDS = 2.0**53
 
 _QUARTER, _TENTH, _DOWN = 0.25, 0.1, 0.55
+
+_PERIOD = 4.3  # s per root of a metre, between 3.6 and 5 of DNV-RP-C205 (2010), section 3.5.5
 
 
 def draw_missions(
@@ -428,6 +460,7 @@ def draw_missions(
         coefficients=drawn.coefficients,
         current=current,
         turbulence=turbulence,
+        waves=_waves(table.waves, u),
         position=position,
         attitude=attitude,
         nu=nu,
@@ -460,6 +493,24 @@ def _water(table: VerificationTable, missions: Sequence[Mission], u: dict[str, A
     )
     current = np.column_stack([speed * np.cos(towards), speed * np.sin(towards), down])
     return current, np.outer(strength, [1.0, 1.0, _DOWN])
+
+
+def _waves(asked: Waves | None, u: dict[str, Array]) -> Array:
+    """Sea states (k, 5), SI and rad; a period is no shorter than a sea of its height has."""
+    if asked is None:
+        return np.tile(CALM, (len(u["wave height"]), 1))
+    height = np.minimum(asked.height_m.quantiles(u["wave height"], above_zero=True), LIMITS["height_m"][1])
+    period = (
+        _PERIOD * np.sqrt(height)
+        if asked.period_s is None
+        else asked.period_s.quantiles(u["wave period"], above_zero=True)
+    )
+    toward = np.radians(asked.toward_deg.quantiles(u["wave direction"]))
+    spreading = np.full(len(height), math.radians(asked.spreading_deg))
+    peakedness = np.full(len(height), asked.peakedness)
+    least, most, _ = LIMITS["period_s"]
+    period = np.clip(period, np.maximum(steepest_period(height), least), most)
+    return np.column_stack([height, period, toward, spreading, peakedness])
 
 
 def _start(

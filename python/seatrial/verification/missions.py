@@ -31,6 +31,7 @@ from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
+from seatrial.flight.sea import SeaState
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN
@@ -167,6 +168,7 @@ class CampaignFlights:
             cases.circumstances,
             current=tuple(drawn.current[0].tolist()),
             turbulence=tuple(drawn.turbulence[0].tolist()),
+            waves=SeaState.of_row(drawn.waves[0]),
             faults=tuple(_fault(row, self.fitted.vehicle) for row in drawn.faults),
             outages=tuple(Outage(groups[group], begin, end) for _, group, begin, end in drawn.outages),
             seed=int(drawn.seeds[0]),
@@ -210,6 +212,7 @@ class CampaignFlights:
                 model=self.model,
                 sensors=self.sensors,
                 turbulence_times_s=table.current.turbulence_times_s,
+                current_walk=table.current.walk_m_s,
                 obstacles=obstacles(table.obstacles),
                 seabed=None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east),
                 voltage_v=table.voltage_v,
@@ -233,6 +236,7 @@ class CampaignFlights:
             nu=drawn.nu,
             current=drawn.current,
             turbulence=drawn.turbulence,
+            waves=drawn.waves,
             coefficients=drawn.coefficients,
             faults=drawn.faults,
             case_outages=drawn.outages,
