@@ -205,7 +205,7 @@ def test_new_then_identify_then_score(starter: Path, here: Path) -> None:
     assert scored["channels"]["u"]["r2"] > 0.9
     zigzag = starter / "logs" / "zigzag.csv"
     trained = call("score", "run/vehicle.toml", zigzag, "--train", starter / "logs" / "straight.csv")
-    assert "R2 first order" in trained.stdout
+    assert "beside baselines" in trained.stdout
     refused(call("score", "run/vehicle.toml", zigzag, "--train", zigzag), "it is scored, too")
     assert (
         "R2" in call("score", starter / "vehicle.toml", starter / "logs" / "zigzag.csv", "--free-run").stdout

@@ -190,7 +190,7 @@ def test_a_score_prints_as_a_table_and_becomes_plain_data(core: SimpleNamespace)
     result = judged(Vehicle(), trial())
     lines = str(result).splitlines()
     assert lines[0] == "run: 10 s ahead, 6 windows (0 started late, 0 left out)"
-    assert next(line for line in lines if line.startswith("r ")).split()[2:5] == ["2", "2", "deg/s"]
+    assert next(line for line in lines if line.startswith("r ")).split()[3:6] == ["2", "2", "deg/s"]
     assert json.loads(json.dumps(result.to_dict()))["channels"]["r"]["n"] == 599
 
 

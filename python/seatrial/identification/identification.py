@@ -16,9 +16,9 @@ from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
-from seatrial.identification.hold_out import POOLED, replayed
+from seatrial.identification.hold_out import POOLED, likelihood_gain, replayed
 from seatrial.trial.baselines import not_beaten
-from seatrial.trial.score import score_text
+from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
 from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ __all__ = ["Estimate", "Identification", "advice", "derived", "distinct", "estim
 _AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 _AT_BOUND = 0.005
+
+_NEAR_ONE = 0.985
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,15 @@ class Identification(RunResult):
         score = _judged(self)
         return {} if score is None else {name: dict(row) for name, row in score.baselines.items()}
 
+    @property
+    def likelihood(self) -> dict[str, tuple[str, float]]:
+        """Per velocity channel the best baseline on what is held out, and the model's gain over it.
+
+        In nats per sample, each with the error variance of its training part; empty where nothing is held
+        out.
+        """
+        return likelihood_gain(self.scores)
+
     def score_rows(self) -> Iterator[dict[str, Any]]:
         """A row per part, kind, trial and channel of the scores."""
         for part, kinds in self.scores.items():
@@ -199,6 +210,10 @@ class Identification(RunResult):
                 for part, of in self.scores.items()
             },
             "baselines": self.baselines,
+            "likelihood": {
+                c: {"best_baseline": name, "nats_per_sample": nats}
+                for c, (name, nats) in self.likelihood.items()
+            },
             "replayed": list(replayed(self.campaign)),
             "choice": None if self.choice is None else self.choice.to_dict(),
             "notes": list(self.notes),
@@ -340,7 +355,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         _coefficient_table(fit, truth or {}),
         _nuisance_table(fit),
         _held_out_table(fit),
-        _baseline_table(fit),
+        *_beside_baselines(fit),
         _choice_table(fit),
     )
     return Report(
@@ -394,7 +409,11 @@ def _prediction(fit: Identification) -> str:
     r2 = {name: value for name, value in r2.items() if name in CHANNELS[:6]} or r2
     best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
     trials = len(score.trials)
-    channels = f"{_r2(r2[best])} in {best}" + (f", worst {_r2(r2[worst])} in {worst}" if len(r2) > 1 else "")
+    # A ceiling is worth a word where it is below what rounds to one.
+    most = {c: f" of at most {_r2(limit)}" if limit < _NEAR_ONE else "" for c, limit in score.ceiling.items()}
+    channels = f"{_r2(r2[best])}{most.get(best, '')} in {best}"
+    if len(r2) > 1:
+        channels += f", worst {_r2(r2[worst])}{most.get(worst, '')} in {worst}"
     return (
         f"{words} {score.ahead_s:g} s ahead with R2 {channels}"
         f" ({trials} trial{'s' if trials > 1 else ''}; 1 is perfect, 0 no better than the mean)"
@@ -529,31 +548,33 @@ def _held_out_table(fit: Identification) -> Table:
     for channel, score in {} if ahead is None else ahead.items():
         scale, unit = readable(channel)
         run = free[channel].r2 if free is not None and channel in free else math.nan
-        cells = (score_text(score.r2), score_text(run), f"{scale * score.mae:.3g}", str(score.n))
+        band = ahead.bands.get(channel) if ahead is not None else None
+        parts = ("", "") if band is None else (score_text(band.below), score_text(band.at))
+        most = limit_text(ahead.ceiling.get(channel)) if ahead is not None else ""
+        cells = (
+            score_text(score.r2),
+            most,
+            *parts,
+            score_text(run),
+            f"{scale * score.mae:.3g}",
+            str(score.n),
+        )
         rows.append((channel, unit, *cells))
     trials = "" if ahead is None else ", ".join(ahead.trials)
     trials += _replayed_words(fit)
-    head = ("channel", "unit", "R2 10 s ahead", "R2 free run", "mean error 10 s ahead", "samples")
+    head = ("channel", "unit", "R2 10 s ahead", *LIMITS, "R2 free run", "mean error 10 s ahead", "samples")
     return Table.of(
         f"Held-out data ({trials}; R2 = 1 is perfect, 0 no better than the mean)", head, rows, left=2
     )
 
 
-def _baseline_table(fit: Identification) -> Table:
+def _beside_baselines(fit: Identification) -> tuple[Table, ...]:
     """R2 of the model and of the baselines per velocity, ten seconds ahead."""
     score = _judged(fit)
-    rows = [
-        (c, score_text(one.r2), *(score_text(row[c]) if c in row else "" for row in score.baselines.values()))
-        for c, one in ({} if score is None else score).items()
-        if score is not None and any(c in row for row in score.baselines.values())
-    ]
-    words = "held-out data" if fit.scores.get("hold_out", {}).get("ahead") else "the training data"
-    names = () if score is None else tuple(score.baselines)
-    return Table.of(
-        f"R2 {10 if score is None else score.ahead_s:g} s ahead beside baselines, on {words}",
-        ("channel", "model", *names),
-        rows,
-    )
+    held_out = fit.scores.get("hold_out", {}).get("ahead")
+    words = ", on held-out data" if held_out else ", on the training data"
+    gains = {channel: nats for channel, (_, nats) in fit.likelihood.items()}
+    return () if score is None else (baseline_table(score, words=words, gains=gains),)
 
 
 def _choice_table(fit: Identification) -> Table:

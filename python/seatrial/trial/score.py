@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from seatrial.base.channels import AXES, CHANNELS, readable
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.trial.baselines import Baselines, fit_baselines, not_beaten
+from seatrial.trial.ceiling import Band, Unpredictable, bands, ceiling, unpredictable
 from seatrial.trial.predictions import Predictions
 from seatrial.trial.trial import Input, Trial
 from seatrial.trial.windows import Window, channel_errors, predict, windows
@@ -30,7 +32,18 @@ from seatrial.trial.windows import Window, channel_errors, predict, windows
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["REPLAYED", "ChannelScore", "Score", "covered", "kind", "score", "score_text"]
+__all__ = [
+    "LIMITS",
+    "REPLAYED",
+    "ChannelScore",
+    "Score",
+    "baseline_table",
+    "covered",
+    "kind",
+    "limit_text",
+    "score",
+    "score_text",
+]
 
 REPLAYED = "replayed"
 """What a table shows in place of the R2 of a channel whose axis follows the recording."""
@@ -68,6 +81,8 @@ class Score(Mapping[str, ChannelScore]):
         What was simulated, for figures.
     baselines
         R2 on the same windows by baseline (`seatrial.trial.baselines.BASELINES`) and velocity channel.
+    limits
+        By trial what no model of the vehicle can predict (`seatrial.trial.ceiling`).
     """
 
     channels: dict[str, ChannelScore]
@@ -77,6 +92,7 @@ class Score(Mapping[str, ChannelScore]):
     skipped: int
     windows: tuple[Window, ...]
     baselines: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    limits: Mapping[str, Unpredictable] = field(default_factory=dict)
 
     def __getitem__(self, channel: str) -> ChannelScore:
         return self.channels[channel]
@@ -91,6 +107,16 @@ class Score(Mapping[str, ChannelScore]):
     def r2(self) -> dict[str, float]:
         """R2 by channel."""
         return {name: channel.r2 for name, channel in self.channels.items()}
+
+    @cached_property
+    def ceiling(self) -> dict[str, float]:
+        """R2 at most by velocity channel, as noise and waves of the recording let a perfect model reach."""
+        return ceiling(self.windows, self.evidence, self.limits)
+
+    @cached_property
+    def bands(self) -> dict[str, Band]:
+        """R2 by velocity channel below wave frequencies and from there on, of trials that have waves."""
+        return bands(self.windows, self.evidence, self.limits)
 
     @property
     def evidence(self) -> dict[str, float]:
@@ -145,6 +171,8 @@ class Score(Mapping[str, ChannelScore]):
             "skipped": self.skipped,
             "channels": {name: asdict(channel) for name, channel in self.channels.items()},
             "baselines": {name: dict(row) for name, row in self.baselines.items()},
+            "ceiling": self.ceiling,
+            "bands": {name: asdict(band) for name, band in self.bands.items()},
         }
 
     def __repr__(self) -> str:
@@ -163,11 +191,12 @@ class Score(Mapping[str, ChannelScore]):
             scale, unit = readable(name)
             errors = (f"{scale * channel.mae:.4g}", f"{scale * channel.rmse:.4g}")
             r2 = REPLAYED if channel.replayed else f"{channel.r2:.3f}"
-            rivals = (score_text(row[name]) if name in row else "" for row in self.baselines.values())
-            rows.append((name, r2, *errors, unit, str(channel.n), *rivals))
+            most = "" if channel.replayed else limit_text(self.ceiling.get(name))
+            band = self.bands.get(name)
+            parts = ("", "") if band is None else (score_text(band.below), score_text(band.at))
+            rows.append((name, r2, most, *parts, *errors, unit, str(channel.n)))
         unit_column = Column("unit", align="left")
-        simple = [f"R2 {baseline}" for baseline in self.baselines]
-        head: list[str | Column] = ["channel", "R2", "MAE", "RMSE", unit_column, "samples", *simple]
+        head: list[str | Column] = ["channel", "R2", *LIMITS, "MAE", "RMSE", unit_column, "samples"]
         trials = ", ".join(self.trials)
         title = f"{trials}: {kind(self)} ({self.shifted} started late, {self.skipped} left out)"
         good, worst, next_step = _verdict(self)
@@ -177,11 +206,46 @@ class Score(Mapping[str, ChannelScore]):
             good=good,
             worst=worst,
             next_step=next_step,
-            sections=(Section(tables=(Table.of(title, head, rows),)),),
+            sections=(Section(tables=(Table.of(title, head, rows), baseline_table(self))),),
         )
 
     def __str__(self) -> str:
-        return self.report().sections[0].tables[0].text()
+        return "\n".join(text for table in self.report().sections[0].tables if (text := table.text()))
+
+
+LIMITS = ("at most", "below waves", "at waves")
+"""Heads of the columns beside an R2: the ceiling by noise and waves, the score in two bands."""
+
+
+def limit_text(value: float | None) -> str:
+    """A ceiling of R2 in three decimals; empty where none is known."""
+    return "" if value is None else f"{value:.3f}"
+
+
+def baseline_table(score: Score, *, words: str = "", gains: Mapping[str, float] | None = None) -> Table:
+    """R2 of a model and of the baselines by velocity channel; no row where no baseline is judged.
+
+    Parameters
+    ----------
+    score
+    words
+        On what, for the title.
+    gains
+        Log-likelihood per sample over the best baseline, nats, by channel.
+    """
+    rows = [
+        (
+            channel,
+            score_text(r2),
+            *(score_text(row[channel]) if channel in row else "" for row in score.baselines.values()),
+            f"{gains[channel]:+.2f}" if gains and channel in gains else "",
+        )
+        for channel, r2 in score.evidence.items()
+        if any(channel in row for row in score.baselines.values())
+    ]
+    ahead = f"{score.ahead_s:g} s ahead" if math.isfinite(score.ahead_s) else "in a free run"
+    title = f"R2 {ahead} beside baselines{words}"
+    return Table.of(title, ("channel", "model", *score.baselines, "nats per sample over the best"), rows)
 
 
 def score_text(value: float) -> str:
@@ -234,6 +298,7 @@ def score(
     nuisances: Mapping[str, Mapping[str, float]] | None = None,
     own_stamps: bool = False,
     training: Baselines | Trial | Sequence[Trial] | None = (),
+    limits: Mapping[str, Unpredictable] | None = None,
 ) -> Score:
     """Score of a vehicle on one trial, or pooled over several, per channel.
 
@@ -262,7 +327,10 @@ def score(
         Compare with each sensor's own samples at their own stamps instead of the trial's time base.
     training
         Trials that the vehicle was identified from: the baselines are fitted to them, and judged on the same
-        windows as the vehicle. Without any, only "hold last" is judged; None judges no baseline.
+        windows as the vehicle. Without any, only "hold last" is judged; None judges no baseline
+        and estimates no ceiling.
+    limits
+        What no model can predict, by name of the trial, where it is known already.
 
     Raises
     ------
@@ -315,7 +383,8 @@ def score(
         model = None if isinstance(vehicle, Predictions) else vehicle
         learnt = [training] if isinstance(training, Trial) else training
         training = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
-    return replace(found, baselines=training.r2(found.windows, found.channels))
+    limits = {one.name: unpredictable(one) for one in trials} if limits is None else limits
+    return replace(found, baselines=training.r2(found.windows, found.channels), limits=limits)
 
 
 def covered(found: Score, channels: Sequence[str]) -> Mask:
