@@ -131,12 +131,6 @@ def current_in_body(R: Array, omega: Array, v_c: Array, v_c_rate: Array) -> tupl
     return np.concatenate([v_cb, zero]), np.concatenate([-skew(omega) @ v_cb + R.T @ v_c_rate, zero])
 
 
-def pressure(R: Array, v_c_rate: Array, model: Model) -> Array:
-    """Return the Froude-Krylov wrench (6,) of water that accelerates by v_c_rate (NED, m/s2), body frame."""
-    force = model.B * model.m / model.W * (R.T @ v_c_rate)
-    return np.concatenate([force, skew(model.r_b) @ force])
-
-
 def forces(
     model: Model,
     nu: Array,
@@ -154,7 +148,7 @@ def forces(
         "added_mass": -added_mass_coriolis(nu_r, model.M_A) @ nu_r + model.M_A @ nu_c_rate,
         "damping": -damping(nu_r, model.D_l, model.D_q) @ nu_r,
         "lift": abs(nu_r[0]) * (model.L @ nu_r),
-        "restoring": -restoring(R, model) + pressure(R, v_c_rate, model),
+        "restoring": -restoring(R, model),
         "bias": model.bias,
     }
 

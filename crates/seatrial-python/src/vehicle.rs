@@ -54,7 +54,11 @@ impl Vehicle {
         }
         Ok((0..n)
             .map(|i| {
-                let current = current.as_ref().map(|c| Current { velocity: c[i % c.len()], rate: [0.0; 3] });
+                let current = current.as_ref().map(|c| Current {
+                    velocity: c[i % c.len()],
+                    rate: [0.0; 3],
+                    pressed: None,
+                });
                 (nu[i % nu.len()], attitude[i % attitude.len()], current)
             })
             .collect())

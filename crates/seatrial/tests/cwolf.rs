@@ -158,7 +158,7 @@ fn turn(description: &Description, flow: [f64; 3], complete: bool) -> ([f64; 3],
         .zip(&vehicle.actuators)
         .map(|(rpm, actuator)| actuator.characteristic.thrust(*rpm, f64::NAN))
         .collect();
-    let current = Current { velocity: flow, rate: [0.0; 3] };
+    let current = Current { velocity: flow, rate: [0.0; 3], pressed: None };
     let rate = |state: &[f64; 13]| {
         let [_, _, _, w, x, y, z, nu @ ..] = *state;
         let r = rotation(&[w, x, y, z]);

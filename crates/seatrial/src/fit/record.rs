@@ -54,7 +54,7 @@ impl Record {
         }
         let at = |k: usize| self.current.get(k.min(n.wrapping_sub(1))).copied().unwrap_or_default();
         let (from, to) = (at(k), at(k + 1));
-        let mut current = Current { velocity: [unit.zero(); 3], rate: [unit.zero(); 3] };
+        let mut current = Current { velocity: [unit.zero(); 3], rate: [unit.zero(); 3], pressed: None };
         for i in 0..3 {
             let change = to[i] - from[i];
             current.velocity[i] = unit.splat(from[i] + fraction * change);

@@ -100,7 +100,7 @@ impl<T: Real> Turbulence<T> {
 
     #[inline(always)]
     fn moving(&self, time: f64) -> Current<T> {
-        let mut current = Current { velocity: self.now, rate: [self.seed.zero(); 3] };
+        let mut current = Current { velocity: self.now, rate: [self.seed.zero(); 3], pressed: None };
         if self.varies {
             for axis in 0..3 {
                 let rate = (self.next[axis] - self.now[axis]) * (1.0 / self.dt);

@@ -56,7 +56,7 @@ impl<'a, T: Real> Water<'a, T> {
         }
         let mut current = match steady {
             Some(current) => current,
-            None => Current { velocity: [self.zero; 3], rate: [self.zero; 3] },
+            None => Current { velocity: [self.zero; 3], rate: [self.zero; 3], pressed: None },
         };
         self.drift.add(time, &mut current);
         self.waves.add(time, &mut current);

@@ -175,7 +175,7 @@ impl<'a, T: Real> Waves<'a, T> {
     /// The sea of these harmonics; control periods last `dt` seconds.
     #[inline(always)]
     pub fn new(harmonics: &'a [Harmonic<T>], zero: T, dt: f64) -> Self {
-        let still = Current { velocity: [zero; 3], rate: [zero; 3] };
+        let still = Current { velocity: [zero; 3], rate: [zero; 3], pressed: Some([zero; 3]) };
         Self { harmonics, now: still, next: still, dt }
     }
 
@@ -199,11 +199,13 @@ impl<'a, T: Real> Waves<'a, T> {
             return;
         }
         let share = time / self.dt;
+        let between = |from: T, to: T| (to - from) * share + from;
+        let rate: Vec3<T> = std::array::from_fn(|i| between(self.now.rate[i], self.next.rate[i]));
         for axis in 0..3 {
-            let between = |from: T, to: T| (to - from) * share + from;
             current.velocity[axis] += between(self.now.velocity[axis], self.next.velocity[axis]);
-            current.rate[axis] += between(self.now.rate[axis], self.next.rate[axis]);
+            current.rate[axis] += rate[axis];
         }
+        current.pressed = Some(rate);
     }
 
     /// Whether there are any.
@@ -234,5 +236,5 @@ pub fn orbital<T: Real>(harmonics: &[Harmonic<T>], place: &Vec3<T>, time: f64) -
         rate[1] = slower.mul_add(sin, rate[1]);
         rate[2] = ahead.mul_add(wave.omega, rate[2]);
     }
-    Current { velocity, rate }
+    Current { velocity, rate, pressed: Some(rate) }
 }

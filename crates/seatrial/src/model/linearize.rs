@@ -45,7 +45,11 @@ pub fn linearize(
     (tau, current): (&Vec6<f64>, Option<&Current<f64>>),
 ) -> Tangent {
     let constant = |value: f64| Dual { value, partials: 0.0 };
-    let current = current.map(|c| Current { velocity: c.velocity.map(constant), rate: c.rate.map(constant) });
+    let current = current.map(|c| Current {
+        velocity: c.velocity.map(constant),
+        rate: c.rate.map(constant),
+        pressed: c.pressed.map(|a| a.map(constant)),
+    });
     let euler = to_euler(attitude).map(constant);
     let mut tangent = Tangent { a: [[0.0; 12]; 12], b: [[0.0; 6]; 12] };
     for column in 0..18 {

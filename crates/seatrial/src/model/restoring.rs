@@ -3,7 +3,7 @@
 //! `f_G = Rᵀ [0 0 W]`, `f_B = −Rᵀ [0 0 B]`. The moment depends on `r_g W − r_b B` only. (The paper's
 //! (32) adds B with the wrong sign and (33) carries a leading minus too many: see the errata.)
 //!
-//! Buoyancy is the pressure gradient over the displaced water. Where that water accelerates by `a`, the gradient is
+//! Buoyancy is the pressure gradient over the displaced water. Where waves accelerate that water by `a`, the gradient is
 //! `ρ (g − a)`, and the hull feels the Froude–Krylov force besides, `τ_FK = (B/g) [a; r_b × a]`: with `M_A ν_c'` it
 //! carries a neutral body along with the water.
 //!
@@ -53,7 +53,7 @@ impl<T: Real> Restoring<T> {
         [sum[0], sum[1], sum[2], moment[0], moment[1], moment[2]]
     }
 
-    /// `tau + τ_FK`, N and N m, in water that accelerates by `a` (body frame, m/s²).
+    /// `tau + τ_FK`, N and N m, in water that a pressure gradient accelerates by `a` (body frame, m/s²).
     #[inline(always)]
     pub fn add_pressure(&self, a: &Vec3<T>, tau: &Vec6<T>) -> Vec6<T> {
         let mut sum = *tau;

@@ -175,7 +175,9 @@ impl<T: Real> Vehicle<T> {
             let relative = current.relative(r, nu);
             nu_r = relative.nu;
             f = add(&f, &self.added_mass.momentum(&relative.current_rate));
-            f = self.restoring.add_pressure(&relative.acceleration, &f);
+            if let Some(pressed) = &relative.pressed {
+                f = self.restoring.add_pressure(pressed, &f);
+            }
         }
         f = self.inflow(instant, &nu_r, &f);
         f = self.rigid_body.add_coriolis(nu, &f);
@@ -267,15 +269,17 @@ impl<T: Real> Vehicle<T> {
     /// Every term by itself, at the rotation `r`, without thrust and bias.
     pub fn forces(&self, r: &Mat3<T>, nu: &Vec6<T>, current: Option<&Current<T>>) -> Forces<T> {
         let none = [nu[0].zero(); 6];
-        let still = Relative { nu: *nu, current_rate: none, acceleration: [none[0]; 3] };
-        let Relative { nu: nu_r, current_rate, acceleration } =
+        let still = Relative { nu: *nu, current_rate: none, pressed: None };
+        let Relative { nu: nu_r, current_rate, pressed } =
             current.map_or(still, |current| current.relative(r, nu));
         Forces {
             rigid_body: self.rigid_body.add_coriolis(nu, &none),
             added_mass: self.added_mass.add_coriolis(&nu_r, &self.added_mass.momentum(&current_rate)),
             damping: self.damping.add(&nu_r, &none),
             lift: self.lift.map_or(none, |lift| lift.add(&nu_r, &none)),
-            restoring: self.restoring.add(r, &self.restoring.add_pressure(&acceleration, &none)),
+            restoring: self
+                .restoring
+                .add(r, &pressed.map_or(none, |a| self.restoring.add_pressure(&a, &none))),
         }
     }
 }

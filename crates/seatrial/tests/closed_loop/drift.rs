@@ -8,7 +8,7 @@ const DT_S: f64 = 0.1;
 /// Velocities of the first axis over the periods.
 fn record(drift: &mut Drift<f64>, periods: usize) -> Vec<f64> {
     let at = |drift: &Drift<f64>, time: f64| {
-        let mut current = Current { velocity: [0.0; 3], rate: [0.0; 3] };
+        let mut current = Current { velocity: [0.0; 3], rate: [0.0; 3], pressed: None };
         drift.add(time, &mut current);
         current
     };

@@ -107,7 +107,7 @@ fn law_sensors_see_ground_and_water_apart() {
     // Heading east: a current to the north comes from starboard to port.
     let turned = seatrial::model::kinematics::from_euler(&[0.0, 0.0, std::f64::consts::FRAC_PI_2]);
     let state = State { position: [1.0, 2.0, 3.0], attitude: turned, nu: [1.5, 0.0, 0.0, 0.0, 0.0, 0.0] };
-    let current = Current { velocity: [0.4, 0.0, 0.0], rate: [0.0; 3] };
+    let current = Current { velocity: [0.4, 0.0, 0.0], rate: [0.0; 3], pressed: None };
     let shown = truth(&state, Some(&current), Some(&[20.0, 0.5, 0.0]));
     assert!((shown[13] - 1.5).abs() < 1e-12 && (shown[14] - 0.4).abs() < 1e-12, "{shown:?}"); // rounding
     assert!((shown[12] - (20.0 + 0.5 - 3.0)).abs() < 1e-12, "depth 20 m, falling 0.5 m per metre north");

@@ -105,7 +105,7 @@ fn law_a_constant_current_carries_the_track_and_nothing_else() {
     let nodes = instants(&description);
     let (through_water, _) = moved(&description, &nodes, h);
     // The equation of motion over ground, with the current in it.
-    let current = Current { velocity: at.current, rate: [0.0; 3] };
+    let current = Current { velocity: at.current, rate: [0.0; 3], pressed: None };
     let mut over_ground = at.motion;
     over_ground.nu[..3].copy_from_slice(&at.over_ground());
     for three in nodes.windows(3).step_by(2) {

@@ -3,10 +3,13 @@
 use crate::vehicles::{attitude, body, cases, distance, fly, load, moving, times, velocity, with};
 use proptest::array::{uniform3, uniform6};
 use proptest::prelude::*;
+use seatrial::description::assembly::Structure;
 use seatrial::fit::inputs::Inputs;
+use seatrial::model::current::Current;
 use seatrial::model::integrate::State;
 use seatrial::model::kinematics::{from_euler, rotation};
-use seatrial::number::algebra::transposed_product;
+use seatrial::model::vehicle::{Mode, Vehicle};
+use seatrial::number::algebra::{add_cross, transposed_product};
 
 proptest! {
     #![proptest_config(cases(8))]
@@ -45,7 +48,7 @@ proptest! {
     }
 
     #[test]
-    fn law_a_growing_current_pulls_the_added_and_the_displaced_mass(body in body(), start in attitude(), flow in uniform3(-1.0..1.0)) {
+    fn law_a_growing_current_pulls_the_added_mass(body in body(), start in attitude(), flow in uniform3(-1.0..1.0)) {
         // Ahead of any rotation: all axes but the three translations are frozen.
         let description = body.vehicle();
         let inputs = |current: Vec<[f64; 3]>| Inputs { t: times(101, 0.1), current, ..Inputs::default() };
@@ -54,15 +57,42 @@ proptest! {
         let [with, without] = [growing, vec![]].map(|c| {
             fly(&description, &inputs(c), state, "XYZ", 1).states[100].nu
         });
-        // (m + M_A) ν' = (B/g + M_A) v_c' at a steady attitude: impulse of the water's acceleration.
+        // (m + M_A) ν' = M_A v_c' at a steady attitude: impulse of the water's acceleration.
         let gained: [f64; 3] = std::array::from_fn(|i| with[i] - without[i]);
         let along = transposed_product(&rotation(&start), &flow);
         for i in 0..3 {
             let added = |x: &[f64; 3]| (0..3).map(|j| body.added[i][j] * x[j]).sum::<f64>();
-            let displaced = body.buoyancy * body.mass * along[i];
-            let impulse = body.mass * gained[i] + added(&gained) - added(&along) - displaced;
+            let impulse = body.mass * gained[i] + added(&gained) - added(&along);
             // Exact for RK4 (linear in time): rounding of impulses up to a few hundred N s.
             prop_assert!(impulse.abs() < 1e-10, "{impulse:e} N s");
         }
     }
+}
+
+#[test]
+fn law_the_water_of_waves_pushes_the_displaced_volume() {
+    let description = with(&load("cwolf"), &[("z_b", -0.03), ("x_b", 0.1)]);
+    let structure = Structure::new(&description, &[]);
+    let vehicle = Vehicle::new(
+        &description,
+        &structure,
+        &description.coefficients,
+        description.file.environment,
+        [Mode::Free; 6],
+    );
+    let (r, a) = (rotation(&from_euler(&[0.2, -0.3, 1.0])), [0.3, -0.2, 0.5]);
+    let driven = |pressed| {
+        let current = Current { velocity: [0.1, 0.2, 0.0], rate: a, pressed };
+        vehicle.forces(&r, &[1.0, 0.1, -0.2, 0.1, 0.0, 0.3], Some(&current))
+    };
+    let (waves, current) = (driven(Some(a)), driven(None));
+    let along = transposed_product(&r, &a);
+    let displaced = vehicle.restoring.displaced;
+    let moment = add_cross(&vehicle.restoring.displaced_moment, &along, &[0.0; 3]);
+    for i in 0..3 {
+        assert!((waves.restoring[i] - current.restoring[i] - displaced * along[i]).abs() < 1e-9);
+        assert!((waves.restoring[i + 3] - current.restoring[i + 3] - moment[i]).abs() < 1e-9);
+    }
+    // The added mass is pulled alike, whatever drives the water.
+    assert_eq!(waves.added_mass, current.added_mass);
 }

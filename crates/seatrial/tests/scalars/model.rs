@@ -36,6 +36,7 @@ fn acceleration<T: Real>(description: &Description, values: &[T], sought: &[usiz
         current: Some(Current {
             velocity: at.flow.map(|x| unit.splat(x)),
             rate: [0.01, 0.0, -0.01].map(|x| unit.splat(x)),
+            pressed: Some([0.02, 0.01, 0.0].map(|x| unit.splat(x))),
         }),
         ..Instant::default()
     };

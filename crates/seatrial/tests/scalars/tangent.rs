@@ -105,7 +105,7 @@ fn point() -> impl Strategy<Value = Point> {
             attitude,
             nu,
             tau,
-            current: flows.then_some(Current { velocity, rate }),
+            current: flows.then_some(Current { velocity, rate, pressed: None }),
         },
     )
 }
@@ -217,7 +217,7 @@ fn scalar_tangents_are_finite_at_rest_and_upright_or_not() {
         let description = vehicle(name);
         for pitch in [0.0, std::f64::consts::FRAC_PI_2, -std::f64::consts::FRAC_PI_2] {
             let attitude = from_euler(&[0.0, pitch, 0.3]);
-            let still = Some(Current { velocity: [0.0; 3], rate: [0.0; 3] });
+            let still = Some(Current { velocity: [0.0; 3], rate: [0.0; 3], pressed: None });
             for current in [None, still] {
                 let at = Point { attitude, nu: [0.0; 6], tau: [0.0; 6], current };
                 let tangent = at.tangent(&description, Form::Rotation);
