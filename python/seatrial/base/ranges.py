@@ -108,6 +108,17 @@ KEYS = {
     "peakedness": Range(1.0, 7.0, "3.3 for a young sea, 1 for a grown one (Pierson-Moskowitz)"),
     "spreading_deg": Range(0.0, 60.0, "give the standard deviation of the directions in degrees"),
     "keep_worst": Range(0.0, 1e4, "keep the logs of a handful"),
+    "nitrate_mg_l": Range(0.0, 1e5, "give it in mg/L; the sea holds less than 3"),
+    "salinity": Range(0.0, 42.0, "give practical salinity: 35 in the ocean, 0 in a river"),
+    "temperature_c": Range(-2.0, 40.0, "give it in degrees Celsius"),
+    "nitrate_per_m": _sized(1e3, "give the change per metre of depth in mg/L"),
+    "salinity_per_m": _sized(10.0, "give the change per metre of depth"),
+    "temperature_per_m": _sized(10.0, "give the change per metre of depth in degrees"),
+    "discharge_m3_s": Range(1e-9, 1e4, "give it in m3/s; 1 L/s is 0.001"),
+    "horizontal_m2_s": Range(0.0, 1e4, "give the diffusivity in m2/s, 0.01 to 1 in coastal water"),
+    "vertical_m2_s": Range(0.0, 10.0, "give the diffusivity in m2/s, 1e-4 to 1e-2 in coastal water"),
+    "response_s": Range(0.0, 1e4, "give the time constant of the sensor in seconds"),
+    "noise": Range(0.0, 1e4, "give the standard deviation in the unit of the channel"),
 }
 """By their own bounds."""
 

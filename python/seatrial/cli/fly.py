@@ -96,6 +96,10 @@ def fly(
             min=2, max=100_000, help="Fly so many seeds, from --seed on, and tell how the figures spread."
         ),
     ] = None,
+    payload: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Water, plumes and the sensors that sample it: a payload file."),
+    ] = None,
     figures: Figures = True,
     pdf: Pdf = False,
     verbose: Verbose = False,
@@ -130,7 +134,7 @@ def fly(
         "feedback": feedback,
         "max_time_s": max_time,
     }
-    flight = flown(*sources, seed=seed, **options)
+    flight = flown(*sources, seed=seed, payload=payload, **options)
     many = None if seeds is None else fly_seeds(*sources, count=seeds, first=seed, options=options)
     beside = {} if many is None else {"seeds.parquet": many.parquet()}
     folder = out or Path("runs") / _folder(flight)
@@ -138,7 +142,8 @@ def fly(
 
     def saved() -> str:
         flight.save(folder, beside=beside)
-        return f"Results in {folder}: flight.json, flight.parquet, summary.txt and the inputs"
+        sampled = "" if flight.samples is None else "samples.parquet, samples.csv, "
+        return f"Results in {folder}: flight.json, flight.parquet, {sampled}summary.txt and the inputs"
 
     def drawn() -> list[Path]:
         if not figures:

@@ -37,8 +37,11 @@ from seatrial.flight.metrics import (
 from seatrial.flight.tables import legs_table, loops_table, metrics_table
 
 if TYPE_CHECKING:
+    import polars as pl
+
     from seatrial._core import Flights
     from seatrial.flight.cases import Cases
+    from seatrial.flight.payload import Samples
 
 __all__ = ["Alert", "Flight"]
 
@@ -70,11 +73,14 @@ class Flight(FlightLog):
         Metrics of the whole flight, units in the names.
     clock
         When it was computed, and how long that took.
+    samples
+        What the payload logged; None without one.
     """
 
     outcome: str
     metrics: Mapping[str, float]
     clock: Clock = field(default_factory=Clock)
+    samples: Samples | None = None
 
     @classmethod
     def of_case(cls, flights: Flights, cases: Cases, *, case: int = 0) -> Flight:
@@ -100,6 +106,13 @@ class Flight(FlightLog):
             metrics={name: float(values[case]) for name, values in metrics.items() if name not in CODED},
             **log_fields(flights, cases.vehicle, cases.autopilot, case),
         )
+
+    def table(self) -> pl.DataFrame:
+        """Log with the canonical columns of a trial, beside them what was measured, desired and sampled."""
+        table = super().table()
+        if self.samples is None:
+            return table
+        return table.with_columns(**self.samples.log_columns(len(self.t))).fill_nan(None)
 
     @property
     def diverged(self) -> bool:
@@ -181,7 +194,7 @@ class Flight(FlightLog):
             "alerts": [asdict(alert) for alert in self.alerts],
             "circumstances": self.circumstances.to_dict(),
             "sentences": self.sentences(),
-        }
+        } | ({} if self.samples is None else {"payload": self.samples.to_dict()})
 
     def save(self, folder: str | Path, *, beside: Mapping[str, bytes] | None = None) -> Path:
         """Path of a run directory with the flight: JSON, Parquet, summary and inputs.
@@ -205,6 +218,7 @@ class Flight(FlightLog):
             "flight.json": to_json(self.to_dict()),
             "summary.txt": self.summary() + "\n",
             "flight.parquet": parquet(self.table()),
+            **_sampled(self),
             **(beside or {}),
         }
         with RunDirectory(folder) as run:
@@ -233,8 +247,18 @@ def _inputs(flight: Flight) -> dict[str, str]:
         "autopilot": flight.autopilot.to_toml(),
         "mission": flight.mission.to_toml(),
     }
+    if flight.samples is not None:
+        found["payload"] = flight.samples.payload.text
     model = flight.circumstances.model.to_toml()
     return found if model == found["vehicle"] else found | {"model": model}
+
+
+def _sampled(flight: Flight) -> dict[str, bytes]:
+    """Files of the samples by name."""
+    if flight.samples is None:
+        return {}
+    table = flight.samples.table()
+    return {"samples.parquet": parquet(table), "samples.csv": table.write_csv().encode()}
 
 
 _SWITCHES_PER_MINUTE = 6.0  # more than this looks like a limit cycle around the minimum
@@ -294,6 +318,7 @@ def report(flight: Flight, sections: Sequence[Section] = ()) -> Report:
         next_step=next_step,
         sections=(
             Section(sentences=tuple(_reactions(flight)), tables=tuple(tables)),
+            *(() if flight.samples is None else (flight.samples.section(),)),
             *sections,
             Section("What happened", tuple(flight.sentences()), details=True),
         ),

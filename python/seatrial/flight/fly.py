@@ -27,6 +27,7 @@ from seatrial.flight.checks import (
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
 from seatrial.flight.mission import Mission
+from seatrial.flight.payload import Payload, sampled
 from seatrial.flight.sea import SeaState
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def fly(
     max_time_s: float | None = None,
     rho: float | None = None,
     g: float | None = None,
+    payload: Payload | str | Path | None = None,
 ) -> Flight:
     """Flight of a vehicle with its autopilot on a mission: track, errors, commands, modes, energy, metrics.
 
@@ -114,6 +116,8 @@ def fly(
         Longest duration, s; by default three times the planned time and five minutes.
     rho, g : float, optional
         Density, kg/m3, and gravity, m/s2, instead of the vehicle file's.
+    payload : Payload, str or Path, optional
+        Water, plumes and the sensors that sample it, an object or a file; see `Flight.samples`.
 
     Raises
     ------
@@ -142,6 +146,8 @@ def fly(
     if initial is not None and not isinstance(initial, State):
         raise SimulationError(f"initial: expected an st.State, found {initial!r}")
     clock = Clock()
+    if payload is not None and not isinstance(payload, Payload):
+        payload = Payload.load(payload)
     cases = Cases.of(
         vehicle,
         autopilot,
@@ -168,7 +174,12 @@ def fly(
         g=g,
         logs=True,
     )
-    return replace(Flight.of_case(cases.fly(), cases), clock=clock.stop())
+    if payload is not None:
+        payload.check_current(cases.circumstances.current)
+    flight = Flight.of_case(cases.fly(), cases)
+    if payload is not None:
+        flight = replace(flight, samples=sampled(payload, flight, cases.channels.errors))
+    return replace(flight, clock=clock.stop())
 
 
 def fly_batch(

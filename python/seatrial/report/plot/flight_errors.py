@@ -25,6 +25,7 @@ from seatrial.report.plot.flight import (
     settled,
     shade,
 )
+from seatrial.report.plot.samples import flight_samples
 from seatrial.report.plot.style import (
     CYCLE,
     MEASURED,
@@ -73,6 +74,7 @@ def flight_gallery(flight: Flight, folder: str | Path, *, formats: tuple[str, ..
         ("loops", flight_loops),
         ("actuators", flight_actuators),
         ("errors", flight_errors),
+        *([] if flight.samples is None else [("samples", flight_samples)]),
     ):
         written += save(drawn(flight), Path(folder) / name, formats=formats)
     return written
