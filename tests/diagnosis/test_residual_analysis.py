@@ -91,6 +91,17 @@ def test_score_test_is_the_refit_of_a_linear_model() -> None:
         assert results.gain[place] * (residual @ residual) == pytest.approx(old - both[1][0], rel=1e-6)
 
 
+def test_candidates_of_one_channel_are_tested_alike_with_and_without_the_zeros_of_the_others() -> None:
+    lin = linear(3, missing={"Y_ur": 0.3})
+    block = block_numbers(lin, 5.0)
+    shown = [p.jacobian[:, 1:2, 4:] for p in lin.pieces]
+    padded = [np.concatenate([np.zeros_like(one), one], axis=1) for one in shown]
+    short = score_tests(lin, shown, fitted=range(4), block=block, channel=1)
+    long = score_tests(lin, padded, fitted=range(4), block=block)
+    assert short.reduced == pytest.approx(long.reduced, rel=1e-9, abs=1e-9)  # sums in another order
+    assert short.own == pytest.approx(long.own)
+
+
 @pytest.mark.parametrize("rho", [0.0, 0.9, 0.98])
 def test_coloured_noise_raises_no_more_alarms_than_white(rho: float) -> None:
     alarms, p = 0, []

@@ -6,6 +6,7 @@ Trials are read when first asked for, the bench test when the campaign is made; 
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -99,6 +100,7 @@ class Campaign:
         self.vehicle = self._load_vehicle() if self.bench is None else self.bench.vehicle
         self._sources, self._data = self._trial_sources(dict(trials or {}))
         self.trials: Mapping[str, Trial] = _Trials(self, self._sources)
+        self._parts: dict[tuple[str, bool], Trial | None] = {}
         self.stages = in_order(file.stages, source)
         self.parameters: dict[str, tuple[Parameter, ...]] = {
             stage.name: parameters(stage, self.vehicle, self.where(stage)) for stage in self.stages
@@ -364,6 +366,19 @@ class Campaign:
                     f" recording, which runs from {t[0]:g} to {t[-1]:g} s; use the trial's own time"
                 )
         return mask
+
+    def part(self, trial: str, *, held_out: bool) -> Trial | None:
+        """The trial with only what is fitted, or what is held out, valid; None where nothing is.
+
+        The same object at every call, so that its splines are made once.
+        """
+        key = trial, held_out
+        if key not in self._parts:
+            whole, mask = self.trials[trial], self.held_out(trial) == held_out
+            self._parts[key] = (
+                dataclasses.replace(whole, valid=whole.valid & mask[:, None]) if mask.any() else None
+            )
+        return self._parts[key]
 
     def path_of(self, trial: str) -> Path | None:
         """Path of a trial's file, None for a frame.

@@ -121,11 +121,20 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
 def columns_of(lin: Linearisation, tried: Sequence[Candidate]) -> list[Array]:
     """Columns (n, C, k) per segment of the candidates, whose coefficients are among the unknowns."""
     place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
-    mix = np.zeros((len(lin.unknowns), len(tried)))
-    for column, candidate in enumerate(tried):
-        for member in candidate.members:
-            mix[place[member], column] = 1.0
-    return [np.asarray(piece.jacobian @ mix) for piece in lin.pieces]
+    first = [place[candidate.members[0]] for candidate in tried]
+    # Most candidates are one coefficient: their columns are taken, and only those of groups are added up.
+    others = [
+        (column, [place[member] for member in candidate.members[1:]])
+        for column, candidate in enumerate(tried)
+        if len(candidate.members) > 1
+    ]
+    found = []
+    for piece in lin.pieces:
+        columns = piece.jacobian[:, :, first]
+        for column, places in others:
+            columns[:, :, column] += piece.jacobian[:, :, places].sum(axis=2)
+        found.append(columns)
+    return found
 
 
 def members(tried: Iterable[Candidate]) -> list[str]:

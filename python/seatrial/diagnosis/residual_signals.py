@@ -163,7 +163,10 @@ def followed_signals(
     tests: dict[str, tuple[list[tuple[str, float]], ScoreTests]] = {}
     for channel in (channel for channel in lin.channels if channel in VELOCITIES):
         labels, columns = _columns(lin, signals, channel)
-        tests[channel] = labels, score_tests(lin, columns, fitted=fitted, block=block)
+        tests[channel] = (
+            labels,
+            score_tests(lin, columns, fitted=fitted, block=block, channel=lin.channels.index(channel)),
+        )
     count = sum(int(one.testable.sum()) for _, one in tests.values())
     power = _power(lin)
     estimated = {lin.unknowns[i].name for i in fitted}
@@ -210,16 +213,14 @@ def _leaders(
 def _columns(
     lin: Linearisation, signals: Mapping[str, Sequence[Array]], channel: str
 ) -> tuple[list[tuple[str, float]], list[Array]]:
-    """Signals and lags (k,) and what the channel would show of them, (n, C, k) per segment."""
+    """Signals and lags (k,) and what the channel would show of them, (n, 1, k) per segment."""
     place, labels = lin.channels.index(channel), [(name, lag) for lag in LAGS_S for name in signals]
     found = []
     for index, piece in enumerate(lin.pieces):
         counted = piece.counted[:, place]
         values = np.stack([np.asarray(of[index], dtype=float) for of in signals.values()], axis=1)
         shown = [_lagged(values, lag, lin.dt, counted) if lag > 0.0 else values for lag in LAGS_S]
-        column = np.zeros((len(piece.t), len(lin.channels), len(labels)))
-        column[:, place] = np.where(counted[:, None], np.concatenate(shown, axis=1), 0.0)
-        found.append(column)
+        found.append(np.where(counted[:, None], np.concatenate(shown, axis=1), 0.0)[:, None, :])
     return labels, found
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
@@ -181,14 +181,8 @@ def left_out_score(
 
 def _part(campaign: Campaign, names: Sequence[str], part: str) -> dict[str, Trial]:
     """Trials of which some samples belong to a part ("fit", "hold_out"), the others masked."""
-    trials: dict[str, Trial] = {}
-    for name in names:
-        held_out = campaign.held_out(name)
-        mask = ~held_out if part == "fit" else held_out
-        if mask.any():
-            trial = campaign.trials[name]
-            trials[name] = replace(trial, valid=trial.valid & mask[:, None])
-    return trials
+    found = {name: campaign.part(name, held_out=part != "fit") for name in names}
+    return {name: trial for name, trial in found.items() if trial is not None}
 
 
 def _baselines(campaign: Campaign, training: Mapping[str, Trial]) -> Baselines:

@@ -133,35 +133,54 @@ def false_discovery(p: Array, tested: int | None = None) -> Array:
 
 
 def score_tests(
-    lin: Linearisation, columns: Sequence[Array], *, fitted: Sequence[int], block: Sequence[NDArray[np.intp]]
+    lin: Linearisation,
+    columns: Sequence[Array],
+    *,
+    fitted: Sequence[int],
+    block: Sequence[NDArray[np.intp]],
+    channel: int | None = None,
 ) -> ScoreTests:
     """Score tests of candidate columns, given the fitted unknowns.
 
     Parameters
     ----------
     lin : Linearisation
-    columns : sequence of ndarray, shape (n, C, k)
+    columns : sequence of ndarray, shape (n, C, k), or (n, 1, k) with a channel
         What the channels of each segment would show of the candidates, in the residual's unit.
     fitted : sequence of int
         Indices of the fitted unknowns.
     block : sequence of ndarray, shape (n,)
         Block of each sample of each segment, from 0 on.
+    channel : int, optional
+        Place of the only channel that shows anything of the candidates.
     """
     indices = list(fitted)
     inside, count = len(indices), 1 + max((int(b[-1]) for b in block), default=-1)
     width = inside + columns[0].shape[2] + 1 if columns else inside + 1
     products = np.zeros((count, width, width))
+    outer, middle = [*range(inside), width - 1], list(range(inside, width - 1))
     samples = 0.0
     every = slice(None, None, max(1, sum(len(piece.t) for piece in lin.pieces) // _SAMPLES))
     for piece, own, dense in zip(lin.pieces, columns, block, strict=True):
         root, number = (np.sqrt(piece.weight) * piece.counted)[every], dense[every]
         samples += float((root**2).sum())
-        sides = piece.jacobian[every][:, :, indices], own[every], piece.residual[every][:, :, None]
-        rows = np.concatenate(sides, axis=2) * root[:, :, None]
+        shown = slice(None) if channel is None else slice(channel, channel + 1)
+        known = np.concatenate(
+            [piece.jacobian[every][:, :, indices], piece.residual[every][:, :, None]], axis=2
+        )
+        known *= root[:, :, None]
+        tried = own[every] * root[:, shown, None]
         edges = np.flatnonzero(np.diff(number)) + 1
-        for part, at in zip(np.split(rows, edges), number[np.concatenate([[0], edges])], strict=True):
-            flat = part.reshape(-1, width)
-            products[at] += flat.T @ flat
+        starts = number[np.concatenate([[0], edges])]
+        for part, of, at in zip(np.split(known, edges), np.split(tried, edges), starts, strict=True):
+            # Candidates meet the fitted columns and the residual in the channels alone that show them.
+            every_channel, beside = part.reshape(-1, inside + 1), part[:, shown].reshape(-1, inside + 1)
+            flat = of.reshape(-1, width - inside - 1)
+            products[at][np.ix_(outer, outer)] += every_channel.T @ every_channel
+            cross = beside.T @ flat
+            products[at][np.ix_(outer, middle)] += cross
+            products[at][np.ix_(middle, outer)] += cross.T
+            products[at][np.ix_(middle, middle)] += flat.T @ flat
     total = products.sum(axis=0)
     own_squares, cost = np.diag(total)[inside:-1].copy(), float(total[-1, -1])
     sums = np.concatenate([total[None], total - products])

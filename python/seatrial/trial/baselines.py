@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,7 +46,7 @@ BASELINES = ("hold last", "mean", "first order", "linear")
 """Names of the baselines, the simplest first."""
 
 _AHEAD_S = 10.0  # windows of the fit
-_MOST_SAMPLES = 6000  # of an axis in the search of T and d, evenly taken from all windows
+_MOST_SAMPLES = 4000  # of an axis in the search of T and d, evenly taken from all windows
 _LONGEST_LAG_S, _LONGEST_DEAD_TIME_S = 60.0, 3.0
 _LAGS, _DEAD_TIMES = 13, 9  # points of the first grid
 _HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
@@ -140,6 +140,13 @@ class Baselines:
     input: Input | None
     free: str
     measured: str
+    _read: dict[int, _Driven] = field(default_factory=dict, init=False, repr=False)
+
+    def read(self, trial: Trial) -> _Driven:
+        """What the baselines read of a trial, kept for the next score of it."""
+        if id(trial) not in self._read:  # the entry keeps the trial, and so its id
+            self._read[id(trial)] = _Driven.of(trial, self)
+        return self._read[id(trial)]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -158,7 +165,7 @@ class Baselines:
         spans : sequence of (int, int)
             In samples, as `seatrial.trial.windows.windows` gives them.
         """
-        return _predicted(self, name, _Driven.of(trial, self), spans)
+        return _predicted(self, name, self.read(trial), spans)
 
     def r2(self, judged: Sequence[Window], channels: Iterable[str]) -> dict[str, dict[str, float]]:
         """R2 by baseline and channel on the windows of a score, pooled; without what cannot be predicted.
@@ -173,7 +180,7 @@ class Baselines:
         wanted = [c for c in channels if c in VELOCITIES and AXES[VELOCITIES.index(c)] in self.free]
         parts = {id(window.trial): [w for w in judged if w.trial is window.trial] for window in judged}
         found: dict[str, dict[str, float]] = {}
-        driven = [_Driven.of(own[0].trial, self) for own in parts.values()]
+        driven = [self.read(own[0].trial) for own in parts.values()]
         for name in self.names:
             shown = [
                 Window(one.trial, one.start, one.stop, one.simulated, judged[0].own_stamps)
@@ -231,7 +238,7 @@ def fit_baselines(
     known = Baselines(
         tuple(trial.name for trial, _ in usable), mean, {}, None, vehicle, input, free, measured
     )
-    driven = [_Driven.of(trial, known) for trial, _ in usable]
+    driven = [known.read(trial) for trial, _ in usable]
     spans = [own_spans for _, own_spans in usable]
     first_order = {
         VELOCITIES[i]: found
@@ -240,7 +247,9 @@ def fit_baselines(
     }
     known = Baselines(known.trials, mean, first_order, None, vehicle, input, free, measured)
     linear = _fit_linear(known, driven, spans)
-    return Baselines(known.trials, mean, first_order, linear, vehicle, input, free, measured)
+    fitted = Baselines(known.trials, mean, first_order, linear, vehicle, input, free, measured)
+    fitted._read.update({id(own.trial): own for own in driven})
+    return fitted
 
 
 def not_beaten(r2: Mapping[str, float], baselines: Mapping[str, Mapping[str, float]]) -> str:
@@ -493,8 +502,8 @@ def _search(
         filtered = [_lagged(s, lag, one.dt) for s, one in zip(signals, samples, strict=True) if s is not None]
         for dead_time in dead.tolist():
             f = np.concatenate([
-                np.interp(one.at - dead_time / one.dt, np.arange(len(own)), own)
-                - a[at] * np.interp(one.begin - dead_time / one.dt, np.arange(len(own)), own)
+                _earlier(own, one.at, dead_time / one.dt)
+                - a[at] * _earlier(own, one.begin, dead_time / one.dt)
                 for own, one, at in zip(filtered, samples, _slices(samples), strict=True)
             ])
             ff, fr, ft = float(f @ f), float(f @ rest), float(f @ target)
@@ -504,6 +513,14 @@ def _search(
             offset = (rt - gain * fr) / rr if rr > 0.0 else 0.0
             best = min(best, (tt - gain * ft - offset * rt, gain, offset, lag, dead_time))
     return best
+
+
+def _earlier(f: Array, places: NDArray[np.intp], samples: float) -> Array:
+    """Signal (n,) some samples before each place (m,), linear between samples, constant before its first."""
+    whole = int(samples)
+    part = samples - whole
+    near: Array = f[np.maximum(places - whole, 0)]
+    return near if part == 0.0 else (1.0 - part) * near + part * f[np.maximum(places - whole - 1, 0)]
 
 
 def _slices(samples: Sequence[_Samples]) -> list[slice]:

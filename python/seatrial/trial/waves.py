@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.base.arrays import Array
+from seatrial.base.arrays import Array, Mask
 
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
@@ -80,12 +80,13 @@ def waves(trial: Trial) -> Waves | None:
     middle = np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())
     frequency = float(np.exp(logs[order][min(middle, len(order) - 1)]))
     amplitude, share = {}, {}
-    for channel, (y, f, power) in spectra.items():
+    for channel in peaks:
+        y, f, power = spectra[channel]
         inside = (f > frequency / _BAND) & (f < frequency * _BAND)
         step = f[1] - f[0]
-        above = float(np.sum((power - _background(f, power))[inside]) * step)
+        above = float(np.sum(power[inside] - _background(f, power, inside)) * step)
         part = above / float(np.var(y))
-        if channel in peaks and part > _SHARE:
+        if part > _SHARE:
             amplitude[channel], share[channel] = math.sqrt(2.0 * above), part
     if not set(amplitude) & {"u", "v", "w", "z"}:
         return None  # a peak in angles and rates alone is the vehicle's own period
@@ -123,11 +124,11 @@ def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
     return f[1:], power[1:]
 
 
-def _background(f: Array, power: Array) -> Array:
-    """Smooth spectrum: running median of the logarithm over about an octave and a half of frequency."""
+def _background(f: Array, power: Array, where: Mask) -> Array:
+    """Smooth spectrum at some frequencies: median of the logarithm over an octave and a half around each."""
     log = np.log(np.maximum(power, 1e-300))
-    low = np.searchsorted(f, f / 1.7)
-    high = np.searchsorted(f, f * 1.7, side="right")
+    low = np.searchsorted(f, f[where] / 1.7)
+    high = np.searchsorted(f, f[where] * 1.7, side="right")
     return np.asarray(np.exp([np.median(log[a:b]) for a, b in zip(low, high, strict=True)]))
 
 
@@ -136,7 +137,10 @@ def _peak(f: Array, power: Array) -> tuple[float, float] | None:
     inside = np.flatnonzero((f > 1.0 / _LONGEST_S) & (f < min(1.0 / _SHORTEST_S, 0.8 * f[-1])))
     if len(inside) < 5:
         return None
-    ratio = power / _background(f, power)
+    near_band = np.zeros(len(f), bool)  # with the neighbours of its ends, for the smoothing
+    near_band[max(inside[0] - 1, 0) : inside[-1] + 2] = True
+    ratio = np.zeros(len(f))
+    ratio[near_band] = power[near_band] / _background(f, power, near_band)
     # Neighbours agree on a peak that is no accident of one frequency.
     smooth = np.convolve(ratio, [0.25, 0.5, 0.25], mode="same")
     best = inside[int(np.argmax(smooth[inside]))]
