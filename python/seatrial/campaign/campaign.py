@@ -226,6 +226,11 @@ class Campaign:
     def without_trial(self, name: str) -> tuple[Campaign, tuple[str, ...]]:
         """Campaign that does not know a trial, and the stages that no other trial is left for.
 
+        Parameters
+        ----------
+        name
+            Of the trial.
+
         Raises
         ------
         CampaignError
@@ -371,6 +376,13 @@ class Campaign:
         """The trial with only what is fitted, or what is held out, valid; None where nothing is.
 
         The same object at every call, so that its splines are made once.
+
+        Parameters
+        ----------
+        trial
+            Its name.
+        held_out
+            Whether what is held out is wanted, rather than what is fitted.
         """
         key = trial, held_out
         if key not in self._parts:
