@@ -46,10 +46,12 @@ def record(noise: float, waves: float = 0.0, *, slow: bool = False) -> Trial:
 def test_law_white_noise_is_found_beside_the_motion(slow: bool) -> None:
     trial = record(0.02, slow=slow)
     if slow:  # as the time base holds a slow sensor
-        lines = np.column_stack([np.interp(trial.t, *trial.samples[c]) for c in ("u", "w")])
-        filled = trial.observed.copy()
-        filled[:, [0, 2]] = lines
-        trial = replace(trial, observed=filled, valid=np.isfinite(filled))
+        filled, own = trial.observed.copy(), {}
+        for k, channel in ((0, "u"), (2, "w")):
+            good = trial.valid[:, k]
+            own[channel] = trial.t[good], trial.observed[good, k]
+            filled[:, k] = np.interp(trial.t, *own[channel])
+        trial = replace(trial, observed=filled, valid=np.isfinite(filled), samples=own)
     limits = unpredictable(trial)
     # Straight lines over three samples keep (1 + 5/9 + 5/9) / 3 of the variance.
     expected = 0.02**2 * (19.0 / 27.0 if slow else 1.0)

@@ -106,7 +106,7 @@ class Trial:
     report
         What was found, corrected, masked and derived.
     samples
-        Per channel that a sensor gave its good samples before they were put on the time base: stamps in s and
+        Per channel of a sensor with stamps other than the time base its good samples at them: stamps in s and
         values in SI, (m,) each, corrected as the rest.
     """
 
@@ -208,6 +208,8 @@ class Trial:
             begin=reading.begin,
         )
         file, signals, time, report = found.file, found.signals, found.time, found.report
+        given, sources, positions = found.corrections, found.sources, found.positions
+        del found  # its signals of a long log, beside those that follow
         if name is None:
             name = Path(file).stem
         for key, value in (("rate_hz", rate_hz), ("rho", rho), ("g", g)):
@@ -220,24 +222,21 @@ class Trial:
                 f" expected at least {table.MINIMUM_ROWS}"
             )
         reading.begin("signs and latencies")
-        given = found.corrections
         remove = align and given.automatic
         sensors = ["velocity", "rates"]
-        if found.positions:
+        if positions:
             # The gyro first: by its signs and stamps the others come to O, where they follow the pose.
             signals = alignment.align(
-                signals, t, report, found.sources, remove=remove, given=given, names=["rates"]
+                signals, t, report, sources, remove=remove, given=given, names=["rates"]
             )
-            signals = to_origin(signals, found.positions, report)
+            signals = to_origin(signals, positions, report)
             sensors = ["velocity"]
-        signals = alignment.align(
-            signals, t, report, found.sources, remove=remove, given=given, names=sensors
-        )
+        signals = alignment.align(signals, t, report, sources, remove=remove, given=given, names=sensors)
         reading.begin("time base")
         if given.frame is None:
             signals = tilt.level(signals, report, remove=level and given.automatic)
         parts = assemble(signals, t, report)
-        samples = own_samples(signals)
+        samples = own_samples(signals, t)
         return cls(name=name, source=file, t=t, rho=rho, g=g, report=report, samples=samples, **parts)
 
     def __len__(self) -> int:
