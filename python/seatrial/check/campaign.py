@@ -105,8 +105,8 @@ def _report(check: CampaignCheck) -> Report:
         title=check.name,
         outcome="not ready" if check.problems else _READY[bool(check.stages)],
         good=(
-            f"{len(check.reports)} trials of {check.vehicle} ({minutes:.0f} min); {len(check.stages)} stages"
-            f" free {count} coefficients on {samples} samples"
+            f"{len(check.reports)} trial{'s' if len(check.reports) != 1 else ''} of {check.vehicle}"
+            f" ({minutes:.0f} min); {len(check.stages)} stages free {count} coefficients on {samples} samples"
         ),
         worst=worst,
         next_step=next_step,

@@ -298,12 +298,13 @@ def _columns(made: Imported) -> Table:
             printable(one.source, 30),
             printable(one.unit, 8),
             one.frame + (" -" if one.sign < 0 else ""),
-            printable(one.why + ("" if one.certain else " ?"), 44),
+            printable(one.why, 42) + ("" if one.certain else " ?"),
         )
         for canonical, one in made.columns.items()
     ]
     head = ("column", "from", "unit", "frame, sign", "why")
-    return Table.of("", head, rows, left=5, note="?: a guess")
+    guessed = not all(one.certain for one in made.columns.values())
+    return Table.of("", head, rows, left=5, note="?: a guess" if guessed else "")
 
 
 def _trials(made: Imported) -> Table:
