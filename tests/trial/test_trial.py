@@ -87,7 +87,7 @@ def test_gaps_in_time_are_masked_not_bridged(table: dict[str, Any]) -> None:
     trial = Trial.read({name: values[kept] for name, values in table.items()}, align=False)
     assert len(trial) == len(T)
     np.testing.assert_array_equal(trial.valid.all(axis=1), kept)
-    assert "1 gaps in time, the longest 2.20 s; masked" in findings(trial, "position")
+    assert "1 gap in time, the longest 2.20 s; masked" in findings(trial, "position")
 
 
 def test_commands_are_held_and_channels_interpolated() -> None:
@@ -205,7 +205,7 @@ def test_spikes_of_a_velocity_sensor_are_masked(table: dict[str, Any]) -> None:
     table["w_m_s"][33] += 4.0
     trial = Trial.read(table, align=False)
     np.testing.assert_array_equal(np.flatnonzero(~trial.valid[:, 2]), [33])
-    assert "1 spikes masked" in findings(trial, "w")
+    assert "1 spike masked" in findings(trial, "w")
     # A Doppler log that loses one axis keeps the others.
     assert trial.valid[:, [0, 1]].all()
 

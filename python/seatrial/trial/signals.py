@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
@@ -106,7 +107,9 @@ class RecordingReport:
     corrections: dict[str, Any] = field(default_factory=dict)
 
     def add(self, severity: Severity, channel: str, message: str, count: int | None = None) -> None:
-        """Append a finding; a count of zero is no finding."""
+        """Append a finding; a count of zero is no finding, and one gap, spike or jump is singular."""
+        if count == 1:
+            message = re.sub(r"^(gap|spike|jump)s\b", r"\1", message)
         if count != 0:
             self.findings.append(Finding(severity, channel, message, count))
 
