@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from seatrial.base.errors import CampaignError
 from seatrial.base.progress import Progress
 from seatrial.campaign.campaign import Campaign
+from seatrial.cli import app
 from seatrial.identification.leave_one_out import LeaveOneOut, leave_one_out
 from tests.identification.test_identify import HEAD, HEAVE, STERN, SURGE, TRUTH, VERTICAL, record
 
@@ -125,3 +129,30 @@ def test_one_trial_is_refused_before_a_folder_appears(campaign: Campaign, tmp_pa
     assert not (tmp_path / "run").exists()
     with pytest.raises(CampaignError, match="there is no trial 'dve'"):
         single.without_trial("dve")
+
+
+def test_option_of_the_command_line(
+    campaign: Campaign, left_out: tuple[LeaveOneOut, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The verb hands the fit's deviations on, shows the result and ends with 130 where it was interrupted."""
+    asked: dict[str, Any] = {}
+
+    def found(_campaign: Campaign, **options: Any) -> LeaveOneOut:
+        asked.update(options)
+        return replace(left_out[0], interrupted=bool(asked.get("again")))
+
+    monkeypatch.setattr("seatrial.identification.leave_one_out.leave_one_out", found)
+    monkeypatch.chdir(tmp_path)
+    Path("made.toml").write_text(HEAD + TRIALS + SURGE)
+    for name, trial in campaign.trials.items():
+        trial.save(f"{name}.parquet")
+    arguments = ["identify", "made.toml", "--out", "run", "--no-figures", "--leave-one-out"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    assert asked["run_dir"] == Path("run-leave-one-out")
+    assert set(asked["sigma"]) == {"X_udot", "X_uu"}
+    assert "made, leave one out: judged." in result.stdout
+    asked["again"] = True
+    result = CliRunner().invoke(app, [*arguments, "--json"])
+    assert result.exit_code == 130
+    assert json.loads(result.stdout)["leave_one_out"]["interrupted"]

@@ -120,15 +120,15 @@ def test_forces_of_the_vehicle_drive_the_axes_that_single_commands_do_not() -> N
 
 
 def test_ugly_logs_are_survived() -> None:
-    clean = turning()
+    clean = turning(1200)
     n = len(clean)
     t = DT * np.arange(n) + 0.03 * np.random.default_rng(0).uniform(-1.0, 1.0, n)
     gone = np.ones(n, bool)
-    gone[700:900] = False
+    gone[700:800] = False
     table = {"t_s": t, "r_deg_s": np.rad2deg(clean.channel("r")), "cmd.rudder": clean.commands["rudder"]}
     ugly = Trial.read({name: values[gone] for name, values in table.items()}, align=False, name="ugly")
     nothing: dict[str, Any] = {"cmd.rudder": None, "cmd.propeller": None}
-    undriven = turning(seed=9, **nothing)
+    undriven = turning(1200, seed=9, **nothing)
     for training in ([ugly], [clean, ugly], [undriven], [clean, undriven], [turning(60)]):
         known = fit_baselines(training)
         for trial in (clean, ugly, undriven):
@@ -138,6 +138,14 @@ def test_ugly_logs_are_survived() -> None:
     assert fit_baselines([undriven]).first_order["r"].signal == ""
     # A baseline that needs a command which a trial lacks does not judge that trial.
     assert "r" not in judged(fit_baselines([clean]), undriven).get("first order", {})
+
+
+def test_a_linear_model_that_diverges_is_wrong_and_not_unknown() -> None:
+    trial = turning(600)
+    known = fit_baselines([trial])
+    assert known.linear is not None
+    unstable = replace(known.linear, a=1e3 * np.eye(len(known.linear.states)))
+    assert judged(replace(known, linear=unstable), trial)["linear"]["r"] == -np.inf
 
 
 def test_a_masked_part_is_not_trained_on() -> None:

@@ -52,6 +52,7 @@ _LAGS, _DEAD_TIMES = 13, 9  # points of the first grid
 _HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
 _SMALLEST = (1e-6, 1e-2)  # singular values of the scaled regression below this part of the largest count as 0
 _BETTER = 0.98  # of a baseline's error variance: a model has to be below it to beat that baseline
+_MOST_CHANGES = 50_000  # of a trial in the regression of the linear model
 _PARTS = 30  # samples per parameter below which the linear model is not fitted
 
 
@@ -103,14 +104,16 @@ class Linear:
         n = len(self.states)
         whole = np.zeros((n + self.b.shape[1],) * 2)
         whole[:n] = np.hstack([self.a, self.b])
-        step = expm(whole * dt)
-        phi, gamma = step[:n, :n].T, step[:n, n:].T
-        pushed = driven @ gamma[:-1] + gamma[-1]
         shown = np.empty((len(driven), *start.shape))
         shown[0] = start
-        with np.errstate(over="ignore", invalid="ignore"):  # an unstable model in a long window
+        with np.errstate(all="ignore"):  # an unstable model in a long window
+            step = expm(whole * dt)
+            phi, gamma = step[:n, :n].T, step[:n, n:].T
+            pushed = driven @ gamma[:-1] + gamma[-1]
             for k in range(1, len(driven)):
                 shown[k] = shown[k - 1] @ phi + pushed[k - 1]
+        # What diverged is wrong, not unknown.
+        shown[~np.isfinite(shown)] = np.inf
         return shown
 
 
@@ -577,14 +580,15 @@ def _regressions(
             continue
         bad = ~np.logical_and.reduce(own.trial.valid[:, [CHANNELS.index(c) for c in states]], axis=1)
         masked = np.concatenate([[0], np.cumsum(bad)])
-        clean = masked[count + 1 :] == masked[: -count - 1]
+        # Neighbouring changes over a second or more tell alike: long logs are thinned.
+        first = np.arange(0, len(own.trial) - count, max(1, len(own.trial) // _MOST_CHANGES))
+        first = first[masked[first + count + 1] == masked[first]]
         z = np.column_stack(x)
         moved = np.concatenate([np.zeros((1, z.shape[1])), np.cumsum(0.5 * dt * (z[1:] + z[:-1]), axis=0)])
         pushed = np.concatenate([np.zeros((1, e.shape[1])), np.cumsum(dt * e[:-1], axis=0)])
-        integrals = np.hstack([moved, pushed])
-        changed = integrals[count:] - integrals[:-count]
-        rows.append(np.hstack([changed, np.full((len(changed), 1), count * dt)])[clean])
-        changes.append((z[count:] - z[:-count])[clean, : len(velocities)])
+        changed = [part[first + count] - part[first] for part in (moved, pushed)]
+        rows.append(np.hstack([*changed, np.full((len(first), 1), count * dt)]))
+        changes.append((z[first + count] - z[first])[:, : len(velocities)])
     design = np.concatenate(rows) if rows else np.zeros((0, 1))
     if len(design) < _PARTS * design.shape[1]:
         return []

@@ -175,8 +175,9 @@ def _converged(coarser: Sequence[Window], finer: Sequence[Window]) -> bool:
     known = np.isfinite(a) & np.isfinite(b)
     if not np.array_equal(np.isfinite(a), np.isfinite(b)):
         return False
-    change = np.where(known, a - b, 0.0).std(axis=0)
-    return bool(np.all(change <= _CONVERGED * np.where(known, b, 0.0).std(axis=0) + 1e-12))
+    with np.errstate(over="ignore", invalid="ignore"):  # a simulation that is about to diverge
+        change = np.where(known, a - b, 0.0).std(axis=0)
+        return bool(np.all(change <= _CONVERGED * np.where(known, b, 0.0).std(axis=0) + 1e-12))
 
 
 def channel_errors(name: str, simulated: Sequence[Window]) -> tuple[list[Array], list[Array]]:
