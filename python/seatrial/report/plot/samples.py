@@ -27,6 +27,7 @@ __all__ = ["flight_samples"]
 
 _GRID = 120
 _LEVELS = 6
+_ROOM = 0.14
 _NAMES = {
     "nitrate_mg_l": "nitrate",
     "density_kg_m3": "density",
@@ -68,6 +69,8 @@ def _plan(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]
     from matplotlib.patches import Circle
 
     low, high = extent(samples.position, *([[p.north_m, p.east_m]] for p in samples.payload.plumes))
+    room = _ROOM * float((high - low).max())  # for the labels of stops at the edge
+    low, high = low - 0.5 * room, high + room
     _plumes(axes, flight, samples, low, high)
     shown = axes.scatter(
         samples.position[:, 1],
@@ -101,7 +104,7 @@ def _plan(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples]
     axes.set_xlim(low[1], high[1])
     axes.set_ylim(low[0], high[0])
     axes.set_aspect("equal", adjustable="box")
-    axes.set_xlabel("east, m; circles: two deviations of the navigation")
+    axes.set_xlabel("east, m\ncircles: two deviations of the navigation; lines: true nitrate")
     axes.set_ylabel("north, m")
     axes.figure.colorbar(shown, ax=axes, location="top", shrink=0.8, label="nitrate as measured, mg/L")
 
