@@ -2,7 +2,8 @@
 //!
 //! In reading order: [`estimate`], the state and its small error; [`error_state`], the covariance of that error, its
 //! prediction and its scalar updates; [`process`], one step of the vehicle with its exact Jacobian; [`observation`],
-//! what a sensor shows of a state, with the row of its Jacobian; [`innovation`], whether a sample is believed.
+//! what a sensor shows of a state, with the row of its Jacobian; [`innovation`], whether a sample is believed; `past`,
+//! for samples that come late; [`tracker`], which does all of it step by step.
 //!
 //! Source: Solà, *Quaternion kinematics for the error-state Kalman filter* (2017), chapters 5 and 6; Farrell, *Aided
 //! Navigation* (2008), chapter 5; Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control* (2021),
@@ -13,4 +14,6 @@ pub mod error_state;
 pub mod estimate;
 pub mod innovation;
 pub mod observation;
+mod past;
 pub mod process;
+pub mod tracker;

@@ -6,3 +6,4 @@ mod error_state;
 mod innovation;
 mod observation;
 mod process;
+mod tracker;

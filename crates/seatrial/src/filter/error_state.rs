@@ -14,7 +14,7 @@
 //! Sequential Estimation* (1977), chapter II; Farrell (2008), sections 5.5 and 6.7.
 //! Tests: `tests/filter/error_state.rs` (against dense matrix algebra, millions of steps).
 
-use super::estimate::{ATTITUDE, CURRENT, FORCE, POSITION};
+use super::estimate::{ATTITUDE, CURRENT, FORCE, POSITION, STATES};
 
 /// The rows of motion: position, attitude and velocity.
 pub const MOTION: usize = FORCE;
@@ -29,7 +29,7 @@ pub type Block = [[f64; COLUMNS]; MOTION];
 const USED: usize = CURRENT - ATTITUDE;
 
 /// The largest number of components that a row touches.
-const MOST: usize = 12;
+const MOST: usize = STATES;
 
 /// One row of the Jacobian of an observation: few components, each with its derivative.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +42,7 @@ impl Row {
     /// Derivatives of consecutive components, each part from its first one on.
     ///
     /// # Panics
-    /// More than twelve in all.
+    /// More than [`STATES`] in all.
     #[inline(always)]
     pub fn of<const K: usize>(parts: [(usize, [f64; 3]); K]) -> Self {
         let mut row = Self { entries: [(0, 0.0); MOST], count: 3 * K };
@@ -52,6 +52,12 @@ impl Row {
             }
         }
         row
+    }
+
+    /// Derivatives of all components.
+    #[inline(always)]
+    pub fn of_all(derivatives: &[f64; STATES]) -> Self {
+        Self { entries: std::array::from_fn(|i| (i, derivatives[i])), count: STATES }
     }
 
     /// The components and their derivatives.
@@ -124,6 +130,40 @@ impl<const N: usize> Transition<N> {
         }
         for i in MOTION..N {
             y[i] = self.decay[i] * x[i];
+        }
+        y
+    }
+}
+
+/// Corrections of [`Transition::back`]: a step is near the identity, each makes the rest ten times smaller or so.
+const CORRECTIONS: usize = 10;
+
+impl Transition<STATES> {
+    /// The row `y` with `y F = h`: what a row of before the step is after it.
+    #[inline(always)]
+    pub fn back(&self, h: &[f64; STATES]) -> [f64; STATES] {
+        let mut y = *h;
+        for _ in 0..CORRECTIONS {
+            let mut next = *h;
+            for i in 0..MOTION {
+                for j in ATTITUDE..MOTION {
+                    next[j] -= y[i] * self.block[i][j - ATTITUDE];
+                }
+            }
+            for j in ATTITUDE..MOTION {
+                y[j] += next[j];
+            }
+        }
+        for i in 0..MOTION {
+            for j in FORCE..CURRENT {
+                y[j] -= y[i] * self.block[i][j - ATTITUDE];
+            }
+        }
+        for i in 0..3 {
+            y[CURRENT + i] -= self.drift * y[POSITION + i];
+        }
+        for j in MOTION..STATES {
+            y[j] /= self.decay[j];
         }
         y
     }

@@ -101,6 +101,22 @@ impl Process {
     }
 }
 
+impl Process {
+    /// The result of `work`, compiled for the instruction set in use.
+    #[inline(always)]
+    pub fn wide<R>(&self, work: impl FnOnce() -> R) -> R {
+        match &self.0 {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Carriers::Avx512(simd, _) => simd.vectorize(work),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Carriers::Avx2(simd, _) => simd.vectorize(work),
+            #[cfg(target_arch = "aarch64")]
+            Carriers::Neon(simd, _) => simd.vectorize(work),
+            Carriers::Plain(_) => work(),
+        }
+    }
+}
+
 /// Eight columns in each flight.
 #[inline(always)]
 fn eight_by_eight<S: Simd>(

@@ -1,0 +1,465 @@
+//! The navigation filter of a vehicle: named channels in, one estimate out, once per control period, in fixed memory.
+//!
+//! The motors are moved by the commands as those of the simulator are, their wrench moves the process model, and the
+//! samples that have arrived since correct it ([`crate::filter`]). The filter begins when attitude is known; of position,
+//! depth and velocity it takes what has come by then, and what it was told of the start for the rest.
+//!
+//! What is told to the autopilot in place of the measurement ([`NavigationFilter::told`]) is fresh while its deviation is
+//! below [`TRUSTED`]; beyond, it is as old as the last sample of its own sensor, and the autopilot's watch decides.
+//!
+//! A constant offset of a sensor that is no state of the filter is no white noise. Its variance is added to that of
+//! each sample, which makes the filter careful and its innovations smaller than they could be.
+//!
+//! Tests: `tests/control/navigation_filter.rs`, `tests/navigation/test_navigation_filter.py`.
+
+use crate::actuator::motor::Limits;
+use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS, Measurement, VELOCITY as GROUND, WATER};
+use crate::description::Description;
+use crate::error::Error;
+use crate::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
+use crate::filter::innovation::{Gate, Watch};
+use crate::filter::observation::{Observation, Surface};
+use crate::filter::process::Process;
+use crate::filter::tracker::{Noise, Sample, Tracker};
+use crate::model::drive::{Drive, UnlimitedDelay, act};
+use crate::model::kinematics::{Quaternion, from_euler, rotation, to_euler};
+use crate::model::vehicle::{Instant, Vehicle};
+use crate::number::algebra::{Vec3, product};
+
+/// The kinds of sensors.
+pub const KINDS: [&str; 11] = [
+    "position", "gps", "usbl", "depth", "attitude", "dvl", "gyro", "dvl_water", "altitude", "range", "bearing",
+];
+
+const POSITION_FIX: usize = 0;
+const GPS: usize = 1;
+const USBL: usize = 2;
+const DEPTH: usize = 3;
+const ATTITUDE_SENSOR: usize = 4;
+const DVL: usize = 5;
+const GYRO: usize = 6;
+const DVL_WATER: usize = 7;
+const ECHO_SOUNDER: usize = 8;
+const RANGE: usize = 9;
+const BEARING: usize = 10;
+
+/// The channels besides those of [`CHANNEL_NAMES`]: fixes of a GPS and of an acoustic positioning system, m.
+pub const FIXES: [&str; 5] = ["gps_x", "gps_y", "usbl_x", "usbl_y", "usbl_z"];
+
+/// The first channel of the landmarks: range and bearing of each follow.
+pub const LANDMARKS: usize = CHANNELS + FIXES.len();
+
+/// A sensor of one kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instrument {
+    /// Standard deviation of a sample's noise, SI.
+    pub noise: f64,
+    /// Standard deviation of its constant offset; for the gyro a state of the filter.
+    pub bias: f64,
+    /// Age of a sample when it arrives, s.
+    pub latency: f64,
+    /// Lever arm from O, body frame, m.
+    pub arm: Vec3<f64>,
+    /// Attitude of the sensor in the body frame.
+    pub mount: Quaternion<f64>,
+}
+
+impl Instrument {
+    /// A sensor at O along the body's axes.
+    pub fn of(noise: f64) -> Self {
+        Self { noise, bias: 0.0, latency: 0.0, arm: [0.0; 3], mount: [1.0, 0.0, 0.0, 0.0] }
+    }
+}
+
+/// What is known of the place of a thing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Landmark {
+    /// A transponder, NED, m.
+    Beacon(Vec3<f64>),
+    /// A wall, a net or the bottom.
+    Surface(Surface),
+}
+
+/// What a filter is made of.
+#[derive(Clone, Debug)]
+pub struct Fitting {
+    /// One sensor per kind, in the order of [`KINDS`].
+    pub instruments: [Option<Instrument>; KINDS.len()],
+    /// Named landmarks.
+    pub landmarks: Vec<(String, Landmark)>,
+    /// The bottom, which the altitude is measured to.
+    pub bottom: Option<Surface>,
+    /// What the model does not know.
+    pub noise: Noise,
+    /// When a sample is refused.
+    pub gate: Gate,
+    /// Where the vehicle begins unless it is measured, NED, m, and the deviation of that.
+    pub start: (Vec3<f64>, f64),
+    /// Time of a step, s.
+    pub period: f64,
+}
+
+impl Fitting {
+    /// The noise of a process whose model is a good one: a force that accelerates the vehicle by 0.03 m/s² and 0.03
+    /// rad/s² for some ten seconds, a current of 0.2 m/s that lasts a quarter of an hour.
+    pub fn noise_of(description: &Description) -> Noise {
+        let vehicle = Vehicle::nominal(description);
+        let force = std::array::from_fn(|i| 0.03 * vehicle.mass_matrix[i][i]);
+        Noise {
+            force,
+            force_time: 10.0,
+            acceleration: [0.005, 0.005, 0.005, 0.005, 0.005, 0.005],
+            current: [0.2, 0.2, 0.02],
+            current_time: 1000.0,
+            gyro_walk: 1e-6,
+        }
+    }
+
+    /// The names of all channels.
+    pub fn channels(&self) -> Vec<String> {
+        let own = CHANNEL_NAMES.iter().chain(&FIXES).map(|name| (*name).to_owned());
+        let marks = self.landmarks.iter().flat_map(|(name, _)| [format!("range.{name}"), format!("bearing.{name}")]);
+        own.chain(marks).collect()
+    }
+}
+
+/// Deviations up to which the estimate stands in for a fresh sample: position and depth m, attitude rad, velocity m/s,
+/// rates rad/s.
+pub const TRUSTED: [f64; 5] = [20.0, 2.0, 0.2, 0.3, 0.1];
+
+/// A step of the process is at most so long, s: Runge–Kutta is stable and exact enough for the fastest vehicles.
+const LONGEST_STEP: f64 = 0.1;
+
+/// After a pause beyond this the filter begins anew, s: what the vehicle did meanwhile is not known.
+const LONGEST_PAUSE: f64 = 60.0;
+
+/// Deviations at the start of what was not measured: velocity m/s, rates rad/s.
+const AT_START: [f64; 2] = [0.5, 0.1];
+
+/// One sample: the channel, its value and its age on arrival beyond the sensor's latency, s.
+pub type Told = (usize, f64, f64);
+
+/// The filter at work.
+pub struct NavigationFilter {
+    tracker: Tracker,
+    fitting: Fitting,
+    plain: Vehicle<f64>,
+    limits: Vec<Limits>,
+    drive: Drive<f64>,
+    targets: Vec<f64>,
+    signals: Vec<f64>,
+    nodes: Vec<Instant<f64>>,
+    h: f64,
+    watches: Vec<Watch>,
+    /// The last value of every channel before the filter has begun.
+    first: Vec<f64>,
+    /// Time since the last sample of every channel, s.
+    silent: Vec<f64>,
+    /// Bearing of the beam on every surface, rad.
+    beams: Vec<f64>,
+    begun: bool,
+    /// How often the filter had to begin anew.
+    pub restarts: u64,
+}
+
+impl NavigationFilter {
+    /// The filter of a vehicle before its first sample.
+    ///
+    /// # Errors
+    /// A forced instruction set that is not there.
+    pub fn new(description: &Description, fitting: Fitting) -> Result<Self, Error> {
+        let process = Process::new(description)?;
+        let plain = Vehicle::nominal(description);
+        let steps = (fitting.period / LONGEST_STEP - 1e-9).ceil().max(1.0) as usize;
+        let h = fitting.period / steps as f64;
+        let latest = fitting.instruments.iter().flatten().map(|i| i.latency).fold(0.0, f64::max);
+        let kept = (latest / fitting.period - 1e-9).ceil() as usize;
+        let count = description.actuators.len();
+        let channels = LANDMARKS + 2 * fitting.landmarks.len();
+        let node = Instant {
+            thrusts: Vec::with_capacity(plain.actuators.len()),
+            deflections: Vec::with_capacity(plain.fins.len()),
+            inflow_free: Some([0.0; 6]),
+            ..Instant::default()
+        };
+        let nodes = vec![node; 2 * steps + 1];
+        let mut filter = Self {
+            tracker: Tracker::new(process, fitting.noise, fitting.gate, kept),
+            drive: Drive::new(&plain, h, UnlimitedDelay::InTheDrive, |i| plain.motor(i).steady(0.0)),
+            limits: description.actuators.iter().map(|a| a.limits).collect(),
+            targets: vec![0.0; count],
+            signals: vec![0.0; count],
+            nodes,
+            h,
+            watches: vec![Watch::default(); channels],
+            first: vec![f64::NAN; channels],
+            silent: vec![f64::INFINITY; channels],
+            beams: vec![0.0; fitting.landmarks.len()],
+            begun: false,
+            restarts: 0,
+            plain,
+            fitting,
+        };
+        // A clone of an empty list has no room of its own.
+        for node in &mut filter.nodes {
+            node.thrusts.reserve(filter.plain.actuators.len());
+            node.deflections.reserve(filter.plain.fins.len());
+        }
+        Ok(filter)
+    }
+
+    /// Whether the filter has begun.
+    pub fn begun(&self) -> bool {
+        self.begun
+    }
+
+    /// Estimate and covariance.
+    pub fn tracker(&self) -> &Tracker {
+        &self.tracker
+    }
+
+    /// What the filter was made of.
+    pub fn fitting(&self) -> &Fitting {
+        &self.fitting
+    }
+
+    /// The record of every channel.
+    pub fn watches(&self) -> &[Watch] {
+        &self.watches
+    }
+
+    /// Time since the last sample of every channel, s.
+    pub fn silent(&self) -> &[f64] {
+        &self.silent
+    }
+
+    /// Moves on by `elapsed` seconds under the commands of the actuators as signals (`None`: as before) and takes the
+    /// samples that have arrived since; `measured` are signals that the actuators were measured at, not a number where
+    /// they were not.
+    pub fn step(
+        &mut self,
+        samples: &[Told],
+        (commands, measured): (&[f64], Option<&[f64]>),
+        (voltage, elapsed): (f64, f64),
+    ) {
+        for silent in &mut self.silent {
+            *silent += elapsed;
+        }
+        if self.begun && elapsed > LONGEST_PAUSE {
+            self.lose();
+        }
+        let mut left = elapsed.min(LONGEST_PAUSE);
+        while left > 1e-9 {
+            let time = left.min(self.fitting.period);
+            let time = if left - time < 0.5 * self.fitting.period { left } else { time };
+            self.pass((commands, measured), voltage, time);
+            left -= time;
+        }
+        for &(channel, value, age) in samples {
+            self.take(channel, value, age);
+        }
+        match self.begun {
+            true => {
+                if !self.tracker.settle() {
+                    self.lose();
+                }
+            }
+            false => self.try_to_begin(),
+        }
+    }
+
+    /// Lets a time pass: motors, process and covariance.
+    fn pass(&mut self, (commands, measured): (&[f64], Option<&[f64]>), voltage: f64, time: f64) {
+        for (i, &command) in commands.iter().enumerate() {
+            if command.is_finite() {
+                self.targets[i] = self.limits[i].apply(command);
+                let motor = self.plain.motor(i);
+                if motor.ideal && motor.t_t <= 0.0 {
+                    self.drive.states[i] = motor.steady(self.targets[i]);
+                }
+            }
+        }
+        for (i, &signal) in measured.unwrap_or(&[]).iter().enumerate() {
+            if signal.is_finite() {
+                self.drive.states[i].signal = signal;
+            }
+        }
+        for k in 0..self.nodes.len() {
+            if k > 0 {
+                self.drive.advance(&self.targets);
+            }
+            for (signal, state) in self.signals.iter_mut().zip(&self.drive.states) {
+                *signal = state.signal;
+            }
+            act(&self.plain, &self.signals, voltage, |_| None, &mut self.nodes[k]);
+        }
+        if self.begun {
+            let steps = self.nodes.len() / 2;
+            self.tracker.predict(&self.nodes, self.h * time / (self.h * steps as f64));
+        }
+    }
+
+    /// Takes a sample of a channel.
+    fn take(&mut self, channel: usize, value: f64, age: f64) {
+        if !value.is_finite() {
+            return;
+        }
+        self.silent[channel] = 0.0;
+        self.first[channel] = value;
+        let beam = (channel >= LANDMARKS && (channel - LANDMARKS) % 2 == 1).then(|| (channel - LANDMARKS) / 2);
+        if let Some(mark) = beam.filter(|&mark| matches!(self.fitting.landmarks[mark].1, Landmark::Surface(_))) {
+            self.beams[mark] = value;
+            return;
+        }
+        if !self.begun {
+            return;
+        }
+        let Some((observation, instrument)) = self.observation(channel) else { return };
+        let kept = if instrument_of(channel) == GYRO { 0.0 } else { instrument.bias };
+        let variance = (instrument.noise * instrument.noise + kept * kept).max(1e-12);
+        let sample =
+            Sample { observation: &observation, measured: value, variance, age: instrument.latency + age };
+        self.tracker.observe(&sample, &mut self.watches[channel]);
+    }
+
+    /// What a channel observes; nothing where the vehicle has no such sensor.
+    fn observation(&self, channel: usize) -> Option<(Observation, Instrument)> {
+        let instrument = self.fitting.instruments[instrument_of(channel)]?;
+        let Instrument { arm, mount, .. } = instrument;
+        let unit = |i: usize| -> Vec3<f64> { std::array::from_fn(|k| if k == i { 1.0 } else { 0.0 }) };
+        let tilted = |i: usize| product(&rotation(&mount), &unit(i));
+        let observation = match channel {
+            0..3 => Observation::Place { along: unit(channel), arm },
+            3..6 => Observation::Angle { axis: channel - 3, mount },
+            6..9 => Observation::Velocity { along: tilted(channel - 6), arm, over_ground: true },
+            9..12 => Observation::Rate { about: tilted(channel - 9) },
+            ALTITUDE => Observation::Echo { along: tilted(2), arm, surface: self.fitting.bottom? },
+            13..16 => Observation::Velocity { along: tilted(channel - 13), arm, over_ground: false },
+            16 | 17 => Observation::Place { along: unit(channel - 16), arm },
+            18..21 => Observation::Place { along: unit(channel - 18), arm },
+            _ => {
+                let mark = (channel - LANDMARKS) / 2;
+                match (self.fitting.landmarks[mark].1, (channel - LANDMARKS) % 2) {
+                    (Landmark::Beacon(beacon), 0) => Observation::Range { beacon, arm },
+                    (Landmark::Beacon(beacon), _) => Observation::Bearing { beacon, arm },
+                    (Landmark::Surface(surface), _) => {
+                        let (sine, cosine) = self.beams[mark].sin_cos();
+                        let along = product(&rotation(&mount), &[cosine, sine, 0.0]);
+                        Observation::Echo { along, arm, surface }
+                    }
+                }
+            }
+        };
+        Some((observation, instrument))
+    }
+
+    /// What is lost begins anew from the next samples.
+    fn lose(&mut self) {
+        self.begun = false;
+        self.restarts += 1;
+        self.first.fill(f64::NAN);
+    }
+
+    /// Begins when the attitude is known.
+    fn try_to_begin(&mut self) {
+        let of = |kind: usize| self.fitting.instruments[kind].unwrap_or(Instrument::of(0.0));
+        let first = |channel: usize| self.first[channel];
+        let angles = [first(3), first(4), first(5)];
+        if angles.iter().any(|x| !x.is_finite()) {
+            return;
+        }
+        let (mut at, mut deviations) = (Estimate::at_rest(), [0.0; STATES]);
+        let [w, x, y, z] = of(ATTITUDE_SENSOR).mount;
+        let attitude = from_euler(&angles);
+        at.motion.attitude = crate::model::kinematics::quaternion_product(&attitude, &[w, -x, -y, -z]);
+        let spread = |kind: usize| of(kind).noise.hypot(of(kind).bias).max(1e-6);
+        let (start, far) = self.fitting.start;
+        for i in 0..3 {
+            deviations[ATTITUDE + i] = spread(ATTITUDE_SENSOR);
+            let fixes: &[(usize, usize)] = match i {
+                2 => &[(2, DEPTH), (20, USBL)],
+                _ => &[(0, POSITION_FIX), (16, GPS), (18, USBL)],
+            };
+            let shift = if i < 2 { i } else { 0 };
+            let known = fixes.iter().find(|(channel, kind)| {
+                self.fitting.instruments[*kind].is_some() && first(channel + shift).is_finite()
+            });
+            (at.motion.position[i], deviations[POSITION + i]) = match known {
+                Some(&(channel, kind)) => {
+                    let arm = product(&at.rotation(), &of(kind).arm);
+                    (first(channel + shift) - arm[i], spread(kind))
+                }
+                None => (start[i], far),
+            };
+            deviations[VELOCITY + i] = AT_START[0];
+            deviations[VELOCITY + 3 + i] = AT_START[1];
+            let moving = first(if self.fitting.instruments[DVL_WATER].is_some() { WATER + i } else { GROUND + i });
+            if moving.is_finite() {
+                at.motion.nu[i] = moving;
+            }
+            let turning = first(9 + i);
+            if turning.is_finite() {
+                at.motion.nu[3 + i] = turning;
+            }
+            deviations[CURRENT + i] = self.fitting.noise.current[i];
+            deviations[GYRO_BIAS + i] = of(GYRO).bias;
+        }
+        deviations[FORCE..FORCE + 6].copy_from_slice(&self.fitting.noise.force);
+        self.tracker.begin(&at, &deviations);
+        self.begun = true;
+    }
+
+    /// The estimate as what an autopilot is told; `measured` gives the rest: altitude, battery, supply, and ages of what
+    /// is not trusted.
+    pub fn told(&self, measured: &Measurement<f64>) -> Measurement<f64> {
+        let mut told = *measured;
+        if !self.begun {
+            return told;
+        }
+        let at = self.tracker.estimate();
+        let [roll, pitch, yaw] = to_euler(&at.motion.attitude);
+        let [x, y, z] = at.motion.position;
+        let [u, v, w] = at.over_ground();
+        let [u_w, v_w, w_w, p, q, r] = at.motion.nu;
+        let estimate = [x, y, z, roll, pitch, yaw, u, v, w, p, q, r, told.channels[ALTITUDE], u_w, v_w, w_w];
+        let deviations = self.tracker.deviations();
+        let place = self.tracker.position_deviation();
+        let ground: f64 = (0..3).map(|i| deviations[VELOCITY + i]).fold(0.0, f64::max);
+        let turning: f64 = (3..6).map(|i| deviations[VELOCITY + i]).fold(0.0, f64::max);
+        let trusted = [
+            (0..2, place < TRUSTED[0]),
+            (2..3, deviations[POSITION + 2] < TRUSTED[1]),
+            (3..6, self.tracker.attitude_deviation() < TRUSTED[2]),
+            (6..9, ground < TRUSTED[3]),
+            (9..12, turning < TRUSTED[4]),
+            (13..16, ground < TRUSTED[3]),
+        ];
+        for (channels, fresh) in trusted {
+            for c in channels {
+                told.channels[c] = estimate[c];
+                if fresh {
+                    told.age[c] = 0.0;
+                }
+            }
+        }
+        told.disturbance = at.force;
+        told
+    }
+}
+
+/// The kind of sensor that a channel is of.
+fn instrument_of(channel: usize) -> usize {
+    match channel {
+        0 | 1 => POSITION_FIX,
+        2 => DEPTH,
+        3..6 => ATTITUDE_SENSOR,
+        6..9 => DVL,
+        9..12 => GYRO,
+        ALTITUDE => ECHO_SOUNDER,
+        13..16 => DVL_WATER,
+        16 | 17 => GPS,
+        18..21 => USBL,
+        _ if (channel - LANDMARKS) % 2 == 0 => RANGE,
+        _ => BEARING,
+    }
+}
