@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
     from seatrial.flight.fly import fly, fly_batch
     from seatrial.flight.mission import Mission
+    from seatrial.flight.navigation import NavigationFilter
     from seatrial.flight.sea import SeaState
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
@@ -69,6 +70,7 @@ _HOME = {
     "LogVerdict": "seatrial.verification.mission_log.verdict",
     "Mission": "seatrial.flight.mission",
     "MissionLog": "seatrial.verification.mission_log.log",
+    "NavigationFilter": "seatrial.flight.navigation",
     "Outage": "seatrial.flight.failures",
     "Plan": "seatrial.experiment.plan_result",
     "Requirement": "seatrial.verification.requirement",
@@ -120,6 +122,7 @@ __all__ = [
     "LogVerdict",
     "Mission",
     "MissionLog",
+    "NavigationFilter",
     "Outage",
     "Plan",
     "Requirement",

@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
+__all__ = ["Autopilot", "Filter", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
 
 @final
 class Autopilot:
@@ -119,6 +119,50 @@ class Autopilot:
         The same autopilot with other values of some gains.
 
         Raises VehicleError for an unknown name or an impossible value.
+        """
+
+@final
+class Filter:
+    """
+    The navigation filter of a vehicle at work: a measurement in, an estimate out, once per period.
+    """
+    def __new__(cls, /, vehicle: Vehicle, *, period_s: SupportsFloat | SupportsIndex, instruments: Mapping[str, ArrayLike], landmarks: SupportsGetItem[int, tuple[str, str, SupportsGetItem[int, SupportsFloat | SupportsIndex]]] = ..., bottom: ArrayLike | None = None, force: ArrayLike | None = None, force_time_s: SupportsFloat | SupportsIndex, acceleration: ArrayLike | None = None, current: ArrayLike | None = None, current_time_s: SupportsFloat | SupportsIndex, gyro_walk: SupportsFloat | SupportsIndex, gate: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex], start: ArrayLike, longest_age_s: SupportsFloat | SupportsIndex = 0.0) -> Filter:
+        """
+        The filter of a vehicle before its first sample.
+        """
+    @property
+    def channels(self, /) -> list[str]:
+        """
+        The names of all channels that a step takes, besides voltage.
+        """
+    @property
+    def covariance(self, /) -> NDArray[float64]:
+        """
+        The covariance of the error, shape (24, 24): position, attitude, velocity, force, current, gyro bias.
+        """
+    @property
+    def restarts(self, /) -> int:
+        """
+        How often the filter had to begin anew: after a pause beyond a minute, or when its estimate was no number.
+        """
+    @property
+    def state(self, /) -> dict[str, NDArray[float64]]:
+        """
+        What is estimated besides the channels.
+        """
+    def step(self, /, measurement: Mapping[str, ArrayLike], commands: Mapping[str, ArrayLike] | None = None, signals: Mapping[str, ArrayLike] | None = None, *, ages: Mapping[str, ArrayLike] | None = None, time_s: SupportsFloat | SupportsIndex | None = None, dt_s: SupportsFloat | SupportsIndex | None = None) -> dict[str, float]:
+        """
+        The estimate {channel: value} after a step.
+        """
+    @property
+    def waiting_for(self, /) -> list[str]:
+        """
+        The channels that must be measured before the filter begins; empty once it has begun.
+        """
+    @property
+    def watches(self, /) -> dict[str, list[float]]:
+        """
+        Per channel that has been measured: samples and consistency.
         """
 
 @final
@@ -718,7 +762,7 @@ def file_text(path: str | PathLike[str]) -> str:
     Raises ValueError that says why the file cannot be read.
     """
 
-def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ..., current_trend: ArrayLike | None = None, current_walk: ArrayLike | None = None, waves: ArrayLike | None = None) -> Flights:
+def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: SupportsGetItem[int, SupportsIndex], *, model: Vehicle | None = None, position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, current: ArrayLike, coefficients: Mapping[str, ArrayLike] | None = None, gains: Mapping[str, ArrayLike] | None = None, faults: SupportsGetItem[int, tuple[SupportsIndex, str, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., errors: ArrayLike, timing: ArrayLike, outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., feedback: bool = True, seabed: ArrayLike | None = None, voltage_v: SupportsFloat | SupportsIndex = ..., rho: SupportsFloat | SupportsIndex | None = None, g: SupportsFloat | SupportsIndex | None = None, max_step_s: SupportsFloat | SupportsIndex = 0.02, max_time_s: SupportsFloat | SupportsIndex, logs: bool = True, threads: SupportsIndex | None = None, turbulence: ArrayLike | None = None, turbulence_times_s: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex] = ..., obstacles: SupportsGetItem[int, tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., case_outages: SupportsGetItem[int, tuple[SupportsIndex, SupportsIndex, SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex]] = ..., set_points: Mapping[str, ArrayLike] | None = None, corridors: SupportsGetItem[int, tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ..., current_trend: ArrayLike | None = None, current_walk: ArrayLike | None = None, waves: ArrayLike | None = None, navigation: Filter | None = None) -> Flights:
     """
     Flies k cases of a mission; see `seatrial.fly`, which says it in the words of a user.
 

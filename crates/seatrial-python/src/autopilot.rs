@@ -290,9 +290,9 @@ impl Memory {
     }
 }
 
-/// The time of a helm.
+/// The time of a helm or a navigation filter.
 #[derive(Clone, Copy, Default)]
-struct Clock {
+pub struct Clock {
     /// The last time that was told, or what has passed since the first step, s.
     now: f64,
     /// Whether any time was told: the first one has none before it.
@@ -307,7 +307,7 @@ const SOONEST: f64 = 0.5;
 impl Clock {
     /// The clock after a step at `time_s`, or `dt_s` after the last one, or a control period after it; and how much
     /// later that is.
-    fn after(self, time_s: Option<f64>, dt_s: Option<f64>, period: f64) -> PyResult<(Self, f64)> {
+    pub fn after(self, time_s: Option<f64>, dt_s: Option<f64>, period: f64) -> PyResult<(Self, f64)> {
         let (now, mut elapsed) = match (time_s, dt_s) {
             (Some(_), Some(_)) => return Err(refused("step: expected time_s or dt_s, found both")),
             (None, None) => (self.now + period, period),

@@ -5,6 +5,7 @@ use crate::convert::{Array, Named, Numbers};
 use crate::error::{raised, refused};
 use crate::log_store::LogStore;
 use crate::mission::{Mission, with_cylinders};
+use crate::navigation_filter::Filter;
 use crate::pickle::{self, Parts, parts, restorer};
 use crate::trial::{CorridorRow, Trials};
 use crate::vehicle::Vehicle;
@@ -96,7 +97,7 @@ impl Flights {
         let column = |read: fn(&Summary<f64>) -> f64| {
             Array::new(&[self.summaries.len()], self.summaries.iter().map(read).collect())
         };
-        BTreeMap::from([
+        let mut figures = BTreeMap::from([
             ("ending", column(|s| s.ending)),
             ("duration", column(|s| s.duration)),
             ("distance", column(|s| s.distance)),
@@ -126,7 +127,13 @@ impl Flights {
             ("roll_time", column(|s| s.tilt_time[0])),
             ("pitch_time", column(|s| s.tilt_time[1])),
             ("travel", column(|s| s.travel)),
-        ])
+        ]);
+        if self.summaries.iter().any(|s| !s.consistency[1].is_nan()) {
+            figures.insert("navigation_nis", column(|s| s.consistency[0]));
+            figures.insert("navigation_samples", column(|s| s.consistency[1]));
+            figures.insert("navigation_refused", column(|s| s.consistency[2]));
+        }
+        figures
     }
 
     /// How many samples of the cross-track error on settled legs there were and, of them, how many exceed each of
@@ -225,10 +232,11 @@ pub fn error_edges() -> Array {
 /// current_trend (m/s2) and current_walk (m/s per root of a second), (k, 3) or (3,): slow change of that mean. waves
 /// (k, 5) or (5,): significant height, m, peak period, s, direction and spreading, rad, peakedness. set_points
 /// {"times": (S,), name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east,
-/// down by which its plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper,
+/// down by which its plan is moved, each from its time on. navigation: the filter whose
+/// estimate the autopilot is told, each case with one of its own. corridors: rows (channel, base (k,), scale (k,), lower, upper,
 /// target, clock (P,)), see `Flights.violations`.
 #[pyfunction]
-#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None))]
+#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None, navigation = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn fly(
     py: Python<'_>,
@@ -265,6 +273,7 @@ pub fn fly(
     current_trend: Option<Numbers>,
     current_walk: Option<Numbers>,
     waves: Option<Numbers>,
+    navigation: Option<PyRef<'_, Filter>>,
 ) -> PyResult<Flights> {
     let description = &vehicle.description;
     let settings = &autopilot.settings;
@@ -374,6 +383,7 @@ pub fn fly(
     }
     settings.fits(model).map_err(raised)?;
     let own = description.file.environment;
+    let fitting = navigation.map(|filter| filter.fitting_for(dt));
     let flight = Flight {
         description,
         model,
@@ -385,6 +395,7 @@ pub fn fly(
         obstacles: &obstacles,
         trial: &trial,
         turbulence_times: [tau, tau_2],
+        navigation: fitting.as_ref(),
         environment: own.with(rho, g).map_err(raised)?,
         voltage: voltage_v,
         substeps: whole(dt / max_step_s),

@@ -10,6 +10,7 @@ mod identify;
 mod log_store;
 mod mission;
 mod motor;
+mod navigation_filter;
 mod pickle;
 mod run;
 mod simulate;
@@ -31,6 +32,8 @@ mod _core {
     use crate::mission::{Mission, restored_mission};
     #[pymodule_export]
     use crate::motor::motor_response;
+    #[pymodule_export]
+    use crate::navigation_filter::Filter;
     #[pymodule_export]
     use crate::run::{Run, State, restored_run, restored_state};
     #[pymodule_export]

@@ -1,6 +1,6 @@
 //! Closed loop: vehicle, sensors, autopilot, mission and current together; one flight, or cases side by side.
 //!
-//! In reading order: [`obstacle`], [`faults`], [`turbulence`], [`drift`], [`waves`] and their sum [`water`], what the world
+//! In reading order: [`aboard`], the navigation filters; [`obstacle`], [`faults`], [`turbulence`], [`drift`], [`waves`] and their sum [`water`], what the world
 //! adds; [`energy`], what is used up; [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
 //! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`fly`], one case;
 //! [`batch`], many.
@@ -11,6 +11,7 @@
 //!
 //! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py`.
 
+pub mod aboard;
 pub mod batch;
 pub mod case;
 pub mod drift;
@@ -36,6 +37,7 @@ use crate::model::drive::{Drive, UnlimitedDelay, act};
 use crate::model::integrate::step;
 use crate::model::vehicle::{Instant, Vehicle};
 use crate::number::real::Real;
+use aboard::{Aboard, Split};
 pub use case::{Flight, Setting};
 use energy::Energy;
 use faults::Faults;
@@ -50,7 +52,7 @@ use water::Water;
 /// # Errors
 /// [`Error::Interrupted`] when `stop` is set, or what the autopilot cannot do on this vehicle.
 #[inline(always)]
-pub fn fly<T: Real>(
+pub fn fly<T: Split>(
     flight: &Flight<'_>,
     vehicle: &Vehicle<T>,
     autopilot: &Autopilot<T>,
@@ -63,6 +65,8 @@ pub fn fly<T: Real>(
     let limits: Vec<Limits> = flight.description.actuators.iter().map(|a| a.limits).collect();
     let mut pilot = autopilot.begin(allocator);
     let mut navigation = Navigation::new(flight.sensors, setting.seed, &setting.outages);
+    let aboard = flight.navigation.map(|fitting| Aboard::new(flight.model, fitting, T::PARTS));
+    let mut aboard = aboard.transpose()?;
     let mut motors = Motors::new(vehicle, &limits, h, unit);
     let mut energy = Energy::new(flight.description, unit);
     let mut state = setting.state;
@@ -82,6 +86,11 @@ pub fn fly<T: Real>(
         measured.voltage = flight.voltage;
         measured.battery = energy.left();
         let feedback = flight.feedback.then_some(&motors.signals[..]);
+        let estimate = aboard.as_mut().map(|filters| {
+            let elapsed = if k == 0 { 0.0 } else { dt };
+            filters.tell(measured, (&pilot.signals, feedback), elapsed)
+        });
+        let measured = estimate.as_ref().unwrap_or(measured);
         let set_point = flight.trial.set_point(unit, &setting.set_points, k as f64 * dt);
         let thought = autopilot.step_to(&mut pilot, measured, feedback, set_point.as_ref());
         let power = energy.power(&motors.signals);
@@ -118,7 +127,11 @@ pub fn fly<T: Real>(
         }
         energy.use_up(power, dt);
     }
-    Ok(tally.finish())
+    let mut summary = tally.finish();
+    if let Some(filters) = &aboard {
+        summary.consistency = filters.consistency(unit);
+    }
+    Ok(summary)
 }
 
 /// The motors of the vehicle that flies, with their faults.

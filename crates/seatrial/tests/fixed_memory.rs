@@ -1,10 +1,12 @@
-//! The autopilot steps in fixed memory: what a vehicle at sea runs takes nothing from the heap once it has begun.
+//! Autopilot and navigation filter step in fixed memory: what a vehicle at sea runs takes nothing from the heap once it has begun.
 
 use seatrial::control::allocation::Allocator;
 use seatrial::control::autopilot::Autopilot;
 use seatrial::control::autopilot::settings::{Settings, built_in};
 use seatrial::control::navigation::{CHANNELS, Measurement};
+use seatrial::control::navigation_filter::{Fitting, Instrument, KINDS, NavigationFilter};
 use seatrial::description::{Description, built_in as vehicle};
+use seatrial::filter::innovation::Gate;
 use seatrial::mission::Mission;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
@@ -65,7 +67,38 @@ fn law_autopilot_steps_take_no_memory() {
     }
 }
 
+/// Samples of a vehicle that stands still, some of them late, and a gap that the filter does not survive.
+fn law_navigation_filter_steps_take_no_memory() {
+    for name in ["cwolf", "remus100", "bluerov2-heavy"] {
+        let description = Description::from_toml(vehicle(name).expect("built in"), name).expect("valid");
+        let mut instruments = [Some(Instrument::of(0.05)); KINDS.len()];
+        instruments[5].as_mut().expect("a Doppler log").latency = 0.3;
+        let fitting = Fitting {
+            instruments,
+            landmarks: Vec::new(),
+            bottom: None,
+            noise: Fitting::noise_of(&description),
+            gate: Gate::default(),
+            start: ([0.0; 3], 1.0),
+            period: 0.1,
+            longest_age: 0.5,
+        };
+        let mut filter = NavigationFilter::new(&description, fitting).expect("an instruction set");
+        let commands = vec![0.0; description.actuators.len()];
+        let samples: Vec<(usize, f64, f64)> = (0..12).map(|c| (c, 0.0, 0.0)).collect();
+        let region = Region::new(HEAP);
+        for k in 0..1000 {
+            let elapsed = if k == 700 { 100.0 } else { 0.1 };
+            filter.step(&samples, (&commands, None), (14.8, elapsed));
+            assert!(filter.tracker().state().deviation(0) < 5.0);
+        }
+        assert_eq!(filter.restarts, 1, "{name}");
+        assert_eq!(region.change().allocations, 0, "{name}");
+    }
+}
+
 /// Without the test harness, whose own thread takes memory now and then.
 fn main() {
     law_autopilot_steps_take_no_memory();
+    law_navigation_filter_steps_take_no_memory();
 }

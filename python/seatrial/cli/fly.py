@@ -86,6 +86,13 @@ def fly(
     ] = None,
     voltage: Annotated[float | None, typer.Option(help="Supply, V, where thrust depends on it.")] = None,
     feedback: Annotated[bool, typer.Option(help="The autopilot sees what its actuators do.")] = True,
+    navigation: Annotated[
+        str,
+        typer.Option(
+            metavar="sensors|filter",
+            help="What the autopilot goes by: what the sensors show, or the estimate of a navigation filter.",
+        ),
+    ] = "sensors",
     max_time: Annotated[
         float | None,
         typer.Option(help="Longest duration, s; three times the planned one and five minutes by default."),
@@ -132,6 +139,7 @@ def fly(
         "seabed": seabed,
         "voltage_v": voltage,
         "feedback": feedback,
+        "navigation": navigation,
         "max_time_s": max_time,
     }
     flight = flown(*sources, seed=seed, payload=payload, **options)

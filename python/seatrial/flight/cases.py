@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial._core import Autopilot, Flights, State, Vehicle
+from seatrial._core import Autopilot, Filter, Flights, State, Vehicle
 from seatrial._core import fly as core_fly
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
@@ -41,6 +41,7 @@ from seatrial.flight.checks import (
 )
 from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
 from seatrial.flight.mission import Mission, Route
+from seatrial.flight.navigation import NavigationFilter, checked_navigation, filter_of
 from seatrial.flight.sea import SeaState, checked_seas, sea_rows
 from seatrial.flight.sensor_channels import SensorChannels, sensor_channels, sensors_of
 
@@ -88,6 +89,8 @@ class Circumstances:
         Supply, V; None where it does not matter.
     feedback
         Whether the autopilot sees what its actuators do.
+    navigation
+        What it goes by: "sensors", or "filter", the estimate of a navigation filter.
     rho, g
         Density and gravity where they are not the vehicle file's.
     max_step_s, max_time_s
@@ -114,6 +117,7 @@ class Circumstances:
     seed: int = 0
     voltage_v: float | None = None
     feedback: bool = True
+    navigation: str = "sensors"
     rho: float | None = None
     g: float | None = None
     sources: dict[str, str] = field(default_factory=dict)
@@ -138,6 +142,7 @@ class Circumstances:
             "seed": self.seed,
             "voltage_v": self.voltage_v,
             "feedback": self.feedback,
+            "navigation": self.navigation,
             "rho_kg_m3": self.rho,
             "g_m_s2": self.g,
             "max_step_s": self.max_step_s,
@@ -155,6 +160,7 @@ class Shared(TypedDict, total=False):
     seabed: ArrayLike | None
     voltage_v: float | None
     feedback: bool
+    navigation: str | NavigationFilter
     max_step_s: float
     max_time_s: float | None
     rho: float | None
@@ -195,6 +201,8 @@ class Cases:
         A trial of the loops and what its responses are held against, see `seatrial.fly_batch`.
     logs
         Whether the flights keep their logs.
+    filter
+        The navigation filter whose estimate the autopilot goes by; None: by what the sensors show.
     """
 
     vehicle: Vehicle
@@ -220,6 +228,7 @@ class Cases:
     set_points: Mapping[str, Array] | None = None
     corridors: Sequence[Corridor] = ()
     logs: bool = False
+    filter: Filter | None = None
 
     @classmethod
     def of(
@@ -288,7 +297,7 @@ class Cases:
         sources = {"vehicle": vehicle, "autopilot": autopilot, "mission": mission}
         flown = loaded(Vehicle, vehicle), loaded(Autopilot, autopilot), loaded(Mission, mission)
         route = Route.of(flown[2])
-        around, channels = _circumstances(
+        around, channels, aboard = _circumstances(
             sources,
             flown[:2],
             route,
@@ -335,6 +344,7 @@ class Cases:
             set_points=steering,
             corridors=judged,
             logs=logs,
+            filter=aboard,
         )
 
     def __len__(self) -> int:
@@ -383,6 +393,7 @@ class Cases:
             set_points=self.set_points,
             corridors=list(self.corridors),
             feedback=around.feedback,
+            navigation=self.filter,
             seabed=around.seabed,
             voltage_v=math.nan if around.voltage_v is None else around.voltage_v,
             rho=around.rho,
@@ -426,11 +437,12 @@ def _circumstances(
     seabed: ArrayLike | None = None,
     voltage_v: float | None = None,
     feedback: bool = True,
+    navigation: str | NavigationFilter = "sensors",
     max_step_s: float = 0.02,
     max_time_s: float | None = None,
     rho: float | None = None,
     g: float | None = None,
-) -> tuple[Circumstances, SensorChannels]:
+) -> tuple[Circumstances, SensorChannels, Filter | None]:
     """What all cases share, checked, and the sensors as the core takes them."""
     vehicle, autopilot = flown
     until = longest(route, autopilot, max_time_s, logs=logs)
@@ -442,6 +454,7 @@ def _circumstances(
         within("g", g, (0.1, 100.0), "m/s2")
     if not isinstance(feedback, bool):
         raise SimulationError(f"feedback: expected True or False, found {feedback!r}")
+    asked = checked_navigation(navigation)
     fitted = sensors_of(sensors, vehicle)
     channels = sensor_channels(fitted, autopilot.period_s)
     around = Circumstances(
@@ -463,6 +476,7 @@ def _circumstances(
         seed=seed,
         voltage_v=voltage_v,
         feedback=feedback,
+        navigation=asked if isinstance(asked, str) else "filter",
         rho=rho,
         g=g,
         sources={
@@ -470,7 +484,8 @@ def _circumstances(
             for name, source in sources.items()
         },
     )
-    return around, channels
+    aboard = filter_of(asked, around.model, fitted, autopilot.period_s)
+    return around, channels, aboard
 
 
 def _model(source: Any, vehicle: Vehicle) -> Vehicle:

@@ -27,6 +27,7 @@ from seatrial.flight.checks import (
 from seatrial.flight.failures import Fault, Outage
 from seatrial.flight.flight import Flight
 from seatrial.flight.mission import Mission
+from seatrial.flight.navigation import NavigationFilter
 from seatrial.flight.payload import Payload, sampled
 from seatrial.flight.sea import SeaState
 
@@ -57,6 +58,7 @@ def fly(
     seed: int = 0,
     voltage_v: float | None = None,
     feedback: bool = True,
+    navigation: str | NavigationFilter = "sensors",
     max_step_s: float = 0.02,
     max_time_s: float | None = None,
     rho: float | None = None,
@@ -110,6 +112,9 @@ def fly(
         Supply, V, where thrust depends on it.
     feedback : bool, optional
         Whether the autopilot sees what its actuators do, and so finds a failed one.
+    navigation : str or NavigationFilter, optional
+        What the autopilot goes by: "sensors", what they show, or "filter", the estimate of a navigation
+        filter on `model` with the sensors of the flight; or a filter of one's own settings.
     max_step_s : float, optional
         Largest step of the integration, s.
     max_time_s : float, optional
@@ -168,6 +173,7 @@ def fly(
         seabed=seabed,
         voltage_v=voltage_v,
         feedback=feedback,
+        navigation=navigation,
         max_step_s=max_step_s,
         max_time_s=max_time_s,
         rho=rho,
@@ -207,6 +213,7 @@ def fly_batch(
     seabed: ArrayLike | None = None,
     voltage_v: float | None = None,
     feedback: bool = True,
+    navigation: str | NavigationFilter = "sensors",
     max_step_s: float = 0.02,
     max_time_s: float | None = None,
     rho: float | None = None,
@@ -251,7 +258,7 @@ def fly_batch(
         for; ``north``, ``east`` and ``down`` (m) move its plan instead.
     corridors : sequence of tuple, optional
         What the responses are held against, see `seatrial.tuning.step_trial`; sums in ``Flights.violations``.
-    model, sensors, seabed, voltage_v, feedback, max_step_s, max_time_s, rho, g
+    model, sensors, seabed, voltage_v, feedback, navigation, max_step_s, max_time_s, rho, g
         As for `seatrial.fly`, for all cases.
     logs : bool, optional
         Whether to keep the logs, some megabytes an hour of flight and case.
@@ -308,6 +315,7 @@ def fly_batch(
         seabed=seabed,
         voltage_v=voltage_v,
         feedback=feedback,
+        navigation=navigation,
         max_step_s=max_step_s,
         max_time_s=max_time_s,
         rho=rho,

@@ -7,10 +7,11 @@
 //! What is told to the autopilot in place of the measurement ([`NavigationFilter::told`]) is fresh while its deviation is
 //! below [`TRUSTED`]; beyond, it is as old as the last sample of its own sensor, and the autopilot's watch decides.
 //!
-//! A constant offset of a sensor that is no state of the filter is no white noise. Its variance is added to that of
-//! each sample, which makes the filter careful and its innovations smaller than they could be.
+//! A constant offset of a sensor is no noise: it does not show in innovations, and no number of samples averages it
+//! out. That of the gyro is a state of the filter; those of position, depth and attitude are added to the deviations
+//! that the filter reports ([`NavigationFilter::deviations`]).
 //!
-//! Tests: `tests/control/navigation_filter.rs`, `tests/navigation/test_navigation_filter.py`.
+//! Tests: `tests/flight/test_navigation.py`, `tests/fixed_memory.rs`.
 
 use crate::actuator::motor::Limits;
 use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS, Measurement, VELOCITY as GROUND, WATER};
@@ -28,7 +29,17 @@ use crate::number::algebra::{Vec3, product};
 
 /// The kinds of sensors.
 pub const KINDS: [&str; 11] = [
-    "position", "gps", "usbl", "depth", "attitude", "dvl", "gyro", "dvl_water", "altitude", "range", "bearing",
+    "position",
+    "gps",
+    "usbl",
+    "depth",
+    "attitude",
+    "dvl",
+    "gyro",
+    "dvl_water",
+    "altitude",
+    "range",
+    "bearing",
 ];
 
 const POSITION_FIX: usize = 0;
@@ -97,6 +108,8 @@ pub struct Fitting {
     pub start: (Vec3<f64>, f64),
     /// Time of a step, s.
     pub period: f64,
+    /// How much later than its sensor's latency a sample may be, s.
+    pub longest_age: f64,
 }
 
 impl Fitting {
@@ -118,7 +131,8 @@ impl Fitting {
     /// The names of all channels.
     pub fn channels(&self) -> Vec<String> {
         let own = CHANNEL_NAMES.iter().chain(&FIXES).map(|name| (*name).to_owned());
-        let marks = self.landmarks.iter().flat_map(|(name, _)| [format!("range.{name}"), format!("bearing.{name}")]);
+        let marks =
+            self.landmarks.iter().flat_map(|(name, _)| [format!("range.{name}"), format!("bearing.{name}")]);
         own.chain(marks).collect()
     }
 }
@@ -173,6 +187,7 @@ impl NavigationFilter {
         let steps = (fitting.period / LONGEST_STEP - 1e-9).ceil().max(1.0) as usize;
         let h = fitting.period / steps as f64;
         let latest = fitting.instruments.iter().flatten().map(|i| i.latency).fold(0.0, f64::max);
+        let latest = latest + fitting.longest_age;
         let kept = (latest / fitting.period - 1e-9).ceil() as usize;
         let count = description.actuators.len();
         let channels = LANDMARKS + 2 * fitting.landmarks.len();
@@ -306,8 +321,11 @@ impl NavigationFilter {
         }
         self.silent[channel] = 0.0;
         self.first[channel] = value;
-        let beam = (channel >= LANDMARKS && (channel - LANDMARKS) % 2 == 1).then(|| (channel - LANDMARKS) / 2);
-        if let Some(mark) = beam.filter(|&mark| matches!(self.fitting.landmarks[mark].1, Landmark::Surface(_))) {
+        let beam =
+            (channel >= LANDMARKS && (channel - LANDMARKS) % 2 == 1).then(|| (channel - LANDMARKS) / 2);
+        if let Some(mark) =
+            beam.filter(|&mark| matches!(self.fitting.landmarks[mark].1, Landmark::Surface(_)))
+        {
             self.beams[mark] = value;
             return;
         }
@@ -315,8 +333,7 @@ impl NavigationFilter {
             return;
         }
         let Some((observation, instrument)) = self.observation(channel) else { return };
-        let kept = if instrument_of(channel) == GYRO { 0.0 } else { instrument.bias };
-        let variance = (instrument.noise * instrument.noise + kept * kept).max(1e-12);
+        let variance = (instrument.noise * instrument.noise).max(1e-12);
         let sample =
             Sample { observation: &observation, measured: value, variance, age: instrument.latency + age };
         self.tracker.observe(&sample, &mut self.watches[channel]);
@@ -389,11 +406,14 @@ impl NavigationFilter {
                     let arm = product(&at.rotation(), &of(kind).arm);
                     (first(channel + shift) - arm[i], spread(kind))
                 }
+                // The place of the launch, as whoever launches tells it.
+                None if first(i).is_finite() => (first(i), far),
                 None => (start[i], far),
             };
             deviations[VELOCITY + i] = AT_START[0];
             deviations[VELOCITY + 3 + i] = AT_START[1];
-            let moving = first(if self.fitting.instruments[DVL_WATER].is_some() { WATER + i } else { GROUND + i });
+            let moving =
+                first(if self.fitting.instruments[DVL_WATER].is_some() { WATER + i } else { GROUND + i });
             if moving.is_finite() {
                 at.motion.nu[i] = moving;
             }
@@ -407,6 +427,26 @@ impl NavigationFilter {
         deviations[FORCE..FORCE + 6].copy_from_slice(&self.fitting.noise.force);
         self.tracker.begin(&at, &deviations);
         self.begun = true;
+    }
+
+    /// Standard deviations of the estimate, constant offsets of its sensors included.
+    pub fn deviations(&self) -> [f64; STATES] {
+        let mut deviations = self.tracker.deviations();
+        let offset = |channel: usize| match self.fitting.instruments[instrument_of(channel)] {
+            Some(instrument) if self.watches[channel].taken > 0 => instrument.bias,
+            _ => f64::INFINITY,
+        };
+        let least = |channels: &[usize]| channels.iter().map(|&c| offset(c)).fold(f64::INFINITY, f64::min);
+        let places = [least(&[0, 16, 18]), least(&[1, 17, 19]), least(&[2, 20])];
+        for i in 0..3 {
+            let angle = offset(3 + i);
+            for (place, bias) in [(POSITION + i, places[i]), (ATTITUDE + i, angle)] {
+                if bias.is_finite() {
+                    deviations[place] = deviations[place].hypot(bias);
+                }
+            }
+        }
+        deviations
     }
 
     /// The estimate as what an autopilot is told; `measured` gives the rest: altitude, battery, supply, and ages of what
@@ -447,19 +487,30 @@ impl NavigationFilter {
     }
 }
 
+/// The kind of sensor, among [`KINDS`], that each channel of [`CHANNEL_NAMES`] is of.
+pub const KIND_OF: [usize; CHANNELS] = {
+    let mut kinds = [0; CHANNELS];
+    let mut c = 0;
+    while c < CHANNELS {
+        kinds[c] = instrument_of(c);
+        c += 1;
+    }
+    kinds
+};
+
 /// The kind of sensor that a channel is of.
-fn instrument_of(channel: usize) -> usize {
+const fn instrument_of(channel: usize) -> usize {
     match channel {
         0 | 1 => POSITION_FIX,
         2 => DEPTH,
-        3..6 => ATTITUDE_SENSOR,
-        6..9 => DVL,
-        9..12 => GYRO,
+        3..=5 => ATTITUDE_SENSOR,
+        6..=8 => DVL,
+        9..=11 => GYRO,
         ALTITUDE => ECHO_SOUNDER,
-        13..16 => DVL_WATER,
+        13..=15 => DVL_WATER,
         16 | 17 => GPS,
-        18..21 => USBL,
-        _ if (channel - LANDMARKS) % 2 == 0 => RANGE,
+        18..=20 => USBL,
+        _ if (channel - LANDMARKS).is_multiple_of(2) => RANGE,
         _ => BEARING,
     }
 }

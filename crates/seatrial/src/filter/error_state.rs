@@ -69,13 +69,21 @@ impl Row {
     /// `h x`.
     #[inline(always)]
     pub fn times(&self, x: &[f64]) -> f64 {
-        self.entries().iter().map(|&(i, h)| h * x[i]).sum()
+        let mut sum = 0.0;
+        for &(i, h) in self.entries() {
+            sum += h * x[i];
+        }
+        sum
     }
 
     /// `h hᵀ`.
     #[inline(always)]
     fn square(&self) -> f64 {
-        self.entries().iter().map(|&(_, h)| h * h).sum()
+        let mut sum = 0.0;
+        for &(_, h) in self.entries() {
+            sum += h * h;
+        }
+        sum
     }
 }
 
@@ -123,7 +131,9 @@ impl<const N: usize> Transition<N> {
     pub fn times(&self, x: &[f64; N]) -> [f64; N] {
         let mut y = [0.0; N];
         for i in 0..MOTION {
-            y[i] = (0..USED).map(|k| self.block[i][k] * x[ATTITUDE + k]).sum();
+            for k in 0..USED {
+                y[i] += self.block[i][k] * x[ATTITUDE + k];
+            }
         }
         for i in 0..3 {
             y[POSITION + i] += x[POSITION + i] + self.drift * x[CURRENT + i];
@@ -295,15 +305,13 @@ impl<const N: usize> ErrorState<N> {
             gain[j] = c[j] * scale;
             self.error[j] += gain[j] * innovation.value;
         }
-        // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ.
+        // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ, where B hᵀ = P hᵀ − K (h P hᵀ).
+        let seen = row.times(&c) + variance;
         for i in 0..N {
             let k = gain[i];
+            let rest = row.times(&p[i]) - k * seen;
             for j in 0..N {
-                p[i][j] -= k * c[j];
-            }
-            let rest = row.times(&p[i]) - variance * k;
-            for j in 0..N {
-                p[i][j] -= rest * gain[j];
+                p[i][j] -= k * c[j] + rest * gain[j];
             }
         }
     }

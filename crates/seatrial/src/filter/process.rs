@@ -28,15 +28,16 @@ use fearless_simd::{Simd, SimdBase, f64x8};
 /// The vehicle as the filter's process model.
 pub struct Process(Carriers);
 
-/// One carrier per wide instruction set; where there is none, derivatives are carried one by one.
+/// One carrier per wide instruction set; where there is none, derivatives are carried one by one. On the heap by itself:
+/// vectors ask for an alignment that not every owner of a process gives.
 enum Carriers {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    Avx512(Avx512, Carrier<Lanes<Avx512>>),
+    Avx512(Avx512, Box<Carrier<Lanes<Avx512>>>),
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    Avx2(Avx2, Carrier<Lanes<Avx2>>),
+    Avx2(Avx2, Box<Carrier<Lanes<Avx2>>>),
     #[cfg(target_arch = "aarch64")]
-    Neon(Neon, Carrier<Lanes<Neon>>),
-    Plain(Carrier<f64>),
+    Neon(Neon, Box<Carrier<Lanes<Neon>>>),
+    Plain(Box<Carrier<f64>>),
 }
 
 impl Process {
@@ -50,17 +51,17 @@ impl Process {
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
         {
             if let Some(simd) = level.as_avx512().filter(|_| name == "avx512") {
-                return Ok(Self(Carriers::Avx512(simd, Carrier::new(description, simd.splat_f64x8(0.0)))));
+                return Ok(Self(Carriers::Avx512(simd, boxed(description, simd.splat_f64x8(0.0)))));
             }
             if let Some(simd) = level.as_avx2().filter(|_| name == "avx2") {
-                return Ok(Self(Carriers::Avx2(simd, Carrier::new(description, simd.splat_f64x8(0.0)))));
+                return Ok(Self(Carriers::Avx2(simd, boxed(description, simd.splat_f64x8(0.0)))));
             }
         }
         #[cfg(target_arch = "aarch64")]
         if let Some(simd) = level.as_neon().filter(|_| name == "neon") {
-            return Ok(Self(Carriers::Neon(simd, Carrier::new(description, simd.splat_f64x8(0.0)))));
+            return Ok(Self(Carriers::Neon(simd, boxed(description, simd.splat_f64x8(0.0)))));
         }
-        Ok(Self(Carriers::Plain(Carrier::new(description, 0.0))))
+        Ok(Self(Carriers::Plain(boxed(description, 0.0))))
     }
 
     /// Moves an estimate by steps of `h` seconds and returns the Jacobian of its motion.
@@ -115,6 +116,10 @@ impl Process {
             Carriers::Plain(_) => work(),
         }
     }
+}
+
+fn boxed<P: Real>(description: &Description, none: P) -> Box<Carrier<P>> {
+    Box::new(Carrier::new(description, none))
 }
 
 /// Eight columns in each flight.

@@ -5,6 +5,7 @@
 //!
 //! Tests: `tests/closed_loop.rs` (lanes equal single flights).
 
+use super::aboard::Split;
 use super::case::{Flight, Setting};
 use super::faults::{ActuatorFault, Faults, table};
 use super::fly;
@@ -20,7 +21,6 @@ use crate::error::Error;
 use crate::model::integrate::State;
 use crate::model::vehicle::{Mode, Vehicle};
 use crate::number::lanes::{LANES, level};
-use crate::number::real::Real;
 use fearless_simd::{Level, Simd, SimdBase, f64x8};
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
@@ -191,7 +191,7 @@ impl Flight<'_> {
     }
 
     #[inline(always)]
-    fn run<T: Real>(
+    fn run<T: Split>(
         &self,
         work: &Work<'_>,
         (values, tunables): (&[T], &[T]),

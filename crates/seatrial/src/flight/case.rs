@@ -5,6 +5,7 @@ use super::trial::Trial;
 use super::waves::Harmonic;
 use crate::control::autopilot::settings::Settings;
 use crate::control::navigation::{GroupOutage, Seabed, Sensors};
+use crate::control::navigation_filter::Fitting;
 use crate::description::Description;
 use crate::description::vehicle_file::Environment;
 use crate::mission::{Mission, Obstacle};
@@ -24,6 +25,8 @@ pub struct Flight<'a> {
     pub mission: &'a Arc<Mission>,
     /// The sensors.
     pub sensors: &'a Sensors,
+    /// The navigation filter, where the autopilot goes by its estimate.
+    pub navigation: Option<&'a Fitting>,
     /// Whether the actuators' signals are measured.
     pub feedback: bool,
     /// The bottom, where there is one.

@@ -60,6 +60,9 @@ pub struct Summary<T> {
     pub settled: T,
     /// Of the cross-track, the vertical and the true cross-track error.
     pub exceedance: [Exceedance<T>; 3],
+    /// Of the navigation filter: mean normalised innovation squared, samples taken and samples refused; not a number
+    /// without one.
+    pub consistency: [T; 3],
     /// What the responses of a trial violate.
     pub violations: Violations<T>,
 }
@@ -90,6 +93,7 @@ impl<T: Real> Summary<T> {
             travel: zero,
             settled: zero,
             exceedance: [Exceedance::new(zero); 3],
+            consistency: [zero.splat(f64::NAN); 3],
             violations,
         }
     }
@@ -120,6 +124,7 @@ impl<T: Real> Summary<T> {
             travel: lane(&self.travel),
             settled: lane(&self.settled),
             exceedance: std::array::from_fn(|i| self.exceedance[i].read(&lane)),
+            consistency: three(&self.consistency),
             violations: Violations { sums: self.violations.sums.iter().map(&three).collect() },
         }
     }

@@ -70,6 +70,7 @@ impl Trip {
             settings: &self.settings,
             mission: &self.mission,
             sensors: &self.sensors,
+            navigation: None,
             feedback: true,
             seabed: self.seabed,
             environment: self.description.file.environment,

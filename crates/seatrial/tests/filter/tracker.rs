@@ -123,8 +123,9 @@ fn a_sample_from_before_what_is_kept_is_not_taken() {
         filter.predict(&nodes(&description, k), DT);
         filter.settle();
     }
-    let mut take =
-        |age| filter.observe(&Sample { observation: &observation, measured: 0.0, variance: 1.0, age }, &mut watch);
+    let mut take = |age| {
+        filter.observe(&Sample { observation: &observation, measured: 0.0, variance: 1.0, age }, &mut watch)
+    };
     assert_eq!(take(0.35), Some(Verdict::Taken));
     assert_eq!(take(2.0), None);
 }

@@ -203,11 +203,14 @@ pub struct FeedForwardTable {
     pub drag: bool,
     /// Inertia times the acceleration of the filtered references.
     pub acceleration: bool,
+    /// Against the force that the navigation filter finds and the model does not know.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub disturbance: bool,
 }
 
 impl Default for FeedForwardTable {
     fn default() -> Self {
-        Self { restoring: true, drag: true, acceleration: true }
+        Self { restoring: true, drag: true, acceleration: true, disturbance: false }
     }
 }
 

@@ -1,0 +1,205 @@
+"""The navigation filter: as a user steps it, aboard a flight, and with inputs that nobody should send."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.base.errors import SimulationError
+from seatrial.flight.navigation import Beacon, Pen, Wall
+from seatrial.sensors.sensor import Sensor
+
+LEVEL = {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}
+HERE = LEVEL | {"x": 0.0, "y": 0.0, "z": 0.0}
+PROPELLERS = ("SbU", "SbL", "PU", "PL")
+
+MISSION = """
+format = 1
+name = "line"
+speed_m_s = 1.2
+acceptance_radius_m = 4.0
+[[legs]]
+north_m = 90.0
+east_m = 0.0
+depth_m = 5.0
+[[legs]]
+north_m = 90.0
+east_m = 60.0
+depth_m = 5.0
+"""
+
+
+def settled(**settings: Any) -> st.NavigationFilter:
+    """A filter that has stood still for three seconds."""
+    navigation = st.NavigationFilter("cwolf", **settings)
+    for _ in range(30):
+        navigation.step(HERE)
+    return navigation
+
+
+def test_a_filter_follows_a_run_by_commands_and_a_late_doppler_log() -> None:
+    vehicle = st.Vehicle.load("cwolf")
+    t = np.arange(0.0, 40.0, 0.1)
+    commands = {name: np.full(len(t), 1100.0) for name in PROPELLERS}
+    commands["PU"][100:] = 900.0
+    run = vehicle.simulate(t, commands, current=[0.2, -0.1, 0.0])
+    sensors = {"attitude": Sensor(noise=0.1), "depth": Sensor(noise=0.01), "dvl": Sensor(0.01, latency_s=0.3)}
+    navigation = st.NavigationFilter(vehicle, sensors, start_deviation_m=0.1)
+    random = np.random.default_rng(1)
+    for k in range(len(t)):
+        roll, pitch, yaw = run.euler[k] + np.deg2rad(0.1) * random.standard_normal(3)
+        told = {"roll": roll, "pitch": pitch, "yaw": yaw, "z": run.position[k, 2]}
+        if k >= 3 and k % 2 == 0:
+            told |= dict(zip("uvw", run.nu[k - 3, :3] + 0.01 * random.standard_normal(3), strict=True))
+        estimate = navigation.step(told, {name: series[k] for name, series in commands.items()})
+    error = [estimate[name] - run.position[-1, i] for i, name in enumerate("xyz")]
+    # Three deviations of the filter's own, which are below half a metre after 40 s.
+    state = navigation.state
+    assert np.all(np.abs(error) < 3.0 * state["position_deviation"])
+    assert state["position_deviation"].max() < 0.5
+    assert np.hypot(state["current"][0] - 0.2, state["current"][1] + 0.1) < 0.1
+    assert 0.5 < navigation.consistency["u"][0] < 1.5
+
+
+def test_a_filter_begins_when_the_attitude_is_known() -> None:
+    navigation = st.NavigationFilter("cwolf", start=[5.0, 6.0, 7.0])
+    assert navigation.step({"x": 1.0, "roll": 0.0}) == {}
+    assert navigation.waiting_for == ["roll", "pitch", "yaw"]
+    told = navigation.step({"pitch": 0.0, "yaw": 1.0})
+    assert (told["x"], told["y"], told["z"]) == pytest.approx((1.0, 6.0, 7.0))
+    assert navigation.waiting_for == []
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ({"measurement": {"yow": 1.0}}, 'unknown channel "yow"'),
+        ({"measurement": {"yaw": "north"}}, "yaw: expected numbers"),
+        ({"measurement": {}, "commands": {"PX": 1.0}}, 'no actuator "PX"'),
+        ({"measurement": {}, "time_s": float("nan")}, "time_s: expected a finite time"),
+        ({"measurement": {}, "dt_s": -1.0}, "dt_s: expected a positive time"),
+        ({"measurement": {}, "time_s": 1.0, "dt_s": 1.0}, "time_s or dt_s"),
+        ({"measurement": {"x": 0.0}, "ages": {"x": -1.0}}, "ages: x: expected a time from zero on"),
+    ],
+)
+def test_what_is_no_measurement_is_refused_and_changes_nothing(call: dict[str, Any], message: str) -> None:
+    navigation = settled()
+    before = navigation.covariance
+    with pytest.raises(SimulationError, match=message):
+        navigation.step(**call)
+    assert np.array_equal(before, navigation.covariance)
+
+
+def test_time_that_does_not_advance_is_refused() -> None:
+    navigation = st.NavigationFilter("cwolf")
+    navigation.step(HERE, time_s=10.0)
+    navigation.step(HERE, time_s=10.1)
+    for time_s in (10.1, 9.0):
+        with pytest.raises(SimulationError, match="expected a time after"):
+            navigation.step(HERE, time_s=time_s)
+
+
+def test_garbage_from_a_sensor_is_counted_and_moves_nothing() -> None:
+    navigation = settled()
+    told = navigation.step(HERE | {"x": float("nan"), "yaw": float("inf"), "u": 1e9, "z": 40.0})
+    assert abs(told["z"]) < 0.05
+    assert abs(told["u"]) < 0.05
+    assert navigation.refused["u"] == (1, "1 impossible")
+    assert navigation.refused["z"] == (1, "1 beyond the gate")
+    assert "x" not in navigation.refused, "what is not a number was not measured"
+    assert "z: refused 1" in navigation.summary()
+
+
+def test_a_sensor_that_insists_is_believed_again() -> None:
+    navigation = settled()
+    for _ in range(49):
+        assert abs(navigation.step(HERE | {"z": 4.0})["z"]) < 0.1
+    for _ in range(30):
+        told = navigation.step(HERE | {"z": 4.0})
+    assert told["z"] == pytest.approx(4.0, abs=0.2)
+    assert "believed again 1 times" in navigation.refused["z"][1]
+
+
+def test_after_a_long_pause_the_filter_begins_anew() -> None:
+    navigation = settled()
+    navigation.step({}, dt_s=3600.0)
+    assert navigation.restarts == 1
+    assert navigation.waiting_for
+    assert navigation.step(HERE | {"x": 500.0})["x"] == pytest.approx(500.0)
+
+
+def test_acoustics_find_the_place_of_a_vehicle_that_starts_in_doubt() -> None:
+    marks: dict[str, Beacon | Wall | Pen] = {
+        "north": Beacon(100.0, 0.0, 20.0),
+        "east": Beacon(0.0, 80.0, 20.0),
+        "net": Pen(0.0, 0.0, 25.0),
+        "quay": Wall(60.0, 0.0, 0.0),
+    }
+    kinds = {"range": Sensor(noise=0.2), "bearing": Sensor(noise=0.02), "attitude": Sensor(noise=0.2)}
+    for told in (
+        {"range.north": 102.0, "range.east": 82.46, "bearing.east": np.pi / 2},
+        {"bearing.net": 0.0, "range.net": 25.0, "bearing.quay": 0.0, "range.quay": 60.0, "range.east": 82.46},
+    ):
+        navigation = st.NavigationFilter(
+            "cwolf", kinds, landmarks=marks, start=[6.0, -5.0, 0.0], start_deviation_m=8.0
+        )
+        for _ in range(40):
+            estimate = navigation.step(LEVEL | told)
+        assert np.hypot(estimate["x"], estimate["y"]) < 2.5, told
+        assert navigation.state["position_deviation"][0] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"period_s": 0.0}, "period_s"),
+        ({"force": [1.0, 2.0]}, "force: expected 6"),
+        ({"tilt": {"sonar": [0.0, 0.0, 0.0]}}, 'no sensor "sonar"'),
+        ({"landmarks": {"a": (1.0, 2.0)}}, "expected a Beacon, Wall or Pen"),
+        ({"gate": float("nan")}, "gate"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises((SimulationError, st.TrialError), match=message):
+        st.NavigationFilter("cwolf", **settings)
+
+
+def test_a_flight_lives_on_the_estimate_through_fifty_seconds_without_a_doppler_log() -> None:
+    silent = [st.Outage(group, 30.0, 80.0) for group in ("velocity", "water")]
+    flights = st.fly_batch(
+        "cwolf",
+        "cwolf",
+        st.Mission.from_toml(MISSION),
+        current=[0.05, 0.15, 0.0],
+        sensors="typical",
+        navigation="filter",
+        seeds=list(range(8)),
+        outages=silent,
+        max_time_s=80.2,
+        logs=True,
+    )
+    columns = flights.columns
+    place = [columns.index(name) for name in ("x", "y", "measured_x", "measured_y")]
+    drifts = []
+    for case in range(8):
+        log = flights.log(case)
+        miss = log[[300, 800]][:, place[2:]] - log[[300, 800]][:, place[:2]]
+        drifts.append(np.hypot(*(miss[1] - miss[0])))
+    # Measured over 50 seeds: 0.7 m rms; a Doppler log that is held for 50 s misses by 3 m and more.
+    assert max(drifts) < 3.0, drifts
+    assert np.all(flights.figures["navigation_samples"] > 1000)
+
+
+def test_navigation_by_sensors_is_as_before_and_other_words_are_refused() -> None:
+    mission = st.Mission.from_toml(MISSION)
+    plain = st.fly("cwolf", "cwolf", mission, max_time_s=20.0)
+    assert plain.circumstances.navigation == "sensors"
+    assert "navigation_nis" not in plain.metrics
+    filtered = st.fly("cwolf", "cwolf", mission, max_time_s=20.0, navigation="filter")
+    assert filtered.circumstances.to_dict()["navigation"] == "filter"
+    assert filtered.metrics["navigation_nis"] < 1.0
+    with pytest.raises(SimulationError, match='expected "sensors", "filter"'):
+        st.fly("cwolf", "cwolf", mission, navigation="kalman")
