@@ -114,6 +114,7 @@ impl Autopilot {
             ("restoring", table.restoring),
             ("drag", table.drag),
             ("acceleration", table.acceleration),
+            ("disturbance", table.disturbance),
         ])
     }
 

@@ -146,7 +146,7 @@ impl<const N: usize> Transition<N> {
 }
 
 /// Corrections of [`Transition::back`]: a step is near the identity, each makes the rest ten times smaller or so.
-const CORRECTIONS: usize = 10;
+const CORRECTIONS: usize = 6;
 
 impl Transition<STATES> {
     /// The row `y` with `y F = h`: what a row of before the step is after it.
@@ -181,14 +181,16 @@ impl Transition<STATES> {
 
 /// What an observation says against what was expected of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Innovation {
+pub struct Innovation<const N: usize> {
     /// Residual less the error found so far: measured minus expected.
     pub value: f64,
     /// Its variance.
     pub variance: f64,
+    /// Covariance with the error, `P hᵀ`.
+    pub cross: [f64; N],
 }
 
-impl Innovation {
+impl<const N: usize> Innovation<N> {
     /// The normalised innovation squared: χ² of one degree of freedom where the filter is consistent.
     #[inline(always)]
     pub fn normalised_squared(&self) -> f64 {
@@ -280,25 +282,22 @@ impl<const N: usize> ErrorState<N> {
 
     /// What a scalar of variance `variance` says whose residual at the estimate is `residual`.
     #[inline(always)]
-    pub fn innovation(&self, row: &Row, residual: f64, variance: f64) -> Innovation {
-        let mut spread = variance;
-        for &(i, h) in row.entries() {
-            spread += h * row.times(&self.covariance[i]);
+    pub fn innovation(&self, row: &Row, residual: f64, variance: f64) -> Innovation<N> {
+        // P hᵀ = (h P)ᵀ, along rows.
+        let mut cross = [0.0; N];
+        for &(k, h) in row.entries() {
+            let p = &self.covariance[k];
+            for j in 0..N {
+                cross[j] += h * p[j];
+            }
         }
-        Innovation { value: residual - row.times(&self.error), variance: spread }
+        Innovation { value: residual - row.times(&self.error), variance: row.times(&cross) + variance, cross }
     }
 
     /// Takes a scalar: mean and covariance of the error after it.
     #[inline(always)]
-    pub fn update(&mut self, row: &Row, innovation: &Innovation, variance: f64) {
-        let p = &mut self.covariance;
-        // h P, along rows of the symmetric P.
-        let mut c = [0.0; N];
-        for &(k, h) in row.entries() {
-            for j in 0..N {
-                c[j] += h * p[k][j];
-            }
-        }
+    pub fn update(&mut self, row: &Row, innovation: &Innovation<N>, variance: f64) {
+        let (p, c) = (&mut self.covariance, &innovation.cross);
         let scale = 1.0 / innovation.variance;
         let mut gain = [0.0; N];
         for j in 0..N {
@@ -306,10 +305,10 @@ impl<const N: usize> ErrorState<N> {
             self.error[j] += gain[j] * innovation.value;
         }
         // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ, where B hᵀ = P hᵀ − K (h P hᵀ).
-        let seen = row.times(&c) + variance;
+        let seen = row.times(c) + variance;
         for i in 0..N {
             let k = gain[i];
-            let rest = row.times(&p[i]) - k * seen;
+            let rest = c[i] - k * seen;
             for j in 0..N {
                 p[i][j] -= k * c[j] + rest * gain[j];
             }

@@ -9,7 +9,7 @@
 //! Source: Bar-Shalom, Li & Kirubarajan, *Estimation with Applications to Tracking and Navigation* (2001), sections 5.4
 //! and 3.7.4. Tests: `tests/filter/innovation.rs`.
 
-use super::error_state::{ErrorState, Innovation, Row};
+use super::error_state::{ErrorState, Row};
 
 /// When a sample is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,8 +88,7 @@ impl Watch {
             return Verdict::Refused;
         }
         state.forget(row, innovation.value * innovation.value);
-        let innovation =
-            Innovation { variance: innovation.variance + innovation.value.powi(2), ..innovation };
+        let innovation = state.innovation(row, residual, variance);
         state.update(row, &innovation, variance);
         self.recovered += 1;
         self.since = None;

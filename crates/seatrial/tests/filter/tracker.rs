@@ -59,8 +59,8 @@ fn law_a_row_goes_back_through_a_step() {
     let (y, f) = (step.back(&h), step.dense());
     for j in 0..STATES {
         let found: f64 = (0..STATES).map(|i| y[i] * f[i][j]).sum();
-        // What ten corrections leave of a step that is this far from the identity.
-        assert!((found - h[j]).abs() < 1e-6, "component {j}: {found} {}", h[j]);
+        // What six corrections leave of a step that is this far from the identity.
+        assert!((found - h[j]).abs() < 1e-3, "component {j}: {found} {}", h[j]);
     }
 }
 

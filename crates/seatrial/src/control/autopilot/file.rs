@@ -204,7 +204,6 @@ pub struct FeedForwardTable {
     /// Inertia times the acceleration of the filtered references.
     pub acceleration: bool,
     /// Against the force that the navigation filter finds and the model does not know.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub disturbance: bool,
 }
 
