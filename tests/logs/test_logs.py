@@ -270,3 +270,15 @@ def test_the_tables_of_a_log_are_no_topics_and_every_rate_is_a_number(logs: dict
     assert "FMT" not in topics
     assert round(topics["MODE"].rate_hz, 1) == 0.0
     assert topics["NAV[0]"].rate_hz == pytest.approx(10.0)
+
+
+def test_a_data_set_that_the_file_does_not_hold_is_left_out(logs: dict[str, Path], tmp_path: Path) -> None:
+    """Its shape alone takes no room in the file, and 0.8 GB in memory, several times over."""
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "hollow.mat"
+    path.write_bytes(logs["matlab73"].read_bytes())
+    with h5py.File(path, "a") as file:
+        file.create_dataset("hollow", shape=(100_000_000,), chunks=(10_000,), dtype="f8")
+    log = open_log(path)
+    assert "hollow: 100000000 values promised, more than the file can hold; left out" in log.notes
+    assert max(topic.samples for topic in log.topics()) == len(T)

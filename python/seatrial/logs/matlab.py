@@ -27,6 +27,8 @@ __all__ = ["open_log"]
 
 _FEWEST = 3  # samples of a signal
 _DEEPEST = 8
+_MOST_BYTES = 100_000_000
+"""Of a data set, beyond 200 times what it takes in the file: more is a header that lies."""
 
 
 def open_log(path: Path) -> Log:
@@ -148,7 +150,7 @@ def _walk_hdf(
         elif value.attrs.get("MATLAB_class", b"") in (b"char", b"cell", b"function_handle"):
             continue
         elif value.dtype.kind in "biuf" and value.ndim in (1, 2) and value.size >= _FEWEST:
-            if value.size * 8 > 4 * max(path_size(value), 1) + 1_000_000_000:
+            if value.size * 8 > 200 * path_size(value) + _MOST_BYTES:
                 log.note(f"{inner}: {value.size} values promised, more than the file can hold; left out")
                 continue
             cells = np.asarray(value[()], float)

@@ -118,7 +118,7 @@ class _Mcap(Bag):
         try:
             if kind == _CHUNK:
                 chunk = kinds.Chunk.read(source)
-                if chunk.uncompressed_size > 100 * len(content) + _MOST_UNPACKED:
+                if chunk.compression and chunk.uncompressed_size > 100 * len(content) + _MOST_UNPACKED:
                     return [], len(content)
                 inner = extra("mcap.stream_reader", self.path).get_chunk_data_stream(chunk)[0].read(-1)
                 return self._inner(inner, len(content))
