@@ -171,7 +171,7 @@ def test_without_training_trials_the_last_velocity_alone_is_judged() -> None:
     assert "beside baselines" in str(found)
     pair = compare({"a": vehicle, "b": vehicle}, trial, training=other, **still)
     assert pair.scores["a"].baselines == found.baselines
-    assert "baseline: linear" in pair.summary()
+    assert "R2 beside baselines" in pair.summary()
 
 
 def test_a_model_beats_a_baseline_by_less_error_not_by_digits() -> None:

@@ -501,7 +501,11 @@ def _report(comparison: Comparison) -> Report:
         good=good,
         worst=worst,
         next_step=next_step,
-        sections=(Section(sentences=comparison.sentences(), tables=(_table(comparison),)),),
+        sections=(
+            Section(
+                sentences=comparison.sentences(), tables=(_table(comparison), _beside_baselines(comparison))
+            ),
+        ),
     )
 
 
@@ -528,11 +532,6 @@ def _table(comparison: Comparison) -> Table:
                     own.verdict,
                 ]
             rows.append((*cells, *[""] * (8 - len(cells))))
-        rows += [
-            ("", f"baseline: {name}", score_text(row[channel]), *[""] * 5)
-            for name, row in scores[reference].baselines.items()
-            if channel in row
-        ]
     rows += [
         ("all", one.vehicle, "", "", "", "", _span(one.error_ratio, one.error_interval, ""), one.verdict)
         for one in comparison.overall
@@ -545,6 +544,21 @@ def _table(comparison: Comparison) -> Table:
     )
     head = ("channel", "vehicle", "R2", "MAE", "unit", "R2 difference", "error ratio", "verdict")
     return Table.of(title, head, rows, left=2)
+
+
+def _beside_baselines(comparison: Comparison) -> Table:
+    """R2 of every vehicle and of the baselines by velocity channel."""
+    scores, simple = comparison.scores, comparison.scores[comparison.reference].baselines
+    rows = [
+        (
+            channel,
+            *(score_text(one.r2[channel]) for one in scores.values()),
+            *(score_text(row[channel]) if channel in row else "" for row in simple.values()),
+        )
+        for channel in scores[comparison.reference].evidence
+        if any(channel in row for row in simple.values())
+    ]
+    return Table.of("R2 beside baselines", ("channel", *scores, *simple), rows)
 
 
 def sentence(comparison: Comparison, name: str) -> str:
