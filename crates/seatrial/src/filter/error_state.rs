@@ -26,7 +26,7 @@ pub const COLUMNS: usize = 16;
 pub type Block = [[f64; COLUMNS]; MOTION];
 
 /// The columns in use: attitude, velocity and force lie side by side.
-const USED: usize = CURRENT - ATTITUDE;
+pub const USED: usize = CURRENT - ATTITUDE;
 
 /// The largest number of components that a row touches.
 const MOST: usize = STATES;
@@ -126,13 +126,25 @@ impl<const N: usize> Transition<N> {
         f
     }
 
-    /// `F x`.
+    /// The block by columns, along which vectors run.
     #[inline(always)]
-    pub fn times(&self, x: &[f64; N]) -> [f64; N] {
-        let mut y = [0.0; N];
+    pub fn columns(&self) -> [[f64; MOTION]; USED] {
+        let mut columns = [[0.0; MOTION]; USED];
         for i in 0..MOTION {
             for k in 0..USED {
-                y[i] += self.block[i][k] * x[ATTITUDE + k];
+                columns[k][i] = self.block[i][k];
+            }
+        }
+        columns
+    }
+
+    /// `F x`, by the [columns](Self::columns) of the block.
+    #[inline(always)]
+    pub fn times(&self, columns: &[[f64; MOTION]; USED], x: &[f64; N]) -> [f64; N] {
+        let mut y = [0.0; N];
+        for k in 0..USED {
+            for i in 0..MOTION {
+                y[i] += columns[k][i] * x[ATTITUDE + k];
             }
         }
         for i in 0..3 {
@@ -244,12 +256,7 @@ impl<const N: usize> ErrorState<N> {
             rows[i] = row;
         }
         // Fᵀ by rows, so that the second product runs along them too.
-        let mut transposed = [[0.0; MOTION]; USED];
-        for i in 0..MOTION {
-            for k in 0..USED {
-                transposed[k][i] = step.block[i][k];
-            }
-        }
+        let transposed = step.columns();
         for i in 0..MOTION {
             let mut motion = [0.0; MOTION];
             for j in 0..3 {

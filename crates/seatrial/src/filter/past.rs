@@ -55,8 +55,9 @@ impl Past {
     /// Carries the corrections on over a step.
     #[inline(always)]
     pub(super) fn carry(&mut self, step: &Transition<STATES>) {
+        let columns = step.columns();
         for moment in &mut self.ring {
-            moment.moved = step.times(&moment.moved);
+            moment.moved = step.times(&columns, &moment.moved);
         }
     }
 

@@ -70,7 +70,7 @@ fn law_a_prediction_is_the_dense_product() {
         state.predict(&step);
         // Rounding of sums of 24 terms.
         assert!(apart(&expected, &of(&state.covariance)) < 1e-14);
-        let y: Matrix = step.times(&x).iter().map(|y| vec![*y]).collect();
+        let y: Matrix = step.times(&step.columns(), &x).iter().map(|y| vec![*y]).collect();
         assert!(apart(&moved, &y) < 1e-14);
     }
 }
