@@ -129,6 +129,12 @@ class Filter:
     def __new__(cls, /, vehicle: Vehicle, *, period_s: SupportsFloat | SupportsIndex, instruments: Mapping[str, ArrayLike], landmarks: SupportsGetItem[int, tuple[str, str, SupportsGetItem[int, SupportsFloat | SupportsIndex]]] = ..., bottom: ArrayLike | None = None, force: ArrayLike | None = None, force_time_s: SupportsFloat | SupportsIndex, acceleration: ArrayLike | None = None, current: ArrayLike | None = None, current_time_s: SupportsFloat | SupportsIndex, gyro_walk: SupportsFloat | SupportsIndex, gate: tuple[SupportsFloat | SupportsIndex, SupportsFloat | SupportsIndex], start: ArrayLike, longest_age_s: SupportsFloat | SupportsIndex = 0.0) -> Filter:
         """
         The filter of a vehicle before its first sample.
+
+        instruments: per kind (position, gps, usbl, depth, attitude, dvl, gyro, dvl_water, altitude, range, bearing) noise,
+        bias, latency (s), lever arm (3, m), roll, pitch and yaw of its mounting (rad); SI. landmarks: name and kind
+        ("beacon", "wall", "pen") with numbers: north, east, down; unit normal (3) and offset; north, east, radius. bottom:
+        unit normal (3) and offset. force (6,), acceleration (6,), current (3,): None for those of a good model. gate:
+        deviations and patience in s. start: north, east, down and deviation, m.
         """
     @property
     def channels(self, /) -> list[str]:
@@ -148,11 +154,13 @@ class Filter:
     @property
     def state(self, /) -> dict[str, NDArray[float64]]:
         """
-        What is estimated besides the channels.
+        What is estimated besides the channels: force (6,) in N and N m, body frame, current (3,) NED in m/s, gyro_bias (3,)
+        in rad/s; and the standard deviations of all: position (3,), attitude (3,), velocity (6,) …
         """
     def step(self, /, measurement: Mapping[str, ArrayLike], commands: Mapping[str, ArrayLike] | None = None, signals: Mapping[str, ArrayLike] | None = None, *, ages: Mapping[str, ArrayLike] | None = None, time_s: SupportsFloat | SupportsIndex | None = None, dt_s: SupportsFloat | SupportsIndex | None = None) -> dict[str, float]:
         """
-        The estimate {channel: value} after a step.
+        The estimate {channel: value} after a step; empty until the attitude has been measured once. See
+        `seatrial.NavigationFilter.step`, which says it in the words of a user.
         """
     @property
     def waiting_for(self, /) -> list[str]:
@@ -162,7 +170,8 @@ class Filter:
     @property
     def watches(self, /) -> dict[str, list[float]]:
         """
-        Per channel that has been measured: samples and consistency.
+        Per channel that has been measured: samples taken and refused, recoveries, mean normalised innovation squared and
+        its 95 % band, time since the last sample in s, impossible samples.
         """
 
 @final
@@ -776,7 +785,8 @@ def fly(vehicle: Vehicle, autopilot: Autopilot, mission: Mission, seeds: Support
     current_trend (m/s2) and current_walk (m/s per root of a second), (k, 3) or (3,): slow change of that mean. waves
     (k, 5) or (5,): significant height, m, peak period, s, direction and spreading, rad, peakedness. set_points
     {"times": (S,), name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east,
-    down by which its plan is moved, each from its time on. corridors: rows (channel, base (k,), scale (k,), lower, upper,
+    down by which its plan is moved, each from its time on. navigation: the filter whose
+    estimate the autopilot is told, each case with one of its own. corridors: rows (channel, base (k,), scale (k,), lower, upper,
     target, clock (P,)), see `Flights.violations`.
     """
 
