@@ -81,6 +81,8 @@ KEYS = {
     "seed": Range(0.0, 2.0**63 - 1.0, "a seed is a whole number from 0"),
     "rate_hz": Range(1e-6, 1e4, "give the rate of the common time base in Hz, 10 for most logs"),
     "segment_s": Range(1e-3, 1e7, "give the length of a segment in seconds, 10 for most trials"),
+    "horizon_s": Range(0.0, 60.0, "give seconds; 0 predicts one sample ahead"),
+    "horizons_s": Range(1e-3, 60.0, "give seconds, of the order of the vehicle's time constants"),
     "overlap_s": Range(0.0, 1e7, "give it in seconds, shorter than segment_s"),
     "duration_s": Range(1e-3, 1e7, "give the length of the trial in seconds"),
     "settle_s": Range(0.0, 1e6, "give it in seconds"),

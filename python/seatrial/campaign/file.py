@@ -242,6 +242,19 @@ class Polish(Section):
     start: Literal["smoothed", "estimated"] = "estimated"
     starts: Count = 1
     rounds: Annotated[int, Field(strict=True, ge=0)] = 20
+    method: Literal["output", "innovations"] = "output"
+    horizon_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
+    horizons_s: tuple[Positive, ...] = (0.2, 0.5)
+
+    @model_validator(mode="after")
+    def _measured_by_the_filter(self) -> Polish:
+        if self.method == "innovations" and self.nuisances:
+            raise ValueError(
+                'nuisances: method = "innovations" estimates the current in its filter and no other'
+                f" nuisance parameter, found {', '.join(self.nuisances)}; correct the log by [corrections]"
+                ' and [clocks], or use method = "output"'
+            )
+        return self
 
     @model_validator(mode="after")
     def _known_channels(self) -> Polish:
@@ -368,7 +381,14 @@ def parse(text: str, source: str) -> CampaignFile:
     CampaignError
         Not TOML, an unknown key, a missing key or a value that a key may not hold; all of them are listed.
     """
-    return checked(CampaignFile, tables(text, source), source)
+    document = tables(text, source)
+    if "joint" in document:
+        if "polish" in document:
+            raise CampaignError(
+                f"{source}: [joint] and [polish] are the same table; move the keys of [polish] to [joint]"
+            )
+        document["polish"] = document.pop("joint")
+    return checked(CampaignFile, document, source)
 
 
 def in_order(stages: tuple[Stage, ...], source: str) -> tuple[Stage, ...]:

@@ -68,12 +68,13 @@ class Assessment:
         if name not in self.uncertainty.names:
             return None
         place = self.uncertainty.names.index(name)
+        refused = {name for horizon in self.polished.horizons for name in horizon.refused}
         return {
             "estimate": float(self.uncertainty.estimate[place]),
             "sigma": float(self.uncertainty.sigma[place]),
             "lower": float(self.uncertainty.lower[place]),
             "upper": float(self.uncertainty.upper[place]),
-            "verdict": self.identifiability.verdicts.get(name),
+            "verdict": "not identifiable" if name in refused else self.identifiability.verdicts.get(name),
         }
 
     def nuisances(self) -> list[dict[str, Any]]:
@@ -105,9 +106,29 @@ class Assessment:
             for row in sorted(far, key=lambda row: -abs(row["away"]))
         ]
 
+    def method(self) -> list[str]:
+        """Sentences on the method of a joint estimate with a noise model, and on what it refuses."""
+        if self.polished.method == "output":
+            return []
+        lines = [
+            "joint estimate by innovations: prediction errors of a filter with a model of waves, slow forces"
+            " and current, because the campaign asks for it"
+        ]
+        names = [unknown.name for unknown in self.unknowns]
+        for horizon in self.polished.horizons:
+            for name in horizon.refused:
+                place = names.index(name)
+                lines.append(
+                    f"{name} is not identified: predictions {horizon.ahead_s:g} s ahead say"
+                    f" {horizon.values[place]:.3g}, the fit {self.uncertainty.estimate[place]:.3g}, apart by"
+                    f" {abs(horizon.away[place]):.1f} standard deviations of the difference; fix it, or sail"
+                    " steps on top of the autopilot (seatrial plan)"
+                )
+        return lines
+
     def sentences(self) -> list[str]:
         """What to know before the numbers are used, the gravest first."""
-        lines = self.strayed()
+        lines = [*self.method(), *self.strayed()]
         if len(self.polished.costs) > 1:
             lines.append(self._starts())
         if self.residual_analysis.warning:
@@ -149,7 +170,7 @@ def conditioning(campaign: Campaign, *, threads: int | None = None) -> list[str]
     CampaignError, TrialError
         As for `seatrial.estimation.joint.Joint`.
     """
-    joint = Joint(campaign, threads=threads)
+    joint = Joint(campaign, threads=threads, method="output")
     lin = linearise(joint, joint.start)
     lost = sum(not piece.counted.any() for piece in lin.pieces)
     if lost == len(lin.pieces):

@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,11 @@ from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Axes, Coefficient, Polish, Stage
 from seatrial.campaign.parameters import coefficients, parameters
 from seatrial.estimation.criterion import velocity_noise
+from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.problem import Problem, cut, unfit_trials
 from seatrial.estimation.step import stage_step
 from seatrial.statistics.linearisation import Unknown
+from seatrial.trial.record import Segment, restarted
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -38,6 +41,7 @@ __all__ = [
     "PLACE_SD",
     "VELOCITY_NOISES",
     "Joint",
+    "Method",
     "Nuisance",
     "joint_stage",
     "nuisances",
@@ -203,6 +207,9 @@ def _joint_stage(campaign: Campaign, stages: Sequence[Stage]) -> Stage:
     )
 
 
+Method = Literal["output", "innovations"]
+
+
 class Joint:
     """What is estimated jointly: coefficients and nuisance parameters over the segments of all trials.
 
@@ -213,6 +220,9 @@ class Joint:
         Gives the start values and what is not estimated; by default the campaign's.
     threads : int, optional
         Threads of the core; results do not depend on it.
+    method : "output" or "innovations", optional
+        What is compared: a free simulation of segments, or the predictions of a filter; by default what the
+        campaign says.
 
     Attributes
     ----------
@@ -224,6 +234,8 @@ class Joint:
         Trials that a campaign without ``[polish]`` has and that could not be cut, with the reason.
     noise
         Standard deviation (C,) of each channel's residual, SI; the fit refines it.
+    noise_model
+        Intensities of the noises with the method "innovations"; None before its first round.
 
     Raises
     ------
@@ -232,11 +244,18 @@ class Joint:
     """
 
     def __init__(
-        self, campaign: Campaign, vehicle: Vehicle | None = None, *, threads: int | None = None
+        self,
+        campaign: Campaign,
+        vehicle: Vehicle | None = None,
+        *,
+        threads: int | None = None,
+        method: Method | None = None,
     ) -> None:
         self.campaign, self.threads = campaign, threads
         self.vehicle = campaign.vehicle if vehicle is None else vehicle
         self.polish = campaign.file.polish or Polish()
+        self.method = self.polish.method if method is None else method
+        self.noise_model: NoiseModel | None = None
         self.stage, self.left_out = _usable(campaign)
         where = f"{campaign.source}: polish"
         self.parameters = parameters(self.stage, campaign.vehicle, where)
@@ -281,6 +300,19 @@ class Joint:
             + f": {reason}"
             for name, reason in self.left_out.items()
         ]
+
+    @cached_property
+    def steps(self) -> tuple[tuple[tuple[int, int, int], ...], tuple[Segment, ...]]:
+        """Record, first and last sample of every span of training data, and a segment per sample of it."""
+        spans, segments = [], []
+        for index, trial in enumerate(self.data.trials):
+            training = ~self.campaign.held_out(self.data.names[index])
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], training.astype(np.int8), [0]])))
+            for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+                if (end - 1 - first) * trial.dt >= self.stage.segment_s:
+                    spans.append((index, first, end - 1))
+                    segments += restarted(trial, [(k, k + 2) for k in range(first, end - 1)], index)
+        return tuple(spans), tuple(segments)
 
     @property
     def unstaged(self) -> tuple[int, ...]:

@@ -27,7 +27,8 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.progress import Step
 from seatrial.estimation.gauss_newton import INITIALS, GaussNewton
-from seatrial.estimation.joint import Joint
+from seatrial.estimation.innovations import Horizon, Innovations
+from seatrial.estimation.joint import Joint, Method
 from seatrial.statistics.linearisation import Linearisation
 
 __all__ = ["Polished", "linearise", "polish"]
@@ -56,6 +57,7 @@ class Polished:
     over the ``samples`` that count in all channels. ``start_cost`` is that of the start in the same noise, or
     by how much its negative log-likelihood lies above where that is more: it never lies below ``cost``.
     ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
+    ``horizons`` are what predictions over other horizons say, with the method "innovations".
     """
 
     values: Array
@@ -71,6 +73,8 @@ class Polished:
     wall_s: float
     spread: Array
     costs: Array
+    method: Method = "output"
+    horizons: tuple[Horizon, ...] = ()
 
     def rms(self, cost: float) -> float:
         """Root mean square residual in its standard deviation, outliers bounded, that a cost stands for."""
@@ -81,6 +85,8 @@ class Polished:
         costs = ("cost", "start_cost", "samples")
         kept = (*costs, "rounds", "evaluations", "converged", "interrupted", "wall_s")
         return {key: getattr(self, key) for key in kept} | {
+            "method": self.method,
+            "horizons": [one.to_dict(names) for one in self.horizons],
             "values": dict(zip(names, self.values.tolist(), strict=True)),
             "noise": self.noise.tolist(),
             "starts": [
@@ -118,6 +124,8 @@ def polish(
     began = time.monotonic()
     first = joint.start if start is None else np.asarray(start, dtype=float)
     limit = joint.polish.rounds if rounds is None else rounds
+    if joint.method == "innovations":
+        return _with_noise_model(joint, first, limit, fixed, watch)
     search = _Descent(joint, frozenset(fixed), limit, watch)
     found = [search.run(first)]
     if start is None and not fixed and limit and joint.unstaged and not found[-1].interrupted:
@@ -166,6 +174,8 @@ def linearise(
     extra : sequence of str
         Coefficients that are not estimated but differentiated too, appended to the unknowns.
     """
+    if joint.method == "innovations":
+        return Innovations(joint).linearisation(values, extra)
     search = GaussNewton(joint)
     if noise is not None:
         search.noise = noise
@@ -176,6 +186,32 @@ def linearise(
                 search.estimate_noise(joint.residuals(values, initial))
             initial = initial + search.settled(values, initial)
     return search.linearisation(values, initial, extra)
+
+
+def _with_noise_model(
+    joint: Joint, start: Array, rounds: int, fixed: Sequence[int], watch: Callable[[Step], None] | None
+) -> Polished:
+    """The joint estimate by the prediction errors of a filter (`seatrial.estimation.innovations`)."""
+    began = time.monotonic()
+    innovations = Innovations(joint)
+    found = innovations.estimate(start, rounds, fixed, watch)
+    return Polished(
+        values=found.values,
+        initial=innovations.initial(),
+        noise=found.noise,
+        cost=found.cost,
+        start_cost=found.start_cost,
+        samples=found.samples,
+        rounds=found.rounds,
+        evaluations=found.rounds + 1,
+        converged=found.converged,
+        interrupted=found.interrupted,
+        wall_s=time.monotonic() - began,
+        spread=found.values[None],
+        costs=np.array([found.cost]),
+        method="innovations",
+        horizons=found.horizons,
+    )
 
 
 @dataclass(frozen=True)

@@ -287,7 +287,7 @@ def _linearised(
     from seatrial.estimation.joint_estimate import linearise
 
     try:
-        joint = Joint(campaign, vehicle, threads=threads)
+        joint = Joint(campaign, vehicle, threads=threads, method="output")
         if instruments is None:
             return linearise(joint, joint.start)
         own = zip(joint.channels, joint.noise, strict=True)

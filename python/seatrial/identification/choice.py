@@ -147,6 +147,12 @@ def choose(
     threads : int, optional
         Threads of the core; the choice does not depend on it.
     """
+    if joint.method == "innovations":
+        why = (
+            "its filter tells waves from the model. It is not compared with the stages: a replay of commands"
+            " that answer waves, without the waves, judges no model"
+        )
+        return Choice("joint estimate", why, {}, {}, 0.0, polished)
     start, end = joint.identified(joint.start), joint.identified(polished.values)
     words = "held-out data"
     first = _errors(campaign, start, None)

@@ -206,6 +206,35 @@ class Replay:
         zero where the sample does not count. Other parameters are those of `simulated`.
         """
         columns = [CHANNELS.index(channel) for channel in channels]
+        found = self.tangents(
+            values,
+            directions,
+            nuisances=nuisances,
+            initials=initials,
+            channels=channels,
+            nuisance=nuisance,
+            initial=initial,
+        )
+        return [
+            (self._error(index, shown), np.where(self.counted(index)[:, columns, None], slopes, 0.0))
+            for index, (shown, slopes) in enumerate(found)
+        ]
+
+    def tangents(
+        self,
+        values: ArrayLike,
+        directions: ArrayLike,
+        *,
+        nuisances: Sequence[str] = (),
+        initials: Sequence[str] = (),
+        channels: Sequence[str] = CHANNELS,
+        nuisance: ArrayLike | None = None,
+        initial: ArrayLike | None = None,
+    ) -> list[tuple[Array, Array]]:
+        """Channels (n, 12) and their exact derivatives (n, channels, d) per segment, whatever was measured.
+
+        Parameters are those of `sensitivities`.
+        """
         found = self._loop().sensitivities(
             values,
             directions,
@@ -216,13 +245,7 @@ class Replay:
             initial=initial,
             threads=self.threads,
         )
-        return [
-            (
-                self._error(index, shown),
-                np.where(self.counted(index)[:, columns, None], np.asarray(slopes), 0.0),
-            )
-            for index, (shown, slopes) in enumerate(found)
-        ]
+        return [(np.asarray(shown), np.asarray(slopes)) for shown, slopes in found]
 
     def losses(self, values: ArrayLike, *, weight: Array, loss: str, knee: float) -> Array:
         """Sums (k, segments, 12) of ``loss(weight * error)`` for candidates (k, m), infinite if diverged.

@@ -1,0 +1,332 @@
+"""Joint estimate with a noise model: prediction errors of a Kalman filter in place of those of a simulation.
+
+Output error simulates a segment freely and takes all that it misses for sensor noise. In a log that was
+sailed by an autopilot through waves that is wrong twice: waves move the vehicle, and the commands answer
+them, so that the error is correlated with the input and bends the gains. With a model of the noise the
+prediction errors of the right model are white and uncorrelated with the past; commands that are made from
+the past then do no harm (Ljung 1999, theorem 8.3 and section 13.4).
+
+A round linearises the model over every sample (`one_step`), improves the noise model by a step of
+expectation maximisation (`kalman`), runs the filter with the derivatives by the unknowns and takes a
+Gauss-Newton step on the prediction errors a horizon ahead, one sample unless the campaign says otherwise.
+
+A noise model may be wrong too, and then the estimate depends on the horizon. The unknowns are therefore
+estimated again from predictions over other horizons. Where the difference is larger than three of its
+standard deviations, and larger than a quarter of the estimate, the coefficient is not identified. Horizons
+longer than the answer of the autopilot are bent by it: short ones are compared.
+Standard deviations of differences are those of the sums over blocks of time longer than the correlation.
+
+Source: Maine & Iliff, *Application of Parameter Estimation to Aircraft Stability and Control* (NASA RP-1168,
+1986); Ljung, *System Identification* (1999); Jategaonkar, *Flight Vehicle System Identification* (2015),
+chapter 5 (filter error method).
+Held by ``tests/estimation/test_innovations.py``.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seatrial._core import initial_names
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.progress import Step
+from seatrial.estimation import kalman
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.one_step import OneStep, Span
+from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
+
+__all__ = ["Horizon", "Innovations", "Outcome"]
+
+_FIRST, _EACH = 5, 2  # steps of expectation maximisation before the first round, and in each
+
+_CLOSE = 0.1  # standard deviations of the largest step that ends the rounds
+
+_APART, _MATTERS = 3.0, 0.25  # standard deviations of a difference, and part of the estimate
+
+_BLOCK_S = 20.0
+
+_SETTLING_S = 10.0
+"""What the filter needs from the start of a span until its errors count."""
+
+_HORIZON_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """Estimates (m,) from predictions ``ahead_s`` ahead, and how far from those of the fit.
+
+    ``away`` (m,) is the difference in its own standard deviations; ``refused`` names the coefficients that
+    are not identified because of it.
+    """
+
+    ahead_s: float
+    values: Array
+    away: Array
+    refused: tuple[str, ...]
+
+    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
+        """The same by the unknowns' names."""
+        return {
+            "ahead_s": self.ahead_s,
+            "values": dict(zip(names, self.values.tolist(), strict=True)),
+            "away": dict(zip(names, self.away.tolist(), strict=True)),
+            "refused": list(self.refused),
+        }
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Where the rounds ended: values (m,), noise (Y,) of the predictions, cost and likelihood."""
+
+    values: Array
+    noise: Array
+    cost: float
+    start_cost: float
+    samples: int
+    rounds: int
+    converged: bool
+    interrupted: bool
+    horizons: tuple[Horizon, ...]
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """Prediction errors (n, Y) of a span, their derivatives (n, Y, m) by the unknowns, what counts."""
+
+    span: Span
+    error: Array
+    slope: Array
+    counted: Mask
+
+
+class Innovations:
+    """Workspace of the joint estimate with a noise model.
+
+    Parameters
+    ----------
+    joint : Joint
+
+    Attributes
+    ----------
+    steps
+        The model over one sample, along the training data.
+    """
+
+    def __init__(self, joint: Joint) -> None:
+        self.joint, self.steps = joint, OneStep(joint)
+        self.dt = joint.data.dt
+        self.seen = [self.steps.states.index(name) for name in self.steps.channels]
+        self.lower = np.array([u.lower for u in joint.unknowns])
+        self.upper = np.array([u.upper for u in joint.unknowns])
+        self.scale = np.array([u.scale for u in joint.unknowns])
+
+    def estimate(
+        self, start: Array, rounds: int, fixed: Sequence[int], watch: Callable[[Step], None] | None
+    ) -> Outcome:
+        """The estimate that a start (m,) leads to, and those of the other horizons."""
+        began = time.monotonic()
+        at, converged, interrupted, count = start.copy(), False, False, 0
+        horizons: tuple[Horizon, ...] = ()
+        ahead = self._samples(self.joint.polish.horizon_s)
+        spans = self._spans(at, _FIRST)
+        errors = self._errors(spans, ahead)
+        noise, first = self._noise(errors), None
+        try:
+            while True:
+                cost = self._cost(errors, noise)
+                first = cost if first is None else first
+                if watch is not None:
+                    watch(Step("polish", count, rounds, count, cost, time.monotonic() - began))
+                if count >= rounds or converged:
+                    break
+                step, information, _ = self._step(errors, noise, at, start, fixed)
+                moved = np.clip(at + step, self.lower, self.upper)
+                size = np.sqrt(np.diag(np.linalg.pinv(information)))
+                converged = bool(np.all(np.abs(moved - at) < _CLOSE * size)) and count > 0
+                at, count = moved, count + 1
+                spans = self._spans(at, _EACH)
+                errors = self._errors(spans, ahead)
+                noise = self._noise(errors)
+            if rounds:
+                horizons = self._compared(at, start, fixed, errors, noise)
+        except KeyboardInterrupt:
+            interrupted = True
+        cost = self._cost(errors, noise)
+        return Outcome(
+            at,
+            noise,
+            cost,
+            max(cost if first is None else first, cost),
+            int(sum(one.counted.sum() for one in errors)),
+            count,
+            converged,
+            interrupted,
+            horizons,
+        )
+
+    def linearisation(self, values: Array, extra: Sequence[str]) -> Linearisation:
+        """Prediction errors and derivatives at a point, in the form in which an estimate is judged."""
+        joint, size = self.joint, len(self.joint.unknowns) + len(extra)
+        spans = self._spans(values, _FIRST if self.joint.noise_model is None else 0, extra)
+        errors = self._errors(spans, self._samples(joint.polish.horizon_s))
+        noise = self._noise(errors)
+        pieces = []
+        for one in errors:
+            record = one.span.record
+            trial = joint.data.trials[record]
+            t = trial.t[one.span.last + 1 - len(one.error) : one.span.last + 1]
+            residual = one.error / noise
+            pieces.append(
+                Piece(
+                    trial=joint.data.names[record],
+                    t=t,
+                    residual=residual,
+                    counted=one.counted,
+                    weight=self._weight(residual),
+                    jacobian=(one.slope / noise[:, None]).reshape(*one.error.shape, size),
+                    nu=trial.smooth_nu(t)[0],
+                )
+            )
+        info, present = joint.vehicle.coefficient_info(), joint.vehicle.coefficients()
+        added = tuple(
+            Unknown(name, "coefficient", info[name]["unit"], -math.inf, math.inf, math.inf, 0.0, math.inf)
+            for name in extra
+        )
+        return Linearisation(
+            unknowns=(*joint.unknowns, *added),
+            values=np.append(values, [present.get(name, 0.0) for name in extra]),
+            channels=self.steps.channels,
+            noise=noise,
+            dt=self.dt,
+            pieces=tuple(pieces),
+            pushed=pushed_axes(joint.vehicle),
+            fins=fins_and_groups(joint.vehicle),
+        )
+
+    def initial(self) -> Array:
+        """No initial conditions (segments, 12): the filter has them."""
+        return np.zeros((len(self.joint.data.segments), len(initial_names())))
+
+    def _samples(self, horizon_s: float) -> int:
+        """Samples of a horizon, one at least."""
+        return max(round(horizon_s / self.dt), 1)
+
+    def _spans(self, values: Array, improvements: int, extra: Sequence[str] = ()) -> list[Span]:
+        """The spans at a point, the noise model brought along."""
+        spans = self.steps.linearised(values, extra)
+        if self.joint.noise_model is None:
+            self.joint.noise_model = kalman.begin(spans, len(self.steps.velocities), self.dt)
+        for _ in range(improvements):
+            self.joint.noise_model = kalman.improved(spans, self.joint.noise_model, self.dt, self.seen)
+        return spans
+
+    def _errors(self, spans: Sequence[Span], *horizons: int) -> list[_Errors]:
+        """Prediction errors of the spans so many samples ahead."""
+        assert self.joint.noise_model is not None
+        found = []
+        for span in spans:
+            state = kalman.filtered(span, self.joint.noise_model, self.dt, self.seen).state
+            for steps in horizons:
+                late = kalman.ahead(span, state, self.joint.noise_model, self.dt, steps)
+                counted = span.valid[steps:].copy()
+                counted[: round(_SETTLING_S / self.dt)] = False
+                error = np.where(counted, span.measured[steps:] - late[:, self.seen, 0], 0.0)
+                slope = np.where(counted[..., None], late[:, self.seen, 1:], 0.0)
+                found.append(_Errors(span, error, slope, counted))
+        return found
+
+    def _noise(self, errors: Sequence[_Errors]) -> Array:
+        """Standard deviation (Y,) of the prediction errors, from their median."""
+        noise = np.empty(len(self.seen))
+        for column in range(len(noise)):
+            sizes = np.concatenate([np.abs(one.error[one.counted[:, column], column]) for one in errors])
+            noise[column] = 1.4826 * float(np.median(sizes)) if len(sizes) else math.inf
+        return np.maximum(noise, 1e-12)
+
+    def _weight(self, residual: Array) -> Array:
+        if self.joint.polish.loss == "squared":
+            return np.ones_like(residual)
+        knee = self.joint.polish.knee
+        return np.asarray(knee / np.maximum(np.abs(residual), knee))
+
+    def _cost(self, errors: Sequence[_Errors], noise: Array) -> float:
+        """Half the robust sum of squares of the prediction errors."""
+        knee = math.inf if self.joint.polish.loss == "squared" else self.joint.polish.knee
+        total = 0.0
+        for one in errors:
+            size = np.abs(one.error / noise)
+            inner = np.minimum(size, knee)
+            total += float((inner * (size - 0.5 * inner)).sum())
+        return total
+
+    def _step(
+        self, errors: Sequence[_Errors], noise: Array, at: Array, centre: Array, fixed: Sequence[int]
+    ) -> tuple[Array, Array, Array]:
+        """Gauss-Newton step (m,) within the bounds, the information (m, m), block sums (b, m) of the pull."""
+        from scipy.optimize import lsq_linear
+
+        precision = self.scale**-2.0  # a bound's width is a weak prior, as in output error
+        information = np.diag(precision)
+        gradient = -precision * (at - centre)
+        blocks, length = [], max(round(_BLOCK_S / self.dt), 1)
+        for one in errors:
+            residual = one.error / noise
+            rows = one.slope / noise[:, None]
+            weight = self._weight(residual)
+            information = information + np.einsum("kc,kci,kcj->ij", weight, rows, rows, optimize=True)
+            pull = np.einsum("kc,kci->ki", weight * residual, rows)
+            gradient = gradient + pull.sum(axis=0)
+            blocks += [pull[k : k + length].sum(axis=0) for k in range(0, len(pull), length)]
+        free = np.array([i for i in range(len(at)) if i not in set(fixed)], dtype=np.intp)
+        scale = self.scale[free]
+        scaled = information[np.ix_(free, free)] * np.outer(scale, scale)
+        size = np.sqrt(np.diag(scaled))
+        factor = np.linalg.cholesky(scaled / np.outer(size, size) + 1e-10 * np.eye(len(free))).T * size
+        target = np.linalg.solve(factor.T, gradient[free] * scale)
+        away = [(bound[free] - at[free]) / scale for bound in (self.lower, self.upper)]
+        found = lsq_linear(factor, target, (np.minimum(away[0], -1e-12), np.maximum(away[1], 1e-12)))
+        step = np.zeros(len(at))
+        step[free] = found.x * scale
+        return step, information, np.array(blocks)
+
+    def _compared(
+        self, values: Array, centre: Array, fixed: Sequence[int], errors: Sequence[_Errors], noise: Array
+    ) -> tuple[Horizon, ...]:
+        """Estimates from other horizons with the noise model held, beside those of the fit."""
+        own = self._influence(errors, noise, values, centre, fixed)
+        found = []
+        for ahead_s in self.joint.polish.horizons_s:
+            steps = self._samples(ahead_s)
+            if steps == self._samples(self.joint.polish.horizon_s):
+                continue
+            at = values
+            for _ in range(_HORIZON_ROUNDS):
+                other = self._errors(self._spans(at, 0), steps)
+                sizes = self._noise(other)
+                step, _, _ = self._step(other, sizes, at, values, fixed)
+                at = np.clip(at + step, self.lower, self.upper)
+            theirs = self._influence(other, sizes, at, values, fixed)
+            count = min(len(own), len(theirs))
+            spread = np.sqrt(((theirs[:count] - own[:count]) ** 2).sum(axis=0))
+            away = (at - values) / np.maximum(spread, 1e-12 * self.scale)
+            matters = np.abs(at - values) > _MATTERS * np.maximum(np.abs(values), 1e-3 * self.scale)
+            refused = tuple(
+                unknown.name
+                for unknown, one, counts in zip(self.joint.unknowns, away, matters, strict=True)
+                if abs(one) > _APART and counts
+            )
+            found.append(Horizon(steps * self.dt, at, away, refused))
+        return tuple(found)
+
+    def _influence(
+        self, errors: Sequence[_Errors], noise: Array, at: Array, centre: Array, fixed: Sequence[int]
+    ) -> Array:
+        """What each block of time moves the estimate by, (blocks, m)."""
+        _, information, blocks = self._step(errors, noise, at, centre, fixed)
+        return np.asarray(np.linalg.solve(information, blocks.T).T)

@@ -1,0 +1,24 @@
+"""Intensities of the noises of a filter along the measured motion (`seatrial.estimation.kalman`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from seatrial.base.arrays import Array
+
+__all__ = ["NoiseModel"]
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Intensities of the noises.
+
+    ``process`` (N,) variance per sample of what drives each state, ``sensors`` (Y,) variance of each measured
+    channel, ``wave_hz`` the frequency of the waves and ``waved`` the axes (places among the velocities) that
+    they move.
+    """
+
+    process: Array
+    sensors: Array
+    wave_hz: float | None
+    waved: tuple[int, ...]

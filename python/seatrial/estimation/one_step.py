@@ -1,0 +1,185 @@
+"""The model over one sample, linearised about the smoothed measured motion of the training data.
+
+``x[k+1] = xs[k+1] + g[k] + F[k] (x[k] - xs[k]) + C[k] c + T[k] (theta - theta0)`` with xs the smoothed
+measured motion, g by how much one step of the model from xs[k] misses xs[k+1], c the velocity of the water
+(north, east, besides what was recorded) and theta the unknowns. The state is what the instruments show:
+velocities of the simulated axes over ground, their angles, and depth or position where they were measured.
+All derivatives are those of the core's own step, by dual numbers; every sample is a segment of its own, so
+that one call to the core gives them all. The error of the linearisation is of second order in what the
+smoothing left of the sensors' noise.
+
+Held by ``tests/estimation/test_innovations.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
+from seatrial.base.errors import CampaignError
+from seatrial.base.rotation import shorter, to_euler
+from seatrial.campaign.parameters import coefficient_names, expansion_matrix
+from seatrial.estimation.joint import Joint
+from seatrial.trial.record import Record, Replay
+
+__all__ = ["OneStep", "Span"]
+
+_ANGLES = ("roll", "pitch", "yaw")
+_CURRENT = ("current_north", "current_east")
+
+
+@dataclass(frozen=True)
+class Span:
+    """Training samples ``first`` to ``last`` (both included) of one trial, without a gap.
+
+    ``measured`` (n, Y) are the measured channels minus the smoothed motion, ``valid`` which of them count.
+    ``transition`` (n-1, S, S), ``current`` (n-1, S, 2), ``unknowns`` (n-1, S, m) and ``missed`` (n-1, S) are
+    F, C, T and g.
+    """
+
+    record: int
+    first: int
+    last: int
+    measured: Array
+    valid: Mask
+    transition: Array
+    current: Array
+    unknowns: Array
+    missed: Array
+
+
+class OneStep:
+    """The model over one sample along the training data of a joint estimate.
+
+    Parameters
+    ----------
+    joint : Joint
+
+    Attributes
+    ----------
+    states
+        Channels (S) of the state: velocities first.
+    channels
+        Those (Y) of them that were measured: a rate or velocity that was derived from the pose is not.
+
+    Raises
+    ------
+    CampaignError
+        No axis is simulated whose velocity or angle was measured.
+    """
+
+    def __init__(self, joint: Joint) -> None:
+        self.joint = joint
+        free, data = joint.stage.axes.free, joint.data
+        self.velocities = tuple(CHANNELS[AXES.index(letter)] for letter in free)
+        angles = [angle for letter, angle in zip("KMN", _ANGLES, strict=True) if letter in free]
+        sensed = [_sensed(record) for record in data.records]
+        places = [p for p in ("x", "y", "z") if any(mask[:, CHANNELS.index(p)].any() for mask in sensed)]
+        self.states = (*self.velocities, *angles, *places)
+        columns = [CHANNELS.index(name) for name in self.states]
+        kept = [c for c in columns if any(mask[:, c].any() for mask in sensed)]
+        self.channels = tuple(CHANNELS[c] for c in kept)
+        if not self.channels:
+            raise CampaignError(
+                f'{joint.campaign.source}: joint, key method: "innovations" needs a measured velocity or'
+                ' angle of a simulated axis and found none; use method = "output"'
+            )
+        self._columns, self._shown = columns, kept
+        self._spans, self._segments = joint.steps
+        self._sensed = sensed
+
+    def linearised(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
+        """The spans with the derivatives at the values (m,) of the unknowns, further coefficients last."""
+        joint, m = self.joint, len(self.joint.parameters)
+        present = joint.vehicle.coefficients()
+        spread = expansion_matrix(joint.parameters)
+        directions = np.zeros((m + len(extra), spread.shape[1] + len(extra)))
+        directions[:m, : spread.shape[1]] = spread
+        directions[m:, spread.shape[1] :] = np.eye(len(extra))
+        at = [*(values[:m] @ spread), *(present.get(name, 0.0) for name in extra)]
+        found = self._replay(tuple(extra)).tangents(
+            at,
+            directions,
+            nuisances=_CURRENT,
+            initials=[f"initial_{name}" for name in self.states],
+            channels=self.states,
+        )
+        columns, count = self._columns, m + len(extra)
+        shown = np.array([channels[:, columns] for channels, _ in found])
+        slopes = np.array([derivatives for _, derivatives in found])
+        # The core turns the attitude about the body's axes; what that does to the angles is seen in the first
+        # sample.
+        back = np.linalg.inv(slopes[:, 0, :, count + 2 :])
+        transition = slopes[:, 1, :, count + 2 :] @ back
+        spans, place = [], 0
+        for record, first, last in self._spans:
+            here = slice(place, place + last - first)
+            place = here.stop
+            start = shown[here, 0]
+            path = np.vstack([start, self._at(record, last)])
+            missed = self._difference(shown[here, 1], path[1:])
+            trial, mask = self.joint.data.records[record].trial, self._sensed[record]
+            rows = slice(first, last + 1)
+            seen = [columns.index(c) for c in self._shown]
+            measured = self._difference(trial.observed[rows][:, self._shown], path[:, seen], seen)
+            valid = mask[rows][:, self._shown] & np.isfinite(measured)
+            spans.append(
+                Span(
+                    record,
+                    first,
+                    last,
+                    np.where(valid, measured, 0.0),
+                    valid,
+                    transition[here],
+                    slopes[here, 1, :, count : count + 2],
+                    slopes[here, 1, :, :count],
+                    missed,
+                )
+            )
+        return spans
+
+    def _difference(self, one: Array, other: Array, places: Sequence[int] | None = None) -> Array:
+        """One minus another (n, channels), angles the shorter way round."""
+        found = np.asarray(one - other)
+        names = self.states if places is None else [self.states[i] for i in places]
+        for column, name in enumerate(names):
+            if name in _ANGLES:
+                found[:, column] = shorter(found[:, column])
+        return found
+
+    def _at(self, record: int, sample: int) -> Array:
+        """Smoothed state (S,) of a sample as the instruments show it."""
+        position, attitude, nu = self.joint.data.trials[record].state(sample)
+        return np.concatenate([nu, position, to_euler(attitude)])[self._columns]
+
+    def _replay(self, extra: tuple[str, ...]) -> Replay:
+        joint = self.joint
+        records = tuple(
+            Record(record.trial, record.input, np.ones_like(record.counted)) for record in joint.data.records
+        )
+        return Replay(
+            joint.vehicle,
+            records,
+            self._segments,
+            names=(*coefficient_names(joint.parameters), *extra),
+            free=joint.stage.axes.free,
+            measured=joint.stage.axes.measured,
+            substeps=joint.substeps,
+            threads=joint.threads,
+            starts_count=True,
+        )
+
+
+def _sensed(record: Record) -> Mask:
+    """Samples (n, 12) that an instrument gave, without what was derived from others."""
+    mask = record.trial.valid.copy()
+    for finding in record.trial.report.findings:
+        if finding.message.startswith("derived from"):
+            mask[:, [CHANNELS.index(name) for name in finding.channel.split() if name in VELOCITIES]] = False
+    absent = [index for index, name in enumerate(CHANNELS) if name not in record.trial.channels]
+    mask[:, absent] = False
+    return mask
