@@ -13,7 +13,7 @@ use crate::model::current::Current;
 use crate::model::integrate::State;
 use crate::model::kinematics::{rotation, to_euler};
 use crate::number::algebra::{Vec3, Vec6, each, transposed_product};
-use crate::number::random::{gaussian, uniform};
+use crate::number::random::{Noise, gaussians, two_uniforms};
 use crate::number::real::Real;
 
 /// The number of channels.
@@ -216,7 +216,12 @@ pub struct Navigation<'a, T> {
     sensors: &'a Sensors,
     outages: &'a [GroupOutage<T>],
     seed: T,
+    noise: Noise<T, CHANNELS>,
+    steps: Noise<T, CHANNELS>,
+    bias: [T; CHANNELS],
     walk: [T; CHANNELS],
+    /// Samples of each group so far.
+    count: [usize; GROUPS],
     silent: [T; GROUPS],
     past: Vec<[T; CHANNELS]>,
     measurement: Measurement<T>,
@@ -231,7 +236,14 @@ impl<'a, T: Real> Navigation<'a, T> {
             sensors,
             outages,
             seed,
+            noise: Noise::new(seed, 0),
+            steps: Noise::new(seed, CHANNELS),
+            bias: std::array::from_fn(|c| match sensors.errors[c].bias {
+                size if size > 0.0 => gaussians(seed, usize::MAX, c).0 * size,
+                _ => seed.zero(),
+            }),
             walk: [seed.zero(); CHANNELS],
+            count: [0; GROUPS],
             silent: [seed.zero(); GROUPS],
             past: vec![[seed.zero(); CHANNELS]; (sensors.longest() + 1).next_power_of_two()],
             measurement: Measurement::nothing(seed),
@@ -241,7 +253,7 @@ impl<'a, T: Real> Navigation<'a, T> {
     /// What the sensors show at control step `k` of `dt` seconds.
     #[inline(always)]
     pub fn sample(&mut self, truth: [T; CHANNELS], (k, dt): (usize, f64)) -> &mut Measurement<T> {
-        let (sensors, seed, zero) = (self.sensors, self.seed, self.seed.zero());
+        let (sensors, zero) = (self.sensors, self.seed.zero());
         let mask = self.past.len() - 1;
         self.past[k & mask] = truth;
         let mut fresh = [false; GROUPS];
@@ -253,11 +265,14 @@ impl<'a, T: Real> Navigation<'a, T> {
             let older = self.measurement.age[FIRST[g]] + dt;
             let mut age = older;
             if timing.dropout_every.is_finite() {
-                let chance = seed.tabulated(|s| (uniform(s, k, 2 * CHANNELS + g), 0.0));
-                let length = seed.tabulated(|s| (-uniform(s, k, 2 * CHANNELS + GROUPS + g).ln(), 0.0));
+                let (chance, length) = two_uniforms(self.seed, k, 2 * CHANNELS + g);
                 let begins = chance.lt(zero.splat(dt / timing.dropout_every));
                 let left = (self.silent[g] - dt).max(zero);
-                self.silent[g] = T::select(begins, left.max(length * timing.dropout), left);
+                self.silent[g] = left;
+                if T::any(begins) {
+                    let lasting = left.max(length.ln() * -timing.dropout);
+                    self.silent[g] = T::select(begins, lasting, left);
+                }
             }
             let mut silent = self.silent[g];
             let of_all = sensors.outages.iter().filter(|o| o.group == g);
@@ -289,17 +304,17 @@ impl<'a, T: Real> Navigation<'a, T> {
             }
             let timing = &sensors.timing[g];
             let mut shown = self.past[(k - timing.latency.min(k)) & mask][c];
-            let drawn = |place: usize| seed.tabulated(|s| (gaussian(s, k, place), 0.0));
+            let sample = self.count[g];
             if errors.drift > 0.0 {
                 let step = errors.drift * (timing.every as f64 * dt).sqrt();
-                self.walk[c] += drawn(c + CHANNELS) * step;
+                self.walk[c] += self.steps.next(c, sample) * step;
                 shown += self.walk[c];
             }
             if errors.bias > 0.0 {
-                shown += seed.tabulated(|s| (gaussian(s, usize::MAX, c), 0.0)) * errors.bias;
+                shown += self.bias[c];
             }
             if errors.noise > 0.0 {
-                shown += drawn(c) * errors.noise;
+                shown += self.noise.next(c, sample) * errors.noise;
             }
             if errors.quantum > 0.0 {
                 shown = (shown * (1.0 / errors.quantum) + 0.5).floor() * errors.quantum;
@@ -308,6 +323,9 @@ impl<'a, T: Real> Navigation<'a, T> {
                 shown = shown.wrap();
             }
             self.measurement.channels[c] = T::select(heard[g], shown, self.measurement.channels[c]);
+        }
+        for g in 0..GROUPS {
+            self.count[g] += usize::from(fresh[g]);
         }
         &mut self.measurement
     }

@@ -11,7 +11,7 @@
 use super::turbulence::is_any;
 use crate::model::current::Current;
 use crate::number::algebra::Vec3;
-use crate::number::random::gaussian;
+use crate::number::random::Noise;
 use crate::number::real::Real;
 
 /// The places of the random numbers, beyond those of the turbulence.
@@ -24,7 +24,7 @@ const NODE_S: f64 = 10.0;
 pub struct Drift<T> {
     trend: Vec3<T>,
     walk: Vec3<T>,
-    seed: T,
+    noise: Noise<T, 3>,
     /// The last node and the walk's rate from it on.
     node: Vec3<T>,
     rate: Vec3<T>,
@@ -47,7 +47,7 @@ impl<T: Real> Drift<T> {
             walks,
             trend,
             walk,
-            seed,
+            noise: Noise::new(seed, PLACE),
             node: zero,
             rate: zero,
             every: ((NODE_S / dt).round() as usize).max(1),
@@ -66,7 +66,7 @@ impl<T: Real> Drift<T> {
                 if k > 0 {
                     self.node[axis] += self.rate[axis] * span;
                 }
-                let drawn = self.seed.tabulated(|s| (gaussian(s, k / self.every, PLACE + axis), 0.0));
+                let drawn = self.noise.next(axis, k / self.every);
                 self.rate[axis] = drawn * self.walk[axis] * (1.0 / span.sqrt());
             }
         }

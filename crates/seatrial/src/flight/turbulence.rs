@@ -11,7 +11,7 @@
 
 use crate::model::current::Current;
 use crate::number::algebra::Vec3;
-use crate::number::random::gaussian;
+use crate::number::random::{Noise, gaussians};
 use crate::number::real::Real;
 
 /// The places of the random numbers, beyond those of the sensors.
@@ -27,7 +27,8 @@ pub(super) fn is_any<T: Real>(x: &Vec3<T>) -> bool {
 pub struct Turbulence<T> {
     mean: Vec3<T>,
     sigma: Vec3<T>,
-    seed: T,
+    noise: Noise<T, 3>,
+    zero: T,
     slow: Vec3<T>,
     now: Vec3<T>,
     next: Vec3<T>,
@@ -58,13 +59,13 @@ impl<T: Real> Turbulence<T> {
             next: mean,
             mean,
             sigma,
-            seed,
+            noise: Noise::new(seed, PLACE),
+            zero: seed.zero(),
             dt,
         };
         if varies {
             for axis in 0..3 {
-                let drawn = |place: usize| seed.tabulated(|s| (gaussian(s, usize::MAX, PLACE + place), 0.0));
-                let (slow, rest) = (drawn(axis), drawn(3 + axis));
+                let (slow, rest) = gaussians(seed, usize::MAX, PLACE + axis);
                 current.slow[axis] = slow * variance.sqrt();
                 let own = slow * (1.0 / variance).sqrt() + rest * (1.0 - 1.0 / variance).sqrt();
                 current.next[axis] = own.mul_add(sigma[axis], mean[axis]);
@@ -79,7 +80,7 @@ impl<T: Real> Turbulence<T> {
         self.now = self.next;
         if self.varies {
             for axis in 0..3 {
-                let drawn = self.seed.tabulated(|s| (gaussian(s, k, PLACE + axis), 0.0));
+                let drawn = self.noise.next(axis, k);
                 let before = self.slow[axis];
                 let after = before * self.process[0] + drawn * self.process[1];
                 let sigma = self.sigma[axis];
@@ -100,7 +101,7 @@ impl<T: Real> Turbulence<T> {
 
     #[inline(always)]
     fn moving(&self, time: f64) -> Current<T> {
-        let mut current = Current { velocity: self.now, rate: [self.seed.zero(); 3], pressed: None };
+        let mut current = Current { velocity: self.now, rate: [self.zero; 3], pressed: None };
         if self.varies {
             for axis in 0..3 {
                 let rate = (self.next[axis] - self.now[axis]) * (1.0 / self.dt);

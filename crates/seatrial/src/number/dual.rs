@@ -211,6 +211,10 @@ impl<P: Real> Real for Dual<P> {
         self.chain(value, value)
     }
     #[inline(always)]
+    fn ln(self) -> Self {
+        self.chain(self.value.ln(), 1.0 / self.value)
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> bool {
         self.value < other.value
     }
@@ -238,6 +242,11 @@ impl<P: Real> Real for Dual<P> {
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> Self {
         let (value, slope) = f(self.value);
         self.chain(value, slope)
+    }
+    #[inline(always)]
+    fn two_of(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
+        let (a, b) = f(self.value);
+        (self.splat(a), self.splat(b))
     }
     #[inline(always)]
     fn before(self, ring: &[Self], newest: usize) -> Self {

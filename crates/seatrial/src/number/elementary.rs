@@ -1,10 +1,11 @@
-//! Sine, cosine, arctangent and exponential in lanes, to 2 units in the last place.
+//! Sine, cosine, arctangent, exponential and logarithm in lanes, to 2 units in the last place.
 //!
 //! The lane crate has none of them. Method: reduction of the argument to a short interval in two
 //! steps (Cody & Waite 1980, *Software Manual for the Elementary Functions*) and a polynomial
 //! there. The polynomials of sine, cosine and exponential are the Taylor coefficients 1/k!, long
 //! enough for the interval; arctangent splits the angle into three intervals of known
-//! tangents and uses its alternating series.
+//! tangents and uses its alternating series; the logarithm splits off the power of two and sums the series of
+//! artanh (Muller 2016, *Elementary Functions*, section 11.2).
 //!
 //! Tests: `tests/scalars.rs::scalar_elementary_functions_within_two_ulp`.
 
@@ -97,6 +98,36 @@ pub fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let value = Real::select(x.lt(x.splat(-708.0)), x.zero(), value);
     let value = Real::select(x.splat(709.0).lt(x), x.splat(f64::INFINITY), value);
     Real::select(x.simd_eq(x), value, x)
+}
+
+/// √½, by its bits: mantissas are taken from [√½, √2).
+const ROOT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
+
+/// The bits of 1, and of 2⁵².
+const ONE: u64 = 0x3ff0_0000_0000_0000;
+const TWO_52: u64 = 0x4330_0000_0000_0000;
+
+/// `ln x` of a positive normal number.
+#[inline(always)]
+pub fn ln<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+    let simd = x.simd;
+    let constant = |bits: u64| u64x8::splat(simd, bits);
+    // x = 2^n (1 + f), f in [√½ − 1, √2 − 1).
+    let shifted = x.to_bits() + constant(ONE - ROOT_HALF);
+    let exponent = (shifted >> 52) | constant(TWO_52);
+    let n = f64x8::from_bits(exponent) - (f64::from_bits(TWO_52) + 1023.0);
+    let mantissa = (shifted & constant(0x000f_ffff_ffff_ffff)) + constant(ROOT_HALF);
+    let f: f64x8<S> = f64x8::from_bits(mantissa) - 1.0;
+    // ln(1 + f) = f − f²/2 + s (f²/2 + r), s = f/(2 + f), r = 2 (s²/3 + s⁴/5 + …).
+    let s = f / (f + 2.0);
+    let z = s * s;
+    let mut sum = x.splat(2.0 / 23.0);
+    for odd in [21.0, 19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0] {
+        sum = Real::mul_add(sum, z, x.splat(2.0 / odd));
+    }
+    let half = f * f * 0.5;
+    let low = Real::mul_add(n, x.splat(LN_2[1]), s * Real::mul_add(sum, z, half));
+    Real::mul_add(n, x.splat(LN_2[0]), f - (half - low))
 }
 
 /// tan(1/4) and tan(3π/16): limits of the intervals whose centres are 0, π/8 and π/4. Below 1/4 a unit in

@@ -104,6 +104,10 @@ impl<S: Simd> Real for Lanes<S> {
         elementary::exp(self)
     }
     #[inline(always)]
+    fn ln(self) -> Self {
+        elementary::ln(self)
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> mask64x8<S> {
         self.simd.simd_lt_f64x8(self, other)
     }
@@ -140,6 +144,20 @@ impl<S: Simd> Real for Lanes<S> {
             values[lane] = f(points[lane]).0;
         }
         f64x8::simd_from(self.simd, values)
+    }
+    /// Lane by lane; once for all when the lanes are equal: candidates that meet the same noise.
+    #[inline(always)]
+    fn two_of(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
+        let points: [f64; LANES] = self.into();
+        if self.equals(self.splat(points[0])) {
+            let (a, b) = f(points[0]);
+            return (self.splat(a), self.splat(b));
+        }
+        let [mut a, mut b] = [[0.0; LANES]; 2];
+        for lane in 0..LANES {
+            (a[lane], b[lane]) = f(points[lane]);
+        }
+        (f64x8::simd_from(self.simd, a), f64x8::simd_from(self.simd, b))
     }
     #[inline(always)]
     fn before(self, ring: &[Self], newest: usize) -> Self {

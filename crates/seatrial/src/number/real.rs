@@ -56,6 +56,8 @@ pub trait Real:
     fn atan2(self, x: Self) -> Self;
     /// `e^self`.
     fn exp(self) -> Self;
+    /// The natural logarithm of a positive number.
+    fn ln(self) -> Self;
     /// `self < other`.
     fn lt(self, other: Self) -> Self::Mask;
     /// Whether the numbers are equal in every lane: for work that can be left out without changing a bit.
@@ -73,6 +75,8 @@ pub trait Real:
     /// For what arithmetic cannot express: look-ups in records and measured tables. The slope
     /// carries derivatives; plain numbers ignore it.
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> Self;
+    /// Two functions of whole numbers at once, which have no slope: random numbers of a seed.
+    fn two_of(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self);
     /// The value `self` places before the newest one in a ring, linear between neighbours; place `i` is
     /// `ring[i mod len]`. The length is a power of two; `self` is neither negative nor as long.
     fn before(self, ring: &[Self], newest: usize) -> Self;
@@ -159,6 +163,10 @@ impl Real for f64 {
         f64::exp(self)
     }
     #[inline(always)]
+    fn ln(self) -> f64 {
+        f64::ln(self)
+    }
+    #[inline(always)]
     fn lt(self, other: f64) -> bool {
         self < other
     }
@@ -185,6 +193,10 @@ impl Real for f64 {
     #[inline(always)]
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> f64 {
         f(self).0
+    }
+    #[inline(always)]
+    fn two_of(self, f: impl Fn(f64) -> (f64, f64)) -> (f64, f64) {
+        f(self)
     }
     #[inline(always)]
     fn before(self, ring: &[f64], newest: usize) -> f64 {

@@ -22,13 +22,14 @@ fn ulp(a: f64, b: f64) -> u64 {
 
 /// Every function of a number at `x` (and `y` where it takes two).
 #[inline(always)]
-fn all_functions<T: Real>(x: T, y: T) -> [T; 13] {
+fn all_functions<T: Real>(x: T, y: T) -> [T; 14] {
     let (sine, cosine) = x.sin_cos();
     [
         sine,
         cosine,
         x.atan2(y),
         x.exp(),
+        x.ln(),
         x.abs(),
         x.sqrt(),
         x.floor(),
@@ -43,7 +44,7 @@ fn all_functions<T: Real>(x: T, y: T) -> [T; 13] {
 
 /// The functions in eight lanes.
 #[inline(always)]
-fn lanes<S: Simd>(simd: S, x: &[f64; LANES], y: &[f64; LANES]) -> [[f64; LANES]; 13] {
+fn lanes<S: Simd>(simd: S, x: &[f64; LANES], y: &[f64; LANES]) -> [[f64; LANES]; 14] {
     all_functions::<Lanes<S>>(f64x8::simd_from(simd, *x), f64x8::simd_from(simd, *y)).map(Into::into)
 }
 
@@ -51,8 +52,9 @@ fn lanes<S: Simd>(simd: S, x: &[f64; LANES], y: &[f64; LANES]) -> [[f64; LANES];
 const SINE: usize = 0;
 const ARCTANGENT: usize = 2;
 const EXPONENTIAL: usize = 3;
+const LOGARITHM: usize = 4;
 /// The functions from here on are exact.
-const EXACT: usize = 4;
+const EXACT: usize = 5;
 
 /// Calls `check(level, x, y, lanes' result, f64's result)` per instruction set, lane and function.
 fn compare(
@@ -108,16 +110,19 @@ proptest! {
         let mut other = y;
         other.reverse();
         within_two_ulp(ARCTANGENT..EXPONENTIAL, &y, &other);
-        within_two_ulp(EXPONENTIAL..EXACT, &power, &y);
-        within_two_ulp(EXPONENTIAL..EXACT, &small, &y);
-        within_two_ulp(EXPONENTIAL..EXACT, &y, &y);
+        within_two_ulp(EXPONENTIAL..LOGARITHM, &power, &y);
+        within_two_ulp(EXPONENTIAL..LOGARITHM, &small, &y);
+        within_two_ulp(EXPONENTIAL..LOGARITHM, &y, &y);
+        within_two_ulp(LOGARITHM..EXACT, &small.map(f64::abs), &y);
+        within_two_ulp(LOGARITHM..EXACT, &x.map(f64::abs), &y);
+        within_two_ulp(LOGARITHM..EXACT, &y.map(|y| 1.0 + 0.4 * y), &y);
     }
 
     #[test]
     fn scalar_simple_operations_are_exact(x in uniform8(wide(-40.0..40.0)), y in uniform8(-1e3..1e3)) {
         for (a, b) in [(&x, &y), (&y, &x)] {
             // One rounding each, prescribed by IEEE 754.
-            compare(EXACT..13, a, b, |level, function, [x, y, found, expected]| {
+            compare(EXACT..14, a, b, |level, function, [x, y, found, expected]| {
                 assert!(ulp(found, expected) == 0, "{level}, function {function} at ({x:e}, {y:e}): {found:e}");
             });
         }
@@ -140,7 +145,11 @@ fn scalar_elementary_functions_near_multiples_of_half_pi() {
 fn scalar_elementary_functions_at_special_points() {
     let x = [0.0, -0.0, 1.0, -1.0, f64::MIN_POSITIVE, 0.5, PI, f64::NAN];
     let y = [1.0, 1.0, 0.0, 0.0, 1.0, -0.5, -1.0, 1.0];
-    within_two_ulp(0..EXACT, &x, &y);
+    within_two_ulp(SINE..LOGARITHM, &x, &y);
+    // The logarithm is that of positive normal numbers.
+    let positive =
+        [1.0, f64::MIN_POSITIVE, f64::MAX, 0.5, PI, 2.0, 1.0 + f64::EPSILON, 1.0 - 0.5 * f64::EPSILON];
+    within_two_ulp(LOGARITHM..EXACT, &positive, &y);
     within_two_ulp(
         ARCTANGENT..EXPONENTIAL,
         &[0.0, -0.0, 3.0, -3.0, 0.0, -0.0, 1.0, f64::NAN],
@@ -161,14 +170,14 @@ fn scalar_elementary_functions_of_infinity() {
             });
         }
     }
-    within_two_ulp(EXPONENTIAL..EXACT, &x, &x);
+    within_two_ulp(EXPONENTIAL..LOGARITHM, &x, &x);
 }
 
 #[test]
 fn scalar_exponential_ends_where_it_says() {
     let x = [-708.5, -745.0, -1e300, 709.5, 1e300, -708.0, 709.0, 0.0];
     let expected = [0.0, 0.0, 0.0, f64::INFINITY, f64::INFINITY, f64::exp(-708.0), f64::exp(709.0), 1.0];
-    compare(EXPONENTIAL..EXACT, &x, &x, |level, _, [at, _, found, _]| {
+    compare(EXPONENTIAL..LOGARITHM, &x, &x, |level, _, [at, _, found, _]| {
         let lane = x.iter().position(|x| *x == at).unwrap();
         assert!(ulp(found, expected[lane]) <= 2, "{level} at {at}: {found:e}");
     });
