@@ -140,14 +140,14 @@ def test_a_reference_of_few_windows_is_refused() -> None:
 
 
 def test_a_weak_propeller_is_noticed_though_the_mission_was_flown() -> None:
-    verdict = verify_log(fitted(), log(2, WEAK), reference=log(100).trial)
+    verdict = verify_log(fitted(), log(2, (("SbU.gain", 0.7),)), reference=log(100).trial)
     assert verdict.model == "re-identify"
     assert not verdict.held
     assert verdict.validity is not None
     assert {one.channel for one in verdict.validity.failing} & {"q", "pitch", "r"}
     assert verdict.suspects[0].name == "SbU.gain"
     # The step is told to within a few percent of thrust.
-    assert verdict.suspects[0].values[0] == pytest.approx(-0.2, abs=0.04)
+    assert verdict.suspects[0].values[0] == pytest.approx(-0.3, abs=0.04)
 
 
 def test_an_offset_of_the_roll_sensor_belongs_to_the_band() -> None:
@@ -213,3 +213,36 @@ def test_linear_draws_are_those_of_the_model() -> None:
         true = np.concatenate([one[1:, c] for one in squares])
         # Coefficients move by some percent: the second order is a few percent of the first.
         assert told.mean() == pytest.approx(true.mean(), rel=0.1)
+
+
+def test_a_channel_whose_band_swallows_its_signal_cannot_judge() -> None:
+    """A vehicle that kept its state would have passed: the verdict says so, and does not pass for it."""
+    windows = restarts(fitted().vehicle, log(2).trial)
+    narrow = {"u": 0.02, "w": 0.02, "r": 0.005}
+    found = validity(windows, spread_of_errors(narrow, windows)).channels
+    assert not found["r"].blind
+    assert found["r"].band_over_signal == pytest.approx(found["r"].spread / found["r"].signal)
+    wide = validity(windows, spread_of_errors(narrow | {"r": 1.0}, windows))
+    assert "r" in {one.channel for one in wide.blind}
+    # The half-width is at least 1.96 rad/s, and the vehicle turns by less.
+    assert wide.channels["r"].band_over_signal > 10.0
+    verdict = verify_log(fitted(), log(2), reference={"u": 1.0, "w": 1.0, "r": 1.0})
+    assert verdict.model == "log too short or too quiet to tell"
+    assert "it would hardly have shown any change of damping or of thrust or gain" in verdict.reason
+    assert "Cannot judge, for a vehicle that kept its state would have passed: w (band" in verdict.reason
+    assert "None of 3 channels can judge" in verdict.summary()
+
+
+def test_a_valid_verdict_names_the_changes_that_it_would_have_shown() -> None:
+    verdict = verify_log(fitted(), log(2), reference=log(100).trial)
+    kinds = {one.change: one.kind for one in verdict.detectable}
+    assert kinds == {
+        "drag ahead +25 %": "damping",
+        "damping of yaw +25 %": "damping",
+        "damping of pitch +25 %": "damping",
+        "all thrust -15 %": "thrust or gain",
+        "1.4 kg more weight in water": "weight",
+    }
+    assert "It would have shown" in verdict.reason
+    for one in verdict.detectable:
+        assert one.change in verdict.reason

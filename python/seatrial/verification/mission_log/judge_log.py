@@ -36,11 +36,13 @@ from seatrial.verification.mission_log.spread import (
 from seatrial.verification.mission_log.suspects import current_words, in_current, suspects
 from seatrial.verification.mission_log.validity import FEWEST_WINDOWS, LEVEL, Validity, validity
 from seatrial.verification.mission_log.verdict import (
+    TOLD,
     Detectable,
     JudgedRequirement,
     LogVerdict,
     ModelState,
     detectable_changes,
+    unable,
 )
 
 if TYPE_CHECKING:
@@ -54,8 +56,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ModelJudgement", "judge_log", "judge_model"]
 
-_TOLD = 0.5
-"""A log that would show none of the usual changes with this chance is too quiet."""
+_KINDS = ("damping", "thrust or gain")
+"""Of each kind a log must be able to show a change, or it does not speak for the model."""
 
 _MUCH, _MOST_OF_IT = 2.0, 0.9
 """More than twice the usual error left, and no nine tenths explained, is no single change of the vehicle."""
@@ -167,12 +169,21 @@ def _not_failing(
     lead: str = "",
 ) -> ModelJudgement:
     """Valid, or not told where the log would have shown nothing or leaves a doubt."""
-    if max((one.power for one in shown), default=0.0) < _TOLD:
-        best = max(shown, key=lambda one: one.power)
+    begins = f"{lead}{'t' if lead else 'T'}"
+    best = [
+        max(told, key=lambda one: one.power)
+        for kind in _KINDS
+        if (told := [one for one in shown if one.kind == kind])
+    ]
+    if not best or min(one.power for one in best) < TOLD:
+        quiet = " or ".join(f"of {one.kind}" for one in best if one.power < TOLD)
+        which = ", ".join(
+            f"{one.change} with a chance of {100.0 * one.power:.0f} %" for one in best if one.power < TOLD
+        )
         reason = (
-            f"{lead}{'t' if lead else 'T'}he log stays inside the band, but it would hardly have shown any"
-            f" change ({best.change} with a chance of {100.0 * best.power:.0f} %): fly longer and faster, and"
-            " change speed and depth."
+            f"{begins}he log stays inside the band, but it would hardly have shown any change"
+            f" {quiet or 'at all'} ({which or 'the model has none that could be tried'}):"
+            f" fly longer and faster, and change speed, heading and depth.{_cannot_judge(judged, shown)}"
         )
         return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
     if doubtful := [one.sentence() for one in judged.channels.values() if one.doubtful]:
@@ -182,14 +193,24 @@ def _not_failing(
             " references."
         )
         return ModelJudgement(_QUIET, reason, judged, (), shown, notes, current)
-    blind = [one.change for one in shown if one.power < _TOLD]
+    seen = [f"{one.change} ({100.0 * one.power:.0f} %)" for one in shown if one.power >= TOLD]
+    unseen = [one.change for one in shown if one.power < TOLD]
     reason = (
         f"{lead}{100.0 * judged.outside:.1f} % of the log is outside the model's 95 % band,"
-        " no channel by more than chance."
+        f" no channel by more than chance. It would have shown {', '.join(seen)}."
     )
-    if blind:
-        reason += f" It says nothing of {', '.join(blind)}."
+    if unseen:
+        reason += f" It says nothing of {', '.join(unseen)}."
+    reason += _cannot_judge(judged, shown)
     return ModelJudgement("model still valid", reason, judged, (), shown, notes, current)
+
+
+def _cannot_judge(judged: Validity, shown: tuple[Detectable, ...]) -> str:
+    """A sentence on the channels whose band swallows their signal."""
+    named = ", ".join(
+        f"{one.channel} (band {one.band_over_signal:.2g} times its motion)" for one in unable(judged, shown)
+    )
+    return f" Cannot judge, for a vehicle that kept its state would have passed: {named}." if named else ""
 
 
 def _spread(reference: Any, windows: PredictedLog, ahead_s: float) -> Spread:

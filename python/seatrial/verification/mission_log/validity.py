@@ -18,6 +18,11 @@ within the covariance is no reason to doubt the model. A p-value of a thousandth
 they move the predictions by exact derivatives, to first order. Over the channels Holm's step-down holds the
 chance of any false alarm at the level.
 
+A band may be wider than what the channel does. Then a vehicle that kept its state would pass as well: where
+at most `LEAST_SHARE` of the errors of the simplest prediction, the value at the restart, leave the band, the
+band swallows the signal. If no stated change would show there either, the channel cannot judge
+(`seatrial.verification.mission_log.verdict`): what it does not refute speaks for no model.
+
 Between the level and a p-value of 5 % a log neither refutes the model nor speaks for it.
 
 "re-identify" needs both a p-value below the level and a share beyond `LEAST_SHARE`: on an hour of log, 6 %
@@ -28,6 +33,7 @@ Tests: ``tests/verification/test_recorded_validity.py``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -36,6 +42,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, readable
+from seatrial.base.rotation import shorter
 from seatrial.statistics.multiple_testing import holm
 from seatrial.verification.mission_log.restarts import PredictedLog
 from seatrial.verification.mission_log.spread import (
@@ -80,6 +87,10 @@ class ChannelValidity:
         P-value, adjusted over the channels (Holm).
     rms, spread
         Root mean square of the error, and of the half-width of the band, SI.
+    signal
+        Root mean square of what the channel does after a restart: its change from the value there, SI.
+    blind
+        Whether the band swallows the signal: the value at the restart would have passed for a prediction.
     fails
         Whether the share is large and no chance.
     """
@@ -91,7 +102,14 @@ class ChannelValidity:
     p: float
     rms: float
     spread: float
+    signal: float
+    blind: bool
     fails: bool
+
+    @property
+    def band_over_signal(self) -> float:
+        """Half-width of the band over what the channel does; infinite where it does nothing."""
+        return self.spread / self.signal if self.signal > 0.0 else math.inf
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -145,6 +163,12 @@ class Validity:
         return sorted((one for one in self.channels.values() if one.fails), key=lambda one: -one.outside)
 
     @property
+    def blind(self) -> list[ChannelValidity]:
+        """Channels whose band swallows their signal, the widest band first."""
+        found = (one for one in self.channels.values() if one.blind)
+        return sorted(found, key=lambda one: -one.band_over_signal)
+
+    @property
     def outside(self) -> float:
         """Share of all samples outside the band."""
         samples = sum(one.samples for one in self.channels.values())
@@ -158,7 +182,8 @@ class Validity:
             "draws": self.draws,
             "spread": self.spread.source,
             "channels": {
-                name: asdict(one) | {"interval": list(one.interval)} for name, one in self.channels.items()
+                name: asdict(one) | {"interval": list(one.interval), "band_over_signal": one.band_over_signal}
+                for name, one in self.channels.items()
             },
         }
 
@@ -210,23 +235,43 @@ def validity(
         c = CHANNELS.index(name)
         error = np.concatenate([e[m[:, c], c] for e, m in zip(log.residual, log.counted, strict=True)])
         band = np.concatenate([b[m[:, c], c] for b, m in zip(half, log.counted, strict=True)])
+        moved_by = _change_since_restart(log, c)
         fails = bool(p < level and share > LEAST_SHARE)
-        size = [float(np.sqrt(np.mean(one**2))) for one in (error, band)]
+        size = [float(np.sqrt(np.mean(one**2))) for one in (error, band, moved_by)]
         channels[name] = ChannelValidity(
-            name, share, samples, effective, float(p), rms=size[0], spread=size[1], fails=fails
+            name,
+            share,
+            samples,
+            effective,
+            float(p),
+            rms=size[0],
+            spread=size[1],
+            signal=size[2],
+            blind=not fails and float(np.mean(np.abs(moved_by) > band)) <= LEAST_SHARE,
+            fails=fails,
         )
     return Validity(channels, log, half, spread, expected, moved.count if given else 0)
 
 
-def powers(of: Validity, changes: Sequence[list[Array]], *, level: float = LEVEL) -> list[float]:
-    """Chances that changes of the vehicle are noticed, each of which moves predictions by (n, 12) per window.
+def _change_since_restart(log: PredictedLog, c: int) -> Array:
+    """Measured less its value at the restart, (n,), SI: what a channel does where it counts."""
+    found = []
+    for predicted, residual, mask in zip(log.predicted, log.residual, log.counted, strict=True):
+        change = predicted[:, c] + residual[:, c] - predicted[0, c]
+        found.append(change[mask[:, c]])
+    all_changes = np.concatenate(found)
+    return shorter(all_changes) if CHANNELS[c] in ("roll", "pitch", "yaw") else all_changes
 
-    The largest over the channels: of a binomial count of as many samples as the channel is worth, held
-    against the count that `validity` would call no chance.
+
+def powers(of: Validity, changes: Sequence[list[Array]], *, level: float = LEVEL) -> list[dict[str, float]]:
+    """Chances by channel that changes of the vehicle are noticed; each moves predictions (n, 12) per window.
+
+    Of a binomial count of as many samples as the channel is worth, held against the count that `validity`
+    would call no chance.
     """
     from scipy.stats import binom
 
-    best = [0.0 for _ in changes]
+    found: list[dict[str, float]] = [{} for _ in changes]
     sigma = [of.spread.at(of.log.since_restart(w)) for w in range(len(of.log.spans))]
     for name, one in of.channels.items():
         c = CHANNELS.index(name)
@@ -234,8 +279,8 @@ def powers(of: Validity, changes: Sequence[list[Array]], *, level: float = LEVEL
         needed = of.expected[name].needed(count, level / len(of.channels))
         for k, change in enumerate(changes):
             columns = [[part[:, c] for part in some] for some in (change, sigma, of.half_width)]
-            best[k] = max(best[k], float(binom.sf(needed - 1, count, _share(*columns))))
-    return best
+            found[k][name] = float(binom.sf(needed - 1, count, _share(*columns)))
+    return found
 
 
 class _Moved:

@@ -1,9 +1,10 @@
 """The verdict on a log: is the model still valid, what is suspected, and did the mission hold what it had to.
 
-A log on which nothing could have been noticed does not speak for the model. Three changes that happen to
-vehicles are therefore tried to first order; their predictions move by ``J theta``, and the share outside the
-band follows from the spread of a valid model's errors. It is held against the share that the verdict itself
-would not call chance (`seatrial.verification.mission_log.validity`).
+A log on which nothing could have been noticed does not speak for the model. Changes that happen to vehicles,
+of damping, of thrust and the gain of fins, and of weight, are therefore tried to first order; their
+predictions move by ``J theta``, and the share outside the band follows from the spread of a valid model's
+errors. It is held against the share that the verdict itself would not call chance
+(`seatrial.verification.mission_log.validity`).
 
 Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_recorded_validity.py`` in
 ``tests/verification/``.
@@ -12,7 +13,7 @@ Tests: ``test_recorded_verdict.py``, ``test_recorded_campaign.py`` and ``test_re
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -26,7 +27,7 @@ from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.campaign.campaign import input_hashes
 from seatrial.vehicle.actuators import actuator_groups
-from seatrial.verification.mission_log.validity import LEVEL, Validity, powers
+from seatrial.verification.mission_log.validity import LEVEL, ChannelValidity, Validity, powers
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -38,17 +39,38 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.metrics import LoggedStep
 
-__all__ = ["Detectable", "JudgedRequirement", "LogVerdict", "ModelState", "detectable_changes", "report"]
+__all__ = [
+    "TOLD",
+    "Detectable",
+    "JudgedRequirement",
+    "LogVerdict",
+    "ModelState",
+    "detectable_changes",
+    "report",
+    "unable",
+]
 
 ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell"]
 
 
+TOLD = 0.5
+"""A change that a log would show with a smaller chance counts as one that it cannot show."""
+
+Kind = Literal["damping", "thrust or gain", "weight"]
+
+
 @dataclass(frozen=True)
 class Detectable:
-    """A change of the vehicle and the chance that this log would have shown it."""
+    """A change of the vehicle, of a kind, and the chance that each channel of the log would have shown it."""
 
     change: str
-    power: float
+    kind: Kind
+    by_channel: Mapping[str, float]
+
+    @property
+    def power(self) -> float:
+        """Chance that the log would have shown it: in the channel that shows it best."""
+        return max(self.by_channel.values(), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -164,7 +186,15 @@ class LogVerdict:
             "reason": self.reason,
             "validity": None if self.validity is None else self.validity.to_dict(),
             "suspects": [one.to_dict() for one in self.suspects],
-            "detectable": [{"change": one.change, "power": one.power} for one in self.detectable],
+            "detectable": [
+                {
+                    "change": one.change,
+                    "kind": one.kind,
+                    "power": one.power,
+                    "by_channel": dict(one.by_channel),
+                }
+                for one in self.detectable
+            ],
             "metrics": dict(self.metrics),
             "requirements": [
                 {
@@ -253,15 +283,28 @@ def report(verdict: LogVerdict) -> Report:
     )
 
 
+def unable(of: Validity | None, shown: Sequence[Detectable]) -> list[ChannelValidity]:
+    """Channels that cannot judge: their band swallows what they do, and no stated change would show there."""
+    able = {name for one in shown for name, chance in one.by_channel.items() if chance >= TOLD}
+    return [one for one in ([] if of is None else of.blind) if one.channel not in able]
+
+
 def _how_good(verdict: LogVerdict) -> str:
     """Share of the log outside the 95 % band of a valid model, in the worst channel."""
     if verdict.validity is None or not verdict.validity.channels:
         return "no window of this log could be judged"
     channels = verdict.validity.channels
     name = max(channels, key=lambda one: channels[one].outside)
-    fails = sum(one.fails for one in channels.values())
+    fails, blind = (
+        sum(one.fails for one in channels.values()),
+        len(unable(verdict.validity, verdict.detectable)),
+    )
+    told = len(channels) - blind
+    judged = f"{told - fails} of {told} channels agree with the model"
+    if blind:
+        judged = f"{judged}, {blind} cannot judge" if told else f"none of {blind} channels can judge"
     return (
-        f"{len(channels) - fails} of {len(channels)} channels agree with the model; {name} is outside its"
+        f"{judged}; {name} is outside its"
         f" 95 % band most, {100.0 * channels[name].outside:.1f} % of the time (5 % expected)"
     )
 
@@ -307,6 +350,7 @@ def _look_first(verdict: LogVerdict) -> list[str]:
 
 def _channel_table(verdict: LogVerdict) -> Table:
     rows = []
+    cannot = {one.channel for one in unable(verdict.validity, verdict.detectable)}
     for name, one in {} if verdict.validity is None else verdict.validity.channels.items():
         scale, unit = readable(name)
         low, high = one.interval
@@ -317,10 +361,21 @@ def _channel_table(verdict: LogVerdict) -> Table:
             f"{100.0 * low:.0f}-{100.0 * high:.0f}",
             f"{scale * one.rms:.3g}",
             f"{scale * one.spread:.3g}",
+            f"{one.band_over_signal:.2g}",
             f"{one.p:.2g}" if one.p >= 1e-4 else "<0.0001",
-            "fails" if one.fails else "doubt" if one.doubtful else "",
+            "fails" if one.fails else "doubt" if one.doubtful else "cannot judge" if name in cannot else "",
         ))
-    head = ("channel", "unit", "outside 95 % band", "95 % interval", "error rms", "band +-", "p", "")
+    head = (
+        "channel",
+        "unit",
+        "outside 95 % band",
+        "95 % interval",
+        "error rms",
+        "band +-",
+        "band/signal",
+        "p",
+        "",
+    )
     return Table.of("Errors against the band of a valid model", head, rows, left=2)
 
 
@@ -414,13 +469,46 @@ def _file(source: str | Path) -> Path | None:
     return path if path.is_file() else None
 
 
-_DRAG, _THRUST, _WEIGHT = 0.25, -0.15, 0.01
+_DRAG, _DAMPING, _THRUST, _LIFT, _WEIGHT = 0.25, 0.25, -0.15, -0.25, 0.01
+
+
+def _stated_changes(of: Validity) -> list[tuple[str, Kind, dict[str, float]]]:
+    """Changes that happen to vehicles: words, kind, and differences of the coefficients that they move."""
+    vehicle = of.log.vehicle
+    values = vehicle.coefficients()
+    g = float(vehicle.environment()["g"])
+
+    def scaled(names: Iterable[str], share: float) -> dict[str, float]:
+        return {name: share * values[name] for name in names if values.get(name)}
+
+    facts = vehicle.actuator_info()
+    fins = [name for name in facts if facts[name]["kind"] == "fin"]
+    thrusters = [a for group in actuator_groups(vehicle).values() for a in group if a not in fins]
+    weight = _WEIGHT * values["m"]
+    tried: list[tuple[str, Kind, dict[str, float]]] = [
+        (f"drag ahead {100 * _DRAG:+.0f} %", "damping", scaled(("X_u", "X_uu"), _DRAG)),
+        (f"damping of yaw {100 * _DAMPING:+.0f} %", "damping", scaled(("N_r", "N_rr", "N_ur"), _DAMPING)),
+        (f"damping of pitch {100 * _DAMPING:+.0f} %", "damping", scaled(("M_q", "M_qq", "M_uq"), _DAMPING)),
+    ]
+    if of.log.input != "tau":
+        thrust = scaled((f"{a}.gain" for a in thrusters), _THRUST)
+        tried.append((f"all thrust {100 * _THRUST:+.0f} %", "thrust or gain", thrust))
+        groups = actuator_groups(vehicle)
+        for group, members in groups.items():
+            if all(a in fins for a in members):
+                lift = scaled((f"{a}.gain" for a in members), _LIFT)
+                tried.append((f"lift of {group} {100 * _LIFT:+.0f} %", "thrust or gain", lift))
+    tried.append((f"{weight:.2g} kg more weight in water", "weight", {"B": -g * weight}))
+    return [one for one in tried if one[2]]
 
 
 def detectable_changes(
     of: Validity, *, level: float = LEVEL, current: bool = False
 ) -> tuple[Detectable, ...]:
-    """Chances that drag ahead +25 %, all thrust -15 % and 1 % more weight in water are noticed.
+    """Chances that stated changes are noticed: of drag, damping, thrust, lift of fins, and weight.
+
+    Drag ahead and the damping of yaw and pitch by +25 %, all thrust by -15 %, the lift of each group of fins
+    by -25 %, and 1 % more weight in water.
 
     Parameters
     ----------
@@ -431,29 +519,17 @@ def detectable_changes(
     current : bool, optional
         Whether a steady current was fitted to the log: what it would take up is not shown.
     """
-    vehicle = of.log.vehicle
-    values = vehicle.coefficients()
-    g = float(vehicle.environment()["g"])
-    drag = {name: _DRAG * values[name] for name in ("X_u", "X_uu") if values.get(name)}
-    gains = [f"{a}.gain" for group in actuator_groups(vehicle).values() for a in group]
-    gains = [name for name in gains if name in values]
-    weight = _WEIGHT * values["m"]
-    tried = [
-        (f"drag ahead {100 * _DRAG:+.0f} %", drag),
-        (f"all thrust {100 * _THRUST:+.0f} %", {name: _THRUST * values[name] for name in gains}),
-        (f"{weight:.2g} kg more weight in water", {"B": -g * weight}),
-    ]
-    if of.log.input == "tau":
-        tried.pop(1)
-    tried = [(words, change) for words, change in tried if change]
-    slopes = of.log.slopes([change for _, change in tried], current=current)
+    tried = _stated_changes(of)
+    slopes = of.log.slopes([change for _, _, change in tried], current=current)
     moved = [[np.asarray(one.by_direction[:, :, k]) for one in slopes] for k in range(len(tried))]
     if current:
         moved = [
             _beside_current(of, one, [slope.by_direction[:, :, -2:] for slope in slopes]) for one in moved
         ]
     chances = powers(of, moved, level=level)
-    return tuple(Detectable(words, chance) for (words, _), chance in zip(tried, chances, strict=True))
+    return tuple(
+        Detectable(words, kind, chance) for (words, kind, _), chance in zip(tried, chances, strict=True)
+    )
 
 
 def _beside_current(of: Validity, moved: list[Array], water: list[Array]) -> list[Array]:
