@@ -33,6 +33,9 @@ _METRICS = {
     "pitch_largest_deg": ("largest pitch", "deg", 1),
     "roll_largest_deg": ("largest roll", "deg", 1),
     "switches_per_minute": ("starts and stops per minute and actuator", "", 2),
+    "navigation_nis": ("filter: normalised innovation squared (1)", "", 2),
+    "navigation_samples": ("filter: samples taken", "", 0),
+    "navigation_refused": ("filter: samples refused", "", 0),
 }
 """Label, unit and decimals of the metrics that are shown."""
 
