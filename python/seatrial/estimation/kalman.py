@@ -66,7 +66,8 @@ def wave_frequency(spans: Sequence[Span], velocities: int, dt: float) -> float |
     """Frequency of the waves, Hz; None where the log shows none.
 
     What one step of the model misses, as an acceleration, has the spectrum of what it does not know. A wave
-    stands out where the power around the peak of an axis is `_PROMINENT` times that below and above it.
+    stands out where the power around the peak of an axis is `_PROMINENT` times the geometric mean of those
+    below and above it, which is one for a power of the frequency: slow forces alone are no wave.
     """
     from scipy.signal import welch
 
@@ -81,7 +82,7 @@ def wave_frequency(spans: Sequence[Span], velocities: int, dt: float) -> float |
         around = power[near].mean(axis=0)
         below = power[(hz > 0.35 * peak) & (hz < 0.65 * peak)].mean(axis=0)
         above = power[(hz > 1.6 * peak) & (hz < 2.5 * peak)].mean(axis=0)
-        prominence = around / np.maximum(np.maximum(below, above), np.finfo(float).tiny)
+        prominence = around / np.maximum(np.sqrt(below * above), np.finfo(float).tiny)
         axis = int(prominence.argmax())
         if prominence[axis] > best:
             best = float(prominence[axis])
