@@ -103,6 +103,8 @@ def spread_table(metrics: Mapping[str, Array], count: int) -> Table:
     """Least, median and largest of every metric over many flights."""
     rows = []
     for name, (label, unit, decimals) in _METRICS.items():
+        if name not in metrics:  # of the navigation filter, where there is none
+            continue
         values = metrics[name][np.isfinite(metrics[name])]
         if len(values):
             spread = (values.min(), np.median(values), values.max())
