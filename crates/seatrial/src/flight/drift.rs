@@ -60,7 +60,7 @@ impl<T: Real> Drift<T> {
     #[inline(always)]
     pub fn begin(&mut self, k: usize) {
         self.k = k;
-        if self.walks && k % self.every == 0 {
+        if self.walks && k.is_multiple_of(self.every) {
             let span = self.every as f64 * self.dt;
             for axis in 0..3 {
                 if k > 0 {
