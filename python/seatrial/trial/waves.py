@@ -3,7 +3,7 @@
 A spectrum (Welch's method, windows of about a minute) of a vehicle that steers falls smoothly with
 frequency; waves are a peak on it at periods from 2 to 20 s. The amplitude of a channel is ``sqrt(2 P)``,
 with P its power in the band around the peak above the smooth spectrum. Linear waves in deep water fade as
-``exp(-k z)``, ``k = omega^2 / g`` (Fossen 2011, section 8.2). Held by ``tests/trial/test_waves.py``.
+``exp(-k z)``, ``k = omega^2 / g`` (Fossen 2011, section 8.2). Held by ``tests/trial/test_wave_recipes.py``.
 """
 
 from __future__ import annotations
