@@ -18,13 +18,13 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import from_euler, matrix
 from seatrial.intake.consistency_current import slow_current
-from seatrial.intake.consistency_fit import Curve, robust_rms
 from seatrial.intake.consistency_missing import missing
-from seatrial.intake.consistency_motion import Channels
 from seatrial.intake.consistency_result import Consistency, Correction, SlowCurrent
 from seatrial.intake.consistency_sensors import Found, force_found, rates_found, scaled, velocity_found
-from seatrial.intake.consistency_series import Series, checked
 from seatrial.intake.consistency_wording import corrections_of, list_sentence
+from seatrial.trial.kinematic_fit import Curve, robust_rms
+from seatrial.trial.kinematic_series import Series, checked
+from seatrial.trial.kinematics import Channels
 from seatrial.trial.tilt import certain_tilt
 
 __all__ = ["Consistency", "Correction", "Series", "SlowCurrent", "consistency"]

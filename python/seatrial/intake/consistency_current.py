@@ -19,9 +19,9 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
-from seatrial.intake.consistency_motion import Channels, ned_rows
 from seatrial.intake.consistency_result import SlowCurrent
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
+from seatrial.trial.kinematics import Channels, ned_rows
 
 __all__ = ["slow_current"]
 

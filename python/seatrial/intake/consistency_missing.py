@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from seatrial.intake.consistency_series import Series
+from seatrial.trial.kinematic_series import Series
 
 __all__ = ["missing"]
 

@@ -1,7 +1,8 @@
 """The sensors one after the other: gyro and velocity against the pose, specific force against gravity.
 
-Each is first assigned and brought to SI (`consistency_axes`), then its delay, drift, mounting, scale and
-biases are fitted together (`consistency_fit`). What is found about one is applied before the next.
+Each is first assigned and brought to SI (`seatrial.trial.kinematic_axes`), then its delay, drift, mounting,
+scale and biases are fitted together (`seatrial.trial.kinematic_fit`). What is found about one is applied
+before the next.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
-from seatrial.intake.consistency_axes import Assignment, assigned, band, lagged, unit_of
-from seatrial.intake.consistency_fit import Curve, Fit, Grid, Parameter, fitted, robust_rms
-from seatrial.intake.consistency_motion import Channels, RatesResidual, VelocityResidual, ned_rows
-from seatrial.intake.consistency_series import Series
+from seatrial.trial.kinematic_axes import Assignment, assigned, band, lagged, unit_of
+from seatrial.trial.kinematic_fit import Curve, Fit, Grid, Parameter, fitted, robust_rms
+from seatrial.trial.kinematic_series import Series
+from seatrial.trial.kinematics import Channels, RatesResidual, VelocityResidual, ned_rows, pose_velocity
 
 __all__ = ["Found", "force_found", "rates_found", "velocity_found"]
 
@@ -169,7 +170,10 @@ def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: 
     good = residual({})[1]
     whole = len(rows) == 3
     known = channels.delay.get("velocity", 0.0)
-    assignment, ratio = (_by_axes if whole else _by_rows)(channels, grid, residual, good, rows, reach)
+    if whole:
+        assignment, ratio = _by_axes(channels, grid, good, reach)
+    else:
+        assignment, ratio = _by_rows(channels, grid, residual, good, rows, reach)
     of = "rates of position and depth" if whole else "rate of depth" if rows == (2,) else "rate of position"
     of += " and the velocity, m/s"
     units: dict[str, tuple[str, float]] = {}
@@ -231,23 +235,9 @@ def _rms(found: tuple[Array, Mask]) -> float:
     return robust_rms(found[0][found[1]])
 
 
-def _by_axes(
-    channels: Channels,
-    grid: Grid,
-    residual: VelocityResidual,
-    good: Mask,
-    rows: tuple[int, ...],
-    reach: float,
-) -> tuple[Assignment | None, float]:
+def _by_axes(channels: Channels, grid: Grid, good: Mask, reach: float) -> tuple[Assignment | None, float]:
     """Axes, signs, rough delay and ratio of sizes from all three components in the body frame."""
-    rate, _ = residual.rate({})
-    roll, pitch, yaw = residual.smooth
-    # Columns of R: the body components are the products with them.
-    base = np.eye(3)
-    turned = np.stack(
-        [ned_rows(roll, pitch, yaw, np.tile(base[k], (len(grid.t), 1))) for k in range(3)], axis=2
-    )
-    reference = np.einsum("nik,ni->nk", turned, rate)
+    reference, _ = pose_velocity(channels, grid)
     names = tuple(name for name in "uvw" if name in channels.curves)
     shown = grid.low(np.stack([channels.curves[name](grid.t) for name in names], axis=1))
     reference = reference[:, ["uvw".index(name) for name in names]]

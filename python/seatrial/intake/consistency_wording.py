@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.channels import DEGREE
-from seatrial.intake.consistency_fit import Fit
-from seatrial.intake.consistency_motion import Channels
 from seatrial.intake.consistency_result import Correction
 from seatrial.intake.consistency_sensors import Found
+from seatrial.trial.kinematic_fit import Fit
+from seatrial.trial.kinematics import Channels
 
 __all__ = ["corrections_of", "list_sentence"]
 

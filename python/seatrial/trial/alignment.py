@@ -1,29 +1,32 @@
 """Signs and latency of velocity and rate sensors against the motion of the recorded pose.
 
-The body velocity that the pose implies is ``R' dp/dt``, its body rates follow from dq/dt. A sensor is
-compared with them after both went through the same filter (the slope of a straight line fitted over a short
-window), so that neither gains a delay. Its latency is the shift of least absolute error, found between the
-samples; its uncertainty comes from leaving out one eighth of the record at a time (jackknife). It is removed
-only if it is several times its uncertainty and the shifted sensor really follows the pose; otherwise it is
-only reported. A velocity that runs against the pose is reversed, unless a lever arm of the sensor
-explains it better: in a turn the bow goes sideways against the stern. The velocity through the water, of the
-same instrument, is reversed with it where it has the same sense.
+What a pose implies and how a delay is fitted to it, with its deviation, are those of the consistency check
+(`seatrial.trial.kinematics`, `seatrial.trial.kinematic_fit`); here only delays and signs are corrected, so
+that a recording can be read before anyone has checked it. A latency is removed only if it is several times
+its deviation and the shifted sensor really follows the pose; otherwise it is only reported. A velocity that
+runs against the pose is reversed, unless a lever arm of the sensor explains it better: in a turn the bow goes
+sideways against the stern. The velocity through the water, of the same instrument, is reversed with it where
+it has the same sense. Held by ``tests/trial/test_trial_alignment.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.channels import DEGREE
-from seatrial.base.rotation import body_rates, matrix
+from seatrial.base.channels import ANGLES
 from seatrial.base.units import factor
 from seatrial.trial.columns import GROUPS, Group, Source
 from seatrial.trial.corrections import Corrections
+from seatrial.trial.kinematic_axes import UNITS, band, lagged
+from seatrial.trial.kinematic_fit import Curve, Grid, Parameter, fitted
+from seatrial.trial.kinematic_series import Series
+from seatrial.trial.kinematics import Channels, attitude_rates, ned_rows, pose_velocity
+from seatrial.trial.own_samples import own_samples
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport, Signal
 
@@ -40,7 +43,7 @@ _FOLLOWS = 0.7  # least correlation of a sensor whose latency can be estimated
 
 _UNRELATED = 0.3  # a moving channel with less correlation is probably another one
 
-_WINDOW_S = 0.3  # half width of the filter common to both sides
+_STEP_S = 0.02  # of the delay's difference quotient
 
 _COLUMN = {
     channel: column
@@ -49,11 +52,11 @@ _COLUMN = {
     if group.name in ("velocity", "water velocity", "rates")
 }
 
-_SLOWEST_S = 0.6  # longest interval of a position that a latency can be estimated from: the filter's window
-
-_BLOCKS = 8
+_SLOWEST_S = 0.6  # longest interval of a position that a latency can be estimated from
 
 _FEWEST = 50  # samples
+
+_MOST = 200_000  # samples of a channel: of more only every second, third, ... is compared
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ def align(
     aligned = dict(signals)
     given = given or Corrections()
     if "velocity" in names and "velocity" in signals:
-        _report_scale_of_depth(signals, t, report, sources)
+        _report_scale_of_depth(signals, report, sources)
     for name in names:
         if (
             name not in signals
@@ -99,20 +102,20 @@ def align(
                 "info", name, f"latency not estimated: a position every {step:.2g} s is too slow for it"
             )
             continue
-        reference, known = _pose_motion(signals, t, name)
-        columns = ["uvw".index(c) if name == "velocity" else "pqr".index(c) for c in signals[name].channels]
-        reference = reference[:, columns]
-        turning = _pose_motion(signals, t, "rates")[0] if name == "velocity" else None
+        found = _compared(signals, name)
         fixed = {*given.signs, *given.axes, *(() if given.automatic else signals[name].channels)}
-        sensor = _correct_signs(signals[name], t, reference, known, report, sources, turning, fixed=fixed)
+        sensor = signals[name]
+        if found is not None:
+            sensor = _correct_signs(sensor, found, report, sources, fixed=fixed)
         if name == "velocity" and "water velocity" in signals:
             water = _same_signs(signals["water velocity"], signals[name], sensor, report, sources)
             aligned["water velocity"] = water
-        _report_scale(sensor, t, reference, known, report, sources)
+        if found is not None:
+            _report_scale(sensor, found, report, sources)
         aligned[name] = sensor
         if not remove or name in given.delay:
             continue
-        delay = _latency(sensor, t, reference, known)
+        delay = None if found is None else _latency(found, float(t[1] - t[0]))
         if delay is None:
             report.add("info", name, "latency not estimated: too little motion or too few valid samples")
         elif delay.trusted:
@@ -136,102 +139,128 @@ def align(
     return aligned
 
 
-def _pose_motion(signals: Mapping[str, Signal], t: Array, name: str) -> tuple[Array, Mask]:
-    """Body velocity in m/s or rates in rad/s, shape (n, 3), that the pose implies, and where known (n,)."""
-    step = float(t[1] - t[0])
-    half = _half_width(step)
-    q, valid = linear(signals["attitude"], t)
-    known = valid[:, 0]
-    if name == "rates":
-        motion = body_rates(q, _slope(q, half, step))
-        return motion, _all_around(known, half)
-    full, seen = np.zeros((len(t), 3)), np.zeros((len(t), 3), bool)
-    for position in (signals[name] for name in ("position", "depth") if name in signals):
-        columns = ["xyz".index(c) for c in position.channels]
-        full[:, columns], seen[:, columns] = linear(position, t)
-    known = known & seen.all(axis=1)
-    return np.einsum("nji,nj->ni", matrix(q), _slope(full, half, step)), _all_around(known, half)
+@dataclass(frozen=True)
+class _Compared:
+    """A sensor beside the motion that the pose implies, both low-passed on one grid.
+
+    `reference` (n, k) of the sensor's `channels` in m/s or rad/s and where it is known (n,), the body rates
+    `turning` (n, 3) of the pose, and the curves between the samples, as recorded.
+    """
+
+    group: str
+    channels: tuple[str, ...]
+    curves: Channels
+    grid: Grid
+    reference: Array
+    known: Mask
+    turning: Array
+
+    def shown(self, delay: float) -> tuple[Array, Mask]:
+        """What the sensor shows (n, k) if it is late by so many seconds, and where it is known (n,)."""
+        values = {f"delay.{self.group}": delay}
+        y = [self.curves.at(channel, self.grid.t, values) for channel in self.channels]
+        known = self.grid.inside(self.curves.known(self.channels, self.grid.t, values))
+        return self.grid.low(np.stack(y, axis=1)), known
+
+    @cached_property
+    def _bands(self) -> tuple[Array, Array]:
+        y, known = self.shown(0.0)
+        both = known & self.known
+        return band(self.reference, both, self.grid), band(y, both, self.grid)
+
+    def delay(self, columns: Sequence[int]) -> float:
+        """Rough delay in s at which these channels share most with the pose's motion, whatever the sign."""
+        reference, y = (side[:, columns] for side in self._bands)
+        return lagged(reference, y, self.grid.step, _LARGEST_S)[0]
+
+    @cached_property
+    def best(self) -> tuple[tuple[Array, Mask], ...]:
+        """What each channel shows at its own rough delay, (n,), and where it can be compared (n,)."""
+        found = []
+        for k in range(len(self.channels)):
+            y, known = self.shown(self.delay([k]))
+            found.append((y[:, k], known & self.known))
+        return tuple(found)
 
 
-def _latency(sensor: Signal, t: Array, reference: Array, known: Mask) -> Latency | None:
-    """Delay of a sensor against `reference` (n, k), `known` (n,) at uniform times `t`; None if unclear."""
-    from scipy.interpolate import CubicSpline
-
-    step = float(t[1] - t[0])
-    y, good = _filtered(sensor, t)
-    margin = int(np.ceil(_LARGEST_S / step))
-    usable = known & _all_around(good, margin // 2)
-    usable[:margin] = usable[len(t) - margin :] = False
-    index = np.flatnonzero(usable)
-    if len(index) < _FEWEST:
+def _compared(signals: Mapping[str, Signal], name: str) -> _Compared | None:
+    """A sensor beside the pose's motion; None where the pose or the sensor is hardly ever known."""
+    used = ("position", "depth", "attitude") if name == "velocity" else ("attitude",)
+    curves = _curves(signals, (*used, name))
+    needed = ("x", "y", "z", *ANGLES) if name == "velocity" else ANGLES
+    names = tuple(channel for channel in signals[name].channels if channel in curves.curves)
+    if not set(needed) <= set(curves.curves) or names != signals[name].channels:
         return None
-    blocks = np.array_split(index, _BLOCKS)
-
-    def errors(shifts: Array) -> Array:
-        """Absolute error per shift and block, channel by channel: the splines of a long log are large."""
-        total = np.zeros((len(shifts), _BLOCKS))
-        for k in range(y.shape[1]):
-            curve = CubicSpline(t, y[:, k])
-            total += [
-                [np.abs(curve(t[b] + shift) - reference[b, k]).sum() for b in blocks] for shift in shifts
-            ]
-        return total
-
-    # Coarse search over all shifts first: the error over the shift has several minima in a periodic motion.
-    coarse = np.arange(-_LARGEST_S, _LARGEST_S + 1e-9, 0.5 * min(step, 0.1))
-    cost = errors(coarse)
-    best = int(np.argmin(cost.sum(axis=1)))
-    if best in (0, len(coarse) - 1):
+    grid = curves.grid((*needed, *names), _LARGEST_S)
+    if grid is None:
         return None
-    fine = coarse[best] + np.linspace(-0.15, 0.15, 61)
-    cost = errors(fine)
-    seconds = _lowest(fine, cost.sum(axis=1))
-    left_out = np.array([_lowest(fine, cost.sum(axis=1) - cost[:, b]) for b in range(_BLOCKS)])
-    deviation = float(np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((left_out - left_out.mean()) ** 2)))
-    shifted = [CubicSpline(t, y[:, k])(t[index] + seconds) for k in range(y.shape[1])]
-    correlation = _correlation(np.stack(shifted, axis=1), reference[index])
+    turning, known = attitude_rates(curves, grid)
+    reference, columns = turning, ["pqr".find(channel) for channel in names]
+    if name == "velocity":
+        (reference, seen), columns = pose_velocity(curves, grid), ["uvw".find(channel) for channel in names]
+        known = known & seen
+    if known.sum() < _FEWEST:
+        return None
+    return _Compared(name, names, curves, grid, reference[:, columns], known, turning)
+
+
+def _curves(signals: Mapping[str, Signal], names: Sequence[str]) -> Channels:
+    """Curves between the good samples of these signals."""
+    found = own_samples({name: signals[name] for name in names if name in signals})
+    return Channels({
+        channel: Curve(Series(t[:: -(-len(t) // _MOST)], y[:: -(-len(t) // _MOST)]), angle=channel in ANGLES)
+        for channel, (t, y) in found.items()
+        if len(t) >= _FEWEST
+    })
+
+
+def _latency(found: _Compared, step: float) -> Latency | None:
+    """Delay of a sensor against the pose's motion; None if unclear. `step`: interval of the time base, s."""
+
+    def residual(values: Mapping[str, float]) -> tuple[Array, Mask]:
+        y, known = found.shown(values[key])
+        return found.reference - y, known & found.known
+
+    key = f"delay.{found.group}"
+    rough = found.delay(range(len(found.channels)))
+    if abs(rough) > _LARGEST_S - found.grid.step:
+        return None
+    parameter = Parameter(key, _STEP_S, 0.0, always=True, shift=True)
+    fit = fitted(residual, [parameter], found.grid, [{key: delay} for delay in sorted({0.0, rough}, key=abs)])
+    if fit is None or abs(fit.values[key]) > _LARGEST_S:
+        return None
+    seconds, deviation = fit.values[key], fit.sd[key]
+    y, known = found.shown(seconds)
+    use = known & found.known
+    correlation = _correlation(y[use], found.reference[use])
     certain = abs(seconds) > max(3.0 * deviation, 0.05 * step) and deviation < 0.5 * step
     return Latency(seconds, deviation, correlation, certain and correlation > _FOLLOWS)
 
 
 def _correct_signs(
     sensor: Signal,
-    t: Array,
-    reference: Array,
-    known: Mask,
+    found: _Compared,
     report: RecordingReport,
     sources: Mapping[str, Source],
-    turning: Array | None = None,
     *,
     fixed: Collection[str] = (),
 ) -> Signal:
     """The sensor with channels that run against the pose reversed; others that do not follow it are named.
 
-    With the body rates `turning` (n, 3) a channel that a lever arm explains better than a sign stays; the
-    `fixed` channels stay too, and are named.
+    A channel of the velocity that a lever arm explains better than a sign stays; the `fixed` channels stay
+    too, and are named. What is reversed is reversed in `found`, too.
     """
-    y, good = _filtered(sensor, t)
-    step = float(t[1] - t[0])
-    reach = round(0.5 * _LARGEST_S / step)
-    usable = known & good
-    usable[:reach] = usable[len(t) - reach :] = False
-    index = np.flatnonzero(usable)
-    if len(index) < _FEWEST:
-        return sensor
     signs = np.ones(len(sensor.channels))
-    quarters = np.array_split(index, 4)
-    shifts = range(-reach, reach + 1)
     for k, channel in enumerate(sensor.channels):
-
-        def correlation(part: NDArray[np.intp], shift: int, k: int = k) -> float:
-            return _correlation(y[part + shift, k], reference[part, k])
-
-        shift = max(shifts, key=lambda shift: abs(correlation(index, shift)))
-        strongest = correlation(index, shift)
-        third = sorted(correlation(part, shift) for part in quarters)[2]
+        y, use = found.best[k]
+        if use.sum() < _FEWEST:
+            continue
+        measured, reference = y[use], found.reference[use, k]
+        strongest = _correlation(measured, reference)
+        quarters = zip(np.array_split(measured, 4), np.array_split(reference, 4), strict=True)
+        third = sorted(_correlation(*quarter) for quarter in quarters)[2]
         if strongest < _OPPOSITE and third < 0.5 * _OPPOSITE:
-            measured, rates = y[index + shift, k], None if turning is None else turning[index]
-            if rates is not None and _on_an_arm(channel, measured, reference[index, k], rates):
+            if found.group == "velocity" and _on_an_arm(channel, measured, reference, found.turning[use]):
                 report.add(
                     "warning",
                     channel,
@@ -248,6 +277,7 @@ def _correct_signs(
                 )
                 continue
             signs[k] = -1.0
+            found.curves.axes[channel] = (channel, -1.0)
             name = _COLUMN[channel]
             entry = replace(sources[name], sign=-sources[name].sign)
             report.add(
@@ -256,7 +286,7 @@ def _correct_signs(
                 f"runs opposite to the recorded pose (correlation {strongest:.2f}); sign reversed here. "
                 f"State it in the column map: {name} = {entry}",
             )
-        elif abs(strongest) < _UNRELATED and np.std(reference[index, k]) > 0.25 * np.std(reference[index]):
+        elif abs(strongest) < _UNRELATED and (np.std(reference) > 0.25 * np.std(found.reference[use])):
             report.add(
                 "warning",
                 channel,
@@ -265,18 +295,7 @@ def _correct_signs(
     return replace(sensor, y=sensor.y * signs)
 
 
-_UNITS = {
-    "velocity": {
-        "mm/s": 1e-3,
-        "cm/s": 1e-2,
-        "km/h": 1.0 / 3.6,
-        "knot": 1852.0 / 3600.0,
-        "ft/s": 0.3048,
-        "m/s": 1.0,
-    },
-    "rates": {"rad/s": 1.0, "deg/s": DEGREE, "mrad/s": 1e-3, "rpm": np.pi / 30.0},
-}
-"""Units that recordings have, by their size in SI."""
+_SI = {"velocity": "m/s", "rates": "rad/s"}
 
 _TOLERANCE = 0.15  # how far a scale against the pose may be off that of a unit
 
@@ -288,43 +307,42 @@ _OFF = 1.25  # scales closer to one than this are not for units
 
 
 def _report_scale(
-    sensor: Signal,
-    t: Array,
-    reference: Array,
-    known: Mask,
-    report: RecordingReport,
-    sources: Mapping[str, Source],
-    down: Array | None = None,
+    sensor: Signal, found: _Compared, report: RecordingReport, sources: Mapping[str, Source]
 ) -> None:
     """Warn of a sensor that is larger or smaller than the pose's motion, with the unit that would explain it.
 
     The scale is that of the root mean squares of both about their means, over the channels that follow the
-    pose: latency does not change it. With ``down`` (n, k), the share of each channel that goes down, the
-    reference (n, 1) is the rate of depth, and all channels have its scale.
+    pose: latency does not change it.
     """
-    y, good = _filtered(sensor, t)
-    if down is not None:
-        y = np.sum(down * y, axis=1, keepdims=True)
-    index = np.flatnonzero(known & good)
-    if len(index) < _FEWEST:
+    y, known = found.shown(0.0)
+    use = found.known & known
+    if use.sum() < _FEWEST:
         return
     follows = [
         k
-        for k in range(y.shape[1])
-        if _best_correlation(y[:, k], reference[:, k], index, float(t[1] - t[0]))
-        > (_SCALED if down is None else _FOLLOWS)
+        for k, (own, here) in enumerate(found.best)
+        if here.any() and abs(_correlation(own[here], found.reference[here, k])) > _SCALED
     ]
-    if not follows:
+    if follows:
+        told = [sensor.channels[k] for k in follows]
+        shown, moved = (float(np.linalg.norm(x[use][:, follows].std(axis=0))) for x in (y, found.reference))
+        _say_scale(sensor, told, shown / max(moved, 1e-300), "pose", report, sources)
+
+
+def _say_scale(
+    sensor: Signal,
+    told: Sequence[str],
+    scale: float,
+    moving: str,
+    report: RecordingReport,
+    sources: Mapping[str, Source],
+) -> None:
+    """Say of the channels that follow a motion that they are `scale` times as large."""
+    if 1.0 / _OFF < scale < _OFF:
         return
-    shown, moved = (float(np.linalg.norm(np.std(x[index][:, follows], axis=0))) for x in (y, reference))
-    if not moved > 0.0 or 1.0 / _OFF < shown / moved < _OFF:
-        return
-    scale = shown / moved
-    told = sensor.channels if down is not None else [sensor.channels[k] for k in follows]
     columns = [_COLUMN[channel] for channel in told]
-    moving = "pose" if down is None else "depth"
     group = next(group for group in GROUPS if columns[0] in group.columns)
-    units = _UNITS[sensor.name]
+    units = {**UNITS[sensor.name], _SI[sensor.name]: 1.0}
     for column in columns:
         source = sources[column]
         stated = _size_of_unit(source.unit, group)
@@ -342,7 +360,7 @@ def _report_scale(
 
 
 def _report_scale_of_depth(
-    signals: Mapping[str, Signal], t: Array, report: RecordingReport, sources: Mapping[str, Source]
+    signals: Mapping[str, Signal], report: RecordingReport, sources: Mapping[str, Source]
 ) -> None:
     """Warn of a velocity that the rate of depth contradicts, where no position at a useful rate tells more.
 
@@ -354,31 +372,29 @@ def _report_scale_of_depth(
     position = signals.get("position")
     if position is not None and "x" in position.channels and position.step <= _SLOWEST_S:
         return
-    step = float(t[1] - t[0])
-    half = _half_width(step)
-    z, seen = linear(depth, t)
-    q, valid = linear(signals["attitude"], t)
-    column = depth.channels.index("z")
-    known = _all_around(seen[:, column] & valid[:, 0], half)
-    velocity = signals["velocity"]
-    down = matrix(q)[:, 2, ["uvw".index(channel) for channel in velocity.channels]]
-    rate = _slope(z[:, column : column + 1], half, step)
-    _report_scale(velocity, t, rate, known, report, sources, down)
+    curves = _curves(signals, ("position", "depth", "velocity", "attitude"))
+    needed = {"z", *ANGLES, *signals["velocity"].channels}
+    grid = curves.grid(tuple(needed), _LARGEST_S) if needed <= set(curves.curves) else None
+    if grid is None:
+        return
+    roll, pitch, yaw = (curves.at(name, grid.t, {}) for name in ANGLES)
+    v = np.stack([curves.at(name, grid.t, {}) for name in "uvw"], axis=1)
+    known = grid.inside(curves.known(tuple(needed), grid.t, {}))
+    rate, shown = (
+        grid.slope(curves.at("z", grid.t, {}))[:, None],
+        grid.low(ned_rows(roll, pitch, yaw, v)[:, 2:]),
+    )
+    if known.sum() < _FEWEST:
+        return
+    _, correlation = lagged(band(rate, known, grid), band(shown, known, grid), grid.step, 0.5 * _LARGEST_S)
+    if abs(correlation[0, 0]) > _FOLLOWS:
+        scale = float(shown[known].std()) / max(float(rate[known].std()), 1e-300)
+        _say_scale(signals["velocity"], signals["velocity"].channels, scale, "depth", report, sources)
 
 
 def _size_of_unit(unit: str | None, group: Group) -> float:
     """SI value of one unit of a column: the stated one, or that of the canonical name."""
     return factor(unit, (group.unit,), group.name) if unit else group.factor
-
-
-def _best_correlation(y: Array, reference: Array, index: NDArray[np.intp], step: float) -> float:
-    """Largest absolute correlation of a channel with the reference over shifts of likely latencies."""
-    reach = round(0.5 * _LARGEST_S / step)
-    inside = index[(index >= reach) & (index < len(y) - reach)]
-    if len(inside) < _FEWEST:
-        return 0.0
-    shifts = np.unique(np.linspace(-reach, reach, 11).round().astype(int))
-    return max(abs(_correlation(y[inside + shift], reference[inside])) for shift in shifts)
 
 
 def _same_signs(
@@ -421,44 +437,8 @@ def _on_an_arm(channel: str, measured: Array, reference: Array, rates: Array) ->
     return bool(on_an_arm < np.sum((measured + reference) ** 2))
 
 
-def _filtered(sensor: Signal, t: Array) -> tuple[Array, Mask]:
-    """Sensor (n, k) after the filter that the pose's derivative has: the slope of its own integral."""
-    step = float(t[1] - t[0])
-    half = _half_width(step)
-    y, valid = linear(sensor, t)
-    integral = np.concatenate([np.zeros((1, y.shape[1])), np.cumsum(0.5 * step * (y[1:] + y[:-1]), axis=0)])
-    return _slope(integral, half, step), _all_around(np.logical_and.reduce(valid, axis=1), half)
-
-
-def _half_width(step: float) -> int:
-    return max(1, round(_WINDOW_S / step))
-
-
-def _slope(y: Array, half: int, step: float) -> Array:
-    """Slope of the straight line fitted to each sample and `half` neighbours on both sides, shape as y."""
-    from scipy.ndimage import correlate1d
-
-    offsets = np.arange(-half, half + 1)
-    weights = offsets / (step * np.sum(offsets**2))
-    return np.asarray(correlate1d(y, weights, axis=0, mode="nearest"))
-
-
-def _all_around(mask: Mask, half: int) -> Mask:
-    """True where the whole window is."""
-    from scipy.ndimage import minimum_filter1d
-
-    return np.asarray(minimum_filter1d(mask.astype(np.uint8), 2 * half + 1, mode="constant")).astype(bool)
-
-
 def _correlation(a: Array, b: Array) -> float:
     """Correlation of two sets of channels, each about its own mean, all channels in one sum."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     size = np.sqrt(np.sum(a * a) * np.sum(b * b))
     return float(np.sum(a * b) / size) if size > 0.0 else 0.0
-
-
-def _lowest(x: Array, y: Array) -> float:
-    """Place of the minimum of samples y(x), from the parabola through the lowest one and four neighbours."""
-    i = int(np.clip(np.argmin(y), 2, len(x) - 3))
-    a, b, _ = np.polyfit(x[i - 2 : i + 3] - x[i], y[i - 2 : i + 3], 2)
-    return float(x[i] - 0.5 * b / a) if a > 0.0 else float(x[i])

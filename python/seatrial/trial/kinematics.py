@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.intake.consistency_fit import Curve, Grid
-from seatrial.intake.consistency_series import CHANNEL_GROUPS
+from seatrial.trial.kinematic_fit import Curve, Grid
+from seatrial.trial.kinematic_series import CHANNEL_GROUPS
 
-__all__ = ["Channels", "RatesResidual", "VelocityResidual", "attitude_rates", "ned_rows"]
+__all__ = ["Channels", "RatesResidual", "VelocityResidual", "attitude_rates", "ned_rows", "pose_velocity"]
 
 Values = Mapping[str, float]
 
@@ -122,6 +122,16 @@ def attitude_rates(channels: Channels, grid: Grid) -> tuple[Array, Mask]:
         axis=1,
     )
     return rates, grid.inside(channels.known(("roll", "pitch", "yaw"), grid.t, {}))
+
+
+def pose_velocity(channels: Channels, grid: Grid) -> tuple[Array, Mask]:
+    """Body velocity (n, 3) in m/s of position and attitude, low-passed, and where it is known (n,)."""
+    roll, pitch, yaw = (grid.low(channels.at(name, grid.t, {})) for name in ("roll", "pitch", "yaw"))
+    rate = grid.slope(np.stack([channels.at(name, grid.t, {}) for name in "xyz"], axis=1))
+    known = grid.inside(channels.known(("x", "y", "z", "roll", "pitch", "yaw"), grid.t, {}))
+    # Columns of R: the body components are the products with them.
+    turned = [ned_rows(roll, pitch, yaw, np.tile(axis, (len(grid.t), 1))) for axis in np.eye(3)]
+    return np.stack([np.sum(column * rate, axis=1) for column in turned], axis=1), known
 
 
 class VelocityResidual:

@@ -16,7 +16,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
-from seatrial.intake.consistency_fit import Grid
+from seatrial.trial.kinematic_fit import Grid
 
 __all__ = ["UNITS", "Assignment", "assigned", "band", "lagged", "unit_of"]
 

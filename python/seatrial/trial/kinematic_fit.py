@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.intake.consistency_series import Series
+from seatrial.trial.kinematic_series import Series
 
 __all__ = ["Curve", "Fit", "Grid", "Parameter", "fitted", "robust_rms"]
 
@@ -303,7 +303,7 @@ class _Linear:
         values, vectors = np.linalg.eigh(hessian / np.outer(size, size))
         if convex and values.min(initial=1.0) < _LEAST_SHARE:  # a step from there leads uphill
             values, vectors = np.linalg.eigh(self.products[np.ix_(index, index)] / np.outer(size, size))
-        least = _LEAST_SHARE * max(float(values.max(initial=0.0)), 1e-300)
+        least = _LEAST_SHARE * max(float(values.max(initial=0.0)), _LEAST_SHARE)
         hessian = (vectors * np.maximum(values, least)) @ vectors.T * np.outer(size, size)
         hessian = hessian + np.diag(information)
         return hessian, self.gradient[index] + information * self.at[index]
