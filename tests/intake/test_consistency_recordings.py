@@ -97,6 +97,8 @@ def test_the_slow_current_is_within_three_centimetres_a_second() -> None:
     names = ("current_north_m_s", "current_east_m_s")
     known = np.stack([np.interp(found.t, truth["t_s"], truth[name]) for name in names], axis=1)
     assert np.sqrt(np.mean((found.velocity - known) ** 2)) < 0.03
+    assert found.after[0] < 0.2 * found.before[0]
+    assert found.after[1] < 0.3 * found.before[1]
 
 
 @needs_beluga

@@ -61,6 +61,7 @@ def test_bluerov_campaign_is_ready_and_thrusters_turn_as_the_data_say(
     held = made.trials[0].hold_out_s
     assert held is not None
     assert held[0] == pytest.approx(732.3)  # the change of mode nearest to the proposed part
+    assert made.trials[0].why.startswith(f"hold out {held[0]:g} to {held[1]:g} s")
     check = check_campaign(Campaign.load(folder / "campaign.toml"))
     assert check.problems == ()
     assert {stage.free for stage in check.stages} == {"X", "Y", "Z", "N"}

@@ -106,6 +106,12 @@ def test_nothing_is_corrected_by_itself_on_request() -> None:
         ({"axes": {"p": "u"}}, "axes.p: expected the recorded channel, one of p, q, r"),
         ({"automatic": 1}, "automatic: expected true or false"),
         ({"heading_deg": "north"}, "heading_deg: expected a number"),
+        ({"current": {"t_s": [0.0], "north_m_s": [0.1]}}, "current.east_m_s: expected a list of numbers"),
+        (
+            {"current": {"t_s": [9, 3], "north_m_s": [0, 0], "east_m_s": [0, 0]}},
+            "current.t_s: expected rising",
+        ),
+        ({"current": {"t_s": [0], "north_m_s": [500], "east_m_s": [0]}}, "north_m_s: expected a number from"),
     ],
 )
 def test_a_wrong_correction_is_refused(given: dict[str, Any], says: str) -> None:
@@ -132,6 +138,17 @@ axes = { free = "Z" }
 [stages.coefficients]
 Z_ww = [-1000.0, -50.0]
 """
+
+
+def test_a_slow_current_is_known_water_and_held_beyond_its_knots() -> None:
+    knots = {"t_s": [10.0, 50.0], "north_m_s": [0.1, 0.3], "east_m_s": [0.0, -0.2]}
+    trial = Trial.read(motion.columns(T), corrections={"current": knots})
+    assert trial.current is not None
+    for column, values in ((0, [0.1, 0.3]), (1, [0.0, -0.2])):
+        told = np.interp(trial.t, knots["t_s"], values)
+        # between the knots the water is kept once a second
+        np.testing.assert_allclose(trial.current[:, column], told, atol=0.01)
+    assert trial.report.corrections["current"] == "2 knots"
 
 
 def test_a_trials_corrections_come_over_the_campaigns() -> None:

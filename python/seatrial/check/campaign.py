@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import SeatrialError
 from seatrial.base.report import Report, Section, Table
-from seatrial.intake.consistency_trials import Proposal, consistency_of_trial, proposals
+from seatrial.intake.consistency_result import current_sentence
+from seatrial.intake.consistency_trials import Proposal, accepted, consistency_of_trial, proposals
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 
 if TYPE_CHECKING:
@@ -126,8 +127,12 @@ def _report(check: CampaignCheck) -> Report:
 
 def _consistency(name: str, found: Consistency) -> Section:
     """Everything about the channels of one trial, as details."""
-    said = (*(one.sentence for one in found.corrections), *found.missing)
-    return Section(f"Consistency of trial {name}", said, (found.table(),), details=True)
+    said = [*(one.sentence for one in found.corrections), *found.missing]
+    if (current := accepted(found)) is not None:
+        said.append(
+            f"a slow current, {current_sentence(current)}: [trials.{name}.corrections] {current.line}"
+        )
+    return Section(f"Consistency of trial {name}", tuple(said), (found.table(),), details=True)
 
 
 def _worst(check: CampaignCheck) -> tuple[str, str]:

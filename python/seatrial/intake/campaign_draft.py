@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.intake.consistency_result import Correction
+    from seatrial.intake.consistency_result import Correction, SlowCurrent
     from seatrial.trial.trial import Trial
 
 __all__ = ["DraftedTrial", "campaign_text", "free_axes", "line"]
@@ -32,6 +33,8 @@ _LEAST_ANGLE = 0.035  # rad: a roll or pitch that spreads less tells nothing of 
 _DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
 
 _NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+
+_DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not one
 
 _LIFT = ("uv", "ur", "uw", "uq", "ud")
 
@@ -58,6 +61,8 @@ class DraftedTrial:
         Rate of a recording with very many samples; None for its own.
     corrections
         Proposed by the consistency check, none applied.
+    current
+        A slow current that it proposes; None for none.
     """
 
     name: str
@@ -69,6 +74,7 @@ class DraftedTrial:
     input: str
     rate_hz: float | None = None
     corrections: tuple[Correction, ...] = field(default=())
+    current: SlowCurrent | None = None
 
 
 def line(key: str, value: Any) -> str:
@@ -141,7 +147,7 @@ def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedT
     for one in drafted:
         lines += [f"[trials.{json.dumps(one.name, ensure_ascii=False)}]", line("file", one.file)]
         if one.hold_out_s is not None:
-            lines.append(f"# {one.why}")
+            lines += textwrap.wrap(one.why, 100, initial_indent="# ", subsequent_indent="# ")
             lines.append(line("hold_out_s", [list(one.hold_out_s)]))
         else:
             lines.append(f"# no hold-out: {one.why}")
@@ -149,6 +155,7 @@ def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedT
             lines.append(f"{line('rate_hz', one.rate_hz)} # of very many samples")
         if one.input != "commands":
             lines.append(line("input", one.input))
+        lines += _own_corrections(one, drafted)
         if shared is None:
             lines.append(f"[trials.{json.dumps(one.name, ensure_ascii=False)}.columns]")
             lines += [line(canonical, entry) for canonical, entry in one.columns.items()]
@@ -158,22 +165,93 @@ def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedT
 
 
 def _corrections(drafted: Sequence[DraftedTrial]) -> list[str]:
-    """Corrections as comments, by table: nothing is applied in silence."""
-    own: dict[str, dict[str, Correction]] = {}
-    for one in drafted:
-        for correction in one.corrections:
-            if correction.table != "clocks":
-                own.setdefault(correction.table, {}).setdefault(correction.key, correction)
-    if not own:
+    """Corrections of all trials as comments, by table: nothing is applied in silence."""
+    shared = {where: entries for where, entries in _found(drafted).items() if _common(drafted, entries)}
+    if not shared:
         return []
     lines = ["# The channels do not tell one motion; these corrections would bring them together. None is"]
     lines += ["# applied: remove the # of a table and of the keys in it that you accept."]
-    for table, found in own.items():
+    for table in dict.fromkeys(table for table, _ in shared):
         lines.append(f"# [{table}]")
-        for correction in found.values():
-            effect = f"{correction.of}: {correction.before:.3g} to {correction.after:.3g} rms"
-            lines.append(f"# {correction.line} # {correction.unit + '; ' if correction.unit else ''}{effect}")
+        for (other, _), entries in shared.items():
+            if other == table:
+                lines += ["# " + text for text in _pooled(drafted, entries)]
     return [*lines, ""]
+
+
+def _own_corrections(one: DraftedTrial, drafted: Sequence[DraftedTrial]) -> list[str]:
+    """Corrections of one trial alone, and its slow current, as comments within its table."""
+    lines = []
+    for (table, _), entries in _found(drafted).items():
+        if not _common(drafted, entries) and one.name in entries:
+            found = entries[one.name]
+            lines += [f"# of this trial alone, {_effect(found)}; remove the # to accept it:"]
+            lines += [f"# {table}.{found.line}"]
+    if one.current is not None:
+        lines += [
+            f"# A slow current of the water, from {one.current.source};",
+            f"# {one.current.effect}.",
+            "# Remove the # to accept it:",
+            f"# corrections.{one.current.line}",
+        ]
+    return lines
+
+
+def _found(drafted: Sequence[DraftedTrial]) -> dict[tuple[str, str], dict[str, Correction]]:
+    """By table and key the correction of each trial that has one; clocks belong to the map."""
+    found: dict[tuple[str, str], dict[str, Correction]] = {}
+    for one in drafted:
+        for correction in one.corrections:
+            if correction.table != "clocks":
+                found.setdefault((correction.table, correction.key), {})[one.name] = correction
+    return found
+
+
+def _common(drafted: Sequence[DraftedTrial], entries: Mapping[str, Correction]) -> bool:
+    """Whether a correction is one of the vehicle: all trials that could tell it agree, and most tell it."""
+    if 2 * len(entries) <= len(drafted):
+        return False
+    values = [np.atleast_1d(np.array(one.value)) for one in entries.values()]
+    if not all(np.issubdtype(value.dtype, np.number) for value in values):
+        return all(np.array_equal(values[0], value) for value in values)
+    off, _ = _mean(entries)
+    return bool(off < _DIFFERENT)
+
+
+def _mean(entries: Mapping[str, Correction]) -> tuple[float, Any]:
+    """How many deviations the trials are apart, root mean square, and their mean, weighed by deviations."""
+    x = np.array([np.atleast_1d(np.array(one.value, float)) for one in entries.values()])
+    sd = np.array([np.broadcast_to(np.array(one.sd, float), x.shape[1:]) for one in entries.values()])
+    if not (sd > 0.0).any():
+        return (np.inf if np.ptp(x, axis=0).any() else 0.0), next(iter(entries.values())).value
+    weight = 1.0 / np.maximum(sd, 1e-12 + 1e-3 * sd.max()) ** 2
+    mean = np.sum(weight * x, axis=0) / np.sum(weight, axis=0)
+    apart = np.sqrt(np.mean(weight * (x - mean) ** 2, axis=0)) if len(x) > 1 else np.zeros(x.shape[1])
+    value = next(iter(entries.values())).value
+    rounded = [float(f"{one:.4g}") for one in mean]
+    return float(apart.max()), rounded if isinstance(value, list) else rounded[0]
+
+
+def _pooled(drafted: Sequence[DraftedTrial], entries: Mapping[str, Correction]) -> list[str]:
+    """A correction's key with the mean of the trials, and how it was pooled."""
+    worst = max(entries.values(), key=lambda one: one.before / max(one.after, 1e-12))
+    if len(drafted) == 1:
+        return [f"{worst.line} # {_effect(worst)}"]
+    of = f"{len(entries)} of {len(drafted)} trials" if len(entries) < len(drafted) else "all trials"
+    values = [one.value for one in entries.values()]
+    if all(value == values[0] for value in values):
+        return [f"{worst.line} # {of}; {_effect(worst)}"]
+    spread = np.array(values, float).reshape(len(values), -1)
+    ranges = ", ".join(
+        f"{low:.4g} to {high:.4g}" for low, high in zip(spread.min(0), spread.max(0), strict=True)
+    )
+    said = f"mean of {of}, weighed by their deviations; by trial {ranges}"
+    return [f"# {said}", f"{replace(worst, value=_mean(entries)[1]).line} # {_effect(worst)}"]
+
+
+def _effect(one: Correction) -> str:
+    effect = f"{one.of}: {one.before:.3g} to {one.after:.3g} rms"
+    return f"{one.unit}; {effect}" if one.unit else effect
 
 
 def _open_stage(drafted: Sequence[DraftedTrial]) -> list[str]:

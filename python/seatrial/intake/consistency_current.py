@@ -45,6 +45,8 @@ _START, _WALK = 1.0, 3e-3  # m/s: prior deviations of the current, and of its ch
 
 _SWAY = 0.05  # m/s: prior deviation of the sensor's own sway, a degree at three m/s
 
+_HELD_S, _FOLDS = 60.0, 5  # blocks of time that are predicted from the others, by turns
+
 _SHARE = 0.3  # prior deviation of the share k
 
 
@@ -176,7 +178,14 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
     wide = float(np.sqrt(np.mean(sd**2)))
     if wide > _WIDEST:
         return f"the current is not told: {source} leave it uncertain by {wide:.2f} m/s"
-    return SlowCurrent(parts.knots, current, sd, source)
+    return SlowCurrent(
+        parts.knots,
+        current,
+        sd,
+        source,
+        parts.predicted(best, current=False),
+        parts.predicted(best, current=True),
+    )
 
 
 def _averaged(legs: _Legs) -> _Parts | None:
@@ -207,7 +216,7 @@ class _Parts:
     """Averaged measurements and their linear model in the current's knots and the constants."""
 
     def __init__(self, t: Array, knots: Array, turning: Mask, y: Array, design: Array, own: Array) -> None:
-        self.knots, self.turning, self.y = knots, turning, y
+        self.t, self.knots, self.turning, self.y = t, knots, turning, y
         place = np.interp(t, knots, np.arange(len(knots)))
         before = np.minimum(place.astype(int), len(knots) - 2)
         hat = np.zeros((len(t), len(knots)))
@@ -248,6 +257,27 @@ class _Parts:
         memory = max(lag_one_correlation(residual[:, i], most=0.95) for i in range(2))
         variance = np.diag(np.linalg.inv(normal))[: 2 * m] * variance_inflation(memory)
         return cost, solution[: 2 * m].reshape(2, m).T, np.sqrt(variance).reshape(2, m).T
+
+    def predicted(self, x: Array, *, current: bool) -> tuple[float, float]:
+        """Root mean square error of both velocities, m/s, each block of time predicted from the others."""
+        own, m = self.own, len(self.knots)
+        walk = np.exp(np.clip(x[0], -12.0, 0.0))
+        sigma = np.exp(np.clip(x[1:5], -9.0, 1.0)).reshape(2, 2)[self.turning.astype(int)]
+        design = own
+        if current:
+            design = np.concatenate([self.current, own], axis=2)
+            design[:, 0, : 2 * m] *= 1.0 - x[5]
+        prior = self._prior(walk, 2 * m + own.shape[2])
+        prior = prior if current else prior[2 * m :, 2 * m :]
+        block = ((self.t - self.t[0]) // _HELD_S).astype(int)
+        error = self.y.copy()  # as it is where nothing predicts it
+        for fold in range(_FOLDS if design.shape[2] else 0):
+            held = block % _FOLDS == fold
+            a = (design / sigma[:, :, None])[~held].reshape(-1, design.shape[2])
+            b = (self.y / sigma)[~held].ravel()
+            error[held] = self.y[held] - design[held] @ np.linalg.solve(a.T @ a + prior, a.T @ b)
+        north, east = np.sqrt(np.mean(error**2, axis=0))
+        return float(north), float(east)
 
     def by_share(self, x: Array) -> Array:
         """What the uncertainty of the share k adds to the current's deviations, (m, 2)."""

@@ -11,7 +11,9 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.report import Report, Section, Table
 
-__all__ = ["Consistency", "Correction", "SlowCurrent"]
+__all__ = ["Consistency", "Correction", "SlowCurrent", "current_sentence"]
+
+_BETTER = 0.95  # error of a velocity with a current over that without which is worth a key
 
 
 @dataclass(frozen=True)
@@ -61,12 +63,50 @@ class SlowCurrent:
         North and east, m/s, shape (n, 2), and the standard deviation of each.
     source
         What it was estimated from.
+    before, after
+        Error of u and v (of north and east where the velocity through the water is measured) in m/s, as
+        predicted for held-out parts of time without and with this current.
     """
 
     t: Array
     velocity: Array
     sd: Array
     source: str
+    before: tuple[float, float]
+    after: tuple[float, float]
+
+    @property
+    def worth(self) -> bool:
+        """Whether it predicts at least one of the velocities better and none clearly worse."""
+        ratios = [after / max(before, 1e-12) for before, after in zip(self.before, self.after, strict=True)]
+        return min(ratios) < _BETTER and max(ratios) < 1.0 / _BETTER
+
+    @property
+    def line(self) -> str:
+        """The key of a trial's corrections and its value as a TOML file holds them.
+
+        Knots that a straight line replaces within half of the usual deviation are left out.
+        """
+        near = 0.5 * float(np.sqrt(np.mean(self.sd**2)))
+        kept = sorted(_corners(self.t, self.velocity, 0, len(self.t) - 1, near))
+        columns = (self.t[kept].round(1), *(self.velocity[kept].T).round(3))
+        lists = zip(("t_s", "north_m_s", "east_m_s"), columns, strict=True)
+        return f"current = {{ {', '.join(f'{name} = {_toml(one.tolist())}' for name, one in lists)} }}"
+
+    @property
+    def effect(self) -> str:
+        """How much better it predicts, in words."""
+        names = ("u", "v") if self.legs else ("north", "east")
+        said = " and ".join(
+            f"{name} {before:.3f} to {after:.3f}"
+            for name, before, after in zip(names, self.before, self.after, strict=True)
+        )
+        return f"rms error of the velocity predicted for held-out minutes, m/s: {said}"
+
+    @property
+    def legs(self) -> bool:
+        """Whether it comes from legs and turns, not from a velocity through the water."""
+        return not self.source.startswith("velocity")
 
     def to_dict(self) -> dict[str, Any]:
         """The current as plain data for JSON."""
@@ -75,6 +115,8 @@ class SlowCurrent:
             "velocity": self.velocity.tolist(),
             "sd": self.sd.tolist(),
             "source": self.source,
+            "before": list(self.before),
+            "after": list(self.after),
         }
 
 
@@ -116,7 +158,7 @@ class Consistency:
             sections=(
                 Section("Proposals", tuple(one.sentence for one in self.corrections), (self.table(),)),
                 Section("What the log cannot tell", self.missing),
-                Section("Current", () if self.current is None else (_current_sentence(self.current),)),
+                Section("Current", () if self.current is None else (current_sentence(self.current),)),
             ),
         )
 
@@ -145,13 +187,26 @@ class Consistency:
         }
 
 
-def _current_sentence(current: SlowCurrent) -> str:
+def current_sentence(current: SlowCurrent) -> str:
+    """The current at the beginning and the end, its deviation, source and effect."""
     first, last = current.velocity[0], current.velocity[-1]
     sd = float(np.sqrt(np.mean(current.sd**2)))
     return (
         f"({first[0]:+.3f}, {first[1]:+.3f}) m/s north, east at the beginning, ({last[0]:+.3f},"
-        f" {last[1]:+.3f}) m/s at the end (+/- {sd:.3f} m/s), from {current.source}"
+        f" {last[1]:+.3f}) m/s at the end (+/- {sd:.3f} m/s), from {current.source}; {current.effect}"
     )
+
+
+def _corners(t: Array, y: Array, first: int, last: int, near: float) -> set[int]:
+    """Knots from first to last between which straight lines stay near the values (Ramer 1972)."""
+    if last - first < 2:
+        return {first, last}
+    share = ((t[first:last] - t[first]) / (t[last] - t[first]))[:, None]
+    off = np.abs(y[first:last] - y[first] - share * (y[last] - y[first])).max(axis=1)
+    furthest = first + int(np.argmax(off))
+    if off.max() < near:
+        return {first, last}
+    return _corners(t, y, first, furthest, near) | _corners(t, y, furthest, last, near)
 
 
 def _toml(value: Any) -> str:

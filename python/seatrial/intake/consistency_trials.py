@@ -10,7 +10,8 @@ import numpy as np
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.rotation import from_euler, product, to_euler
-from seatrial.intake.consistency import Consistency, Correction, Series, consistency
+from seatrial.intake.consistency import Consistency, Correction, Series, SlowCurrent, consistency
+from seatrial.intake.consistency_result import current_sentence
 from seatrial.trial.own_samples import own_samples
 from seatrial.trial.sensor_position import to_origin
 from seatrial.trial.signals import RecordingReport
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.recording import Recording
 
-__all__ = ["Proposal", "consistency_of_trial", "proposals", "series_of"]
+__all__ = ["Proposal", "accepted", "consistency_of_trial", "proposals", "series_of"]
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ def consistency_of_trial(campaign: Campaign, name: str) -> Consistency | None:
     if found is None:
         return None
     told = consistency(series_of(found))
+    if "current" in found.signals:
+        told = replace(told, current=None)
     given = found.corrections.given | {f"{sensor}_m": arm for sensor, arm in found.positions.items()}
     return replace(told, corrections=tuple(_on_top(one, given) for one in told.corrections))
 
@@ -99,7 +102,20 @@ def proposals(
         made.append(
             Proposal(text + (" (reading does so by itself)" if done else ""), trials, _effect(best), done)
         )
+    made += [_current(name, current) for name, one in found.items() if (current := accepted(one)) is not None]
     return tuple(sorted(made, key=lambda one: (one.done, -one.effect)))
+
+
+def accepted(found: Consistency) -> SlowCurrent | None:
+    """The slow current if a trial gains by taking it over; reading takes that of a water velocity itself."""
+    current = found.current
+    return current if current is not None and current.legs and current.worth else None
+
+
+def _current(name: str, current: SlowCurrent) -> Proposal:
+    text = f"trial {name}: a slow current, {current_sentence(current)}: [trials.{name}.corrections] current"
+    ratios = [before / max(after, 1e-12) for before, after in zip(current.before, current.after, strict=True)]
+    return Proposal(text, (name,), max(ratios), False)
 
 
 def _effect(correction: Correction) -> float:

@@ -30,7 +30,7 @@ from seatrial.intake.recordings import (
     table_of,
 )
 from seatrial.intake.survey import Survey, survey
-from seatrial.intake.trial_windows import TrialWindows
+from seatrial.intake.trial_windows import moved
 from seatrial.intake.vehicle_draft import VehicleDraft, draft_vehicle, matched, thruster_signs, turned
 from seatrial.logs.log import printable
 from seatrial.trial.columns import GROUPS
@@ -195,7 +195,7 @@ def _vehicle(text: str) -> Vehicle:
 def _imported(one: Recording, recorded: Recorded, trial: Trial, vehicle: Vehicle | None) -> ImportedTrial:
     kind = kind_of_data(trial, vehicle)
     first, last = float(trial.t[0]), float(trial.t[-1])
-    hold_out, why = _hold_out(kind.windows, recorded.events, first, last)
+    hold_out, why = _hold_out(trial, kind, recorded.events)
     return ImportedTrial(
         one.name,
         trial,
@@ -210,25 +210,28 @@ def _imported(one: Recording, recorded: Recorded, trial: Trial, vehicle: Vehicle
 
 
 def _hold_out(
-    proposed: TrialWindows, events: Sequence[tuple[float, str]], first: float, last: float
+    trial: Trial, kind: KindOfData, events: Sequence[tuple[float, str]]
 ) -> tuple[tuple[float, float] | None, str]:
     """The proposed hold-out from a change of mode where one is near, to the end where little is left."""
+    proposed = kind.windows
     if proposed.hold_out is None:
         return None, proposed.sentence
-    start, stop = proposed.hold_out
+    (start, stop), first, last = proposed.hold_out, float(trial.t[0]), float(trial.t[-1])
     near = [t for t, _ in events if abs(t - start) < _NEAR * (last - first)]
-    moved = float(np.round(min(near, key=lambda t: abs(t - start)), 1)) if near else start
-    reach = float(np.ceil(last)) if last - stop < _NEAR * (last - first) else stop
-    if (moved, reach) == (start, stop):
+    begin = float(np.round(min(near, key=lambda t: abs(t - start)), 1)) if near else start
+    end = float(np.ceil(last)) if last - stop < _NEAR * (last - first) else stop
+    if (begin, end) == (start, stop):
         return (start, stop), proposed.sentence
-    words = [f"begins at the change of mode, {moved:g} s"] if moved != start else []
-    words += [f"ends with the trial, {reach:g} s"] if reach != stop else []
-    return (moved, reach), f"{proposed.sentence}; here it {' and '.join(words)}"
+    words = ["from a change of mode"] if begin != start else []
+    words += ["to the end of the trial"] if end != stop else []
+    return (begin, end), f"{moved(trial, kind.manoeuvres, proposed, (begin, end))}; {' '.join(words)}"
 
 
 def _compared(recorded: Recorded, kind: KindOfData) -> Consistency:
     """Whether the channels tell one motion; without motion only what is missing."""
     found = consistency(_series(recorded))
+    if "current_north_m_s" in recorded.columns:
+        found = replace(found, current=None)
     if kind.excitation and len(kind.weak) == len(kind.excitation):
         still = "hardly any motion: whether the channels agree cannot be told"
         return Consistency((), (still, *found.missing))

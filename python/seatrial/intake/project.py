@@ -18,6 +18,7 @@ import numpy as np
 from seatrial.base.atomic_write import write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError, reason
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
+from seatrial.intake.consistency_trials import accepted
 from seatrial.intake.map_file import Column
 from seatrial.intake.recordings import rate_of_long
 from seatrial.logs.log import printable
@@ -153,6 +154,7 @@ def write_project(
             "commands" if one.trial.commands or one.trial.tau is None else "tau",
             rate_of_long(table.table),
             one.consistency.corrections,
+            accepted(one.consistency),
         )
         for one, table in zip(made.trials, recorded, strict=True)
     ]

@@ -20,7 +20,7 @@ from seatrial.intake.manoeuvres import Manoeuvre
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["TrialWindows", "windows"]
+__all__ = ["TrialWindows", "moved", "windows"]
 
 _SHARES = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)
 _USUAL = 0.25
@@ -96,22 +96,35 @@ def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
     assert best is not None
     _, candidate, both, effort = best
     candidate = (candidate[0], float(np.ceil(trial.t[-1]))) if use[1] - candidate[1] < 2.0 else candidate
-    share = (candidate[1] - candidate[0]) / length
-    words = "no kind of manoeuvre recurs"
-    if repeated:
-        words = f"{both} of {len(repeated)} recurring kinds of manoeuvres in both parts"
     return TrialWindows(
-        use,
-        candidate,
-        (both, len(repeated)),
-        effort,
-        f"hold out {candidate[0]:.0f} to {candidate[1]:.0f} s ({100.0 * share:.0f} %): {words}, and it moves"
-        f" {effort:.1f} times as much as the rest",
+        use, candidate, (both, len(repeated)), effort, _sentence(candidate, use, both, repeated, effort)
     )
 
 
-def _rounded(t: float) -> float:
-    return float(np.round(t / _ROUND_S) * _ROUND_S)
+def moved(trial: Trial, found: Sequence[Manoeuvre], proposed: TrialWindows, part: tuple[float, float]) -> str:
+    """The sentence of a hold-out that begins or ends elsewhere than proposed, judged as it is."""
+    told = [one for one in found if one.kind in _TOLD]
+    kinds = {(one.kind, one.by) for one in told}
+    repeated = sorted(key for key in kinds if sum((one.kind, one.by) == key for one in told) > 1)
+    _, both, effort = _merit(trial, _activity(trial), proposed.use, part, told, repeated)
+    return _sentence(part, proposed.use, both, repeated, effort)
+
+
+def _sentence(
+    part: tuple[float, float],
+    use: tuple[float, float],
+    both: int,
+    repeated: Sequence[tuple[str, str]],
+    effort: float,
+) -> str:
+    words = "no kind of manoeuvre recurs"
+    if repeated:
+        words = f"{both} of {len(repeated)} recurring kinds of manoeuvres in both parts"
+    share = (min(part[1], use[1]) - max(part[0], use[0])) / (use[1] - use[0])
+    return (
+        f"hold out {part[0]:g} to {part[1]:g} s ({100.0 * share:.0f} %): {words}, and it moves"
+        f" {effort:.1f} times as much as the rest"
+    )
 
 
 def _merit(

@@ -1,4 +1,4 @@
-"""Corrections of sensors that a campaign accepts: scale, axes, signs, bias, mounting, delay, heading.
+"""Corrections that a campaign accepts: scale, axes, signs, bias, mounting, delay, heading; a slow current.
 
 They are applied to the samples on their own stamps, before anything is put on one time base, in this order:
 scale of a sensor, axes, signs, bias (less), scale of a channel, mounting, heading, frame, delay. What is
@@ -39,7 +39,7 @@ _DELAYED = (*CHANNELS_OF, "attitude")
 
 _UNITS = {"_deg_s": DEGREE, "_m_s": 1.0, "_m": 1.0}  # longer ones first
 
-KEYS = ("automatic", "signs", "axes", "delay_s", "tilt_deg", "scale", "bias", "heading_deg")
+KEYS = ("automatic", "signs", "axes", "delay_s", "tilt_deg", "scale", "bias", "heading_deg", "current")
 """Keys of the table."""
 
 _LARGEST_DELAY_S, _LARGEST_SCALE, _LARGEST_ANGLE_DEG = 1e3, 1e6, 360.0
@@ -65,6 +65,9 @@ class Corrections:
         Direction of gravity in the pose's frame, north and east of its z, (2,).
     heading
         Added to the yaw.
+    current
+        Time in s, north and east of the water's velocity in m/s at knots, (k, 3), linear between them and
+        held beyond them; None for none.
     given
         Keys and values as written.
     """
@@ -78,6 +81,7 @@ class Corrections:
     mounting: Array | None = None
     frame: Array | None = None
     heading: float = 0.0
+    current: Array | None = None
     given: dict[str, Any] = field(default_factory=dict)
 
 
@@ -134,6 +138,7 @@ def parse_corrections(given: Mapping[str, Any] | None, where: str) -> Correction
         mounting=None if mounting is None else mounting * DEGREE,
         frame=None if frame is None else np.sin(frame * DEGREE),
         heading=heading * DEGREE,
+        current=read.current(),
         given=_flat(table),
     )
 
@@ -142,7 +147,9 @@ def _flat(table: Mapping[str, Any]) -> dict[str, Any]:
     """Dotted keys and values, without `automatic`."""
     flat: dict[str, Any] = {}
     for key, value in table.items():
-        if isinstance(value, Mapping):
+        if key == "current" and isinstance(value, Mapping):
+            flat[key] = f"{len(value['t_s'])} knots"
+        elif isinstance(value, Mapping):
             flat |= {f"{key}.{inner}": entry for inner, entry in value.items()}
         elif key != "automatic":
             flat[key] = value
@@ -221,6 +228,26 @@ class _Reader:
             found[channel] = (recorded, -1.0 if entry.startswith("-") else 1.0)
         return found
 
+    def current(self) -> Array | None:
+        """Time in s, north and east in m/s of the knots, (k, 3); None where absent."""
+        names = ("t_s", "north_m_s", "east_m_s")
+        table = self.table("current", names)
+        if not table:
+            return None
+        columns = []
+        for name in names:
+            entry = table.get(name)
+            if not isinstance(entry, list | tuple) or not entry or len(entry) != len(table.get("t_s", ())):
+                raise TrialError(
+                    f"{self.where}, current.{name}: expected a list of numbers, as many as in t_s, found"
+                    f" {entry!r}"
+                )
+            most, remedy = (1e11, "give it in s") if name == "t_s" else (100.0, "give it in m/s")
+            columns.append([self.number(one, f"current.{name}", most, remedy) for one in entry])
+        if np.any(np.diff(columns[0]) <= 0.0):
+            raise TrialError(f"{self.where}, current.t_s: expected rising times, found {list(table['t_s'])}")
+        return np.array(columns).T
+
     def angles(self, table: Mapping[str, Any], key: str, count: int, meaning: str) -> Array | None:
         """Angles in deg, (count,); None where absent."""
         if key not in table:
@@ -263,10 +290,12 @@ def corrected(
         report.tilt = (float(tilt.direction[0]), float(tilt.direction[1]))
     for sensor, delay in corrections.delay.items():
         work.delay(sensor, delay)
+    if corrections.current is not None:
+        work.water(corrections.current)
     present = {channel for signal in signals.values() for channel in signal.channels}
     for key, value in corrections.given.items():
         name = key.partition(".")[2] or "attitude"
-        here = _present(name, present, signals)
+        here = key == "current" or _present(name, present, signals)
         said = "as given under corrections" if here else "given under corrections, but not recorded"
         report.add("info", key, f"{value}, {said}")
         if here:
@@ -323,6 +352,15 @@ class _Work:
             whole = np.zeros((len(signal.t), 3))  # a component that is not recorded counts as zero
             whole[:, columns] = signal.y
             self.signals[key] = replace(signal, y=(whole @ mounting.T)[:, columns])
+
+    def water(self, knots: Array) -> None:
+        """Give the current at knots (k, 3), time, north and east; held over the whole recording."""
+        stamps = [t for signal in self.signals.values() for t in (signal.t[0], signal.t[-1])]
+        first, last = min(stamps, default=0.0), max(stamps, default=0.0)
+        # Evenly stamped, so that no distance between knots is a gap.
+        t = np.linspace(first - 1.0, last + 1.0, max(2, int(last - first) + 1))
+        y = np.stack([np.interp(t, knots[:, 0], knots[:, k]) for k in (1, 2)], axis=1)
+        self.signals["current"] = Signal("current", ("north", "east"), t, y, np.zeros(y.shape, bool))
 
     def delay(self, sensor: str, seconds: float) -> None:
         """Stamp a sensor's samples earlier; a velocity through the water is of the instrument over ground."""

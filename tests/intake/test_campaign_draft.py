@@ -1,0 +1,65 @@
+"""Corrections and the slow current in a drafted campaign: one key each to accept, with its effect."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.campaign.file import parse
+from seatrial.intake.campaign_draft import DraftedTrial, campaign_text
+from seatrial.intake.consistency_result import Correction, SlowCurrent
+from tests.trial import motion
+
+
+@pytest.fixture(scope="module")
+def trial() -> st.Trial:
+    return st.Trial.read(motion.columns(np.arange(0.0, 20.0, 0.1)), align=False)
+
+
+def drafted(
+    trial: st.Trial, name: str, delay: float | None, current: SlowCurrent | None = None
+) -> DraftedTrial:
+    found = () if delay is None else (late(delay),)
+    file = f"trials/{name}.parquet"
+    return DraftedTrial(name, file, trial, {}, None, "too short", "tau", None, found, current)
+
+
+def late(seconds: float) -> Correction:
+    key, sentence = "delay_s.velocity", f"the velocity is {seconds} s late"
+    return Correction("corrections", key, seconds, 0.01, "s", 0.05, 0.02, "rates, m/s", sentence)
+
+
+def accepted(text: str, start: str) -> str:
+    """The text with the comment taken off the lines that begin so."""
+    return "\n".join(
+        line.removeprefix("# ") if line.startswith(f"# {start}") else line for line in text.splitlines()
+    )
+
+
+def test_trials_that_agree_give_one_value_and_its_range(trial: st.Trial) -> None:
+    text = campaign_text(
+        "sea", None, [drafted(trial, n, x) for n, x in (("a", 0.22), ("b", 0.24), ("c", None))]
+    )
+    assert "# # mean of 2 of 3 trials, weighed by their deviations; by trial 0.22 to 0.24" in text
+    made = parse(accepted(accepted(text, "[corrections]"), "delay_s"), "campaign.toml")
+    assert made.corrections == {"delay_s": {"velocity": 0.23}}
+
+
+def test_trials_that_differ_keep_a_value_each(trial: st.Trial) -> None:
+    text = campaign_text("sea", None, [drafted(trial, n, x) for n, x in (("a", 0.10), ("b", 0.40))])
+    assert "# [corrections]" not in text
+    made = parse(accepted(text, "corrections.delay_s"), "campaign.toml")
+    assert [one.corrections["delay_s"]["velocity"] for one in made.trials.values()] == [0.1, 0.4]
+
+
+def test_a_slow_current_is_one_key_with_its_effect(trial: st.Trial) -> None:
+    t = np.arange(0.0, 600.0, 60.0)
+    water = np.column_stack([1e-4 * t, np.where(t < 300.0, 0.1, 0.1 + 5e-4 * (t - 300.0))])
+    current = SlowCurrent(t, water, np.full((10, 2), 0.01), "legs", (0.1, 0.2), (0.01, 0.03))
+    text = campaign_text("sea", None, [drafted(trial, "a", None, current)])
+    assert "u 0.100 to 0.010 and v 0.200 to 0.030" in text
+    [one] = parse(accepted(text, "corrections.current"), "campaign.toml").trials.values()
+    given = one.corrections["current"]
+    assert given["t_s"] == [0.0, 300.0, 540.0]  # where the lines bend
+    assert given["east_m_s"] == [0.1, 0.1, 0.22]
