@@ -7,7 +7,8 @@ BIN    := $(VENV)/bin
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_QUIET := 1
-unexport PYTHONPATH PYTHONHOME CONDA_PREFIX
+# Byte code is kept beside its source: every process of the tests would compile the libraries again.
+unexport PYTHONPATH PYTHONHOME CONDA_PREFIX PYTHONDONTWRITEBYTECODE
 
 SHELL       := bash
 .SHELLFLAGS := -euo pipefail -c
