@@ -160,6 +160,34 @@ def test_law_a_delay_that_noise_hides_has_a_large_deviation() -> None:
     assert "delay_s.velocity" not in keys(found)
 
 
+def noisy(seed: int, size: float, errors: Errors, without: str = "") -> dict[str, Series]:
+    """A log with so much noise of u and w, m/s."""
+    random = np.random.default_rng(1000 + seed)
+    series = {name: one for name, one in log(seed, errors).items() if name not in without}
+    for name in "uw":
+        one = series[name]
+        value = one.value + size * random.standard_normal(len(one.t))
+        series[name] = Series(one.t, value, one.clock)
+    return series
+
+
+@pytest.mark.parametrize("seed", [0, 1, 4])
+def test_law_an_offset_is_told_within_its_deviation_or_not_at_all(seed: int) -> None:
+    """The depth alone, with noise as large as its rate: without the refusal seeds are off by seconds."""
+    found = consistency(noisy(seed, 0.2, Errors(offset=12.3, velocity_late=0.1), "xypqr"))
+    for one in found.corrections:
+        if one.key == "dvl.offset_s":
+            assert abs(one.value - 12.4) < 3.0 * one.sd
+    refused = any("fit alike" in said or "too uncertain" in said for said in found.missing)
+    assert refused != ("dvl.offset_s" in keys(found))
+
+
+def test_law_the_noise_of_the_velocity_is_in_the_deviation_of_its_scale() -> None:
+    found = of(consistency(noisy(4, 0.05, Errors(velocity_scale=1.0 / 1.1))), "scale.velocity")
+    assert abs(found.value - 1.1) < 2.5 * found.sd
+    assert 1e-3 < found.sd < 5e-3  # blocks of the whitened residual alone said less than a thousandth
+
+
 def test_law_a_slow_position_leaves_the_delay_to_the_depth() -> None:
     series = log(10, Errors(velocity_late=0.3, heading=15.0 * DEGREE), 600.0)
     random = np.random.default_rng(10)

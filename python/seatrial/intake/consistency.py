@@ -21,7 +21,7 @@ from seatrial.intake.consistency_current import slow_current
 from seatrial.intake.consistency_missing import missing
 from seatrial.intake.consistency_result import Consistency, Correction, SlowCurrent
 from seatrial.intake.consistency_sensors import Found, force_found, rates_found, scaled, velocity_found
-from seatrial.intake.consistency_wording import corrections_of, list_sentence
+from seatrial.intake.consistency_wording import corrections_of, list_sentence, offset_sentence
 from seatrial.trial.kinematic_fit import Curve, robust_rms
 from seatrial.trial.kinematic_series import Series, checked
 from seatrial.trial.kinematics import Channels
@@ -71,7 +71,7 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         if one is None:
             continue
         if one.fit is None:
-            said.append(f"{one.of}: too little in common for a comparison")
+            said.append(one.why or f"{one.of}: too little in common for a comparison")
             continue
         made = corrections_of(one, channels, _turned_sensor(channels, one))
         if one.group == "specific force":  # no trial reads it: nothing to paste
@@ -79,8 +79,8 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
         else:
             present = {correction.key for correction in corrections}
             corrections += [correction for correction in made if correction.key not in present]
-        if (sentence := list_sentence(one.fit)) is not None:
-            said.append(sentence)
+        sentences = (list_sentence(one.fit), offset_sentence(one, channels))
+        said += [sentence for sentence in sentences if sentence is not None]
         if one.group == "velocity":
             _apply(channels, one)
         compared.append((one.of, one.sizes[0], one.fit.after))

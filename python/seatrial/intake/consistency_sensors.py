@@ -7,14 +7,14 @@ before the next.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
-from seatrial.trial.kinematic_axes import Assignment, assigned, band, lagged, unit_of
+from seatrial.trial.kinematic_axes import Assignment, alone, assigned, band, lagged, unit_of
 from seatrial.trial.kinematic_fit import Curve, Fit, Grid, Parameter, fitted, robust_rms
 from seatrial.trial.kinematic_series import Series
 from seatrial.trial.kinematics import Channels, RatesResidual, VelocityResidual, ned_rows, pose_velocity
@@ -60,6 +60,8 @@ class Found:
         Residual's root mean square as recorded and after axes, signs and units.
     middle
         Time at which a delay with a drift holds, s.
+    why
+        Why there is no fit, and what to do; empty for too little in common.
     """
 
     group: str
@@ -70,6 +72,18 @@ class Found:
     other_clock: bool = False
     sizes: tuple[float, float] = (0.0, 0.0)
     middle: float = 0.0
+    why: str = ""
+
+
+def _undated(group: str, clock: str, reference: str, delays: Sequence[float]) -> str:
+    """Why sensors of two clocks are not compared."""
+    fits = " and ".join(f"{delay:.1f} s" for delay in delays)
+    return (
+        f"the {group} is not compared: its clock ({clock or 'unnamed'}) differs from that of the attitude"
+        f" ({reference or 'unnamed'}), and offsets of {fits} fit alike, because the motion that both show is"
+        " too small or repeats. Take the offset from an event that both files show and give it under [clocks]"
+        " in map.toml"
+    )
 
 
 def _reach(channels: Channels, group: str) -> tuple[float, bool]:
@@ -114,12 +128,19 @@ def rates_found(channels: Channels) -> Found | None:
     if found is None:
         return Found("rates", of, None, other_clock=other, sizes=(before, before))
     channels.axes |= found.changed
+    if other:
+        y = np.stack([channels.at(n, grid.t, {}) for n in names], axis=1)
+        a, b = (band(side, good, grid) for side in (residual.reference, grid.low(y)))
+        twin = alone(a, b, grid.step, found.delay, reach)
+        if twin is not None:
+            why = _undated("gyro", channels.clock("rates"), channels.clock("attitude"), (found.delay, twin))
+            return Found("rates", of, None, found, other_clock=True, sizes=(before, before), why=why)
     units = {}
     if (unit := unit_of(found.ratio, "rates")) is not None:
         units["rates"] = unit
         scaled(channels, dict.fromkeys("pqr", unit[1]))
     sizes = (before, _rms(residual({})))
-    scales = tuple(Parameter(f"scale.{n}", 0.01, 0.02, material=0.02) for n in names)
+    scales = tuple(Parameter(f"scale.{n}", 0.01, 0.02, material=0.02, factor=True) for n in names)
     biases = tuple(Parameter(f"bias.{n}", 0.1 * DEGREE, _LEAST_BIAS) for n in names)
     channels.middle = float(grid.t.mean())
     parameters = [*_timing(channels, "rates", grid), *biases, *scales]
@@ -189,6 +210,11 @@ def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: 
     if not timed:
         channels.delay["velocity"] = known
     residual = VelocityResidual(channels, grid, rows)
+    if other and timed and (twin := _twin(channels, grid, residual, good, rows, reach)) is not None:
+        rough = channels.delay.pop("velocity", 0.0)
+        clocks = (channels.clock("velocity"), channels.clock("attitude"))
+        why = _undated("velocity", *clocks, delays=(rough, twin))
+        return Found("velocity", of, None, None, other_clock=True, sizes=(before, before), why=why)
     sizes = (before, _rms(residual({})))
     channels.middle = float(grid.t.mean())
     parameters = _velocity_parameters(channels, grid, rows)
@@ -201,7 +227,7 @@ def _velocity(channels: Channels, rows: tuple[int, ...], *, timed: bool, sized: 
         parameters = [one for one in parameters if not one.shift]
     if not sized:
         parameters = [one for one in parameters if one.name != "scale.velocity"]
-        parameters.append(Parameter("scale.depth", 0.01, 0.02, material=0.02))
+        parameters.append(Parameter("scale.depth", 0.01, 0.02, material=0.02, factor=True))
     fit = fitted(residual, parameters, grid, starts)
     for group in ("velocity", *{channels.group("xyz"[k]) for k in rows}) if timed else ():
         _keep_delay(channels, group, fit)
@@ -224,11 +250,44 @@ def _velocity_parameters(channels: Channels, grid: Grid, rows: tuple[int, ...]) 
             parameters.append(Parameter("tilt.roll" if "roll" in have else "list", angle, _LEAST_TILT))
     if 0 in rows:
         parameters.append(Parameter("heading", angle, _LEAST_HEADING))
-    parameters.append(Parameter("scale.velocity", 0.01, 0.02, material=0.02))
+    parameters.append(Parameter("scale.velocity", 0.01, 0.02, material=0.02, factor=True))
     if 0 in rows or {"roll", "pitch"} <= have:
         axes = "xyz" if len(rows) == 3 else "xy"
         parameters += [Parameter(f"arm.{axis}", 0.02, 0.05) for axis in axes]
     return parameters
+
+
+def _twin(
+    channels: Channels,
+    grid: Grid,
+    residual: VelocityResidual,
+    good: Mask,
+    rows: tuple[int, ...],
+    reach: float,
+) -> float | None:
+    """Another offset of the velocity's clock that fits as well as the rough one; None where there is none."""
+    rough = channels.delay.get("velocity", 0.0)
+    rate, _ = residual.rate({})
+    roll, pitch, yaw = residual.attitude
+    v = np.stack([channels.curves[name](grid.t) if name in channels.curves else 0.0 * roll for name in "uvw"])
+    if rows == (2,):  # the pitch has no delay of its own, see _by_rows
+        level = np.stack([np.full_like(roll, np.median(v[0])), 0.0 * roll, 0.0 * roll], axis=1)
+        typical = grid.low(ned_rows(roll, pitch, yaw, level))[:, [2]]
+        least, sides = np.inf, None
+        for factor in (1.0, -1.0):
+            a, b = band(rate - factor * typical, good, grid), band(grid.low(v[2])[:, None], good, grid)
+            _, rho = lagged(a, b, grid.step, reach)
+            if -abs(rho[0, 0]) < least:
+                least, sides = -abs(rho[0, 0]), (a, b * np.sign(rho[0, 0]))
+        assert sides is not None
+        return alone(*sides, grid.step, rough, reach)
+    if len(rows) == 3:
+        reference, _ = pose_velocity(channels, grid)
+        shown = np.stack([channels.at(name, grid.t, {"delay.velocity": -rough}) for name in "uvw"], axis=1)
+    else:
+        reference, shown = rate, ned_rows(roll, pitch, yaw, v.T)[:, :2]
+    a, b = band(reference, good, grid), band(grid.low(shown), good, grid)
+    return alone(a, b, grid.step, rough, reach)
 
 
 def _rms(found: tuple[Array, Mask]) -> float:

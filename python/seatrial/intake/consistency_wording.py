@@ -12,11 +12,13 @@ from seatrial.intake.consistency_sensors import Found
 from seatrial.trial.kinematic_fit import Fit
 from seatrial.trial.kinematics import Channels
 
-__all__ = ["corrections_of", "list_sentence"]
+__all__ = ["corrections_of", "list_sentence", "offset_sentence"]
 
 _CERTAIN = 5.0
 
 _LEAST_S = 0.015
+
+_UNCERTAIN_S = 0.1  # deviation of a clock's offset that is worth a word
 
 _MATERIAL = 0.03  # share of the residual that a delay must take away: a lever arm may look like a small one
 
@@ -231,6 +233,21 @@ def _amplitudes(found: Found, fit: Fit) -> list[Correction]:
                 _simple(found, fit, name, key, float(f"{value * factor:.4g}"), sd * factor, unit, sentence)
             )
     return made
+
+
+def offset_sentence(found: Found, channels: Channels) -> str | None:
+    """What is known of the offset of a clock that is too uncertain to be proposed; None where it is not."""
+    key = f"delay.{found.group}"
+    if not found.other_clock or found.fit is None or key not in found.fit.values:
+        return None
+    value, sd = found.fit.values[key], found.fit.sd[key]
+    if sd < _UNCERTAIN_S or abs(value) > _CERTAIN * sd:
+        return None
+    return (
+        f"the clock of {channels.clock(found.group)} reads {value:.1f} s (+/- {sd:.1f} s) against that of the"
+        " attitude: too uncertain to be proposed. Take the offset from an event that both files show and give"
+        " it under [clocks] in map.toml"
+    )
 
 
 def list_sentence(fit: Fit | None) -> str | None:

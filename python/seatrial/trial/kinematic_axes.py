@@ -18,7 +18,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
 from seatrial.trial.kinematic_fit import Grid
 
-__all__ = ["UNITS", "Assignment", "assigned", "band", "lagged", "unit_of"]
+__all__ = ["UNITS", "Assignment", "alone", "assigned", "band", "lagged", "unit_of"]
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "velocity": {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6, "knot": 1852.0 / 3600.0, "ft/s": 0.3048},
@@ -38,6 +38,10 @@ _TOLERANCE, _WIDE, _FAR = (
 )  # how far a ratio may be off that of a unit, and off that of a far one
 
 _SPIKE = 4.0  # times what three quarters of the samples do not reach
+
+_APART_S, _TOGETHER_S = 2.0, 10.0  # delays that are different ones; blocks of motion that are compared
+
+_CLEARLY = 2.5  # deviations by which a delay must follow better than any other
 
 _OFF = 1.25  # ratios closer to one than this are not for units
 
@@ -83,6 +87,36 @@ def lagged(reference: Array, shown: Array, step: float, most: float) -> tuple[fl
     found = across[lags] / energy
     best = int(np.argmax(np.sum(found**2, axis=(1, 2))))
     return float(lags[best] * step), found[best]
+
+
+def alone(reference: Array, shown: Array, step: float, delay: float, most: float) -> float | None:
+    """Another delay in s at which `shown` (n, k) may as well follow `reference` (n, k); None without one.
+
+    Both are bands of equal axes and signs. The products at the best delay and at the best other one are
+    summed over blocks of time: the first is taken if their difference is clearly above zero.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n, reach = len(reference), max(1, round(most / step))
+    size = next_fast_len(n + reach + 1, real=True)
+    a, b = rfft(reference, size, axis=0), rfft(shown, size, axis=0)
+    across = irfft(np.sum(np.conj(a) * b, axis=1), size)
+    lags = np.concatenate([np.arange(reach + 1), np.arange(-reach, 0)])
+    here = round(delay / step)
+    far = np.abs(lags - here) * step > _APART_S
+    if not far.any():
+        return None
+    other = int(lags[far][np.argmax(across[lags[far]])])
+    t = np.arange(n)
+    gain = np.sum(
+        reference * (shown[np.clip(t + here, 0, n - 1)] - shown[np.clip(t + other, 0, n - 1)]), axis=1
+    )
+    inside = (t + min(here, other) >= 0) & (t + max(here, other) < n)
+    blocks = (t[inside] * step / max(_TOGETHER_S, n * step / 60.0)).astype(int)
+    sums = np.bincount(blocks, gain[inside])
+    sums = sums[np.bincount(blocks) > 0]
+    certain = len(sums) > 2 and sums.mean() > _CLEARLY * sums.std(ddof=1) / np.sqrt(len(sums))
+    return None if certain else float(other * step)
 
 
 def assigned(

@@ -4,8 +4,9 @@ Both sides of a comparison go through the same Gaussian low-pass on a fine grid,
 delay; samples stay on their own stamps, between which cubic splines run. The residual's memory is taken out
 by an autoregression before the fit (Cochrane and Orcutt 1949), outliers count as Huber (1981) counts them,
 and the deviations come from sums of the scores over blocks of time (White 1980, clustered), which hold for
-waves and other errors that remember. A parameter enters the fit only if it is certain and reduces the
-residual; the one that reduces it most enters first. Held by ``tests/intake/test_consistency.py``.
+waves and other errors that remember; those of delays and factors from blocks that are drawn again. A
+parameter enters the fit only if it is certain and reduces the residual; the one that reduces it most enters
+first. Held by ``tests/intake/test_consistency.py``.
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ _FURTHEST, _FARTHEST = 5.0, 100.0  # steps of a shift's difference quotient in o
 _BETTER = 0.97  # residual of another start over that of the likelier one
 
 _LEAST_SHARE = 1e-3  # of the largest eigenvalue of the scaled information
+
+_PLACES, _REACH, _DRAWS = 9, 1.5, 60  # of a parameter whose blocks are drawn: each way, at most, times
+
+_LEAST_FACTOR = 1e-3  # deviation of a factor: noise of the attitude and the low-pass take away so much
 
 _LEAST_WIDTHS = 50.0  # of the low-pass: less cannot be compared
 
@@ -126,6 +131,8 @@ class Parameter:
         Share by which it must reduce the residual's root mean square.
     shift
         Whether it shifts a sensor in time, a delay or a drift.
+    factor
+        Whether it multiplies a measured channel, whose own noise then makes it too small.
     """
 
     name: str
@@ -135,6 +142,7 @@ class Parameter:
     always: bool = False
     material: float = 0.0
     shift: bool = False
+    factor: bool = False
 
 
 @dataclass(frozen=True)
@@ -196,17 +204,18 @@ def fitted(
             break
         active, candidates = [*active, chosen], [one for one in candidates if one is not chosen]
         values = problem.descend(values, active)
-    # What entered early may have been explained by what entered later.
-    while True:
-        covariance = problem.covariance(values, active)
-        sd = dict(zip((one.name for one in active), np.sqrt(np.diag(covariance)), strict=True))
-        size = robust_rms(_used(told(values)))
-        weak = [one for one in active if not one.always and not _counts(one, values, sd, told, size)]
-        if not weak:
-            break
-        worst = min(weak, key=lambda one: abs(values[one.name]) / sd[one.name])
-        active = [one for one in active if one is not worst]
-        values = problem.descend(values | {worst.name: 0.0}, active)
+    # What entered early may have been explained by what entered later; the costly deviations come last.
+    for spread in (problem.spread, problem.drawn):
+        while True:
+            values, covariance = spread(values, active)
+            sd = dict(zip((one.name for one in active), np.sqrt(np.diag(covariance)), strict=True))
+            size = robust_rms(_used(told(values)))
+            weak = [one for one in active if not one.always and not _counts(one, values, sd, told, size)]
+            if not weak:
+                break
+            worst = min(weak, key=lambda one: abs(values[one.name]) / sd[one.name])
+            active = [one for one in active if one is not worst]
+            values = problem.descend(values | {worst.name: 0.0}, active)
     y, good = told(values)
     return Fit(
         {one.name: values[one.name] for one in active},
@@ -407,10 +416,7 @@ class _Problem:
         scale = 1.4826 * float(np.median(np.abs(y - np.median(y)))) + 1e-300
         y, columns = y / scale, columns / scale
         weight = 1.0 / np.maximum(np.abs(y) / _HUBER, 1.0)
-        length = max(_BLOCK_S, (t[-1] - t[0]) / _MOST_BLOCKS)
-        length = min(length, (t[-1] - t[0]) / _FEWEST_BLOCKS)
-        blocks = np.minimum(((t[use] - t[0]) / length).astype(int), int((t[-1] - t[0]) / length))
-        return y, columns, weight, blocks
+        return y, columns, weight, _blocks(t)[use]
 
     def descend(self, values: dict[str, float], active: Sequence[Parameter]) -> dict[str, float]:
         """Values at the least cost over the active parameters."""
@@ -432,11 +438,104 @@ class _Problem:
                 break
         return values
 
-    def covariance(self, values: Mapping[str, float], active: Sequence[Parameter]) -> Array:
-        """Covariance of the active parameters at `values`."""
+    def spread(self, values: dict[str, float], active: Sequence[Parameter]) -> tuple[dict[str, float], Array]:
+        """The values and the covariance of the active parameters, by the curvature of the cost."""
         if not active:
-            return np.zeros((0, 0))
-        return self.linear(values, active).covariance(range(len(active)), np.zeros(len(active)))
+            return values, np.zeros((0, 0))
+        return values, self.linear(values, active).covariance(range(len(active)), np.zeros(len(active)))
+
+    def drawn(self, values: dict[str, float], active: Sequence[Parameter]) -> tuple[dict[str, float], Array]:
+        """Values and covariance of the active parameters; delays and factors by drawing blocks of time.
+
+        Noise makes the curvature over a delay uncertain, and with it a deviation that rests on it, and makes
+        a factor of the noisy channel too small.
+        """
+        values, covariance = self.spread(dict(values), active)
+        for k, one in enumerate(active):
+            kind, _, sensor = one.name.partition(".")
+            if kind != "delay" and not one.factor:
+                continue
+            sd = float(np.sqrt(covariance[k, k]))
+            values[one.name], resampled = self._resampled(values, one, sd)
+            wider = max(resampled / sd, 1.0)
+            for j, other in enumerate(active):
+                if other is one or (kind == "delay" and other.name == f"drift.{sensor}"):
+                    covariance[j, :] *= wider
+                    covariance[:, j] *= wider
+        return values, covariance
+
+    def _resampled(self, values: Mapping[str, float], one: Parameter, sd: float) -> tuple[float, float]:
+        """A parameter and its deviation by drawing blocks of time with replacement (Künsch 1989).
+
+        The cost is that of the residual without its memory, or of the residual itself, whichever tells more:
+        noise of a sensor is no memory, and taking it out would weigh what the motion does not have.
+        """
+        reach = float(np.clip(5.0 * sd, 4.0 * one.step, _REACH))
+        places = values[one.name] + np.linspace(-reach, reach, 2 * _PLACES + 1)
+        found = [self.residual({**values, one.name: float(place)}) for place in places]
+        thin = slice(None, None, self.stride)
+        good = np.logical_and.reduce([known for _, known in found])[thin]
+        y = np.stack([each[thin] for each, _ in found])  # (places, n, k)
+        if good.sum() < _FEWEST_BLOCKS:
+            return values[one.name], sd
+        blocks = _blocks(self.grid.t[thin])
+        count = int(blocks.max()) + 1
+        draws = np.random.default_rng(1).multinomial(count, np.full(count, 1.0 / count), size=_DRAWS)
+        # Of few blocks a normal deviation is too narrow: as Student's with one degree less.
+        wider = np.sqrt(count / (count - 1.0)) * (1.0 + 1.0 / count)
+        told = []
+        for whiten in (True, False):
+            parts = [self._costs(y[:, :, k], good, blocks, count, whiten=whiten) for k in range(y.shape[2])]
+            cost = np.sum([part for part, _, _ in parts], axis=0)
+            drawn = np.array([_lowest(places, cost @ draw) for draw in draws])
+            own = wider * float(np.sqrt(np.mean((drawn - np.median(drawn)) ** 2)))
+            if one.factor:
+                # The channel's own noise makes its factor too small by its share of the size, the
+                # reference's noise by nothing: uniform between the two.
+                size = max(sum(slope for _, _, slope in parts) / (2.0 * reach) ** 2, 1e-300)
+                share = sum(left for _, left, _ in parts) / size / np.sqrt(3.0)
+                own = float(np.sqrt(own**2 + share**2 + _LEAST_FACTOR**2))
+            told.append((own, _lowest(places, cost.sum(axis=1))))
+        (own, value), (_, other) = sorted(told)
+        # What depends on the choice is uncertain; a factor without its slow part is known not to hold.
+        return value, own if one.factor else float(np.hypot(own, 0.5 * (value - other)))
+
+    def _costs(
+        self, y: Array, good: Mask, blocks: Array, count: int, *, whiten: bool
+    ) -> tuple[Array, float, float]:
+        """Huber's cost (places, blocks) of residuals (places, n), squares in the middle and of the change."""
+        from scipy.ndimage import minimum_filter1d
+        from scipy.signal import lfilter
+
+        y = np.where(good, y - np.median(y[:, good], axis=1, keepdims=True), 0.0)
+        middle = y[len(y) // 2]
+        taps = np.array([1.0])
+        if whiten:
+            scale = 1.4826 * float(np.median(np.abs(middle[good]))) + 1e-300
+            taps = _whitener(np.clip(middle, -4.0 * scale, 4.0 * scale), good)
+        width = len(taps)
+        whole = minimum_filter1d(good.astype(np.uint8), width, mode="constant", origin=(width - 1) // 2)
+        use = whole.astype(bool) if whole.any() else good
+        y = np.asarray(lfilter(taps, 1.0, y, axis=1))[:, use]
+        squares = float(np.sum(y[len(y) // 2] ** 2)), float(np.sum((y[-1] - y[0]) ** 2))
+        size = np.abs(y) / (1.4826 * float(np.median(np.abs(y[len(y) // 2]))) + 1e-300)
+        cost = np.where(size < _HUBER, 0.5 * size**2, _HUBER * (size - 0.5 * _HUBER))
+        return np.stack([np.bincount(blocks[use], one, count) for one in cost]), *squares
+
+
+def _blocks(t: Array) -> Array:
+    """Label of each time's block, (n,): parts that have little to do with each other."""
+    span = t[-1] - t[0]
+    length = min(max(_BLOCK_S, span / _MOST_BLOCKS), span / _FEWEST_BLOCKS)
+    return np.asarray(np.minimum(((t - t[0]) / length).astype(int), int(span / length)))
+
+
+def _lowest(x: Array, y: Array) -> float:
+    """Place of the minimum of samples y(x), from the parabola through the lowest one and four neighbours."""
+    i = int(np.clip(np.argmin(y), 2, len(x) - 3))
+    a, b, _ = np.polyfit(x[i - 2 : i + 3] - x[i], y[i - 2 : i + 3], 2)
+    near = float(np.clip(-0.5 * b / a, x[i - 2] - x[i], x[i + 2] - x[i])) if a > 0.0 else 0.0
+    return float(x[i] + near)
 
 
 def _whitener(y: Array, good: Mask) -> Array:
