@@ -4,9 +4,9 @@ One RK4 step of hull and motors is one straight-line expression. What is constan
 mass matrix, decay of the lags, thrust per revolution squared) is an expression of its own, and terms whose
 coefficient the vehicle does not have are left out: the leanest code that CasADi gives.
 
-Scope: any centre of gravity and inertia, diagonal and off-diagonal derivatives, lift, restoring, constant
-current, quadratic thrusters with inflow and their whole motor chain. The static limits and the dead time
-act on the record, before the step.
+Scope: any centre of gravity and inertia, diagonal and off-diagonal derivatives, cross-flow drag by
+strips, lift, restoring, constant current, quadratic thrusters with inflow and their whole motor chain.
+The static limits and the dead time act on the record, before the step.
 
 Sources: as in ``textbook``; here with cross products in place of matrices.
 Held by tests/core/test_casadi_model.py: trajectories equal the textbook model's to 1e-9.
@@ -95,7 +95,7 @@ def expressions(
     kept = {name: ca.SX.sym(name, value.sparsity()) for name, value in lasting.items()} if hoisted else {}
     x, motor = ca.SX.sym("x", STATES), ca.SX.sym("motor", 2 * len(thrusters))
     u, tau, v_c = ca.SX.sym("u", len(thrusters)), ca.SX.sym("tau", 6), ca.SX.sym("v_c", 3)
-    hull = Hull(p, kept or lasting, thrusters, parameters.g, v_c if current else None)
+    hull = Hull(p, kept or lasting, thrusters, parameters, v_c if current else None)
     pack = [ca.vertcat(*p.values()), nonzeros(kept)]
     packed = nonzeros(lasting) if hoisted else ca.SX(0, 1)
     return Expressions(
@@ -183,14 +183,20 @@ class Hull:
     """The equation of motion with the coefficients ``p`` and the constants ``c``."""
 
     def __init__(
-        self, p: Symbols, c: Symbols, thrusters: tuple[Thruster, ...], g: float, v_c: Expression | None
+        self,
+        p: Symbols,
+        c: Symbols,
+        thrusters: tuple[Thruster, ...],
+        parameters: Parameters,
+        v_c: Expression | None,
     ) -> None:
         self.p, self.c, self.thrusters, self.v_c = p, c, thrusters, v_c
-        self.W, self.B = p["m"] * g, p.get("B", 0.0)
+        self.W, self.B = p["m"] * parameters.g, p.get("B", 0.0)
         self.r_g, self.r_b, self.I_O = lever(p, "g"), lever(p, "b"), inertia(p)
         self.M_A = added_mass(p)
         self.D_l, self.D_q = matrix(p, "{i}_{j}", -1.0), matrix(p, "{i}_{j}{j}", -1.0)
         self.L = matrix({k: v for k, v in p.items() if k in LIFT_TERMS}, "{i}_u{j}", 1.0)
+        self.strips, self.rho = parameters.strips, parameters.rho
         self.bias = ca.vertcat(*(p.get(f"{force}_0", 0.0) for force in FORCES))
 
     def rate(self, x: Expression, n: Expression, tau: Expression) -> Expression:
@@ -210,6 +216,8 @@ class Hull:
         f -= ca.vertcat(ca.cross(omega, momentum[:3]), turning)
         f -= ca.mtimes(self.D_l + ca.mtimes(self.D_q, ca.diag(ca.fabs(nu_r))), nu_r)
         f += ca.fabs(nu_r[0]) * ca.mtimes(self.L, nu_r)
+        if "C_Dy" in self.p or "C_Dz" in self.p:
+            f -= self.cross_flow(nu_r)
         down = R[2, :].T
         f += ca.vertcat((self.W - self.B) * down, ca.cross(self.r_g * self.W - self.r_b * self.B, down))
         for i, t in enumerate(self.thrusters):
@@ -226,6 +234,14 @@ class Hull:
             force += m * ca.cross(omega, ca.cross(omega, self.r_g))
             moment += m * ca.cross(self.r_g, turning)
         return ca.vertcat(force, moment)
+
+    def cross_flow(self, nu_r: Expression) -> Expression:
+        """Return the drag of the strips, against the motion."""
+        x, side, above = (ca.DM(row) for row in self.strips)
+        across, down = nu_r[1] + x * nu_r[5], nu_r[2] - x * nu_r[4]
+        sway = 0.5 * self.rho * self.p.get("C_Dy", 0.0) * side * ca.fabs(across) * across
+        heave = 0.5 * self.rho * self.p.get("C_Dz", 0.0) * above * ca.fabs(down) * down
+        return ca.vertcat(0.0, ca.sum1(sway), ca.sum1(heave), 0.0, -ca.dot(x, heave), ca.dot(x, sway))
 
     def thrust(self, t: Thruster, n: Expression, nu_r: Expression) -> Expression:
         """Return the thrust in N at ``n`` rpm."""

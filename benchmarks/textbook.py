@@ -35,6 +35,9 @@ Array: TypeAlias = NDArray[np.float64]
 FORCES = "XYZKMN"
 # Coasting down into denormal numbers is a hundred times slower than computing.
 SMALLEST = 1e-30
+# Places (m), areas seen from the side and from above (m2) of the hull's strips, as rows (3,n).
+Strips: TypeAlias = Array
+NO_STRIPS: Strips = np.zeros((3, 0))
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,9 @@ class Model:
     density_ratio: float
     rho: float = 1025.0
     fins: tuple[Fin, ...] = ()
+    strips: Strips = field(default_factory=lambda: NO_STRIPS)
+    # Half the density times the cross-flow drag coefficient, sideways and downwards.
+    cross_flow: tuple[float, float] = (0.0, 0.0)
     M: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -117,6 +123,15 @@ def damping(nu_r: Array, D_l: Array, D_q: Array) -> Array:
     return np.asarray(D_l + D_q * np.abs(nu_r))
 
 
+def cross_flow(nu_r: Array, strips: Strips, pressure: tuple[float, float]) -> Array:
+    """Return the wrench (6,) of the cross-flow drag on the strips, body frame (N, N m)."""
+    x, side, above = strips
+    _, v, w, _, q, r = nu_r
+    across, down = v + x * r, w - x * q
+    sway, heave = -pressure[0] * side * abs(across) * across, -pressure[1] * above * abs(down) * down
+    return np.array([0.0, sway.sum(), heave.sum(), 0.0, -(x @ heave), x @ sway])
+
+
 def restoring(R: Array, model: Model) -> Array:
     """Return g (6,) of (32), left-hand side: the wrench on the vehicle is -g (body frame, N and N m)."""
     f_G = R.T @ np.array([0.0, 0.0, model.W])
@@ -146,7 +161,8 @@ def forces(
     return {
         "rigid_body": -rigid_body_coriolis(nu, model.m, model.r_g, model.I_O) @ nu,
         "added_mass": -added_mass_coriolis(nu_r, model.M_A) @ nu_r + model.M_A @ nu_c_rate,
-        "damping": -damping(nu_r, model.D_l, model.D_q) @ nu_r,
+        "damping": cross_flow(nu_r, model.strips, model.cross_flow)
+        - damping(nu_r, model.D_l, model.D_q) @ nu_r,
         "lift": abs(nu_r[0]) * (model.L @ nu_r),
         "restoring": -restoring(R, model),
         "bias": model.bias,

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
-from benchmarks.textbook import FORCES, Model, rigid_body_mass
+from benchmarks.textbook import FORCES, NO_STRIPS, Model, Strips, rigid_body_mass
 from benchmarks.textbook_fins import Fin
 from benchmarks.textbook_thrusters import (
     Characteristic,
@@ -32,13 +32,15 @@ LIFT_TERMS = ("Y_uv", "Y_ur", "Z_uw", "Z_uq", "M_uw", "M_uq", "N_uv", "N_ur")
 
 @dataclass(frozen=True)
 class Parameters:
-    """A vehicle: flat coefficients in SI, actuators, density (kg/m3) and gravity (m/s2) they hold for."""
+    """A vehicle: flat coefficients in SI, actuators, density (kg/m3) and gravity (m/s2) they hold for, and
+    the hull's strips: places (m), areas seen from the side and from above (m2), as rows."""
 
     coefficients: Mapping[str, float]
     thrusters: Sequence[Thruster] = ()
     fins: Sequence[Fin] = ()
     rho: float = 1025.0
     g: float = 9.81
+    strips: Strips = field(default_factory=lambda: NO_STRIPS)
 
 
 def build(parameters: Parameters, *, rho: float | None = None, g: float | None = None) -> Model:
@@ -85,6 +87,8 @@ def build(parameters: Parameters, *, rho: float | None = None, g: float | None =
         density_ratio=density_ratio,
         rho=rho,
         fins=tuple(parameters.fins),
+        strips=parameters.strips,
+        cross_flow=(0.5 * rho * c.get("C_Dy", 0.0), 0.5 * rho * c.get("C_Dz", 0.0)),
     )
 
 
@@ -126,7 +130,28 @@ def from_file(file: Mapping[str, Any], coefficients: Mapping[str, float]) -> Par
         fins=[fin(file, entry, coefficients) for entry in file.get("fins", [])],
         rho=environment.get("rho_kg_m3", 1025.0),
         g=environment.get("g_m_s2", 9.81),
+        strips=hull_strips(file),
     )
+
+
+def hull_strips(file: Mapping[str, Any]) -> Strips:
+    """Return the strips of a parsed vehicle file: Gauss and Legendre's sixteen between tail and nose."""
+    table, geometry = file.get("cross_flow"), file.get("geometry")
+    if table is None and geometry is None:
+        return NO_STRIPS
+    if table is None:
+        half, width = 0.5 * geometry["length_m"], geometry["diameter_m"]
+        table = {
+            "x_m": [-half, half],
+            "diameter_m": [width, width],
+            "height_m": [geometry.get("height_m", width)] * 2,
+        }
+    node, weight = np.polynomial.legendre.leggauss(16)
+    tail, nose = table["x_m"][0], table["x_m"][-1]
+    x = 0.5 * (tail + nose) + 0.5 * (nose - tail) * node
+    length = 0.5 * (nose - tail) * weight
+    measures = table.get("height_m") or table["diameter_m"], table["diameter_m"]
+    return np.stack([x, *(length * np.interp(x, table["x_m"], one) for one in measures)])
 
 
 def thruster(

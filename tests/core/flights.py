@@ -22,7 +22,7 @@ KINDS = {
     "cwolf": (
         "m I_y I_xz x_g z_b B X_udot M_qdot Y_rdot X_u N_v X_uu N_uu N_rr M_ww Y_uv N_ur Z_0 "
         "SbU.gain SbL.p1_ahead PU.p1_astern SbU.p2 SbL.w PU.t PL.K_V SbU.T_1 SbL.T_t PU.n_acc PL.n_dec "
-        "VTB.lever_M SbU.lever_N PU.q1"
+        "C_Dy C_Dz VTB.lever_M SbU.lever_N PU.q1"
     ),
     "beluga": (
         "m z_g B Z_wdot K_p Y_vv N_0 thruster_0.gain thruster_1.t thruster_2.K_V thruster_3.T_1 "
@@ -30,8 +30,8 @@ KINDS = {
     ),
     "every_term": (
         "m I_x I_xy y_g y_b B Y_pdot X_w Y_rr Z_uq X_0 screw.gain screw.p1_ahead screw.p1_astern screw.p2 "
-        "screw.q1 screw.q2 screw.w screw.t screw.K_V screw.T_1 screw.T_t screw.n_acc screw.n_dec ducted.T_1 "
-        "regression.a0_ahead regression.a1_ahead regression.a11_ahead regression.a0_astern "
+        "C_Dy C_Dz screw.q1 screw.q2 screw.w screw.t screw.K_V screw.T_1 screw.T_t screw.n_acc screw.n_dec "
+        "ducted.T_1 regression.a0_ahead regression.a1_ahead regression.a11_ahead regression.a0_astern "
         "regression.a1_astern regression.a11_astern regression.T_t jet.gain jet.T_t jet.T_1 jet.lever_K "
         "rudder.gain rudder.C_La rudder.C_D0 rudder.C_D90 rudder.k_i rudder.offset rudder.T_1 rudder.n_acc"
     ),

@@ -28,7 +28,7 @@ H = DT / SUBSTEPS
 NUISANCES = ("current_north", "current_east", "current_down")
 COUPLED = {
     "x_g": 0.02, "y_g": -0.01, "I_xz": 0.3, "Y_rdot": 4.0, "Z_qdot": -3.0, "Y_r": 1.0, "N_v": -2.0,
-    "N_vv": 3.0, "M_ww": -2.0, "X_0": 0.5, "N_0": -0.2,
+    "N_vv": 3.0, "M_ww": -2.0, "X_0": 0.5, "N_0": -0.2, "C_Dy": 0.6, "C_Dz": 0.5,
 }  # fmt: skip
 CURRENT = np.array([0.3, -0.2, 0.05])
 POSITION = np.array([1.0, -2.0, 5.0])

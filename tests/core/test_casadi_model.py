@@ -28,7 +28,10 @@ HULL = {
 COUPLED = HULL | {
     "x_g": 0.02, "y_g": -0.01, "z_g": 0.01, "I_xz": 0.3, "I_xy": -0.2, "I_yz": 0.1, "X_0": 0.5, "N_0": -0.2,
     "Y_rdot": 4.0, "Z_qdot": -3.0, "Y_r": 1.0, "N_v": -2.0, "N_vv": 3.0, "M_ww": -2.0,
+    "C_Dy": 0.9, "C_Dz": 0.7,
 }  # fmt: skip
+# Two measures of a hull that is not the same fore and aft.
+STRIPS = np.stack([np.linspace(-0.9, 0.7, 5), np.linspace(0.02, 0.08, 5), np.linspace(0.07, 0.03, 5)])
 # CasADi gets commands that are delayed already: behind a rate limit by whole steps only.
 PROPELLER = Thruster(
     name="starboard",
@@ -74,7 +77,7 @@ def record(seed: int) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("hoisted", [True, False])
 @pytest.mark.parametrize("coefficients", [HULL, COUPLED], ids=["diagonal", "coupled"])
 def test_scalar_casadi_trajectory_equals_textbook(coefficients: dict[str, float], hoisted: bool) -> None:
-    parameters = Parameters(coefficients, [PROPELLER, PORT, BOW])
+    parameters = Parameters(coefficients, [PROPELLER, PORT, BOW], strips=STRIPS)
     state = np.array([0.0, 0.0, 5.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.1, 0.0, 0.1, 0.0])
     current = np.array([0.3, -0.2, 0.0])
     commands = record(1)

@@ -209,11 +209,11 @@ def test_nothing_unknown_has_no_columns() -> None:
         ),
         ({"initials": ["roll"]}, 'initials: expected initial_x, .*, initial_r, found "roll"'),
         ({"channels": ["pich"]}, 'channels: expected u, v, .*, yaw, found "pich".*did you mean "pitch"'),
-        ({"directions": np.ones((2, 3))}, r"directions: expected shape \(k, 32\), found \[2, 3\]"),
+        ({"directions": np.ones((2, 3))}, r"directions: expected shape \(k, 34\), found \[2, 3\]"),
         ({"nuisance": np.zeros((1, 32))}, "nuisance: expected 2 rows of 32, found 1"),
         ({"nuisance": np.zeros((2, 31))}, r"nuisance: expected shape \(n, 32\)"),
         ({"initial": np.zeros((2, 12))}, "initial: expected 3 rows of 12, found 2"),
-        ({"values": np.zeros(3)}, "values: expected 32 numbers, found 3"),
+        ({"values": np.zeros(3)}, "values: expected 34 numbers, found 3"),
         ({"values": np.zeros((1, 31))}, r"values: expected shape \(n,\)"),
     ],
 )

@@ -1,6 +1,7 @@
 //! Laws of mechanics and of the model's own design that hold for every vehicle (property tests).
 
 mod characteristic;
+mod cross_flow;
 mod current;
 mod energy;
 mod fin;

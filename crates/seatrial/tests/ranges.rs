@@ -19,6 +19,10 @@ height_m = 0.4
 design_speed_m_s = 1.0
 kinematic_viscosity_m2_s = 1.2e-6
 appendages = [{ area_m2 = 0.1, arm_m = 0.2 }]
+[cross_flow]
+x_m = [-1.0, 1.0]
+diameter_m = [0.3, 0.2]
+height_m = [0.4, 0.2]
 [power]
 hotel_w = 10.0
 battery_wh = 500.0

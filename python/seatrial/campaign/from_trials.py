@@ -19,7 +19,7 @@ from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.toml_file import loaded
 from seatrial.campaign.campaign import Campaign
-from seatrial.campaign.parameters import OF_AN_AXIS
+from seatrial.campaign.parameters import axes_of
 from seatrial.trial.trial import Input, Trial
 from seatrial.vehicle.actuators import actuator_groups
 
@@ -161,7 +161,7 @@ def _freed(
 
 def _axes(names: Sequence[str]) -> str:
     """Letters of the axes on which coefficients act; all where none is a force's own."""
-    acted = {found[1] for one in names if (found := OF_AN_AXIS.fullmatch(one))}
+    acted = {letter for one in names for letter in axes_of(one)}
     return "".join(letter for letter in AXES if letter in acted) or AXES
 
 

@@ -23,10 +23,34 @@ from seatrial.vehicle.actuators import actuator_groups
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["OF_AN_AXIS", "Parameter", "coefficient_names", "coefficients", "expansion_matrix", "parameters"]
+__all__ = [
+    "OF_AN_AXIS",
+    "STRIPS",
+    "Parameter",
+    "axes_of",
+    "coefficient_names",
+    "coefficients",
+    "expansion_matrix",
+    "parameters",
+]
 
 OF_AN_AXIS = re.compile(rf"([{AXES}])_(0|[{VELOCITIES}]dot|[{VELOCITIES}]{{1,2}})")
 """A coefficient of a force: the force's letter, and what it is proportional to."""
+
+STRIPS = {"C_Dy": ("Y_vv", "Y_rr", "N_vv", "N_rr"), "C_Dz": ("Z_ww", "Z_qq", "M_ww", "M_qq")}
+"""Drag coefficients of the strips of the hull, and the quadratic damping that they stand for."""
+
+
+def axes_of(name: str) -> str:
+    """Letters of the axes on which a coefficient of the hull acts alone; none for mass, centres, actuators.
+
+    Examples
+    --------
+    >>> axes_of("N_rr"), axes_of("C_Dy"), axes_of("z_g")
+    ('N', 'YN', '')
+    """
+    found = OF_AN_AXIS.fullmatch(name)
+    return found[1] if found else {"C_Dy": "YN", "C_Dz": "ZM"}.get(name, "")
 
 
 # Unit, start value and default bounds by coefficient, as the vehicle gives them: asked for once per stage.

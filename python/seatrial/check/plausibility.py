@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.campaign.parameters import STRIPS
+from seatrial.diagnosis.advice import join
 from seatrial.vehicle.authority import commanded_rows
 
 if TYPE_CHECKING:
@@ -21,7 +23,8 @@ __all__ = ["beyond_tables", "implausible", "unused_rows"]
 
 def implausible(vehicle: Vehicle) -> list[str]:
     """Sentences about values that are probably wrong, each with what to look at."""
-    return [*_size(vehicle), *_inertia(vehicle), *_signs(vehicle), *_positions(vehicle), *_rows(vehicle)]
+    about = (_size, _inertia, _signs, _strips, _positions, _rows)
+    return [sentence for of in about for sentence in of(vehicle)]
 
 
 def _size(vehicle: Vehicle) -> list[str]:
@@ -81,6 +84,17 @@ def _signs(vehicle: Vehicle) -> list[str]:
                 " derivatives are negative and rarely above ten times its own"
             )
     return found
+
+
+def _strips(vehicle: Vehicle) -> list[str]:
+    """Cross-flow drag that stands in a vehicle twice: by strips and as quadratic damping."""
+    values = vehicle.coefficients()
+    return [
+        f"{join((name, *both))} are not zero: the strips of {name} make {join(both)} already; set"
+        f" {join(both)} to 0, unless an appendage beside the hull is meant"
+        for name, made in STRIPS.items()
+        if values.get(name) and (both := [one for one in made if values.get(one)])
+    ]
 
 
 def _positions(vehicle: Vehicle) -> list[str]:

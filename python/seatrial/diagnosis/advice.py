@@ -16,6 +16,8 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
+from seatrial.campaign.parameters import STRIPS, axes_of
+
 __all__ = [
     "AXES",
     "BOTH_WAYS",
@@ -35,6 +37,7 @@ __all__ = [
     "role",
     "scaled",
     "strayed",
+    "strips_twice",
     "unexcited",
 ]
 
@@ -135,8 +138,9 @@ class Role:
     """What a coefficient is: ``kind``, ``force`` letters that it makes, ``velocities`` that must move.
 
     ``kind`` is mass, inertia, added mass, gravity (its centre), buoyancy, buoyancy centre, linear, quadratic,
-    lift, bias, thrust, inflow, torque, motor, lever, ratio, wash, fin or other; ``part`` is the name behind
-    the ``actuator``, which is a fin where `of_fin`. ``pushed`` are the axes that thrusters push directly.
+    strips (cross-flow), lift, bias, thrust, inflow, torque, motor, lever, ratio, wash, fin or other; ``part``
+    is the name behind the ``actuator``, which is a fin where `of_fin`. ``pushed`` are the axes that thrusters
+    push directly.
     """
 
     name: str
@@ -188,6 +192,8 @@ def _role(name: str, fins: Collection[str]) -> Role:
         return Role(name, "inertia", "".join(FORCES[i] for i in axes), "".join(VELOCITIES[i] for i in axes))
     if re.fullmatch(r"[xyz]_[gb]", name):
         return Role(name, "gravity" if name.endswith("g") else "buoyancy centre")
+    if name in STRIPS:
+        return Role(name, "strips", axes_of(name))
     for pattern, kind in _DERIVATIVES:
         if found := pattern.fullmatch(name):
             return Role(name, kind, found[1], found[2])
@@ -206,6 +212,9 @@ def manoeuvre(one: Role) -> str:
     """
     if one.kind in ("linear", "quadratic"):
         return _without_thrust(one, "damping", one.velocities) or _DAMPING[one.velocities]
+    if one.kind == "strips":
+        velocity = VELOCITIES[FORCES.index(one.force[1])]
+        return _without_thrust(one, "damping", velocity) or _DAMPING[velocity]
     if one.kind == "lift":
         return _without_thrust(one, "lift", one.rates) or _LIFT[one.rates]
     if one.kind in ("added mass", "inertia"):
@@ -527,6 +536,23 @@ def _thrust_and_hull(roles: Sequence[Role]) -> _Told:
     return "only the ratio of thrust to the hull's force acts on this data", way
 
 
+def _strips(roles: Sequence[Role]) -> _Told:
+    """Strips of the hull are quadratic damping of both axes of their plane already."""
+    names = {one.name for one in roles}
+    for name, made in STRIPS.items():
+        if name in names and names & set(made) and names <= {name, *made}:
+            return strips_twice(name, made)
+    return None
+
+
+def strips_twice(name: str, made: Sequence[str]) -> tuple[str, str]:
+    """What is wrong with strips and quadratic damping that are both free, and what to do."""
+    return (
+        f"the strips of {name} make {join(made)} already, both must not be free",
+        f"hold {join(made)} at 0, or leave {name} out",
+    )
+
+
 def _one_force(roles: Sequence[Role]) -> _Told:
     """Derivatives of one force: one must vary without the other."""
     hull = {"added mass", "linear", "quadratic", "lift", "bias"}
@@ -552,7 +578,7 @@ def _one_force(roles: Sequence[Role]) -> _Told:
 
 _RULES: tuple[Callable[[Sequence[Role]], _Told], ...]
 
-_RULES = (_inertia, _munk, _static, _actuators, _thrust_and_hull, _one_force)
+_RULES = (_inertia, _strips, _munk, _static, _actuators, _thrust_and_hull, _one_force)
 
 
 def _ways(roles: Sequence[Role]) -> str:

@@ -27,7 +27,18 @@ from typing import Any, Literal
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.diagnosis.advice import VELOCITIES, absorbed, inseparable, manoeuvre, role, scaled, unexcited
+from seatrial.campaign.parameters import STRIPS
+from seatrial.diagnosis.advice import (
+    VELOCITIES,
+    absorbed,
+    inseparable,
+    join,
+    manoeuvre,
+    role,
+    scaled,
+    strips_twice,
+    unexcited,
+)
 from seatrial.diagnosis.weak_combination import ABSENT, WEAK, Group, weak_groups
 from seatrial.statistics.information import correlation, covariance, eliminate, inflation, singular
 from seatrial.statistics.linearisation import Linearisation, Unknown
@@ -341,7 +352,8 @@ def _unit(unit: str) -> str:
 
 
 def warnings_before(lin: Linearisation) -> list[str]:
-    """Sentences to print before optimising: ill-conditioning, and what the data will not tell; or none.
+    """Sentences to print before optimising: what must not both be free, ill-conditioning, what the data will
+    not tell; or none.
 
     Parameters
     ----------
@@ -349,13 +361,19 @@ def warnings_before(lin: Linearisation) -> list[str]:
         At the start values.
     """
     found = judge(lin)
+    twice = [
+        f"{join((name, *both))}: {'; '.join(strips_twice(name, both))}"
+        for name, made in STRIPS.items()
+        if name in found.names and (both := [one for one in made if one in found.names])
+    ]
     if found.condition <= ILL_CONDITIONED:
-        return list(found.sentences)
+        return [*twice, *found.sentences]
     astray = found.singular_values * ILL_CONDITIONED < found.singular_values[0]
     part = np.abs(found.vectors[astray]).max(axis=0)
     along = ", ".join(name for name, share in zip(found.names, part, strict=True) if share > _PART)
     size = f"{found.condition:.1e}" if math.isfinite(found.condition) else "infinite"
     return [
+        *twice,
         f"ill-conditioned: the condition number of the scaled sensitivities is {size}, at most"
         f" {ILL_CONDITIONED:.0e} is sound; the search will wander along {along}",
         *found.sentences,

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
-from seatrial.campaign.parameters import OF_AN_AXIS
+from seatrial.campaign.parameters import OF_AN_AXIS, STRIPS, axes_of
 from seatrial.diagnosis.residual_autocorrelation import autocorrelations, block_length, block_numbers
 from seatrial.statistics.linearisation import Linearisation
 from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests, unexplained
@@ -96,8 +96,8 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
     actuators, present = set(vehicle.actuators), vehicle.coefficients()
     found = []
     for name in known:
-        axis = OF_AN_AXIS.fullmatch(name)
-        if name in fixed or (axis and axis[1] not in free):
+        axes = axes_of(name)
+        if name in fixed or (axes and not set(axes) & set(free)):
             continue
         if name.partition(".")[0] not in actuators or _OF_ONE.fullmatch(name):
             found.append(Candidate(name, (name,)))
@@ -185,12 +185,17 @@ def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) ->
     --------
     >>> [signal_of(name) for name in ("Y_ur", "Y_rdot", "N_rr", "K_v", "Z_0")]
     ['u r', 'dr/dt', '|r| r', 'v', 'a constant']
+    >>> signal_of("C_Dz")
+    '|w - x q| (w - x q) along the hull'
     >>> signal_of("stern.T_1")
     'the rate of change of the command of stern'
     """
     actuator, _, part = name.rpartition(".")
     if part in _DELAYS:
         return f"the rate of change of the command of {actuator}"
+    if name in STRIPS:
+        across = "v + x r" if name == "C_Dy" else "w - x q"
+        return f"|{across}| ({across}) along the hull"
     axis = OF_AN_AXIS.fullmatch(name)
     if axis is None:
         words = (info or {}).get(name, {}).get("description")
@@ -236,6 +241,8 @@ class Suggestion:
         All of it in words.
     members
         Coefficients that it sets, all alike; empty where that is itself.
+    line
+        Line for the campaign's coefficients that frees it; empty where nothing is to be freed.
     """
 
     name: str
@@ -250,6 +257,7 @@ class Suggestion:
     p: float
     sentence: str
     members: tuple[str, ...] = ()
+    line: str = ""
 
     @property
     def faster(self) -> bool:
@@ -265,7 +273,8 @@ class Suggestion:
     def remedy(self) -> str:
         """What to do about it, as an imperative."""
         if not self.faster:
-            return f"free {self.name}"
+            instead = f", and hold {' and '.join(STRIPS[self.name][::3])} at 0" if self.name in STRIPS else ""
+            return f"free {self.name}{instead}"
         return (
             f"lower {self.name} from {self.present:.3g} {self.unit} (0 at least), and check the time stamps"
             " of commands and sensors"
@@ -420,9 +429,9 @@ def _channel(
     )
     velocity = np.array([channel in VELOCITIES for channel in lin.channels])
     energy = np.where(velocity, energy, 0.0) if velocity.any() else energy
-    axis = OF_AN_AXIS.fullmatch(name)
-    if axis and (own := VELOCITIES[AXES.index(axis[1])]) in lin.channels:
-        energy[lin.channels.index(own)] /= _FAIR_PART
+    for axis in axes_of(name):
+        if (own := VELOCITIES[AXES.index(axis)]) in lin.channels:
+            energy[lin.channels.index(own)] /= _FAIR_PART
     return lin.channels[int(np.argmax(energy))]
 
 
@@ -440,6 +449,9 @@ def worded(one: Suggestion) -> Suggestion:
             f" {one.remedy} ({chance})"
         )
         return replace(one, sentence=sentence)
+    if one.name in STRIPS:
+        own = STRIPS[one.name]
+        choice += f" and hold {own[0]} and {own[3]} at 0 (its strips make them)"
     sentence = (
         f"{one.channel} residual follows {one.follows}: free {choice}; {one.name} would be {one.value:.3g} ±"
         f" {one.sigma:.2g}{unit}, the cost would fall by {one.gain:.2g} % ({chance})"

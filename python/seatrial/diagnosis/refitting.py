@@ -8,6 +8,7 @@ tried beside it.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -35,7 +36,7 @@ from seatrial.statistics.score_test import score_tests
 if TYPE_CHECKING:
     pass
 
-__all__ = ["Refitted", "refitted", "suggested_bounds"]
+__all__ = ["Refitted", "campaign_line", "refitted", "suggested_bounds"]
 
 _SIGMAS = 4.0
 
@@ -58,6 +59,24 @@ def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any
     if role(suggestion.name).part in ("T_1", "T_t"):
         lower = max(lower, 0.0)
     return lower + 0.0, upper + 0.0
+
+
+def campaign_line(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]) -> str:
+    """Line of a campaign's coefficients that frees a suggested one within `suggested_bounds`.
+
+    Examples
+    --------
+    >>> from seatrial.diagnosis.missing_terms import Suggestion
+    >>> one = Suggestion("C_Dy", "1", (), "v", "the cross-flow", 0.0, 0.8, 0.02, 9.0, 1e-9, "")
+    >>> campaign_line(one, {"C_Dy": {"lower": 0.0, "upper": 2.0}})
+    'C_Dy = [0.0, 1.6]'
+    """
+    lower, upper = suggested_bounds(suggestion, info)
+    key = f'"{suggestion.name}"' if "." in suggestion.name else suggestion.name
+    written = f"[{lower!r}, {upper!r}]"
+    if suggestion.tied:
+        written = f"{{ bounds = {written}, tie = {json.dumps(list(suggestion.tied))} }}"
+    return f"{key} = {written}"
 
 
 def _outwards(number: float, direction: int) -> float:

@@ -10,7 +10,7 @@ hold-out score to say (`seatrial.identification.suggestion`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from seatrial.diagnosis.missing_terms import (
     missing_terms,
     strongest,
 )
-from seatrial.diagnosis.refitting import refitted
+from seatrial.diagnosis.refitting import campaign_line, refitted
 from seatrial.diagnosis.residual_autocorrelation import Autocorrelation, autocorrelations
 from seatrial.diagnosis.residual_signals import (
     FollowedSignal,
@@ -106,7 +106,10 @@ class ResidualAnalysis:
 
     def __str__(self) -> str:
         lines = [] if self.warning is None else [self.warning]
-        lines += [f"{rank}. {one.sentence}" for rank, one in enumerate(self.suggestions, 1)]
+        for rank, one in enumerate(self.suggestions, 1):
+            lines.append(f"{rank}. {one.sentence}")
+            if one.line:
+                lines.append(f"   line for the campaign's coefficients: {one.line}")
         lines += [one.sentence for one in self.signals]
         if not self.suggestions:
             lines.append(f"None of the {self.tested} coefficients that were tried is missing")
@@ -213,6 +216,9 @@ def analyse_joint(
         block=first.block,
         known=info,
         level=level,
+    )
+    suggestions = tuple(
+        one if one.faster else replace(one, line=campaign_line(one, info)) for one in suggestions
     )
     return _analysis(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
 

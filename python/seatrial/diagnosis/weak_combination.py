@@ -49,7 +49,7 @@ _TRIED = 3
 
 _FOLLOW = ("mass", "inertia", "added mass", "gravity", "buoyancy", "buoyancy centre", "bias")
 
-_DRAG = ("linear", "quadratic", "lift")
+_DRAG = ("linear", "quadratic", "strips", "lift")
 
 _DRIVE = ("thrust", "torque")
 

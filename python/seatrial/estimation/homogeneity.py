@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.channels import AXES, VELOCITIES
-from seatrial.campaign.parameters import coefficient_names, parameters
+from seatrial.campaign.parameters import STRIPS, axes_of, coefficient_names, parameters
 from seatrial.estimation.joint import joint_stage
 from seatrial.vehicle.actuators import actuator_groups, pushes
 
@@ -193,7 +193,10 @@ def homogeneity(campaign: Campaign) -> Homogeneity:
         Held(MASS, tuple(_masses(free, rows))),
         Held(NET, tuple(_net_weight(vehicle, free, rows))),
         Held(RIGHTING, tuple(_righting(vehicle, free, rows))),
-        Held(FORCES, tuple(name for name in _coupling(vehicle) if name[0] in rows and name not in free)),
+        Held(
+            FORCES,
+            tuple(name for name in _coupling(vehicle) if set(axes_of(name)) & set(rows) and name not in free),
+        ),
         Held(STATIC, tuple(_static(vehicle, free, rows))),
     ]
     members = homogeneous_direction(vehicle)
@@ -246,13 +249,13 @@ def _righting(vehicle: Vehicle, free: set[str], rows: str) -> Iterator[str]:
 
 
 def _coupling(vehicle: Vehicle) -> list[str]:
-    """Names of damping, lift, bias and off-diagonal added mass: ``X_u``, ``Y_ur``, ``N_0``, ``Y_rdot``."""
+    """Names of damping, lift, bias and off-diagonal added mass: ``X_u``, ``Y_ur``, ``N_0``, ``C_Dy``."""
     diagonal = {_added(axis) for axis in range(6)}
     forces = tuple(f"{row}_" for row in AXES)
     return [
         name
         for name, value in vehicle.coefficients().items()
-        if "." not in name and name.startswith(forces) and value and name not in diagonal
+        if "." not in name and (name.startswith(forces) or name in STRIPS) and value and name not in diagonal
     ]
 
 

@@ -261,7 +261,7 @@ def _initial_sd(instruments: Instruments) -> dict[str, float]:
     return {name: found[name] for name in initial_names() if name in found}
 
 
-_HULL = re.compile(r"[XYZKMN]_(?:[uvwpqr]{1,2}|[uvwpqr]dot)$")
+_HULL = re.compile(r"[XYZKMN]_(?:[uvwpqr]{1,2}|[uvwpqr]dot)$|C_D[yz]$")
 
 _RESTORING = ("B", "z_b")
 

@@ -460,7 +460,8 @@ def _worst(fit: Identification) -> tuple[str, str]:
         return (
             f"the residual of {first.channel} follows {first.follows}: the model misses a term"
             f" (freeing {first.name} lowers the cost by {first.gain:.2g} %)",
-            f"free {first.name} in a stage of the campaign, identify again and compare the held-out scores",
+            f"{first.remedy} in a stage of the campaign ({first.line}), identify again and compare the"
+            " held-out scores",
         )
     if residual_analysis is not None and residual_analysis.warning:
         loudest = max(residual_analysis.autocorrelations, key=lambda one: one.excess)

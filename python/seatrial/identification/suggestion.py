@@ -6,7 +6,6 @@ to fall with every coefficient; only data held out of the fit tell whether the p
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import tomllib
@@ -15,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from seatrial.base.channels import AXES
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import parse
+from seatrial.campaign.parameters import axes_of
 from seatrial.diagnosis.missing_terms import Suggestion
-from seatrial.diagnosis.refitting import suggested_bounds
+from seatrial.diagnosis.refitting import campaign_line
 from seatrial.identification.hold_out import POOLED
 
 if TYPE_CHECKING:
@@ -74,15 +73,8 @@ def followed_text(campaign: Campaign, suggestion: Suggestion) -> str:
     CampaignError
         The file is laid out such that the line cannot be added safely; the message gives it.
     """
-    lower, upper = suggested_bounds(suggestion, campaign.vehicle.coefficient_info())
-    name = suggestion.name
-    key = f'"{name}"' if "." in name else name
-    setting: Any = [lower, upper]
-    written = f"[{lower!r}, {upper!r}]"
-    if suggestion.tied:
-        setting = {"bounds": setting, "tie": list(suggestion.tied)}
-        written = f"{{ bounds = {written}, tie = {json.dumps(setting['tie'])} }}"
-    entry = f"{key} = {written}"
+    name, entry = suggestion.name, campaign_line(suggestion, campaign.vehicle.coefficient_info())
+    setting = tomllib.loads(entry)[name]
     line = f"{entry} # suggested: {suggestion.channel} residual follows {suggestion.follows}"
     table, number = (
         ("polish", None) if campaign.file.polish is not None else ("stages", _stage(campaign, name))
@@ -197,8 +189,10 @@ def _held_out(fit: Identification) -> dict[str, float]:
 
 def _stage(campaign: Campaign, name: str) -> int:
     """Place in the file of the last stage that frees the axis of a coefficient's force."""
-    axis = name[0] if name[0] in AXES and name[1:2] == "_" else ""
-    fitting = [stage for stage in campaign.stages if axis in stage.axes.free] or list(campaign.stages)
+    axes = axes_of(name)
+    free = [[letter for letter in axes if letter in stage.axes.free] for stage in campaign.stages]
+    most = max(map(len, free))
+    fitting = [stage for stage, own in zip(campaign.stages, free, strict=True) if len(own) == most]
     return [stage.name for stage in campaign.file.stages].index(fitting[-1].name)
 
 

@@ -13,6 +13,7 @@ use crate::actuator::motor::Motor;
 use crate::description::coefficients::{self as names, added_mass, linear, quadratic};
 use crate::description::vehicle_file::{CharacteristicTable as Kind, Environment, FinTable};
 use crate::model::added_mass::AddedMass;
+use crate::model::cross_flow::CrossFlow;
 use crate::model::damping::Damping;
 use crate::model::lift::Lift;
 use crate::model::restoring::Restoring;
@@ -28,6 +29,7 @@ pub struct Structure {
     full_added_mass: bool,
     full_damping: bool,
     lift: bool,
+    cross_flow: bool,
     bias: bool,
     inflow: Vec<bool>,
     torque: Vec<bool>,
@@ -54,7 +56,8 @@ impl Structure {
             full_added_mass: off_diagonal(&added_mass),
             full_damping: off_diagonal(&linear) || off_diagonal(&quadratic),
             lift: (names::LIFT..names::BIAS).any(present),
-            bias: (names::BIAS..names::HULL).any(present),
+            cross_flow: (names::CROSS_FLOW..names::HULL).any(present),
+            bias: (names::BIAS..names::CROSS_FLOW).any(present),
             inflow: actuators.clone().map(|k| any(k, &[3, 7])).collect(),
             torque: actuators.clone().map(|k| any(k, &[6, 7])).collect(),
             lag: actuators.clone().map(|k| any(k, &[15])).collect(),
@@ -145,6 +148,7 @@ impl<T: Real> Vehicle<T> {
         for i in 0..6 {
             bias[i] = c(names::BIAS + i);
         }
+        let pressure = [c(names::CROSS_FLOW), c(names::CROSS_FLOW + 1)].map(|c_d| c_d * (0.5 * rho));
         let mut actuators = Vec::with_capacity(description.file.thrusters.len());
         let mut fins = Vec::with_capacity(description.file.fins.len());
         for (k, described) in description.actuators.iter().enumerate() {
@@ -162,6 +166,10 @@ impl<T: Real> Vehicle<T> {
             rigid_body,
             added_mass: added,
             damping,
+            cross_flow: description
+                .strips
+                .filter(|_| structure.cross_flow)
+                .map(|strips| CrossFlow { strips, pressure }),
             lift: structure.lift.then_some(Lift(lift)),
             restoring,
             bias: structure.bias.then_some(bias),

@@ -9,6 +9,9 @@ use crate::description::coefficients::{self as names, MASS, added_mass, linear, 
 /// Largest deflection at neutral that is sought, rad: a horn that sits one tooth off.
 const LARGEST_OFFSET: f64 = 0.2;
 
+/// Largest cross-flow drag coefficient that is sought: a flat plate across the flow has 2.
+const LARGEST_CROSS_FLOW: f64 = 2.0;
+
 /// Largest trim that is sought, as a share of the drag; its moment has the hull's length as arm.
 const TRIM: f64 = 0.2;
 
@@ -41,10 +44,11 @@ impl Description {
             MASS => factors(0.5, 2.0),
             names::BUOYANCY => Some((0.9 * weight, 1.1 * weight)),
             names::CENTRE_OF_GRAVITY..names::BUOYANCY => Some((-0.1 * size, 0.1 * size)),
-            names::BIAS..names::HULL => {
+            names::BIAS..names::CROSS_FLOW => {
                 let arm = if index - names::BIAS < 3 { 1.0 } else { size };
                 Some((-0.05 * weight * arm, 0.05 * weight * arm))
             }
+            names::CROSS_FLOW..names::HULL => Some((0.0, LARGEST_CROSS_FLOW)),
             _ if is(&added_mass) => factors(0.2, 5.0),
             _ if is(&linear) => factors(0.0, 10.0),
             _ if index == quadratic(0, 0) => factors(0.5, 4.0),

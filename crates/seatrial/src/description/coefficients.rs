@@ -6,6 +6,7 @@
 //! | `X_udot` … `N_rdot`, every off-diagonal `Y_rdot` = `N_vdot` … | added mass (negative on the diagonal) |
 //! | `X_u` … `N_r`, every off-diagonal `Y_r` … | linear damping |
 //! | `X_uu` … `N_rr`, every off-diagonal `Y_rr` … | quadratic damping, per `|ν_j| ν_j` |
+//! | `C_Dy C_Dz` | cross-flow drag of the strips sideways and downwards, positive |
 //! | `Y_uv Y_ur Z_uw Z_uq M_uw M_uq N_uv N_ur` | lift, per `|u| ν_j` |
 //! | `Y_uu Z_uu K_uu M_uu N_uu` | among them: trims of an asymmetric hull, nothing at rest |
 //! | `X_0` … `N_0` | constant bias wrench in the body frame, also at rest |
@@ -39,8 +40,10 @@ const QUADRATIC: usize = 71;
 pub const LIFT: usize = 107;
 /// Index of `X_0`; five more follow.
 pub const BIAS: usize = 115;
+/// Index of `C_Dy`; `C_Dz` follows.
+pub const CROSS_FLOW: usize = 121;
 /// Number of coefficients of the hull; the actuators' follow.
-pub const HULL: usize = 121;
+pub const HULL: usize = 123;
 
 const RIGID: [(&str, &str, &str); 14] = [
     ("m", "kg", "mass"),
@@ -57,6 +60,11 @@ const RIGID: [(&str, &str, &str); 14] = [
     ("y_b", "m", "centre of buoyancy, to starboard of O"),
     ("z_b", "m", "centre of buoyancy, below O"),
     ("B", "N", "buoyancy"),
+];
+
+const OF_STRIPS: [(&str, &str); 2] = [
+    ("C_Dy", "cross-flow drag coefficient of the strips seen from the side, sway and yaw"),
+    ("C_Dz", "cross-flow drag coefficient of the strips seen from above, heave and pitch"),
 ];
 
 /// Coefficients of an actuator: name, unit, meaning. `<c>` is the command's unit. The last six are a fin's.
@@ -185,7 +193,8 @@ impl Layout {
                 format!("{}_{1}{1}", FORCES[i], VELOCITIES[j])
             }
             LIFT..BIAS => LIFT_NAMES[index - LIFT].to_owned(),
-            BIAS..HULL => format!("{}_0", FORCES[index - BIAS]),
+            BIAS..CROSS_FLOW => format!("{}_0", FORCES[index - BIAS]),
+            CROSS_FLOW..HULL => OF_STRIPS[index - CROSS_FLOW].0.to_owned(),
             _ => {
                 let (k, offset) = ((index - HULL) / PER_ACTUATOR, (index - HULL) % PER_ACTUATOR);
                 format!("{}.{}", self.actuators[k], ACTUATOR[offset].0)
@@ -254,7 +263,8 @@ impl Layout {
                 (false, false) => "N s2",
             }
             .to_owned(),
-            BIAS..HULL => if angular(index - BIAS) { "N m" } else { "N" }.to_owned(),
+            BIAS..CROSS_FLOW => if angular(index - BIAS) { "N m" } else { "N" }.to_owned(),
+            CROSS_FLOW..HULL => "1".to_owned(),
             _ => ACTUATOR[(index - HULL) % PER_ACTUATOR].1.replace("<c>", command_unit),
         }
     }
@@ -285,7 +295,8 @@ impl Layout {
                 let name = LIFT_NAMES[index - LIFT];
                 format!("lift, {} per |u| {}", &name[..1], &name[3..])
             }
-            BIAS..HULL => format!("constant bias {} in the body frame", FORCES[index - BIAS]),
+            BIAS..CROSS_FLOW => format!("constant bias {} in the body frame", FORCES[index - BIAS]),
+            CROSS_FLOW..HULL => OF_STRIPS[index - CROSS_FLOW].1.to_owned(),
             _ => ACTUATOR[(index - HULL) % PER_ACTUATOR].2.to_owned(),
         }
     }

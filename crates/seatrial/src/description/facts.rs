@@ -4,7 +4,6 @@
 use super::placement::Effect;
 use super::values::Description;
 use super::vehicle_file::{CharacteristicTable, MotorTable};
-use crate::description::coefficients::HULL;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -119,7 +118,7 @@ pub fn actuator(d: &Description, k: usize) -> Facts {
 
 /// Per coefficient that the vehicle can have: unit, start value, default bounds, description.
 pub fn coefficients(d: &Description) -> BTreeMap<String, Facts> {
-    let known = (0..d.layout.len()).filter(|&i| i < HULL || d.uses(i));
+    let known = (0..d.layout.len()).filter(|&i| d.uses(i));
     known
         .map(|i| {
             let bounds = d.default_bounds(i);

@@ -6,7 +6,7 @@
 use super::coefficients::{self as names, FORCES, Layout, MASS};
 use super::placement::{place, place_fin};
 use super::values::Description;
-use super::vehicle_file::VehicleFile;
+use super::vehicle_file::{CrossFlowTable, VehicleFile};
 use crate::error::Error;
 use crate::model::vehicle::Vehicle;
 use crate::number::algebra::pivots;
@@ -35,6 +35,13 @@ impl Description {
         if let Some(complaint) = file.geometry.as_ref().and_then(super::geometry::Geometry::complaint) {
             return Err(fail(complaint));
         }
+        if let Some(complaint) = file.cross_flow.as_ref().and_then(CrossFlowTable::complaint) {
+            return Err(fail(complaint));
+        }
+        let strips = match (&file.cross_flow, &file.geometry) {
+            (Some(table), _) => Some(table.strips()),
+            (None, geometry) => geometry.as_ref().map(super::geometry::Geometry::strips),
+        };
         let thrusters = file.thrusters.iter().map(|t| &t.name);
         let actuator_names: Vec<String> =
             thrusters.chain(file.fins.iter().map(|f| &f.name)).cloned().collect();
@@ -79,14 +86,14 @@ impl Description {
         let mut start_values = vec![None; layout.len()];
         for (index, value) in file.geometry.iter().flat_map(|g| g.start_values(m, environment.rho_kg_m3)) {
             start_values[index] = Some(value);
-            if given[index].is_none() {
+            if given[index].is_none() && !by_strips(index, &coefficients) {
                 coefficients[index] = value;
             }
         }
         if given[names::BUOYANCY].is_none() {
             coefficients[names::BUOYANCY] = m * environment.g_m_s2;
         }
-        let description = Self { file, layout, coefficients, start_values, tabulated, actuators };
+        let description = Self { file, layout, coefficients, start_values, strips, tabulated, actuators };
         description.check().map_err(fail)?;
         Ok(description)
     }
@@ -136,6 +143,12 @@ impl Description {
                 return Err(format!("coefficient {name}: {complaint}"));
             }
         }
+        if let Some(i) = (names::CROSS_FLOW..names::HULL).find(|&i| c[i] != 0.0 && !self.uses(i)) {
+            return Err(format!(
+                "coefficient {}: the shape of the hull is missing, from which its strips are cut; give [cross_flow] with x_m and diameter_m, or [geometry]",
+                self.layout.name(i)
+            ));
+        }
         let vehicle = Vehicle::nominal(self);
         let pivots = pivots(&vehicle.mass_matrix);
         if let Some(axis) = pivots.iter().position(|p| !(p.is_finite() && *p > 0.0)) {
@@ -146,6 +159,14 @@ impl Description {
         }
         Ok(())
     }
+}
+
+/// Whether the strips make this drag already, so that the geometry must not add its own.
+fn by_strips(index: usize, coefficients: &[f64]) -> bool {
+    [[1, 5], [2, 4]]
+        .iter()
+        .zip(&coefficients[names::CROSS_FLOW..])
+        .any(|(axes, c_d)| *c_d != 0.0 && axes.iter().any(|&i| names::quadratic(i, i) == index))
 }
 
 /// Refuses a value that differs from the one given for the same coefficient, perhaps under its other name.

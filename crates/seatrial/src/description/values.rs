@@ -3,6 +3,7 @@
 use super::coefficients::{self as names, Layout, Scaling, added_mass, linear, quadratic};
 use super::placement::ActuatorDescription;
 use super::vehicle_file::VehicleFile;
+use crate::model::cross_flow::Strips;
 use crate::number::algebra::Vec6;
 
 /// A checked vehicle.
@@ -16,6 +17,8 @@ pub struct Description {
     pub coefficients: Vec<f64>,
     /// The geometry's start value per coefficient, where there is one.
     pub start_values: Vec<Option<f64>>,
+    /// The hull in strips; none where the file says nothing of its shape.
+    pub strips: Option<Strips>,
     /// The actuators' coefficients as their motors and characteristics give them.
     pub(super) tabulated: Vec<f64>,
     /// The actuators in the order of the command vector.
@@ -80,6 +83,9 @@ impl Description {
 
     /// Whether the equation of motion of this vehicle reads the coefficient.
     pub fn uses(&self, index: usize) -> bool {
+        if (names::CROSS_FLOW..names::HULL).contains(&index) {
+            return self.strips.is_some();
+        }
         index
             .checked_sub(names::HULL)
             .is_none_or(|i| self.actuators[i / names::PER_ACTUATOR].uses(i % names::PER_ACTUATOR))

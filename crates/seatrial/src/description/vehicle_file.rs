@@ -8,12 +8,14 @@
 //!
 //! Tests: `tests/files.rs`.
 
+mod cross_flow_table;
 mod fin_table;
 
 use crate::description::geometry::Geometry;
 use crate::error::Error;
 use crate::ranges;
 use crate::toml_file::{exactly, exactly_if_given, parsed};
+pub use cross_flow_table::CrossFlowTable;
 pub use fin_table::FinTable;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -38,6 +40,9 @@ pub struct VehicleFile {
     /// Measures of the hull.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Geometry>,
+    /// Measures of the hull along its length, for the cross-flow drag by strips.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cross_flow: Option<CrossFlowTable>,
     /// Battery and hotel load.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub power: Option<Power>,

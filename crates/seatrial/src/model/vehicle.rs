@@ -14,6 +14,7 @@ use crate::actuator::characteristic::Thrust;
 use crate::actuator::fin::{Deflection, Fin};
 use crate::actuator::motor::Motor;
 use crate::model::added_mass::AddedMass;
+use crate::model::cross_flow::CrossFlow;
 use crate::model::current::{Current, Relative};
 use crate::model::damping::Damping;
 use crate::model::lift::Lift;
@@ -42,6 +43,8 @@ pub struct Vehicle<T> {
     pub added_mass: AddedMass<T>,
     /// Damping.
     pub damping: Damping<T>,
+    /// Cross-flow drag by strips.
+    pub cross_flow: Option<CrossFlow<T>>,
     /// Lift of hull and fixed fins.
     pub lift: Option<Lift<T>>,
     /// Weight and buoyancy.
@@ -76,6 +79,8 @@ pub struct Terms<T> {
     pub added_mass: AddedMass<T>,
     /// Damping.
     pub damping: Damping<T>,
+    /// Cross-flow drag by strips; `None` where there is none and none is sought.
+    pub cross_flow: Option<CrossFlow<T>>,
     /// Lift of hull and fixed fins; `None` where there is none and none is sought.
     pub lift: Option<Lift<T>>,
     /// Weight and buoyancy.
@@ -125,7 +130,7 @@ pub struct Forces<T> {
     pub rigid_body: Vec6<T>,
     /// `−C_A(ν_r) ν_r + M_A ν_c'`.
     pub added_mass: Vec6<T>,
-    /// `−D(ν_r) ν_r`.
+    /// `−D(ν_r) ν_r`, the cross-flow drag of the strips among it.
     pub damping: Vec6<T>,
     /// `τ_L(ν_r)`.
     pub lift: Vec6<T>,
@@ -137,7 +142,8 @@ impl<T: Real> Vehicle<T> {
     /// The vehicle made of these terms: `M = M_RB + M_A`, factored once for the axes that are free.
     #[inline(always)]
     pub fn of(terms: Terms<T>, modes: [Mode; 6]) -> Self {
-        let Terms { rigid_body, added_mass, damping, lift, restoring, bias, actuators, fins } = terms;
+        let Terms { rigid_body, added_mass, damping, cross_flow, lift, restoring, bias, actuators, fins } =
+            terms;
         let mut mass_matrix = added_mass.matrix();
         let rigid = rigid_body.mass_matrix();
         for i in 0..6 {
@@ -151,6 +157,7 @@ impl<T: Real> Vehicle<T> {
             rigid_body,
             added_mass,
             damping,
+            cross_flow,
             lift,
             restoring,
             bias,
@@ -183,6 +190,9 @@ impl<T: Real> Vehicle<T> {
         f = self.rigid_body.add_coriolis(nu, &f);
         f = self.added_mass.add_coriolis(&nu_r, &f);
         f = self.damping.add(&nu_r, &f);
+        if let Some(cross_flow) = &self.cross_flow {
+            f = cross_flow.add(&nu_r, &f);
+        }
         if let Some(lift) = &self.lift {
             f = lift.add(&nu_r, &f);
         }
@@ -275,7 +285,7 @@ impl<T: Real> Vehicle<T> {
         Forces {
             rigid_body: self.rigid_body.add_coriolis(nu, &none),
             added_mass: self.added_mass.add_coriolis(&nu_r, &self.added_mass.momentum(&current_rate)),
-            damping: self.damping.add(&nu_r, &none),
+            damping: self.damping.add(&nu_r, &self.cross_flow.map_or(none, |drag| drag.add(&nu_r, &none))),
             lift: self.lift.map_or(none, |lift| lift.add(&nu_r, &none)),
             restoring: self
                 .restoring

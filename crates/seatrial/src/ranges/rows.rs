@@ -33,7 +33,7 @@ pub(super) const ANY_COEFFICIENT: Range =
     Range::sized("*", 1e12, "no vehicle has one of this size; check the unit, coefficients are SI");
 
 /// Coefficients by name, those of an actuator by the part behind the dot.
-pub const COEFFICIENTS: [Range; 30] = [
+pub const COEFFICIENTS: [Range; 32] = [
     Range::within("m", [1e-6, 1e9], "give the mass in kg, weighed in air"),
     Range::within("I_x", [1e-12, 1e13], "give it in kg m2, or a [geometry] from which it is filled"),
     Range::within("I_y", [1e-12, 1e13], "give it in kg m2, or a [geometry] from which it is filled"),
@@ -45,6 +45,8 @@ pub const COEFFICIENTS: [Range; 30] = [
     Range::sized("y_b", FAR, "give metres from O"),
     Range::sized("z_b", FAR, "give metres from O"),
     Range::upto("B", 1e11, "buoyancy in N points up; a vehicle that sinks has one below m g"),
+    Range::upto("C_Dy", 100.0, "0.7 to 1.2 of a round hull, up to 2 of a box; 0 for none"),
+    Range::upto("C_Dz", 100.0, "0.7 to 1.2 of a round hull, up to 2 of a box; 0 for none"),
     Range::sized("gain", 1e3, "a factor on the thrust: 1 as the file has it"),
     Range::within("w", [-1.0, 0.99], "a share of the speed: 0 in open water"),
     Range::within("t", [-1.0, 0.99], "a share of the thrust: 0 in open water"),
@@ -78,6 +80,9 @@ pub const VEHICLE: &[Range] = &[
     Range::above("geometry.kinematic_viscosity_m2_s", 1.0, "1.19e-6 m2/s in the sea at 15 degrees"),
     Range::upto("geometry.appendages[].area_m2", 1e4, "give it in m2"),
     Range::upto("geometry.appendages[].arm_m", FAR, "give metres from the roll axis"),
+    Range::sized("cross_flow.x_m", FAR, "give metres from O"),
+    Range::upto("cross_flow.diameter_m", FAR, LENGTH),
+    Range::upto("cross_flow.height_m", FAR, LENGTH),
     Range::upto(
         "power.hotel_w",
         1e7,
@@ -261,6 +266,9 @@ pub(super) const TABLES: &[&str] = &["feed_forward"];
 pub(super) const LENGTHS: &[(&str, usize)] = &[
     ("controllable", 6),
     ("geometry.appendages", 1_000),
+    ("cross_flow.x_m", 1_000),
+    ("cross_flow.diameter_m", 1_000),
+    ("cross_flow.height_m", 1_000),
     ("thrusters", 100),
     ("fins", 100),
     ("characteristics.*.signal", 10_000),

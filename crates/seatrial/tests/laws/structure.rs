@@ -6,7 +6,7 @@ use proptest::array::uniform6;
 use proptest::prelude::*;
 use seatrial::description::Description;
 use seatrial::description::assembly::Structure;
-use seatrial::description::coefficients::{HULL, LIFT_NAMES, Layout, linear, quadratic};
+use seatrial::description::coefficients::{BIAS, CROSS_FLOW, HULL, LIFT_NAMES, Layout, linear, quadratic};
 use seatrial::description::vehicle_file::Environment;
 use seatrial::fit::inputs::Inputs;
 use seatrial::model::added_mass::AddedMass;
@@ -126,7 +126,7 @@ proptest! {
         let reference = description.file.environment;
         let dense = of(&description, Environment { rho_kg_m3: rho, ..reference });
         let ratio = rho / reference.rho_kg_m3;
-        let scaled: Vec<(String, f64)> = (13..HULL)
+        let scaled: Vec<(String, f64)> = (13..CROSS_FLOW)
             .filter(|&i| description.coefficients[i] != 0.0)
             .map(|i| (description.layout.name(i), ratio * description.coefficients[i]))
             .collect();
@@ -141,7 +141,9 @@ proptest! {
 #[test]
 fn law_added_mass_and_buoyancy_are_hydrodynamic_and_mass_is_not() {
     use seatrial::description::coefficients::Scaling::{Density, None, Weight};
-    for (index, scaling) in [(0, None), (3, None), (13, Weight), (diagonal(0), Density), (HULL - 1, None)] {
+    for (index, scaling) in
+        [(0, None), (3, None), (13, Weight), (diagonal(0), Density), (BIAS + 5, None), (CROSS_FLOW, None)]
+    {
         assert_eq!(Layout::scaling(index), scaling, "index {index}");
     }
 }

@@ -73,13 +73,13 @@ fn scalar_partials_of_flights_are_finite_differences() {
         let found = found.concat();
         for (j, &unknown) in unknowns.iter().enumerate() {
             let size = size(&mut flights, unknown);
-            let expected = flights.quotient(unknown, 1e-6 * size, |flights| {
+            let expected = flights.quotient(unknown, 1e-7 * size, |flights| {
                 let stop = AtomicBool::new(false);
                 let shown = flights.batch().predictions(flights.point(&[]), &stop).expect("no interrupt");
                 shown.concat().concat()
             });
-            // Changes by the unknown's own size; the quotient loses 1e-15/1e-6 to rounding and
-            // (1e-6)² to curvature, the flight grows both.
+            // Changes by the unknown's own size; the quotient loses 1e-15/1e-7 to rounding and,
+            // where a strip of the hull changes its side within the step, 1e-7 to curvature; the flight grows both.
             for (at, expected) in expected.iter().enumerate() {
                 let apart = (found[at * unknowns.len() + j] - expected).abs() * size;
                 assert!(apart < 1e-7 * (1.0 + expected.abs() * size), "{name}, {unknown:?}, {at}: {apart:e}");

@@ -73,6 +73,7 @@ def terms(vehicle: Vehicle) -> list[Term]:
     added = _listed(values, r"[XYZKMN]_[uvwpqr]dot")
     linear = _listed(values, r"[XYZKMN]_[uvwpqr]")
     quadratic = _listed(values, r"[XYZKMN]_([uvwpqr])\1")
+    strips = _listed(values, r"C_D[yz]")
     lift = _listed(values, r"[YZMN]_u[vwqr]")
     bias = _listed(values, r"[XYZKMN]_0")
     lever = np.array([values.get(f"{a}_g", 0.0) - values.get(f"{a}_b", 0.0) for a in "xyz"])
@@ -105,7 +106,9 @@ def terms(vehicle: Vehicle) -> list[Term]:
             "\N{MINUS SIGN}",
             "nu_r",
             tuple(
-                f"{word}: {names}" for word, names in (("linear", linear), ("quadratic", quadratic)) if names
+                f"{word}: {names}"
+                for word, names in (("linear", linear), ("quadratic", quadratic), ("strips", strips))
+                if names
             ),
         ),
         Term("lift", r"$\tau_L(\nu_r)$", "+", "nu_r", (f"lift: {lift}",) if lift else ()),

@@ -114,9 +114,9 @@ PAYLOAD_DENSITY = 2700.0
 
 _MASS = ("m", "B", "x_g", "y_g", "z_g", "I_x", "I_y", "I_z")
 
-_HYDRO = re.compile(r"[XYZKMN]_([uvwpqr]{1,2}|[uvwpqr]dot|0)")
+_HYDRO = re.compile(r"[XYZKMN]_([uvwpqr]{1,2}|[uvwpqr]dot|0)|C_D[yz]")
 
-_DRAG = re.compile(r"[XYZKMN]_([uvwpqr])\1?")
+_DRAG = re.compile(r"[XYZKMN]_([uvwpqr])\1?|C_D[yz]")
 
 _LIFT = re.compile(r"[YZMN]_u[vwqr]")
 

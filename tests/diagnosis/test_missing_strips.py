@@ -1,0 +1,84 @@
+"""Strips of the hull that a campaign does not know: named by the residual analysis, never beside their own damping."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from seatrial._core import State, Vehicle
+from seatrial.campaign.campaign import Campaign
+from seatrial.check.plausibility import implausible
+from seatrial.diagnosis.identifiability import warnings_before
+from seatrial.diagnosis.residual_analysis import analyse_joint
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.joint_estimate import linearise, polish
+
+CAMPAIGN = """
+format = 1
+name = "made"
+vehicle = "model.toml"
+input = "tau"
+[trials.drift]
+file = "drift.parquet"
+[[stages]]
+name = "drift"
+trials = ["drift"]
+axes = { free = "YN" }
+[stages.coefficients]
+Y_vdot = [-300.0, -50.0]
+N_rdot = [-150.0, -10.0]
+Y_v = [-100.0, 0.0]
+N_r = [-100.0, 0.0]
+"""
+DAMPING = "Y_vv = [-900.0, -1.0]\nN_rr = [-500.0, -1.0]\n"
+POLISH = "[polish]\nchannels = { v = 1.0, r = 1.0 }\n"
+
+
+def made(folder: Path, own: str, *, y_vv: float = -300.0, n_rr: float = -150.0) -> Joint:
+    """Eighty seconds of a hull with strips, pushed sideways and turned at once; the model has none."""
+    plain = Vehicle.load("cwolf").with_coefficients({"Y_vv": y_vv, "N_rr": n_rr})
+    (folder / "model.toml").write_text(plain.to_toml())
+    truth = plain.with_coefficients({"C_Dy": 0.8, "Y_vv": 0.0, "N_rr": 0.0})
+    t = np.arange(0.0, 80.0, 0.1)
+    generator = np.random.default_rng(3)
+    tau = np.zeros((len(t), 6))
+    tau[:, 1] = np.repeat(generator.uniform(-60.0, 60.0, 20), 40)
+    tau[:, 5] = np.repeat(generator.uniform(-30.0, 30.0, 40), 20)
+    nu = truth.simulate(t, {}, State(), tau=tau, free="YN", max_step_s=0.05).nu
+    seen = nu[:, [1, 5]] + generator.normal(size=(len(t), 2)) * [0.004, 0.004]
+    columns = {"t_s": t, "u_m_s": np.zeros(len(t)), "v_m_s": seen[:, 0], "r_deg_s": np.rad2deg(seen[:, 1])}
+    names = ("X_n", "Y_n", "Z_n", "K_nm", "M_nm", "N_nm")
+    columns |= {f"tau.{name}": column for name, column in zip(names, tau.T, strict=True)}
+    return Joint(
+        Campaign.from_toml(CAMPAIGN + own + POLISH, folder=folder, trials={"drift": pl.DataFrame(columns)}),
+        threads=1,
+    )
+
+
+def test_missing_strips_are_named_with_their_coefficient(tmp_path: Path) -> None:
+    joint = made(tmp_path, DAMPING)
+    best = polish(joint)
+    found = analyse_joint(joint, best.values, initial=best.initial, noise=best.noise)
+    first = found.suggestions[0]
+    assert first.name == "C_Dy"
+    assert "follows |v + x r| (v + x r) along the hull: free C_Dy" in first.sentence
+    assert "hold Y_vv and N_rr at 0" in first.sentence
+    assert f"line for the campaign's coefficients: {first.line}" in str(found)
+    # With the line, and the damping held at zero as it says, the truth is found.
+    again = made(tmp_path, first.line + "\n", y_vv=0.0, n_rr=0.0)
+    values = dict(zip([one.name for one in again.unknowns], polish(again).values, strict=True))
+    assert abs(values["C_Dy"] - 0.8) < 0.02
+
+
+def test_strips_and_the_damping_they_make_must_not_both_be_free(tmp_path: Path) -> None:
+    joint = made(tmp_path, DAMPING + "C_Dy = [0.0, 2.0]\n")
+    told = warnings_before(linearise(joint, joint.start))
+    assert (
+        "C_Dy, Y_vv and N_rr: the strips of C_Dy make Y_vv and N_rr already, both must not be free; hold Y_vv"
+        " and N_rr at 0, or leave C_Dy out"
+    ) in told
+    both = Vehicle.load("cwolf").with_coefficients({"C_Dy": 0.8})
+    assert any(sentence.startswith("C_Dy, Y_vv and N_rr are not zero") for sentence in implausible(both))
+    assert not any("C_D" in sentence for sentence in implausible(Vehicle.load("cwolf")))
