@@ -166,7 +166,7 @@ def test_what_is_shown_is_the_prediction_and_by_default_undisturbed() -> None:
     flights = Flights("cwolf")
     for (shown, _), predicted in zip(flights.sensitivities(), flights.predict(), strict=True):
         np.testing.assert_array_equal(shown, predicted)
-    zero = flights.predict(nuisance=np.zeros((2, 32)), initial=np.zeros((3, 12)))
+    zero = flights.predict(nuisance=np.zeros((2, 38)), initial=np.zeros((3, 12)))
     for given, default in zip(zero, flights.loop.predict(flights.values), strict=True):
         np.testing.assert_array_equal(given, default)
 
@@ -205,13 +205,13 @@ def test_nothing_unknown_has_no_columns() -> None:
     [
         (
             {"nuisances": ["current_nort"]},
-            'nuisances: expected .*, bias_yaw, found "current_nort".*current_north',
+            'nuisances: expected .*, force_N, found "current_nort".*current_north',
         ),
         ({"initials": ["roll"]}, 'initials: expected initial_x, .*, initial_r, found "roll"'),
         ({"channels": ["pich"]}, 'channels: expected u, v, .*, yaw, found "pich".*did you mean "pitch"'),
         ({"directions": np.ones((2, 3))}, r"directions: expected shape \(k, 34\), found \[2, 3\]"),
-        ({"nuisance": np.zeros((1, 32))}, "nuisance: expected 2 rows of 32, found 1"),
-        ({"nuisance": np.zeros((2, 31))}, r"nuisance: expected shape \(n, 32\)"),
+        ({"nuisance": np.zeros((1, 38))}, "nuisance: expected 2 rows of 38, found 1"),
+        ({"nuisance": np.zeros((2, 31))}, r"nuisance: expected shape \(n, 38\)"),
         ({"initial": np.zeros((2, 12))}, "initial: expected 3 rows of 12, found 2"),
         ({"values": np.zeros(3)}, "values: expected 34 numbers, found 3"),
         ({"values": np.zeros((1, 31))}, r"values: expected shape \(n,\)"),

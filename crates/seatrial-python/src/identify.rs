@@ -176,7 +176,7 @@ impl OpenLoop {
 
     /// What the channels of every segment show, each (samples, 12), for one candidate (names,).
     ///
-    /// nuisance (records, 32) in the order of nuisance_names and initial (segments, 12) in that of
+    /// nuisance (records, 38) in the order of nuisance_names and initial (segments, 12) in that of
     /// initial_names, both zero when missing.
     #[pyo3(signature = (values, nuisance = None, initial = None, threads = None))]
     fn predict(
@@ -196,7 +196,7 @@ impl OpenLoop {
     ///
     /// values (names,); directions (d, names): rows of changes of the coefficients, one per name when missing;
     /// nuisances and initials: names of further unknowns. The m columns are directions, nuisances, initials.
-    /// channels: names of those to differentiate, all when missing. nuisance (records, 32) and initial
+    /// channels: names of those to differentiate, all when missing. nuisance (records, 38) and initial
     /// (segments, 12): values, zero when missing. Derivatives by dual numbers, exact to rounding; where a
     /// function has a corner (|x| at 0, a latency or dead time of whole steps), that of one side or zero.
     #[pyo3(signature = (values, directions = None, *, nuisances = Vec::new(), initials = Vec::new(), channels = None, nuisance = None, initial = None, threads = None))]

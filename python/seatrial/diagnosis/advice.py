@@ -333,6 +333,7 @@ def absorbed(names: Sequence[str], nuisance: str) -> str:
         "lever": "measure the sensor's place with a tape",
         "latency": "add sharp steps, or measure the channel's latency on the bench",
         "bias": "record a minute at rest, or calibrate the sensor",
+        "force": BOTH_WAYS,
     }.get(what.partition("_")[0], f"take {what} from another source")
     return f"{join(names)}: not to be told from {what}{f' of {trial}' if trial else ''}; {remedy}"
 
@@ -362,6 +363,7 @@ def strayed(name: str, value: str, *, away: float, prior: str) -> str:
         "lever": "measure the position of the sensor with a tape",
         "latency": "compare the clock of this channel with that of the commands",
         "bias": "check the zero of this channel in a record at rest",
+        "force": "look for what pushed in this trial (a tether, a trim weight, a bent fin)",
     }.get(what.partition("_")[0], f"check {what}")
     where = f"trial{'s' if ', ' in trial else ''} {trial}" if trial else "all trials"
     return (

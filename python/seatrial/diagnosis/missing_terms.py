@@ -46,6 +46,7 @@ __all__ = [
     "missing_terms",
     "signal_of",
     "strongest",
+    "trial_forces",
     "worded",
 ]
 
@@ -62,10 +63,14 @@ _DELAYS = {"T_t": "dead time", "T_1": "lag"}
 
 @dataclass(frozen=True)
 class Candidate:
-    """A coefficient that might be missing; of an actuator group, the coefficients that it sets together."""
+    """A coefficient that might be missing; of an actuator group, the coefficients that it sets together.
+
+    With a ``trial`` it is a constant force of that trial alone, and its member the bias of all of them.
+    """
 
     name: str
     members: tuple[str, ...]
+    trial: str = ""
 
 
 def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tuple[Candidate, ...]:
@@ -118,6 +123,25 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
     return tuple(found)
 
 
+def trial_forces(trials: Sequence[str], estimated: Iterable[str], *, free: str) -> tuple[Candidate, ...]:
+    """Constant forces of single trials on the free axes, where neither they nor the bias are estimated.
+
+    One trial alone has no force of its own: there it is the bias.
+
+    Examples
+    --------
+    >>> [one.name for one in trial_forces(["out", "back"], ["Y_0", "out: force_X"], free="XY")]
+    ['back: force_X']
+    """
+    fixed, several = set(estimated), len(trials) > 1
+    return tuple(
+        Candidate(name, (f"{axis}_0",), trial)
+        for axis in free
+        for trial in trials
+        if several and not fixed & {f"{axis}_0", f"force_{axis}", name := f"{trial}: force_{axis}"}
+    )
+
+
 def columns_of(lin: Linearisation, tried: Sequence[Candidate]) -> list[Array]:
     """Columns (n, C, k) per segment of the candidates, whose coefficients are among the unknowns."""
     place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
@@ -131,6 +155,7 @@ def columns_of(lin: Linearisation, tried: Sequence[Candidate]) -> list[Array]:
     found = []
     for piece in lin.pieces:
         columns = piece.jacobian[:, :, first]
+        columns[:, :, [bool(one.trial) and one.trial != piece.trial for one in tried]] = 0.0
         for column, places in others:
             columns[:, :, column] += piece.jacobian[:, :, places].sum(axis=2)
         found.append(columns)
@@ -193,6 +218,8 @@ def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) ->
     actuator, _, part = name.rpartition(".")
     if part in _DELAYS:
         return f"the rate of change of the command of {actuator}"
+    if ": force_" in name:
+        return f"a constant in trial {name.partition(': ')[0]}"
     if name in STRIPS:
         across = "v + x r" if name == "C_Dy" else "w - x q"
         return f"|{across}| ({across}) along the hull"
@@ -270,6 +297,12 @@ class Suggestion:
         return self.members[1:] if self.name in self.members else ()
 
     @property
+    def nuisance(self) -> tuple[str, str] | None:
+        """Trial and name of a nuisance parameter; None of a coefficient."""
+        trial, found, key = self.name.partition(": force_")
+        return (trial, f"force_{key}") if found else None
+
+    @property
     def remedy(self) -> str:
         """What to do about it, as an imperative."""
         if not self.faster:
@@ -323,7 +356,10 @@ def missing_terms(
     count = max(tested or 0, int(tests.testable.sum()))
     open_ = tests.testable.copy()
     place = {unknown.name: i for i, unknown in enumerate(lin.unknowns)}
-    present = np.array([np.mean([lin.values[place[name]] for name in one.members]) for one in tried])
+    # A force of one trial comes on top of the vehicle's bias: none is present.
+    present = np.array([
+        0.0 if one.trial else np.mean([lin.values[place[name]] for name in one.members]) for one in tried
+    ])
     delays = np.array([one.members[0].rpartition(".")[2] in _DELAYS for one in tried], dtype=bool)
     leaders: list[int] = []
     found: list[Suggestion] = []
@@ -341,7 +377,7 @@ def missing_terms(
         group = sorted([best, *_alternatives(tests, best, rivals)], key=lambda rival: -results.gain[rival])
         leader = group[0]
         channel = _channel(
-            lin, columns, fitted=fitted, leaders=leaders, leader=leader, name=tried[leader].name
+            lin, columns, fitted=fitted, leaders=leaders, leader=leader, name=tried[leader].members[0]
         )
         own = place[tried[leader].members[0]]
         value = float(present[leader] + results.step[leader])

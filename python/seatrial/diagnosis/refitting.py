@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.campaign.file import Coefficient, Polish, Tie
+from seatrial.campaign.file import Coefficient, Nuisance, Polish, Tie
 from seatrial.diagnosis.advice import role
 from seatrial.diagnosis.missing_terms import (
     Candidate,
@@ -64,6 +64,8 @@ def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any
 def campaign_line(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]) -> str:
     """Line of a campaign's coefficients that frees a suggested one within `suggested_bounds`.
 
+    Of a constant force of one trial the line of ``[polish.nuisances]``.
+
     Examples
     --------
     >>> from seatrial.diagnosis.missing_terms import Suggestion
@@ -71,6 +73,9 @@ def campaign_line(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]])
     >>> campaign_line(one, {"C_Dy": {"lower": 0.0, "upper": 2.0}})
     'C_Dy = [0.0, 1.6]'
     """
+    if suggestion.nuisance is not None:
+        trial, name = suggestion.nuisance
+        return f"{name} = {{ trials = {json.dumps([trial])} }}"
     lower, upper = suggested_bounds(suggestion, info)
     key = f'"{suggestion.name}"' if "." in suggestion.name else suggestion.name
     written = f"[{lower!r}, {upper!r}]"
@@ -152,15 +157,19 @@ def refitted(
     least_gain : float
         Percent of the mean square that it gains at least; otherwise none is suggested.
     """
-    here = _fit(joint, {}, start)
+    begun = dict(zip((one.name for one in joint.unknowns), start.tolist(), strict=True))
+    here = _fit(joint, joint.campaign.file.polish or Polish(), begun)
     fits = [_freed(here, one) for one in suggestions[:refits]]
     best = int(np.argmin([fit.cost for fit in fits]))
     gain = -100.0 * math.expm1(2.0 * (fits[best].cost - here.cost) / here.samples)
     if gain < least_gain:
         return Refitted((), _linearised(here, tried), tuple(tried))
     chosen, here = suggestions[best], fits[best]
-    taken = set(next(c.members for c in tried if c.name == chosen.name))
-    left = tuple(c for c in tried if not taken & set(c.members))
+    taken = next(c for c in tried if c.name == chosen.name)
+    # A force of one trial leaves the bias and the other trials' forces to be tried.
+    left = tuple(
+        c for c in tried if c is not taken and (taken.trial or not set(taken.members) & set(c.members))
+    )
     lin = _linearised(here, left)
     block, _ = independent_blocks(lin, left)
     info = joint.vehicle.coefficient_info()
@@ -168,26 +177,39 @@ def refitted(
     return Refitted((_exact(lin, left, chosen, gain=gain), *beside), lin, left)
 
 
-def _fit(joint: Joint, freed: Mapping[str, Coefficient], start: Array) -> _Fit:
-    """The joint estimate with further coefficients free, from one start."""
+def _fit(joint: Joint, section: Polish, start: Mapping[str, float]) -> _Fit:
+    """The joint estimate of a section, from one start by the names of its unknowns."""
     campaign = joint.campaign
-    section = campaign.file.polish or Polish()
-    section = section.model_copy(update={"starts": 1, "coefficients": {**section.coefficients, **freed}})
+    section = section.model_copy(update={"starts": 1})
     other = campaign.with_file(campaign.file.model_copy(update={"polish": section}))
     grown = Joint(other, joint.vehicle, threads=joint.threads)
-    polished = polish(grown, start=start, rounds=_ROUNDS)
+    values = np.array([start[one.name] for one in grown.unknowns])
+    polished = polish(grown, start=values, rounds=_ROUNDS)
     if polished.interrupted:
         raise KeyboardInterrupt
     return _Fit(grown, polished)
 
 
 def _freed(here: _Fit, one: Suggestion) -> _Fit:
-    """The estimate with a suggested coefficient free, from where it is."""
-    info = here.joint.vehicle.coefficient_info()
+    """The estimate with a suggested coefficient or force free, from where it is."""
+    section = here.joint.campaign.file.polish or Polish()
+    names = [unknown.name for unknown in here.joint.unknowns]
+    start = dict(zip(names, here.polished.values.tolist(), strict=True)) | {one.name: one.present}
+    if one.nuisance is not None:
+        trial, key = one.nuisance
+        before = section.nuisances.get(key, Nuisance())
+        force = before.model_copy(update={"trials": (*before.trials, trial)})
+        return _fit(
+            here.joint, section.model_copy(update={"nuisances": {**section.nuisances, key: force}}), start
+        )
     ties = tuple(Tie(name=name) for name in one.tied)
-    entry = Coefficient(bounds=suggested_bounds(one, info), start=one.present, tie=ties)
-    place = len(here.joint.parameters)
-    return _fit(here.joint, {one.name: entry}, np.insert(here.polished.values, place, one.present))
+    bounds = suggested_bounds(one, here.joint.vehicle.coefficient_info())
+    entry = Coefficient(bounds=bounds, start=one.present, tie=ties)
+    return _fit(
+        here.joint,
+        section.model_copy(update={"coefficients": {**section.coefficients, one.name: entry}}),
+        start,
+    )
 
 
 def _linearised(here: _Fit, left: Sequence[Candidate]) -> Linearisation:

@@ -28,6 +28,7 @@ from seatrial.diagnosis.missing_terms import (
     members,
     missing_terms,
     strongest,
+    trial_forces,
 )
 from seatrial.diagnosis.refitting import campaign_line, refitted
 from seatrial.diagnosis.residual_autocorrelation import Autocorrelation, autocorrelations
@@ -109,7 +110,7 @@ class ResidualAnalysis:
         for rank, one in enumerate(self.suggestions, 1):
             lines.append(f"{rank}. {one.sentence}")
             if one.line:
-                lines.append(f"   line for the campaign's coefficients: {one.line}")
+                lines.append(f"   line for {_table(one)}: {one.line}")
         lines += [one.sentence for one in self.signals]
         if not self.suggestions:
             lines.append(f"None of the {self.tested} coefficients that were tried is missing")
@@ -199,6 +200,9 @@ def analyse_joint(
     info = joint.vehicle.coefficient_info()
     trials = {name: joint.campaign.trials[name] for name in joint.data.names}
     tried = candidates(joint.vehicle, coefficient_names(joint.parameters), free=joint.stage.axes.free)
+    if joint.method == "output":
+        estimated = [one.name for one in joint.unknowns]
+        tried += trial_forces(joint.data.names, estimated, free=joint.stage.axes.free)
     held = strongest(joint, values, tried, initial=initial, noise=noise)
     lin = linearise(joint, values, initial=initial, noise=noise, extra=members(held))
     first = _first(lin, held, info=info, tested=len(tried), level=level)
@@ -221,6 +225,10 @@ def analyse_joint(
         one if one.faster else replace(one, line=campaign_line(one, info)) for one in suggestions
     )
     return _analysis(first, autocorrelations(lin, sensor_noise=sensor_noise), suggestions, found)
+
+
+def _table(one: Suggestion) -> str:
+    return "the campaign's coefficients" if one.nuisance is None else "[polish.nuisances]"
 
 
 @dataclass(frozen=True)

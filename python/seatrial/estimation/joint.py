@@ -2,8 +2,8 @@
 
 Nuisance parameters are what a trial adds to its record, estimated lest the coefficients absorb it: a current,
 a motion-capture frame that was not levelled, the position of the velocity sensor, a late channel, a biased
-one. The core applies them (``observation.rs``); here stands how far each may plausibly lie from zero, which
-trials it belongs to and whether they share it.
+one, a constant force. The core applies them (``observation.rs``); here stands how far each may plausibly lie
+from zero, which trials it belongs to and whether they share it.
 
 Tests: ``tests/estimation/test_polish.py``.
 """
@@ -57,6 +57,8 @@ _SPREAD = {
     "lever": (0.3, "m", True),
     "latency": (0.1, "s", True),
 }
+
+_FORCE = {"XYZ": (5.0, "N"), "KMN": (2.0, "N m")}
 
 _BIAS = {"uvw": (0.02, "m/s"), "pqr": (0.01, "rad/s"), "xyz": (0.2, "m"), "angles": (0.05, "rad")}
 
@@ -115,7 +117,7 @@ def nuisances(polish: Polish, trials: Sequence[str], where: str) -> tuple[Nuisan
 
 
 def rows(found: Sequence[Nuisance], values: Array, trials: int) -> Array:
-    """Core's rows (trials, 32) of the values of nuisance parameters."""
+    """Core's rows (trials, 38) of the values of nuisance parameters."""
     table = np.zeros((trials, len(NAMES)))
     for nuisance, value in zip(found, values, strict=True):
         table[list(nuisance.trials), nuisance.column] = value
@@ -127,6 +129,8 @@ def _prior(key: str) -> tuple[float, str, bool]:
     kind, _, channel = key.partition("_")
     if kind in _SPREAD:
         return _SPREAD[kind]
+    if kind == "force":
+        return *next(entry for axes, entry in _FORCE.items() if channel in axes), False
     sd, unit = next((entry for channels, entry in _BIAS.items() if channel in channels), _BIAS["angles"])
     return sd, unit, False
 
@@ -399,7 +403,7 @@ class Joint:
         return np.take(self.problem.counted(index), self.used, axis=1)
 
     def _nuisance(self, values: Array) -> Array:
-        """The core's rows (trials, 32) of the nuisance parameters among the unknowns' values."""
+        """The core's rows (trials, 38) of the nuisance parameters among the unknowns' values."""
         return rows(self.nuisances, values[len(self.parameters) :], len(self.data.records))
 
     def _start_coefficients(self) -> list[float]:

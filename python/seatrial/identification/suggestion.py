@@ -73,30 +73,32 @@ def followed_text(campaign: Campaign, suggestion: Suggestion) -> str:
     CampaignError
         The file is laid out such that the line cannot be added safely; the message gives it.
     """
-    name, entry = suggestion.name, campaign_line(suggestion, campaign.vehicle.coefficient_info())
-    setting = tomllib.loads(entry)[name]
+    entry = campaign_line(suggestion, campaign.vehicle.coefficient_info())
+    ((name, setting),) = tomllib.loads(entry).items()
+    part = "coefficients" if suggestion.nuisance is None else "nuisances"
     line = f"{entry} # suggested: {suggestion.channel} residual follows {suggestion.follows}"
     table, number = (
-        ("polish", None) if campaign.file.polish is not None else ("stages", _stage(campaign, name))
+        ("stages", _stage(campaign, name))
+        if campaign.file.polish is None and part == "coefficients"
+        else ("polish", None)
     )
     before = tomllib.loads(campaign.text)
-    owner = before[table] if number is None else before[table][number]
-    wanted: dict[str, Any] = {**owner.get("coefficients", {}), name: setting}
-    if name not in owner.get("coefficients", {}):
-        for text in _attempts(campaign.text, table, number, line=line, entry=entry):
+    owner = before.get(table, {}) if number is None else before[table][number]
+    wanted: dict[str, Any] = {**owner.get(part, {}), name: setting}
+    if table in before and name not in owner.get(part, {}):
+        for text in _attempts(campaign.text, (table, number, part), line=line, entry=entry):
             try:
                 after = tomllib.loads(text)
             except tomllib.TOMLDecodeError:
                 continue
             changed = after[table] if number is None else after[table][number]
-            if changed.get("coefficients") == wanted and _without(after, table, number) == _without(
-                before, table, number
-            ):
+            same = [_without(data, table, number, part) for data in (before, after)]
+            if changed.get(part) == wanted and same[0] == same[1]:
                 return text
-    where = "[polish.coefficients]" if number is None else f"stage {before[table][number]['name']!r}"
+    where = f"[polish.{part}]" if number is None else f"stage {before[table][number]['name']!r}"
     raise CampaignError(
-        f"{campaign.source}: {where}: the coefficient {name!r} cannot be added to the text without changing"
-        f" more of it; add this line to its coefficients by hand: {entry}"
+        f"{campaign.source}: {where}: {name!r} cannot be added to the text without changing more of it; add"
+        f" this line to its {part} by hand: {entry}"
     )
 
 
@@ -196,8 +198,9 @@ def _stage(campaign: Campaign, name: str) -> int:
     return [stage.name for stage in campaign.file.stages].index(fitting[-1].name)
 
 
-def _attempts(text: str, table: str, number: int | None, *, line: str, entry: str) -> list[str]:
+def _attempts(text: str, place: tuple[str, int | None, str], *, line: str, entry: str) -> list[str]:
     """Texts with the line added where it may belong, the likeliest first; not all need be valid."""
+    table, number, part = place
     lines = text.splitlines()
     headers = [(i, match[1].strip()) for i, row in enumerate(lines) if (match := _HEADER.fullmatch(row))]
     starts = [i for i, header in headers if header == table]
@@ -211,14 +214,14 @@ def _attempts(text: str, table: str, number: int | None, *, line: str, entry: st
     found = []
     for i, header in headers:
         inside = number is None or (starts and starts[0] < i < end)
-        if header == f"{table}.coefficients" and inside:
+        if header == f"{table}.{part}" and inside:
             stop = next((j for j, _ in headers if j > i), len(lines))
             while stop > i + 1 and (not lines[stop - 1].strip() or lines[stop - 1].lstrip().startswith("#")):
                 stop -= 1
             found += [[*lines[:stop], line, *lines[stop:]], [*lines[: i + 1], line, *lines[i + 1 :]]]
     if starts:
         for i in range(starts[0], end):
-            opened = re.match(r"\s*coefficients\s*=\s*\{", lines[i])
+            opened = re.match(rf"\s*{part}\s*=\s*\{{", lines[i])
             if opened:
                 rest = lines[i][opened.end() :]
                 comma = "" if rest.lstrip().startswith("}") else ","
@@ -226,14 +229,14 @@ def _attempts(text: str, table: str, number: int | None, *, line: str, entry: st
         stop = next((j for j, _ in headers if j > starts[0]), len(lines))
         while stop > starts[0] + 1 and not lines[stop - 1].strip():
             stop -= 1
-        found.append([*lines[:stop], "", f"[{table}.coefficients]", line, *lines[stop:]])
+        found.append([*lines[:stop], "", f"[{table}.{part}]", line, *lines[stop:]])
     return ["\n".join(one) + "\n" for one in found]
 
 
-def _without(data: Mapping[str, Any], table: str, number: int | None) -> Any:
-    """The file's data without the coefficients of one table."""
+def _without(data: Mapping[str, Any], table: str, number: int | None, part: str) -> Any:
+    """The file's data without the coefficients or nuisances of one table."""
     if number is None:
-        return dict(data) | {table: {k: v for k, v in data[table].items() if k != "coefficients"}}
+        return dict(data) | {table: {k: v for k, v in data[table].items() if k != part}}
     rows = list(data[table])
-    rows[number] = {k: v for k, v in rows[number].items() if k != "coefficients"}
+    rows[number] = {k: v for k, v in rows[number].items() if k != part}
     return dict(data) | {table: rows}

@@ -169,7 +169,7 @@ class Replay:
         values
             Of the coefficients that vary (m,).
         nuisance, initial
-            Of nuisance parameters (records, 32) and initial conditions (segments, 12) in the core's order,
+            Of nuisance parameters (records, 38) and initial conditions (segments, 12) in the core's order,
             added to the record and to the smoothed start; zero when omitted.
         """
         loop = self._loop()

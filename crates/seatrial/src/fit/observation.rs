@@ -7,21 +7,27 @@
 //! * `lever_…`: place of the velocity sensor, `v_S = v_O + ω × r_S`, m.
 //! * `latency_<channel>`: the channel shows the state that many seconds ago.
 //! * `bias_<channel>`: added to the channel, in its unit (m/s, rad/s, m, rad).
+//! * `force_X` … `force_N`: a constant wrench in the body frame, N and N m: a tether that pulls, a trim weight that was
+//!   moved between trials, a bent fin; beside the bias `X_0` … `N_0` that the vehicle has in all of them.
 //!
 //! Source: Fossen (2011), sections 2.2 and 8.3; Tischler & Remple, *Aircraft and Rotorcraft System
 //! Identification* (2012), chapter 8 (instrument errors as parameters).
 //! Tests: `tests/scalars/nuisances.rs` (each against its definition), `tests/core/test_sensitivities.py`.
 
+use crate::description::coefficients::FORCES;
 use crate::fit::criterion::{CHANNEL_NAMES, CHANNELS, ROLL};
 use crate::fit::record::Start;
 use crate::model::integrate::State;
 use crate::model::kinematics::{Quaternion, from_euler, normalised, quaternion_product, rotation, to_euler};
-use crate::number::algebra::{Vec3, cross, product, transposed_product};
+use crate::number::algebra::{Vec3, Vec6, cross, product, transposed_product};
 use crate::number::dual::Valued;
 use crate::number::real::Real;
 
 /// The number of nuisance parameters of a trial.
-pub const NUISANCES: usize = 8 + 2 * CHANNELS;
+pub const NUISANCES: usize = 14 + 2 * CHANNELS;
+
+/// Index of `force_X` among them; five more follow.
+pub const FORCE: usize = 8 + 2 * CHANNELS;
 
 /// The number of initial conditions of a segment: position (m), attitude (rad about the body axes) and
 /// velocity (m/s, rad/s), each added to the segment's own state.
@@ -57,7 +63,8 @@ pub fn nuisance_names() -> Vec<String> {
     ];
     let per_channel =
         ["latency", "bias"].into_iter().flat_map(|kind| CHANNEL_NAMES.map(|c| format!("{kind}_{c}")));
-    fixed.into_iter().map(str::to_owned).chain(per_channel).collect()
+    let forces = FORCES.map(|axis| format!("force_{axis}"));
+    fixed.into_iter().map(str::to_owned).chain(per_channel).chain(forces).collect()
 }
 
 /// The nuisance parameters of one trial.
@@ -73,6 +80,8 @@ pub struct Nuisance<T> {
     pub latency: [T; CHANNELS],
     /// Offset per channel.
     pub bias: [T; CHANNELS],
+    /// Constant wrench in the body frame, N and N m.
+    pub force: Vec6<T>,
 }
 
 impl<T: Real> Nuisance<T> {
@@ -87,6 +96,7 @@ impl<T: Real> Nuisance<T> {
             lever: [row[5], row[6], row[7]],
             latency: std::array::from_fn(|c| row[8 + c]),
             bias: std::array::from_fn(|c| row[8 + CHANNELS + c]),
+            force: std::array::from_fn(|i| row[FORCE + i]),
         }
     }
 

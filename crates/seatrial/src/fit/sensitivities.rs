@@ -289,11 +289,15 @@ impl Batch<'_> {
     ) -> Result<Vec<T>, Error> {
         let segment = &self.segments[s];
         let record = &self.records[segment.record];
-        let vehicle = Vehicle::new(self.description, &work.structure, values, record.environment, self.modes);
+        let mut vehicle =
+            Vehicle::new(self.description, &work.structure, values, record.environment, self.modes);
         // Where nothing stands between motion and channels, they are the plain model's to the last bit.
         let none = initial[0].zero();
         let plain = work.coefficients_only && nuisance.iter().chain(initial).all(|x| x.equals(none));
         let shows = Nuisance::from_row(nuisance);
+        if !plain {
+            vehicle.push(&shows.force);
+        }
         let start = if plain { Start::of(segment, none) } else { shows.start(&segment.state, initial) };
         let shown = Shown::new((!plain).then_some(&shows), work.asked, segment.stop - segment.start);
         let mut observer = Observer::Shown(shown);

@@ -170,6 +170,12 @@ impl<T: Real> Vehicle<T> {
         }
     }
 
+    /// Adds a constant wrench in the body frame (N, N m) to the bias.
+    #[inline(always)]
+    pub fn push(&mut self, wrench: &Vec6<T>) {
+        self.bias = Some(self.bias.map_or(*wrench, |bias| add(&bias, wrench)));
+    }
+
     /// `ν'` at the rotation `r` (body → NED), the velocity `nu` and what acts at the instant.
     #[inline(always)]
     pub fn acceleration(&self, r: &Mat3<T>, nu: &Vec6<T>, instant: &Instant<T>) -> Vec6<T> {

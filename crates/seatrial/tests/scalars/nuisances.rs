@@ -1,6 +1,7 @@
 //! Nuisance parameters and initial conditions do what their definition says.
 
 use crate::scalars::flights::{Flights, NAMES, noise};
+use seatrial::description::coefficients;
 use seatrial::fit::criterion::{CHANNEL_NAMES, CHANNELS, channels};
 use seatrial::fit::observation::{INITIAL_NAMES, INITIALS, NUISANCES, nuisance_names};
 use seatrial::model::integrate::State;
@@ -16,6 +17,7 @@ const TILT: usize = 3;
 const LEVER: usize = 5;
 const LATENCY: usize = 8;
 const BIAS: usize = 20;
+const FORCE: usize = 32;
 
 /// What the segments of some flights show.
 fn shown(flights: &Flights) -> Vec<Rows> {
@@ -78,6 +80,20 @@ fn law_a_current_as_nuisance_is_a_recorded_current() {
 }
 
 #[test]
+fn law_a_force_as_nuisance_is_a_bias_of_the_vehicle() {
+    let force: [f64; 6] = std::array::from_fn(|i| 3.0 * noise(80 + i));
+    for name in NAMES {
+        let (mut nuisance, mut biased) = (Flights::new(name), Flights::new(name));
+        nuisance.nuisance[0][FORCE..].copy_from_slice(&force);
+        for (i, push) in force.iter().enumerate() {
+            let index = biased.sought.iter().position(|&sought| sought == coefficients::BIAS + i);
+            biased.values[index.expect("a bias is a coefficient of every vehicle")] += push;
+        }
+        close(&shown(&nuisance), &shown(&biased));
+    }
+}
+
+#[test]
 fn law_a_bias_is_added_to_its_channel() {
     let bias: [f64; CHANNELS] = std::array::from_fn(|c| 0.1 * noise(40 + c));
     let distort = |state: &State<f64>| {
@@ -89,7 +105,7 @@ fn law_a_bias_is_added_to_its_channel() {
         }
     };
     for name in NAMES {
-        undone(name, distort, |flights| flights.nuisance[0][BIAS..].copy_from_slice(&bias));
+        undone(name, distort, |flights| flights.nuisance[0][BIAS..FORCE].copy_from_slice(&bias));
     }
 }
 
@@ -212,7 +228,9 @@ fn scalar_names_stand_in_the_order_of_the_numbers() {
         (LEVER, "lever_x"),
         (LATENCY, "latency_u"),
         (BIAS, "bias_u"),
-        (NUISANCES - 1, "bias_yaw"),
+        (FORCE - 1, "bias_yaw"),
+        (FORCE, "force_X"),
+        (NUISANCES - 1, "force_N"),
     ] {
         assert_eq!(names[first], name);
     }

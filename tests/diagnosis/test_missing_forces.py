@@ -1,4 +1,4 @@
-"""Strips of the hull that a campaign does not know: named by the residual analysis, never beside their own damping."""
+"""Strips of the hull and forces of single trials that a campaign lacks: named by the residual analysis."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from seatrial.diagnosis.identifiability import warnings_before
 from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import linearise, polish
+from seatrial.identification.suggestion import follow
 
 CAMPAIGN = """
 format = 1
@@ -37,12 +38,20 @@ POLISH = "[polish]\nchannels = { v = 1.0, r = 1.0 }\n"
 
 
 def made(folder: Path, own: str, *, y_vv: float = -300.0, n_rr: float = -150.0) -> Joint:
-    """Eighty seconds of a hull with strips, pushed sideways and turned at once; the model has none."""
+    """A hull with strips, pushed sideways and turned at once; the model has none."""
     plain = Vehicle.load("cwolf").with_coefficients({"Y_vv": y_vv, "N_rr": n_rr})
     (folder / "model.toml").write_text(plain.to_toml())
     truth = plain.with_coefficients({"C_Dy": 0.8, "Y_vv": 0.0, "N_rr": 0.0})
+    campaign = Campaign.from_toml(
+        CAMPAIGN + own + POLISH, folder=folder, trials={"drift": pushed(truth, seed=3)}
+    )
+    return Joint(campaign, threads=1)
+
+
+def pushed(truth: Vehicle, *, seed: int) -> pl.DataFrame:
+    """Eighty seconds of a vehicle under a recorded side force and yaw moment in steps."""
     t = np.arange(0.0, 80.0, 0.1)
-    generator = np.random.default_rng(3)
+    generator = np.random.default_rng(seed)
     tau = np.zeros((len(t), 6))
     tau[:, 1] = np.repeat(generator.uniform(-60.0, 60.0, 20), 40)
     tau[:, 5] = np.repeat(generator.uniform(-30.0, 30.0, 40), 20)
@@ -50,11 +59,7 @@ def made(folder: Path, own: str, *, y_vv: float = -300.0, n_rr: float = -150.0) 
     seen = nu[:, [1, 5]] + generator.normal(size=(len(t), 2)) * [0.004, 0.004]
     columns = {"t_s": t, "u_m_s": np.zeros(len(t)), "v_m_s": seen[:, 0], "r_deg_s": np.rad2deg(seen[:, 1])}
     names = ("X_n", "Y_n", "Z_n", "K_nm", "M_nm", "N_nm")
-    columns |= {f"tau.{name}": column for name, column in zip(names, tau.T, strict=True)}
-    return Joint(
-        Campaign.from_toml(CAMPAIGN + own + POLISH, folder=folder, trials={"drift": pl.DataFrame(columns)}),
-        threads=1,
-    )
+    return pl.DataFrame(columns | {f"tau.{name}": own for name, own in zip(names, tau.T, strict=True)})
 
 
 def test_missing_strips_are_named_with_their_coefficient(tmp_path: Path) -> None:
@@ -82,3 +87,28 @@ def test_strips_and_the_damping_they_make_must_not_both_be_free(tmp_path: Path) 
     both = Vehicle.load("cwolf").with_coefficients({"C_Dy": 0.8})
     assert any(sentence.startswith("C_Dy, Y_vv and N_rr are not zero") for sentence in implausible(both))
     assert not any("C_D" in sentence for sentence in implausible(Vehicle.load("cwolf")))
+
+
+def test_a_constant_force_of_one_trial_is_named_and_freed_for_that_trial(tmp_path: Path) -> None:
+    text = CAMPAIGN.replace("[[stages]]", '[trials.back]\nfile = "back.parquet"\n[[stages]]').replace(
+        'trials = ["drift"]', 'trials = ["drift", "back"]'
+    )
+    vehicle = Vehicle.load("cwolf")
+    (tmp_path / "model.toml").write_text(vehicle.to_toml())
+    trials = {
+        "drift": pushed(vehicle, seed=1),
+        "back": pushed(vehicle.with_coefficients({"Y_0": 6.0}), seed=2),
+    }
+    campaign = Campaign.from_toml(text + POLISH, folder=tmp_path, trials=trials)
+    joint = Joint(campaign, threads=1)
+    best = polish(joint)
+    found = analyse_joint(joint, best.values, initial=best.initial, noise=best.noise)
+    first = found.suggestions[0]
+    assert first.name == "back: force_Y"
+    assert "follows a constant in trial back" in first.sentence
+    assert abs(first.value - 6.0) < max(3.0 * first.sigma, 0.3)
+    assert 'line for [polish.nuisances]: force_Y = { trials = ["back"] }' in str(found)
+    followed = follow(campaign, first)
+    again = Joint(followed, threads=1)
+    assert [one.name for one in again.unknowns][-1] == "back: force_Y"
+    assert "Y_0" not in again.identified(polish(again).values).coefficients()
