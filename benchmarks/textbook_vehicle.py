@@ -136,16 +136,19 @@ def from_file(file: Mapping[str, Any], coefficients: Mapping[str, float]) -> Par
 
 def hull_strips(file: Mapping[str, Any]) -> Strips:
     """Return the strips of a parsed vehicle file: Gauss and Legendre's sixteen between tail and nose."""
-    table, geometry = file.get("cross_flow"), file.get("geometry")
-    if table is None and geometry is None:
-        return NO_STRIPS
-    if table is None:
+    table: Mapping[str, Any]
+    if "cross_flow" in file:
+        table = file["cross_flow"]
+    elif "geometry" in file:
+        geometry = file["geometry"]
         half, width = 0.5 * geometry["length_m"], geometry["diameter_m"]
         table = {
             "x_m": [-half, half],
             "diameter_m": [width, width],
             "height_m": [geometry.get("height_m", width)] * 2,
         }
+    else:
+        return NO_STRIPS
     node, weight = np.polynomial.legendre.leggauss(16)
     tail, nose = table["x_m"][0], table["x_m"][-1]
     x = 0.5 * (tail + nose) + 0.5 * (nose - tail) * node
