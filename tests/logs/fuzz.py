@@ -122,7 +122,9 @@ def main() -> int:
     context = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        own = [] if "--only" in sys.argv else [p for p in log_files.write(folder).values() if p.is_file()]
+        # A folder is a ROS 2 bag: its database is damaged alone, as one that was copied without the rest.
+        whole = [] if "--only" in sys.argv else list(log_files.write(folder).values())
+        own = [file for path in whole for file in ([path] if path.is_file() else path.glob("*.db3"))]
         (folder / "damaged").mkdir()
         end, cases, peak = time.monotonic() + float(sys.argv[1]), 0, 0
         case: tuple[int, Path] = (seed, folder)

@@ -252,13 +252,17 @@ def _bag2(path: Path, plugin: str) -> Path:
     return path
 
 
-def bag1(folder: Path) -> Path:
+def bag1(folder: Path, packed: str = "none") -> Path:
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
     path = folder / "dive.bag"
-    with Writer(path) as writer:
+    writer = Writer(path)
+    if packed != "none":
+        writer.set_compression(Writer.CompressionFormat[packed])
+    writer.chunk_threshold = 4000  # bytes: several chunks
+    with writer:
         connection = writer.add_connection("/u", "std_msgs/msg/Float64", typestore=store)
         for t, u in zip(T.tolist(), U.tolist(), strict=True):
             message = store.types["std_msgs/msg/Float64"](data=u)

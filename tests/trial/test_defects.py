@@ -166,3 +166,13 @@ def test_a_rounded_depth_without_position_repeats_by_chance() -> None:
     depth = 5.0 + 2.0 * np.sin(0.05 * t) + 0.02 * np.random.default_rng(1).standard_normal(len(t))
     trial = Trial.read(pl.DataFrame({"t_s": t, "z_m": depth.round(3), "u_m_s": np.sin(0.1 * t)}), align=False)
     assert trial.valid[:, CHANNELS.index("z")].all()
+
+
+def test_an_impossible_pulse_width_holds_the_one_before() -> None:
+    t = np.arange(0.0, 20.0, 0.1)
+    pulses = np.where(t < 10.0, 1500.0, 1600.0)
+    pulses[[50, 120]] = 34268.0, 65535.0
+    trial = Trial.read({"t_s": t, "u_m_s": np.sin(t), "cmd.thruster_1": pulses}, align=False)
+    assert np.ptp(trial.commands["thruster_1"]) == 100.0
+    assert trial.commands["thruster_1"][120] == 1600.0
+    assert "2 pulse widths below 0 or above 3000 us; the one before is held instead" in str(trial.report)

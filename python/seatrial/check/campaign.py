@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import SeatrialError
 from seatrial.base.report import Report, Section, Table
-from seatrial.intake.consistency_result import current_sentence
+from seatrial.intake.consistency_result import UNTOLD, current_sentence
 from seatrial.intake.consistency_trials import Proposal, accepted, consistency_of_trial, proposals
 from seatrial.intake.kind_of_data import KindOfData, kind_of_data
 
@@ -246,8 +246,10 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
     kinds: dict[str, KindOfData] = {}
     told: dict[str, Consistency] = {}
     if not problems:
-        told = {name: one for name in reports if (one := consistency_of_trial(campaign, name)) is not None}
         kinds = {name: kind_of_data(campaign.trials[name], campaign.vehicle) for name in reports}
+        for name in reports:
+            if (one := consistency_of_trial(campaign, name)) is not None:
+                told[name] = one.without_motion() if kinds[name].still else one
     return CampaignCheck(
         campaign.name,
         campaign.vehicle.name,
@@ -277,6 +279,7 @@ def _data(campaign: Campaign, kinds: Mapping[str, KindOfData]) -> tuple[str, ...
                     f"stage {stage.name}: {most.channel} hardly moves in {', '.join(stage.trials)}"
                     f" ({most.over_noise:.1f} times its noise): record a manoeuvre, or leave axis {axis} out"
                 )
+    said += [f"trial {name}: {UNTOLD}" for name, kind in kinds.items() if kind.still]
     said += [f"trial {name}: {kind.done}" for name, kind in kinds.items()]
     split = [name for name in kinds if not campaign.source_of(name).hold_out_s and name in fitted]
     return (*said, *(f"trial {name}: {kinds[name].windows.sentence}" for name in split))

@@ -11,7 +11,10 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.report import Report, Section, Table
 
-__all__ = ["Consistency", "Correction", "SlowCurrent", "current_sentence"]
+__all__ = ["UNTOLD", "Consistency", "Correction", "SlowCurrent", "current_sentence"]
+
+UNTOLD = "hardly any motion: whether the channels agree cannot be told"
+"""What is said of a recording without motion."""
 
 _BETTER = 0.95  # error of a velocity with a current over that without which is worth a key
 
@@ -140,6 +143,10 @@ class Consistency:
     missing: tuple[str, ...]
     current: SlowCurrent | None = None
     compared: tuple[tuple[str, float, float], ...] = ()
+
+    def without_motion(self) -> Consistency:
+        """What a recording tells in which hardly anything moved: what is missing."""
+        return Consistency((), (UNTOLD, *self.missing))
 
     def report(self) -> Report:
         """How well the channels agree, the worst disagreement, what to do; then all proposals."""

@@ -232,10 +232,7 @@ def _compared(recorded: Recorded, kind: KindOfData) -> Consistency:
     found = consistency(_series(recorded))
     if "current_north_m_s" in recorded.columns:
         found = replace(found, current=None)
-    if kind.excitation and len(kind.weak) == len(kind.excitation):
-        still = "hardly any motion: whether the channels agree cannot be told"
-        return Consistency((), (still, *found.missing))
-    return found
+    return found.without_motion() if kind.still else found
 
 
 def _series(recorded: Recorded) -> dict[str, Series]:

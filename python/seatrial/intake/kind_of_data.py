@@ -58,6 +58,11 @@ class KindOfData:
         return tuple(one for one in self.excitation if one.weak)
 
     @property
+    def still(self) -> bool:
+        """Whether no axis moves clearly."""
+        return bool(self.excitation) and len(self.weak) == len(self.excitation)
+
+    @property
     def done(self) -> str:
         """What was done and what moved, in a sentence."""
         moved = ", ".join(one.channel for one in self.excitation if not one.weak)

@@ -164,7 +164,10 @@ def _ordered(
     t = samples.t
     known = np.isfinite(t)
     if not known.any():
-        raise TrialError(f"{file}: topic {topic}: no row has a time; name its time column")
+        raise TrialError(
+            f"{file}: topic {topic}: no row has a time; name its time column (a bollard test without time is"
+            " for seatrial bench)"
+        )
     if not known.all():
         notes.append(f"{topic}: {int((~known).sum())} rows without a time left out")
     order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]

@@ -19,7 +19,7 @@ from typing import Any
 
 from seatrial.logs.formats import extra
 from seatrial.logs.log import Log
-from seatrial.logs.rosbag import Bag, Message, learnt
+from seatrial.logs.messages import Bag, Message, learnt
 
 __all__ = ["open_log"]
 

@@ -340,7 +340,9 @@ def _channels(topic: Topic, before: str, after: str, parameters: Mapping[str, fl
                 continue
             motor, why = int(function) - _FIRST_MOTOR + 1, f"SERVO{channel}_FUNCTION = {function:g}: motor"
         else:
-            if channel > _MOTORS or not 700.0 < fields[name].maximum < 2500.0:
+            field = fields[name]  # one damaged sample does not make a motor something else
+            pulses = any(700.0 < size < 2500.0 for size in (field.maximum, field.mean))
+            if channel > _MOTORS or not pulses:
                 continue
             motor, why = channel, "the log has no SERVOn_FUNCTION: channel n taken as motor n"
         yield Proposal(f"cmd.thruster_{motor}", topic.name, name, "us", why=why, certain=known)

@@ -109,7 +109,8 @@ class _ULog(Log):
                 self.note("parts of the file are damaged; the others were read")
             if whole.dropouts:
                 lost = sum(dropout.duration for dropout in whole.dropouts) * 1e-3
-                self.note(f"{len(whole.dropouts)} drop-outs of the logger, {lost:.3g} s in all")
+                count = len(whole.dropouts)
+                self.note(f"{count} drop-out{'s' if count > 1 else ''} of the logger, {lost:.3g} s in all")
             del whole
 
     @property

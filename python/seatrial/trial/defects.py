@@ -12,6 +12,7 @@ the position that of a Doppler log, and the other way round). Held by ``tests/tr
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,8 @@ _MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rat
 
 _TRUSTED_AFTER_S = 5.0
 """A pose between two jumps less than this apart is taken for a wrong solution of the positioning system."""
+
+_PULSES_US, _LONGEST_US = (700.0, 2500.0), 3000.0  # usual pulse widths of motors and servos, and impossible
 
 _BELIEVED = 3.0  # a pose may move this many times faster than its speed sensor says
 
@@ -81,7 +84,8 @@ def mark(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Si
             marked[name] = marked[name].masked(_spikes(marked[name], speeds.get(name), report))
     for name in measured:
         _report_constant(signals[name], report)
-    _report_commands(signals, report)
+    marked |= _possible_pulses(signals, report)
+    _report_commands(marked, report)
     return marked
 
 
@@ -352,6 +356,28 @@ def _report_constant(signal: Signal, report: RecordingReport) -> None:
             report.add(
                 "warning", channel, f"constant at {y[0]:.6g} over the whole recording; a sensor that is off?"
             )
+
+
+def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Signal]:
+    """Commands in pulse widths whose impossible samples, as of a flipped bit, hold the one before instead."""
+    mended = {}
+    for name, signal in signals.items():
+        y = signal.y[:, 0] if name.startswith("cmd.") else np.zeros(0)
+        if not len(y) or not _PULSES_US[0] < np.median(y) < _PULSES_US[1]:
+            continue
+        wrong = (y < 0.0) | (y > _LONGEST_US)
+        if not wrong.any():
+            continue
+        before = np.maximum.accumulate(np.where(wrong, -1, np.arange(len(y))))
+        before[before < 0] = int(np.argmin(wrong))  # none before: the first possible one
+        mended[name] = replace(signal, y=signal.y[before])
+        report.add(
+            "warning",
+            name,
+            f"pulse widths below 0 or above {_LONGEST_US:g} us; the one before is held instead",
+            int(wrong.sum()),
+        )
+    return mended
 
 
 def _report_commands(signals: Mapping[str, Signal], report: RecordingReport) -> None:

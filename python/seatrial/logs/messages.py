@@ -1,0 +1,138 @@
+"""Logs of messages: fields are learnt from the first messages of each topic, numbers told by their path.
+
+Fields are the numbers of a message with their path, ``twist.twist.linear.x``; short arrays by index. The
+stamp is the message's own ``header.stamp`` where it has one near the time of reception, else the time of
+reception. `epoch_s` is zero where stamps are Unix times.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from seatrial.base.errors import TrialError
+from seatrial.logs.log import MOST_TOPICS, Chunk, Log, Share
+from seatrial.logs.rows import LONGEST_ARRAY, Gathered, number
+
+__all__ = ["Bag", "Message", "learnt"]
+
+_LOOK_AT = 3  # messages of a topic from which its fields are learnt
+_NEAR_S = 86_400.0  # a stamp of a header further from the reception is from another clock
+_DEEPEST = 8
+_UNIX_S = 9e8
+
+
+class Message(NamedTuple):
+    """A message as its file holds it: topic, time of reception in s, what decodes it, share of the file."""
+
+    topic: str
+    received: float
+    decode: Callable[[], Any]
+    share: float
+
+
+def learnt(log: Bag) -> Bag:
+    """A log of messages, after its fields were learnt.
+
+    Raises
+    ------
+    TrialError
+        If it has none.
+    """
+    log.learn()
+    if not log.fields:
+        raise TrialError(
+            f"{log.path}: no message with numbers in it" + "".join(f"; {note}" for note in log.notes)
+        )
+    return log
+
+
+@dataclass
+class Bag(Log):
+    """A file of messages whose fields are learnt from the first of each topic."""
+
+    _names: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def messages(self, topics: set[str] | None) -> Iterator[Message]:
+        """Messages of some topics, or of all."""
+        raise NotImplementedError
+
+    def learn(self) -> None:
+        """Learn the fields of each topic from its first messages."""
+        seen: Counter[str] = Counter()
+        for message in self.messages(None):
+            if seen[message.topic] >= _LOOK_AT:
+                continue
+            seen[message.topic] += 1
+            if len(seen) > MOST_TOPICS:
+                raise TrialError(f"{self.path}: more than {MOST_TOPICS} topics; the file is damaged")
+            values = self._decoded(message)
+            if values:
+                known = self._names.setdefault(message.topic, {})
+                for name in values:
+                    known.setdefault(name, "")
+            if self.epoch_s is None and message.received > _UNIX_S:
+                self.epoch_s = 0.0
+
+    @property
+    def fields(self) -> Mapping[str, Mapping[str, str]]:
+        """Fields by topic; a bag states no units."""
+        return self._names
+
+    def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
+        """Samples of the fields wanted."""
+        gathered = Gathered(wanted)
+        for count, message in enumerate(self.messages(set(wanted))):
+            if share is not None and count % 4096 == 0:
+                share(message.share)
+            values = self._decoded(message)
+            if values is not None:
+                chunk = gathered.add(message.topic, _stamp(values, message.received), values)
+                if chunk is not None:
+                    yield chunk
+        yield from gathered.rest()
+
+    def _decoded(self, message: Message) -> dict[str, float] | None:
+        try:
+            return dict(_flat("", message.decode(), 0))
+        except Exception as error:  # a damaged message may raise anything in the decoder
+            self.note(f"{message.topic}: a message cannot be decoded ({type(error).__name__}); left out")
+            return None
+
+
+def _flat(path: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
+    """Numbers of a message by their path."""
+    plain = number(value)
+    if plain is not None:
+        yield path, plain
+    elif isinstance(value, np.ndarray):
+        if value.dtype.kind in "biuf" and value.size <= LONGEST_ARRAY:
+            for k, cell in enumerate(value.ravel().tolist()):
+                yield f"{path}[{k}]", float(cell)
+    elif isinstance(value, list | tuple):
+        if len(value) <= LONGEST_ARRAY and depth < _DEEPEST:
+            for k, cell in enumerate(value):
+                yield from _flat(f"{path}[{k}]", cell, depth + 1)
+    elif isinstance(value, Mapping):
+        if depth < _DEEPEST:
+            for name, cell in value.items():
+                yield from _flat(f"{path}.{name}" if path else str(name), cell, depth + 1)
+    elif hasattr(value, "__dataclass_fields__") and depth < _DEEPEST:
+        for name in value.__dataclass_fields__:
+            if not name.startswith("__"):
+                yield from _flat(f"{path}.{name}" if path else name, getattr(value, name), depth + 1)
+
+
+def _stamp(values: Mapping[str, float], received: float) -> float:
+    """Stamp of a message in s: of its header where it is near the reception, else the reception."""
+    for seconds, rest in (("header.stamp.sec", "header.stamp.nanosec"), ("timestamp.sec", "timestamp.nsec")):
+        if seconds in values:
+            stamp = values[seconds] + 1e-9 * values.get(rest, 0.0)
+            if math.isfinite(stamp) and abs(stamp - received) < _NEAR_S:
+                return stamp
+    return received
