@@ -63,3 +63,17 @@ def test_a_slow_current_is_one_key_with_its_effect(trial: st.Trial) -> None:
     given = one.corrections["current"]
     assert given["t_s"] == [0.0, 300.0, 540.0]  # where the lines bend
     assert given["east_m_s"] == [0.1, 0.1, 0.22]
+
+
+def test_a_hovering_vehicle_may_be_far_from_its_file_in_what_takes_over_an_error_of_thrust() -> None:
+    """On a BlueROV2 and on Beluga these ended at the vehicle's bounds, on both sides."""
+    table = motion.columns(np.arange(0.0, 20.0, 0.1))
+    table |= {f"cmd.thruster_{k}": 1500.0 + 50.0 * np.sin(0.1 * k * table["t_s"]) for k in range(1, 9)}
+    vehicle = st.Vehicle.load("bluerov2-heavy")
+    one = DraftedTrial("a", "a.parquet", st.Trial.read(table, align=False), {}, None, "short", "commands")
+    text = campaign_text("sea", vehicle, [one])
+    info = vehicle.coefficient_info()
+    assert 'X_udot = "default"' in text
+    assert info["N_rdot"]["lower"] == pytest.approx(-1.11)
+    assert "N_rdot = [-4.5, " in text  # four times, to two digits
+    assert "N_rr = [-6.0, 0.0]" in text

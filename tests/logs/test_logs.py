@@ -89,7 +89,7 @@ def test_cells_of_a_spreadsheet_are_named_by_line(logs: dict[str, Path]) -> None
     log = open_log(logs["spreadsheet"])
     samples = log.read({"export": ["Heading"]})["export"]
     assert np.flatnonzero(np.isnan(samples.fields["Heading"])).tolist() == [55]
-    assert log.notes == ['column "Heading": 1 cells hold text, the first "#REF!" in line 60; read as empty']
+    assert log.notes == ['column "Heading": a cell holds text, "#REF!" in line 60; read as empty']
 
 
 def test_a_late_receiver_does_not_shift_stamps_since_boot(logs: dict[str, Path]) -> None:

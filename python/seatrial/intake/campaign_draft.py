@@ -36,6 +36,10 @@ _NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), stri
 
 _DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not one
 
+_INERTIA, _DAMPING = 4.0, 3.0
+"""How far the bounds of a hovering vehicle are widened: its thrust and levers are held, right or wrong, and
+what turns and what damps it takes their error over."""
+
 _LIFT = ("uv", "ur", "uw", "uq", "ud")
 
 
@@ -333,15 +337,19 @@ def _coefficients(vehicle: Vehicle, axis: str, speed: float, depth: bool, uprigh
     """
     info = vehicle.coefficient_info()
     own = VELOCITIES[AXES.index(axis)]
-    lines = [line(f"{axis}_{own}dot", "default")] if _bounded(info, f"{axis}_{own}dot") else []
-    linear, quadratic = f"{axis}_{own}", f"{axis}_{own}{own}"
+    wide = not any(info.get(f"{other}_uv", {}).get("start") for other in "YN")
+    inertia, linear, quadratic = f"{axis}_{own}dot", f"{axis}_{own}", f"{axis}_{own}{own}"
+    lines = []
+    if _bounded(info, inertia):
+        lines.append(line(inertia, _reaching(info, inertia, _INERTIA if wide and axis in "KMN" else 1.0)))
     if _bounded(info, linear) and info[linear]["start"]:
-        lines.append(line(linear, "default"))
+        lines.append(line(linear, _reaching(info, linear, _DAMPING if wide else 1.0, wide)))
     else:
         size = abs(float(info[quadratic]["start"])) * max(speed, 0.1)
-        lines.append(line(linear, [-_rounded(10.0 * size if size else 100.0), 0.0]))
+        low = 10.0 * size if size else 100.0
+        lines.append(line(linear, [-_rounded((_DAMPING if wide else 1.0) * low), 0.0]))
     if _bounded(info, quadratic) and info[quadratic]["start"]:
-        lines.append(line(quadratic, "default"))
+        lines.append(line(quadratic, _reaching(info, quadratic, 1.0, wide)))
     for other in _LIFT:
         name = f"{axis}_{other}"
         if _bounded(info, name) and info[name]["start"]:
@@ -355,6 +363,14 @@ def _coefficients(vehicle: Vehicle, axis: str, speed: float, depth: bool, uprigh
     if axis in "KN" and _bounded(info, f"{axis}_0"):
         lines.append(line(f"{axis}_0", "default"))
     return lines
+
+
+def _reaching(info: Mapping[str, Any], name: str, factor: float, to_zero: bool = False) -> Any:
+    """Bounds of a coefficient, the lower one so many times as far, the upper one zero where asked."""
+    if factor == 1.0 and not to_zero:
+        return "default"
+    low, high = float(info[name]["lower"]), float(info[name]["upper"])
+    return [-_rounded(-factor * low), 0.0 if to_zero else high] if low < 0.0 else "default"
 
 
 def _bounded(info: Mapping[str, Any], name: str) -> bool:

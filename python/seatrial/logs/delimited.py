@@ -119,9 +119,12 @@ class Table(Log):
         for name, cells in text.items():
             if cells and count[name] < row - self.layout.first_row:
                 where, what = cells[0]
+                many = (
+                    f"{count[name]} cells hold text, the first" if count[name] > 1 else "a cell holds text,"
+                )
                 self.note(
-                    f'column "{printable(name)}": {count[name]} cells hold text, the first'
-                    f' "{printable(what, 30)}" in line {where}; read as empty'
+                    f'column "{printable(name)}": {many} "{printable(what, 30)}" in line {where}; read as'
+                    " empty"
                 )
 
     def _numbers(self, cells: pl.Series, row: int, text: list[tuple[int, str]], count: Counter[str]) -> Array:
@@ -298,10 +301,18 @@ class _Time:
         return np.asarray(t)
 
 
+_ALONG = 0.999  # correlation of a column with its rows that makes it a time though steps fall
+
+
 def _rises(values: Array) -> bool:
-    """Whether numbers rise, but for some that came out of order."""
+    """Whether numbers rise, but for some that came out of order, or many that did within bursts."""
     steps = np.diff(values)
-    return len(steps) == 0 or bool(np.mean(steps >= 0.0) > 0.9 and values[-1] > values[0])
+    if len(steps) == 0:
+        return True
+    if not values[-1] > values[0]:
+        return False
+    along = np.corrcoef(values, np.arange(len(values)))[0, 1]
+    return bool(np.mean(steps >= 0.0) > 0.9 or (np.mean(steps >= 0.0) > 0.5 and along > _ALONG))
 
 
 def _counts(values: Array) -> bool:
