@@ -257,6 +257,8 @@ def _problems(made: Imported) -> Iterator[str]:
                 if finding.severity == severity:
                     yield f"trial {one.name}: {str(finding).removeprefix(severity).strip()}"
     for one in made.trials:
+        yield from (f"trial {one.name}: {warning}" for warning in one.kind.warnings)
+    for one in made.trials:
         if one.absent:
             yield f"trial {one.name}: its logs have no {', '.join(one.absent)}"
         known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]

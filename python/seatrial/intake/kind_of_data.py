@@ -14,6 +14,7 @@ from seatrial.intake.excitation import Contact, Excitation, Saturation, contacts
 from seatrial.intake.manoeuvres import Manoeuvre, counted, drives, manoeuvres
 from seatrial.intake.trial_windows import TrialWindows, windows
 from seatrial.trial.feedback import Feedback, feedback
+from seatrial.trial.verdict import Verdict, judge_trial
 from seatrial.trial.waves import Waves, commanded, waves
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ class KindOfData:
     contacts, saturated, loops, waves, excitation
         What may spoil an identification: parts in which the vehicle was held, commands at their limits,
         commands that follow measurements, waves, and how much each axis moves.
+    verdicts
+        Whether it tells how an axis answers its commands, the worst first; empty without a vehicle.
     manoeuvres, windows
         What was done, and the proposed hold-out.
     """
@@ -39,6 +42,7 @@ class KindOfData:
     contacts: tuple[Contact, ...]
     saturated: tuple[Saturation, ...]
     loops: tuple[Feedback, ...]
+    verdicts: tuple[Verdict, ...]
     waves: Waves | None
     excitation: tuple[Excitation, ...]
     manoeuvres: tuple[Manoeuvre, ...]
@@ -50,7 +54,8 @@ class KindOfData:
         said = [
             f"{one.sentence}. Leave this part out: split the trial or hold it out" for one in self.contacts
         ]
-        return tuple(said + _loops(self.loops) + _waves(self.waves) + _saturated(self.saturated))
+        dominated = [one.sentence for one in self.verdicts if one.dominated]
+        return tuple(said + dominated + _loops(self.loops) + _waves(self.waves) + _saturated(self.saturated))
 
     @property
     def weak(self) -> tuple[Excitation, ...]:
@@ -75,8 +80,12 @@ class KindOfData:
 
     @property
     def details(self) -> tuple[str, ...]:
-        """How much each axis moves, and every manoeuvre."""
-        return (*(one.sentence for one in self.excitation), *(one.sentence for one in self.manoeuvres))
+        """What its loops tell, how much each axis moves, and every manoeuvre."""
+        return (
+            *(one.sentence for one in self.verdicts if not one.dominated),
+            *(one.sentence for one in self.excitation),
+            *(one.sentence for one in self.manoeuvres),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -84,6 +93,7 @@ class KindOfData:
             "contacts": [asdict(one) for one in self.contacts],
             "saturated": [asdict(one) for one in self.saturated],
             "closed_loops": [asdict(one) for one in self.loops],
+            "feedback": [asdict(one) | {"sentence": one.sentence} for one in self.verdicts],
             "waves": None if self.waves is None else asdict(self.waves),
             "excitation": [asdict(one) for one in self.excitation],
             "manoeuvres": [asdict(one) for one in self.manoeuvres],
@@ -112,6 +122,7 @@ def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
         contacts=tuple(contacts(trial, driving)),
         saturated=tuple(saturation(trial, vehicle)),
         loops=loops,
+        verdicts=() if vehicle is None else tuple(judge_trial(trial, vehicle).values()),
         waves=swell,
         excitation=tuple(excitation(trial)),
         manoeuvres=tuple(found),

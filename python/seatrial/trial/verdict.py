@@ -1,0 +1,239 @@
+"""Whether a recording can tell how the vehicle answers its commands, axis by axis.
+
+An autopilot in waves moves its actuators because the vehicle moves. Cause and effect are then exchanged: a
+fit finds the controller's inverse in place of the vehicle (Soderstrom and Ljung 1989, section 10). What tells
+the vehicle is the part of the command that no measurement foretells: steps of set points, a dither, limits.
+
+The commands that push an axis are one signal ``c = sum_i (dtau / dcommand_i) command_i`` from the vehicle's
+wrench. Two regressions follow (the two-stage method of Van den Hof and Schrama, *Automatica* 29 (1993) 1523):
+
+1. each change of c from its own past changes and those of all measurements; what is left, e, is exogenous;
+2. the axis' velocity below wave frequencies from the past 30 s of e.
+
+The part of the velocity's whole variance that the second explains, on blocks of time outside both fits, is
+the share that the exogenous command drives. Below `TOLD` of a closed loop in waves the axis is dominated by
+feedback. Regressions are robust: a set point's step is an outlier of the first and must not bend it.
+
+An axis without a command, with an open loop or without waves is never dominated. Held by
+``tests/trial/test_verdict.py``; derivation and limits: ``docs/theory/feedback.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.trial.feedback import explained, unforetold
+from seatrial.trial.waves import waves
+from seatrial.vehicle.actuators import pushes
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+
+__all__ = ["TOLD", "Verdict", "judge", "judge_trial", "pushed_by"]
+
+TOLD = 0.25
+"""Share of the velocity's variance from which the exogenous command tells the vehicle."""
+
+_NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+_MAIN = 0.1  # of the actuator's largest force or moment
+_LEAST_LEVER_M = 0.03
+
+_RATE_HZ = 5.0
+_OWN, _SEEN = 16, 10  # past samples of the command and of each measurement
+_ANSWER_S, _FINE = 30.0, 20  # how long the velocity may answer, and how many lags of it are single samples
+_COARSE = 4
+_SETTLED = 100
+_OUTLIER, _TALL = 3.0, 5.0  # robust deviations of the command's change, deviations of a regressor
+_BELOW = 1.5  # waves begin at their frequency divided by this
+_BAND = 1.35
+_SEEN_CHANNELS = ("yaw", "pitch", "roll", "z", "u", "v", "w", "p", "q", "r")
+
+Kind = Literal["open", "closed and informative", "feedback-dominated"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a recording tells how an axis answers its commands.
+
+    Attributes
+    ----------
+    axis
+        Letter among ``XYZKMN``.
+    kind
+        "open", "closed and informative" or "feedback-dominated".
+    commands
+        Actuators that push the axis.
+    explained
+        Part of the command's unpredicted variance that past measurements foretell.
+    told
+        Share of the velocity's variance that the exogenous part of the command drives; NaN in an open loop.
+    wave_share
+        Share of the command's variance at wave frequencies; NaN without waves.
+    wave_period_s
+        Of the waves; NaN without.
+    """
+
+    axis: str
+    kind: Kind
+    commands: tuple[str, ...]
+    explained: float
+    told: float
+    wave_share: float
+    wave_period_s: float
+
+    @property
+    def dominated(self) -> bool:
+        """Whether no gain of this axis can be told from the recording."""
+        return self.kind == "feedback-dominated"
+
+    @property
+    def sentence(self) -> str:
+        """The verdict with its evidence, and the remedy where there is one."""
+        who = f"{_NAMES[self.axis]} ({self.axis})"
+        if self.kind == "open":
+            return f"{who} is open: its commands were not seen to follow measurements"
+        told = f"{100.0 * max(self.told, 0.0):.0f} % of the motion"
+        if self.kind == "closed and informative":
+            waves = "" if math.isfinite(self.wave_period_s) else ", and no waves were seen"
+            return f"{who} is closed and informative: what no measurement foretells drives {told}{waves}"
+        return (
+            f"{who} is dominated by feedback: {', '.join(self.commands)} follow the motion by waves of"
+            f" {self.wave_period_s:.1f} s, and what no measurement foretells drives only {told}; this log"
+            " cannot tell how the axis answers them. Add a trial with steps of the set point, each held for"
+            f" {4.0 * self.wave_period_s:.0f} s or more"
+        )
+
+
+def judge(trials: Sequence[Trial], vehicle: Vehicle) -> dict[str, Verdict]:
+    """Verdict per axis on several trials, the worst first: the best trial decides for an axis.
+
+    Parameters
+    ----------
+    trials
+        Each on its uniform time base.
+    vehicle
+        Says which axis an actuator pushes, and with which sign.
+    """
+    best: dict[str, Verdict] = {}
+    for trial in trials:
+        for axis, verdict in judge_trial(trial, vehicle).items():
+            kept = best.get(axis)
+            if kept is None or _order(verdict) > _order(kept):
+                best[axis] = verdict
+    return {
+        axis: best[axis] for axis in sorted(best, key=lambda axis: (_order(best[axis]), AXES.index(axis)))
+    }
+
+
+def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
+    """Verdict per axis that recorded commands push and whose velocity was recorded, the worst first."""
+    stride = max(1, math.ceil(1.0 / (_RATE_HZ * trial.dt) - 0.01))
+    seen = {
+        c: _mean(y, stride) for c in _SEEN_CHANNELS if (y := trial.filled(c)) is not None and y.std() > 0.0
+    }
+    swell = waves(trial)
+    found = {}
+    for axis, slopes in pushed_by(vehicle).items():
+        channel = VELOCITIES[AXES.index(axis)]
+        used = {name: slope for name, slope in slopes.items() if name in trial.commands}
+        moving = tuple(name for name in used if np.ptp(trial.commands[name]) > 0.0)
+        command = sum((used[name] * trial.commands[name] for name in moving), np.zeros(len(trial)))
+        if channel not in seen or np.ptp(command) <= 1e-9 * np.abs(command).max(initial=0.0):
+            continue
+        follows = explained(trial, command)
+        closed = follows.closed
+        told = wave_share = period = math.nan
+        if swell is not None:
+            period = swell.period_s
+            wave_share = _share(command, trial.dt, period)
+        kind: Kind = "closed and informative" if closed else "open"
+        if closed:
+            told = _told(_mean(command, stride), seen, channel, stride * trial.dt, period)
+            if swell is not None and told < TOLD:
+                kind = "feedback-dominated"
+        found[axis] = Verdict(axis, kind, moving, follows.explained, told, wave_share, period)
+    return {a: found[a] for a in sorted(found, key=lambda a: (_order(found[a]), AXES.index(a)))}
+
+
+def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
+    """By axis: actuators that push it and their force or moment per unit of command, N or N m.
+
+    Forces below a tenth of the actuator's largest count as none, moments with a lever below 3 cm too. A fin
+    serves by its moment: its side force drives a motion that waves and turns drive far more.
+    """
+    found: dict[str, dict[str, list[float]]] = {}
+    facts = vehicle.actuator_info()
+    for push in pushes(vehicle):
+        first = 3 if facts[push.actuator]["kind"] == "fin" else 0
+        wrench = np.asarray(push.wrench)
+        force, moment = float(np.abs(wrench[:3]).max()), float(np.abs(wrench[3:]).max())
+        for index, axis in enumerate(AXES):
+            size, largest = abs(wrench[index]), force if index < 3 else moment
+            if index >= first and size > _MAIN * largest and (index < 3 or size > _LEAST_LEVER_M * force):
+                found.setdefault(axis, {}).setdefault(push.actuator, []).append(
+                    float(wrench[index]) / push.step
+                )
+    return {a: {name: float(np.mean(s)) for name, s in found[a].items()} for a in AXES if a in found}
+
+
+def _order(verdict: Verdict) -> int:
+    return ("feedback-dominated", "closed and informative", "open").index(verdict.kind)
+
+
+def _mean(y: Array, stride: int) -> Array:
+    """Means of `stride` samples each."""
+    count = len(y) // stride
+    return np.asarray(y[: count * stride].reshape(count, stride).mean(axis=1))
+
+
+def _share(command: Array, dt: float, period_s: float) -> float:
+    """Share of a command's variance at wave frequencies."""
+    from scipy.signal import welch
+
+    f, power = welch(command, 1.0 / dt, nperseg=min(len(command), round(100.0 / dt)), detrend="linear")
+    inside = (f > 1.0 / (period_s * _BAND)) & (f < _BAND / period_s)
+    return float(power[inside].sum() / power[1:].sum())
+
+
+def _told(command: Array, seen: dict[str, Array], channel: str, dt: float, period_s: float) -> float:
+    """Share of a velocity's variance that the exogenous part of its command drives."""
+    from scipy.signal import butter, sosfiltfilt
+
+    usable = np.arange(len(command)) >= _SETTLED
+    if usable.sum() < 2 * _SETTLED:
+        return math.nan
+    velocity = seen[channel]
+    slow = velocity
+    if math.isfinite(period_s) and 1.0 / (_BELOW * period_s) < 0.45 / dt:
+        slow = sosfiltfilt(butter(3, 1.0 / (_BELOW * period_s), fs=1.0 / dt, output="sos"), velocity)
+    change = np.diff(command, prepend=command[0])
+    past = [_lags(change, range(1, _OWN))]
+    past += [_lags(np.diff(m, prepend=m[0]), range(_SEEN)) for m in seen.values()]
+    regressors = np.hstack(past)
+    limit = _OUTLIER * 1.4826 * float(np.median(np.abs(change)))
+    if limit > 0.0:
+        tall = _TALL * regressors.std(axis=0)
+        clipped = np.clip(change, -limit, limit)
+        # The part that was clipped is a step of a set point: exogenous as a whole.
+        exogenous = unforetold(np.clip(regressors, -tall, tall), clipped, usable) + change - clipped
+    else:
+        exogenous = unforetold(regressors, change, usable)
+    coarse = np.convolve(exogenous, np.ones(_COARSE) / _COARSE)[: len(exogenous)]
+    late = range(_FINE, round(_ANSWER_S / dt), _COARSE)
+    answer = np.hstack([_lags(exogenous, range(_FINE)), _lags(coarse, late)])
+    error = unforetold(answer, slow, usable)
+    whole = float(np.var(velocity[usable]))
+    return float(np.var(slow[usable]) - np.var(error[usable])) / whole if whole > 0.0 else math.nan
+
+
+def _lags(y: Array, lags: range) -> Array:
+    """Earlier samples (n, k)."""
+    return np.column_stack([np.concatenate([np.zeros(k), y[: len(y) - k]]) for k in lags])
