@@ -8,7 +8,7 @@ import pytest
 import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import Verdict, judge, judge_trial, pushed_by
+from seatrial.trial.verdict import Verdict, judge, judge_trial, pushed_by, untold
 
 DT = 0.2
 VEHICLE = st.Vehicle.load("remus100")
@@ -76,6 +76,16 @@ def test_one_informative_trial_saves_an_axis() -> None:
     dominated, steps = sailed(1), sailed(2, closed=False)
     assert judge([dominated], VEHICLE)["N"].dominated
     assert judge([dominated, steps], VEHICLE)["N"].kind == "open"
+
+
+def test_coefficients_of_a_dominated_axis_are_named_unless_another_axis_tells_them() -> None:
+    dominated = Verdict("M", "feedback-dominated", ("stern_plane_port",), 0.5, 0.0, 0.5, 6.0)
+    names = ("M_q", "N_r", "stern planes.gain", "rudder.gain", "stern_plane_port.C_La", "m")
+    assert untold(names, {"M": dominated}, VEHICLE) == {
+        "M": ["M_q", "stern planes.gain", "stern_plane_port.C_La"]
+    }
+    rolls = Verdict("K", "open", ("stern_plane_port",), 0.0, 0.0, 0.0, 6.0)
+    assert untold(names, {"M": dominated, "K": rolls}, VEHICLE) == {"M": ["M_q"]}
 
 
 def test_fins_serve_by_their_moment() -> None:

@@ -14,6 +14,8 @@ from seatrial.diagnosis.assessment import conditioning
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost, step_sentences
+from seatrial.trial.verdict import judge, untold
+from seatrial.trial.waves import waves
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
@@ -55,7 +57,24 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
     )
     sentences, no_joint = _conditioning(campaign, threads, linear=not diverging)
     steps = (*step_sentences(plans), *frozen_sentences(plans))
-    return Preparation(plans, (*silent, *diverging, *sentences, *steps), no_joint)
+    return Preparation(plans, (*_untold(campaign), *silent, *diverging, *sentences, *steps), no_joint)
+
+
+def _untold(campaign: Campaign) -> tuple[str, ...]:
+    """Sentences on coefficients of axes that feedback dominates in all trials that are fitted."""
+    names = dict.fromkeys(name for stage in campaign.stages for name in stage.trials)
+    driven = [campaign.trials[name] for name in names if campaign.input_of(name) == "commands"]
+    if len(driven) < len(names) or all(waves(trial) is None for trial in driven):
+        return ()  # calm trials are not judged, and a measured force is no command
+    verdicts = judge(driven, campaign.vehicle)
+    freed = dict.fromkeys(name for stage in campaign.stages for name in stage.coefficients)
+    found = untold(freed, verdicts, campaign.vehicle)
+    return tuple(
+        f"WARNING: {verdict.sentence}. Not identified, whatever is estimated: {', '.join(found[axis])}; take"
+        " them out of [stages.coefficients] to keep the vehicle file's values"
+        for axis, verdict in verdicts.items()
+        if axis in found
+    )
 
 
 def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ An axis without a command, with an open loop or without waves is never dominated
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -31,13 +31,13 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.trial.feedback import explained, unforetold
 from seatrial.trial.waves import waves
-from seatrial.vehicle.actuators import pushes
+from seatrial.vehicle.actuators import actuator_groups, pushes
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["TOLD", "Verdict", "judge", "judge_trial", "pushed_by"]
+__all__ = ["TOLD", "Verdict", "judge", "judge_trial", "pushed_by", "untold"]
 
 TOLD = 0.25
 """Share of the velocity's variance from which the exogenous command tells the vehicle."""
@@ -161,6 +161,36 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
                 kind = "feedback-dominated"
         found[axis] = Verdict(axis, kind, moving, follows.explained, told, wave_share, period)
     return {a: found[a] for a in sorted(found, key=lambda a: (_order(found[a]), AXES.index(a)))}
+
+
+def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehicle) -> dict[str, list[str]]:
+    """By dominated axis: those coefficients that only this axis and others like it could tell.
+
+    Parameters
+    ----------
+    names
+        Of coefficients: ``M_q``, ``planes.C_La``, by actuator or group.
+    verdicts
+        Of `judge`.
+    """
+    dominated = [axis for axis, verdict in verdicts.items() if verdict.dominated]
+    actuators = {member: group for group, own in actuator_groups(vehicle).items() for member in own}
+    found: dict[str, list[str]] = {}
+    for name in names if dominated else ():
+        owner, dot, _ = name.partition(".")
+        if dot:
+            # An actuator that drives any other axis can be told there.
+            drives = {
+                axis
+                for axis, verdict in verdicts.items()
+                for actuator in verdict.commands
+                if owner in (actuator, actuators[actuator])
+            }
+        else:
+            drives = {name[0]}
+        if drives and drives <= set(dominated):
+            found.setdefault(next(axis for axis in dominated if axis in drives), []).append(name)
+    return found
 
 
 def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
