@@ -11,6 +11,7 @@ import pytest
 
 import seatrial as st
 from seatrial.check.campaign import check_campaign
+from seatrial.intake.consistency_result import UNTOLD, Consistency
 from seatrial.intake.kind_of_data import kind_of_data
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -78,3 +79,14 @@ def test_harmonics_of_a_row_of_preset_steps_are_no_waves() -> None:
     table = {"t_s": t, "v_m_s": run.nu[:, 1], "r_deg_s": np.rad2deg(run.nu[:, 5])}
     trial = st.Trial.read(table | {f"cmd.{name}": values for name, values in commands.items()}, align=False)
     assert kind_of_data(trial, vehicle).waves is None
+
+
+def test_a_trial_without_motion_is_told_and_compares_nothing() -> None:
+    t = np.arange(0.0, 120.0, 0.1)
+    noise = np.random.default_rng(1).standard_normal((2, len(t)))
+    kind = kind_of_data(
+        st.Trial.read({"t_s": t, "u_m_s": 1e-3 * noise[0], "r_deg_s": 0.01 * noise[1]}, align=False)
+    )
+    assert kind.still
+    found = Consistency((), ("no depth",)).without_motion()
+    assert found.missing == (UNTOLD, "no depth")

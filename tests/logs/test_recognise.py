@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from seatrial.logs.formats import open_log
 from seatrial.logs.log import Field, Topic
 from seatrial.logs.recognise import propose
 
@@ -14,3 +17,11 @@ def test_one_damaged_pulse_width_leaves_a_motor_a_motor() -> None:
     found = {one.canonical for one in propose("dataflash", [topic], {})}
     assert {f"cmd.thruster_{k}" for k in range(1, 9)} <= found
     assert "cmd.thruster_9" not in found
+
+
+def test_a_column_called_t_is_the_time_though_stamps_fall_within_bursts(tmp_path: Path) -> None:
+    rows = [f"{-(-k // 4) + 0.002 * (k % 4):.3f},{300.0 + k}" for k in range(400)]
+    path = tmp_path / "pressure.csv"
+    path.write_text("t,depth_cm\n" + "\n".join(rows) + "\n")
+    [topic] = open_log(path).topics()
+    assert topic.end_s - topic.start_s > 98.0
