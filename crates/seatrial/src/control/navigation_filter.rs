@@ -5,141 +5,35 @@
 //! depth and velocity it takes what has come by then, and what it was told of the start for the rest.
 //!
 //! What is told to the autopilot in place of the measurement ([`NavigationFilter::told`]) is fresh while its deviation is
-//! below [`TRUSTED`]; beyond, it is as old as the last sample of its own sensor, and the autopilot's watch decides.
+//! below [`told::TRUSTED`]; beyond, it is as old as the last sample of its own sensor, and the autopilot's watch decides.
 //!
 //! A constant offset of a sensor is no noise: it does not show in innovations, and no number of samples averages it
 //! out. That of the gyro is a state of the filter; those of position, depth and attitude are added to the deviations
 //! that the filter reports ([`NavigationFilter::deviations`]).
 //!
+//! In reading order: [`fitting`], what a filter is made of; [`NavigationFilter`], the filter at work; [`mod@told`], what it
+//! says.
+//!
 //! Tests: `tests/flight/test_navigation.py`, `tests/fixed_memory.rs`.
 
+pub mod fitting;
+pub mod told;
+
 use crate::actuator::motor::Limits;
-use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS, Measurement, VELOCITY as GROUND, WATER};
+use crate::control::navigation::{ALTITUDE, VELOCITY as GROUND, WATER};
 use crate::description::Description;
 use crate::error::Error;
 use crate::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
-use crate::filter::innovation::{Gate, Watch};
-use crate::filter::observation::{Observation, Surface};
+use crate::filter::innovation::Watch;
+use crate::filter::observation::Observation;
 use crate::filter::process::Process;
-use crate::filter::tracker::{Noise, Sample, Tracker};
+use crate::filter::tracker::{Sample, Tracker};
 use crate::model::drive::{Drive, UnlimitedDelay, act};
-use crate::model::kinematics::{Quaternion, from_euler, rotation, to_euler};
+use crate::model::kinematics::{from_euler, quaternion_product, rotation};
 use crate::model::vehicle::{Instant, Vehicle};
 use crate::number::algebra::{Vec3, product};
-
-/// The kinds of sensors.
-pub const KINDS: [&str; 11] = [
-    "position",
-    "gps",
-    "usbl",
-    "depth",
-    "attitude",
-    "dvl",
-    "gyro",
-    "dvl_water",
-    "altitude",
-    "range",
-    "bearing",
-];
-
-const POSITION_FIX: usize = 0;
-const GPS: usize = 1;
-const USBL: usize = 2;
-const DEPTH: usize = 3;
-const ATTITUDE_SENSOR: usize = 4;
-const DVL: usize = 5;
-const GYRO: usize = 6;
-const DVL_WATER: usize = 7;
-const ECHO_SOUNDER: usize = 8;
-const RANGE: usize = 9;
-const BEARING: usize = 10;
-
-/// The channels besides those of [`CHANNEL_NAMES`]: fixes of a GPS and of an acoustic positioning system, m.
-pub const FIXES: [&str; 5] = ["gps_x", "gps_y", "usbl_x", "usbl_y", "usbl_z"];
-
-/// The first channel of the landmarks: range and bearing of each follow.
-pub const LANDMARKS: usize = CHANNELS + FIXES.len();
-
-/// A sensor of one kind.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Instrument {
-    /// Standard deviation of a sample's noise, SI.
-    pub noise: f64,
-    /// Standard deviation of its constant offset; for the gyro a state of the filter.
-    pub bias: f64,
-    /// Age of a sample when it arrives, s.
-    pub latency: f64,
-    /// Lever arm from O, body frame, m.
-    pub arm: Vec3<f64>,
-    /// Attitude of the sensor in the body frame.
-    pub mount: Quaternion<f64>,
-}
-
-impl Instrument {
-    /// A sensor at O along the body's axes.
-    pub fn of(noise: f64) -> Self {
-        Self { noise, bias: 0.0, latency: 0.0, arm: [0.0; 3], mount: [1.0, 0.0, 0.0, 0.0] }
-    }
-}
-
-/// What is known of the place of a thing.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Landmark {
-    /// A transponder, NED, m.
-    Beacon(Vec3<f64>),
-    /// A wall, a net or the bottom.
-    Surface(Surface),
-}
-
-/// What a filter is made of.
-#[derive(Clone, Debug)]
-pub struct Fitting {
-    /// One sensor per kind, in the order of [`KINDS`].
-    pub instruments: [Option<Instrument>; KINDS.len()],
-    /// Named landmarks.
-    pub landmarks: Vec<(String, Landmark)>,
-    /// The bottom, which the altitude is measured to.
-    pub bottom: Option<Surface>,
-    /// What the model does not know.
-    pub noise: Noise,
-    /// When a sample is refused.
-    pub gate: Gate,
-    /// Where the vehicle begins unless it is measured, NED, m, and the deviation of that.
-    pub start: (Vec3<f64>, f64),
-    /// Time of a step, s.
-    pub period: f64,
-    /// How much later than its sensor's latency a sample may be, s.
-    pub longest_age: f64,
-}
-
-impl Fitting {
-    /// The noise of a process whose model is a good one: a force that accelerates the vehicle by 0.03 m/s² and 0.03
-    /// rad/s² for some ten seconds, a current of 0.2 m/s that lasts a quarter of an hour.
-    pub fn noise_of(description: &Description) -> Noise {
-        let vehicle = Vehicle::nominal(description);
-        let force = std::array::from_fn(|i| 0.03 * vehicle.mass_matrix[i][i]);
-        Noise {
-            force,
-            force_time: 10.0,
-            acceleration: [0.005, 0.005, 0.005, 0.005, 0.005, 0.005],
-            current: [0.2, 0.2, 0.02],
-            current_time: 1000.0,
-            gyro_walk: 1e-6,
-        }
-    }
-
-    /// The names of all channels.
-    pub fn channels(&self) -> Vec<String> {
-        let own = CHANNEL_NAMES.iter().chain(&FIXES).map(|name| (*name).to_owned());
-        let marks =
-            self.landmarks.iter().flat_map(|(name, _)| [format!("range.{name}"), format!("bearing.{name}")]);
-        own.chain(marks).collect()
-    }
-}
-
-/// Deviations up to which the estimate stands in for a fresh sample: position and depth m, attitude rad, velocity m/s,
-/// rates rad/s.
-pub const TRUSTED: [f64; 5] = [20.0, 2.0, 0.2, 0.3, 0.1];
+use fitting::{ATTITUDE_SENSOR, DEPTH, DVL_WATER, GPS, GYRO, POSITION_FIX, USBL, instrument_of};
+pub use fitting::{Fitting, Instrument, KIND_OF, KINDS, LANDMARKS, Landmark};
 
 /// A step of the process is at most so long, s: Runge–Kutta is stable and exact enough for the fastest vehicles.
 const LONGEST_STEP: f64 = 0.1;
@@ -388,7 +282,7 @@ impl NavigationFilter {
         let (mut at, mut deviations) = (Estimate::at_rest(), [0.0; STATES]);
         let [w, x, y, z] = of(ATTITUDE_SENSOR).mount;
         let attitude = from_euler(&angles);
-        at.motion.attitude = crate::model::kinematics::quaternion_product(&attitude, &[w, -x, -y, -z]);
+        at.motion.attitude = quaternion_product(&attitude, &[w, -x, -y, -z]);
         let spread = |kind: usize| of(kind).noise.hypot(of(kind).bias).max(1e-6);
         let (start, far) = self.fitting.start;
         for i in 0..3 {
@@ -427,90 +321,5 @@ impl NavigationFilter {
         deviations[FORCE..FORCE + 6].copy_from_slice(&self.fitting.noise.force);
         self.tracker.begin(&at, &deviations);
         self.begun = true;
-    }
-
-    /// Standard deviations of the estimate, constant offsets of its sensors included.
-    pub fn deviations(&self) -> [f64; STATES] {
-        let mut deviations = self.tracker.deviations();
-        let offset = |channel: usize| match self.fitting.instruments[instrument_of(channel)] {
-            Some(instrument) if self.watches[channel].taken > 0 => instrument.bias,
-            _ => f64::INFINITY,
-        };
-        let least = |channels: &[usize]| channels.iter().map(|&c| offset(c)).fold(f64::INFINITY, f64::min);
-        let places = [least(&[0, 16, 18]), least(&[1, 17, 19]), least(&[2, 20])];
-        for i in 0..3 {
-            let angle = offset(3 + i);
-            for (place, bias) in [(POSITION + i, places[i]), (ATTITUDE + i, angle)] {
-                if bias.is_finite() {
-                    deviations[place] = deviations[place].hypot(bias);
-                }
-            }
-        }
-        deviations
-    }
-
-    /// The estimate as what an autopilot is told; `measured` gives the rest: altitude, battery, supply, and ages of what
-    /// is not trusted.
-    pub fn told(&self, measured: &Measurement<f64>) -> Measurement<f64> {
-        let mut told = *measured;
-        if !self.begun {
-            return told;
-        }
-        let at = self.tracker.estimate();
-        let [roll, pitch, yaw] = to_euler(&at.motion.attitude);
-        let [x, y, z] = at.motion.position;
-        let [u, v, w] = at.over_ground();
-        let [u_w, v_w, w_w, p, q, r] = at.motion.nu;
-        let estimate = [x, y, z, roll, pitch, yaw, u, v, w, p, q, r, told.channels[ALTITUDE], u_w, v_w, w_w];
-        let deviations = self.tracker.deviations();
-        let place = self.tracker.position_deviation();
-        let ground: f64 = (0..3).map(|i| deviations[VELOCITY + i]).fold(0.0, f64::max);
-        let turning: f64 = (3..6).map(|i| deviations[VELOCITY + i]).fold(0.0, f64::max);
-        let trusted = [
-            (0..2, place < TRUSTED[0]),
-            (2..3, deviations[POSITION + 2] < TRUSTED[1]),
-            (3..6, self.tracker.attitude_deviation() < TRUSTED[2]),
-            (6..9, ground < TRUSTED[3]),
-            (9..12, turning < TRUSTED[4]),
-            (13..16, ground < TRUSTED[3]),
-        ];
-        for (channels, fresh) in trusted {
-            for c in channels {
-                told.channels[c] = estimate[c];
-                if fresh {
-                    told.age[c] = 0.0;
-                }
-            }
-        }
-        told.disturbance = at.force;
-        told
-    }
-}
-
-/// The kind of sensor, among [`KINDS`], that each channel of [`CHANNEL_NAMES`] is of.
-pub const KIND_OF: [usize; CHANNELS] = {
-    let mut kinds = [0; CHANNELS];
-    let mut c = 0;
-    while c < CHANNELS {
-        kinds[c] = instrument_of(c);
-        c += 1;
-    }
-    kinds
-};
-
-/// The kind of sensor that a channel is of.
-const fn instrument_of(channel: usize) -> usize {
-    match channel {
-        0 | 1 => POSITION_FIX,
-        2 => DEPTH,
-        3..=5 => ATTITUDE_SENSOR,
-        6..=8 => DVL,
-        9..=11 => GYRO,
-        ALTITUDE => ECHO_SOUNDER,
-        13..=15 => DVL_WATER,
-        16 | 17 => GPS,
-        18..=20 => USBL,
-        _ if (channel - LANDMARKS).is_multiple_of(2) => RANGE,
-        _ => BEARING,
     }
 }

@@ -211,7 +211,10 @@ impl<const N: usize> Innovation<N> {
 }
 
 /// The error of an estimate: its covariance, and what observations have found of it and is not yet injected.
+///
+/// On the boundary of a cache line, so that no vector of a row of the covariance spans two of them.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub struct ErrorState<const N: usize> {
     /// P.
     pub covariance: [[f64; N]; N],
@@ -247,8 +250,10 @@ impl<const N: usize> ErrorState<N> {
                     row[j] = p[i][j] + step.drift * p[CURRENT + i][j];
                 }
             }
+            // Vectors run along the rows, see `update`.
+            let block = std::hint::black_box(step.block[i]);
             for k in 0..USED {
-                let f = step.block[i][k];
+                let f = block[k];
                 for j in 0..N {
                     row[j] += f * p[ATTITUDE + k][j];
                 }
@@ -258,19 +263,20 @@ impl<const N: usize> ErrorState<N> {
         // Fᵀ by rows, so that the second product runs along them too.
         let transposed = step.columns();
         for i in 0..MOTION {
+            let row = std::hint::black_box(rows[i]);
             let mut motion = [0.0; MOTION];
             for j in 0..3 {
-                motion[j] = rows[i][j] + step.drift * rows[i][CURRENT + j];
+                motion[j] = row[j] + step.drift * row[CURRENT + j];
             }
             for k in 0..USED {
-                let a = rows[i][ATTITUDE + k];
+                let a = row[ATTITUDE + k];
                 for j in 0..MOTION {
                     motion[j] += a * transposed[k][j];
                 }
             }
             p[i][..MOTION].copy_from_slice(&motion);
             for j in MOTION..N {
-                p[i][j] = rows[i][j] * step.decay[j];
+                p[i][j] = row[j] * step.decay[j];
             }
         }
         for i in MOTION..N {
@@ -311,13 +317,15 @@ impl<const N: usize> ErrorState<N> {
             gain[j] = c[j] * scale;
             self.error[j] += gain[j] * innovation.value;
         }
-        // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ, where B hᵀ = P hᵀ − K (h P hᵀ).
+        // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ, where B hᵀ = P hᵀ − K (h P hᵀ). All of it
+        // is a multiple of P hᵀ in every row.
         let seen = row.times(c) + variance;
         for i in 0..N {
-            let k = gain[i];
-            let rest = c[i] - k * seen;
+            // Keeps the compiler from running vectors down the columns, where it would gather and scatter.
+            let k = std::hint::black_box(gain[i]);
+            let taken = k + (c[i] - k * seen) * scale;
             for j in 0..N {
-                p[i][j] -= k * c[j] + rest * gain[j];
+                p[i][j] -= taken * c[j];
             }
         }
     }

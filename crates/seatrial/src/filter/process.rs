@@ -2,20 +2,23 @@
 //!
 //! `[p, q, ν_r] ← RK4(p, q, ν_r; τ + τ_u)`, then `p ← p + v_c h`: the equation of motion in the velocity through the
 //! water, which a constant current leaves as it is. The derivatives by attitude, velocity and force are carried through
-//! the step itself by dual numbers, eight at a time, so that they are those of the discrete step and not of a series.
-//! The attitude is perturbed in the body frame: `q = q̂ ⊗ [1, ½ δ]` before, `δ = 2 vec(q̂⁻¹ ⊗ ∂q)` after.
+//! the stages of the step itself, so that they are those of the discrete step and not of a series. The equation of motion
+//! is differentiated once per stage and by the velocity alone, in dual numbers, its six columns in one vector: by force
+//! and by the vertical in the body frame, `e = Rᵀ e_z`, it is linear,
+//! `∂ν'/∂τ = M⁻¹`, `∂ν'/∂e = M⁻¹ [(W − B) I; S(r_g W − r_b B)]`. The attitude is perturbed in the body frame: `q = q̂ ⊗ [1, ½ δ]` before, `δ = 2 vec(q̂⁻¹ ⊗ ∂q)` after.
 //!
 //! Source: Fossen (2011), section 8.3 and equation 7.9; Solà (2017), section 5.4.
 //! Tests: `tests/filter/process.rs` (difference quotients of the plain step; a current changes nothing but the track).
 
 use super::error_state::{Block, COLUMNS, MOTION};
-use super::estimate::Estimate;
+use super::estimate::{ATTITUDE, Estimate, FORCE};
 use crate::actuator::characteristic::Thrust;
 use crate::description::Description;
 use crate::error::Error;
-use crate::model::integrate::{State, step};
-use crate::model::kinematics::quaternion_product;
+use crate::model::integrate::{STAGES, State};
+use crate::model::kinematics::{Quaternion, quaternion_product, quaternion_rate, renormalised, rotation};
 use crate::model::vehicle::{Instant, Vehicle};
+use crate::number::algebra::{Mat6, Vec3, Vec6, product, restricted_inverse};
 use crate::number::dual::Dual;
 use crate::number::lanes::{LANES, Lanes, level};
 use crate::number::real::Real;
@@ -96,7 +99,7 @@ impl Process {
             }
             Carriers::Plain(carrier) => {
                 let unit = |seed: usize, column: usize| f64::from(u8::from(seed == column));
-                carrier.advance::<1>(estimate, (nodes, h), (0.0, unit), |x| [x])
+                carrier.advance::<1, COLUMNS>(estimate, (nodes, h), (0.0, unit), |x| [x])
             }
         }
     }
@@ -132,13 +135,16 @@ fn eight_by_eight<S: Simd>(
 ) -> Block {
     let unit =
         |seed: usize, column: usize| f64x8::from_fn(simd, |lane| f64::from(u8::from(seed + lane == column)));
-    carrier.advance::<LANES>(estimate, course, (simd.splat_f64x8(0.0), unit), Into::into)
+    carrier.advance::<LANES, { COLUMNS / LANES }>(estimate, course, (simd.splat_f64x8(0.0), unit), Into::into)
 }
 
 /// The vehicle in dual numbers of one kind.
 struct Carrier<P> {
     vehicle: Vehicle<Dual<P>>,
     instants: [Instant<Dual<P>>; 3],
+    /// Derivatives of the acceleration by force and by the vertical in the body frame, which are constant.
+    by_force: Mat6<f64>,
+    by_vertical: [Vec3<f64>; 6],
 }
 
 impl<P: Real> Carrier<P> {
@@ -150,47 +156,67 @@ impl<P: Real> Carrier<P> {
             deflections: Vec::with_capacity(fins),
             ..Instant::default()
         });
-        Self { vehicle, instants }
+        let plain = Vehicle::nominal(description);
+        let by_force = restricted_inverse(&plain.mass_matrix, &[true; 6]);
+        let (net, [x, y, z]) = (plain.restoring.net_weight, plain.restoring.moment);
+        let arms =
+            [[net, 0.0, 0.0], [0.0, net, 0.0], [0.0, 0.0, net], [0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+        let by_vertical = by_force.map(|row| {
+            std::array::from_fn(|k| row.iter().zip(&arms).map(|(inverse, arm)| inverse * arm[k]).sum())
+        });
+        Self { vehicle, instants, by_force, by_vertical }
     }
 
-    /// The step and its Jacobian, `L` columns to a flight; `unit(seed, column)` has a one where the lane that begins at
-    /// the column `seed` is the column's.
+    /// The step and its Jacobian, `L` columns in each of `G` groups; `unit(seed, column)` has a one where the lane that
+    /// begins at the column `seed` is the column's.
     #[inline(always)]
-    fn advance<const L: usize>(
+    fn advance<const L: usize, const G: usize>(
         &mut self,
         estimate: &mut Estimate,
         (nodes, h): (&[Instant<f64>], f64),
         (none, unit): (P, impl Fn(usize, usize) -> P),
         read: impl Fn(P) -> [f64; L],
     ) -> Block {
+        let mut groups = [seeded(&estimate.motion, none, |column| unit(0, column)); G];
+        // What a force adds to the derivatives of the acceleration, the same at every stage.
+        let mut pushed = [[none; 6]; G];
+        for g in 0..G {
+            if g > 0 {
+                groups[g] = seeded(&estimate.motion, none, |column| unit(L * g, column));
+            }
+            for i in 0..6 {
+                for j in 0..6 {
+                    pushed[g][i] += unit(L * g, FORCE - ATTITUDE + j) * self.by_force[i][j];
+                }
+            }
+        }
+        for three in nodes.windows(3).step_by(2) {
+            for k in 0..3 {
+                self.lift(k, &three[k], &estimate.force, none);
+            }
+            self.step(&mut groups, &pushed, h, (&unit, &read));
+        }
         let mut block = [[0.0; COLUMNS]; MOTION];
         let mut after = estimate.motion;
-        for first in (0..COLUMNS).step_by(L) {
-            let end = self.fly(estimate, (nodes, h), none, |column| unit(first, column));
+        for g in 0..G {
+            let (first, end) = (L * g, &groups[g]);
             for i in 0..3 {
-                after.position[i] = end.position[i].value;
-                block[i][first..first + L].copy_from_slice(&read(end.position[i].partials));
+                after.position[i] = end[i].value;
+                block[i][first..first + L].copy_from_slice(&read(end[i].partials));
             }
+            let [mut back, mut turned] = [[none; 4]; 2];
             for i in 0..4 {
-                after.attitude[i] = end.attitude[i].value;
+                after.attitude[i] = end[3 + i].value;
+                back[i] = none.splat(if i == 0 { end[3].value } else { -end[3 + i].value });
+                turned[i] = end[3 + i].partials;
             }
-            let [w, x, y, z] = after.attitude;
-            let back = [none.splat(w), none.splat(-x), none.splat(-y), none.splat(-z)];
-            let turned = quaternion_product(
-                &back,
-                &[
-                    end.attitude[0].partials,
-                    end.attitude[1].partials,
-                    end.attitude[2].partials,
-                    end.attitude[3].partials,
-                ],
-            );
+            turned = quaternion_product(&back, &turned);
             for i in 0..3 {
                 block[3 + i][first..first + L].copy_from_slice(&read(turned[1 + i] * 2.0));
             }
             for i in 0..6 {
-                after.nu[i] = end.nu[i].value;
-                block[6 + i][first..first + L].copy_from_slice(&read(end.nu[i].partials));
+                after.nu[i] = end[7 + i].value;
+                block[6 + i][first..first + L].copy_from_slice(&read(end[7 + i].partials));
             }
         }
         let time = h * (nodes.len() / 2) as f64;
@@ -201,53 +227,141 @@ impl<P: Real> Carrier<P> {
         block
     }
 
-    /// The motion at the end, with the derivatives that are seeded.
+    /// What the actuators do at an instant of a step, and the unmodelled force, as constants.
     #[inline(always)]
-    fn fly(
-        &mut self,
-        estimate: &Estimate,
-        (nodes, h): (&[Instant<f64>], f64),
-        none: P,
-        unit: impl Fn(usize) -> P,
-    ) -> State<Dual<P>> {
+    fn lift(&mut self, k: usize, node: &Instant<f64>, force: &Vec6<f64>, none: P) {
         let constant = |value: f64| Dual { value, partials: none };
-        let at = &estimate.motion;
-        let zero = constant(0.0);
-        let mut state = State { position: [zero; 3], attitude: [zero; 4], nu: [zero; 6] };
-        let mut small = [constant(1.0); 4];
-        for i in 0..3 {
-            state.position[i] = constant(at.position[i]);
-            small[1 + i] = Dual { value: 0.0, partials: unit(i) * 0.5 };
-        }
-        for i in 0..4 {
-            state.attitude[i] = constant(at.attitude[i]);
-        }
-        state.attitude = quaternion_product(&state.attitude, &small);
-        let mut force = [zero; 6];
+        let lifted = &mut self.instants[k];
+        let known = node.inflow_free.unwrap_or([0.0; 6]);
+        let mut sum = [constant(0.0); 6];
         for i in 0..6 {
-            state.nu[i] = Dual { value: at.nu[i], partials: unit(3 + i) };
-            force[i] = Dual { value: estimate.force[i], partials: unit(9 + i) };
+            sum[i].value = force[i] + known[i];
         }
-        for three in nodes.windows(3).step_by(2) {
-            for (lifted, node) in self.instants.iter_mut().zip(three) {
-                let known = node.inflow_free.unwrap_or([0.0; 6]);
-                let mut sum = force;
-                for i in 0..6 {
-                    sum[i] = force[i] + known[i];
-                }
-                lifted.inflow_free = Some(sum);
-                lifted.thrusts.clear();
-                lifted.thrusts.extend(node.thrusts.iter().map(|t| Thrust {
-                    force: constant(t.force),
-                    force_per_inflow: constant(t.force_per_inflow),
-                    torque: constant(t.torque),
-                    torque_per_inflow: constant(t.torque_per_inflow),
-                }));
-                lifted.deflections.clear();
-                lifted.deflections.extend(node.deflections.iter().map(|&(s, c)| (constant(s), constant(c))));
-            }
-            state = step(&self.vehicle, &state, h, &self.instants);
+        lifted.inflow_free = Some(sum);
+        lifted.thrusts.clear();
+        for thrust in &node.thrusts {
+            lifted.thrusts.push(Thrust {
+                force: constant(thrust.force),
+                force_per_inflow: constant(thrust.force_per_inflow),
+                torque: constant(thrust.torque),
+                torque_per_inflow: constant(thrust.torque_per_inflow),
+            });
         }
-        state
+        lifted.deflections.clear();
+        for &(sine, cosine) in &node.deflections {
+            lifted.deflections.push((constant(sine), constant(cosine)));
+        }
     }
+
+    /// A step of all groups, which stand at one motion: rows as [`State::row`] has them.
+    #[inline(always)]
+    fn step<const L: usize, const G: usize>(
+        &self,
+        groups: &mut [[Dual<P>; 13]; G],
+        pushed: &[Vec6<P>; G],
+        h: f64,
+        (unit, read): (&impl Fn(usize, usize) -> P, &impl Fn(P) -> [f64; L]),
+    ) {
+        let start = *groups;
+        let mut slope = start;
+        for (stage, (node, weight, instant)) in STAGES.into_iter().enumerate() {
+            let mut acceleration = [0.0; 6];
+            let mut by_velocity = [[0.0; LANES]; 6];
+            for g in 0..G {
+                let mut at = start[g];
+                if stage > 0 {
+                    for i in 0..13 {
+                        at[i] = ahead(slope[g][i], node * h, at[i]);
+                    }
+                }
+                let [_, _, _, a, b, c, d, u, v, w, p, q, s] = at;
+                if g == 0 {
+                    (acceleration, by_velocity) =
+                        self.accelerate(&[a, b, c, d], &[u, v, w, p, q, s], instant, (unit, read));
+                }
+                let r = rotation(&[a, b, c, d]);
+                let position = product(&r, &[u, v, w]);
+                let attitude = quaternion_rate(&[a, b, c, d], &[p, q, s]);
+                slope[g][..3].copy_from_slice(&position);
+                slope[g][3..7].copy_from_slice(&attitude);
+                for i in 0..6 {
+                    let mut partials = pushed[g][i];
+                    for j in 0..6 {
+                        partials = at[7 + j].partials.mul_add(partials.splat(by_velocity[i][j]), partials);
+                    }
+                    for j in 0..3 {
+                        partials = r[2][j].partials.mul_add(partials.splat(self.by_vertical[i][j]), partials);
+                    }
+                    slope[g][7 + i] = Dual { value: acceleration[i], partials };
+                }
+                for i in 0..13 {
+                    groups[g][i] = ahead(slope[g][i], weight * h, groups[g][i]);
+                }
+            }
+        }
+        for g in 0..G {
+            for i in 0..13 {
+                groups[g][i] = groups[g][i].flush();
+            }
+            let [_, _, _, a, b, c, d, ..] = groups[g];
+            groups[g][3..7].copy_from_slice(&renormalised(&[a, b, c, d]));
+        }
+    }
+
+    /// The acceleration at an instant, and its derivatives by the velocity.
+    #[inline(always)]
+    fn accelerate<const L: usize>(
+        &self,
+        attitude: &Quaternion<Dual<P>>,
+        nu: &Vec6<Dual<P>>,
+        instant: usize,
+        (unit, read): (&impl Fn(usize, usize) -> P, &impl Fn(P) -> [f64; L]),
+    ) -> (Vec6<f64>, [[f64; LANES]; 6]) {
+        // Keeps the compiler from lifting a hundred constants out of the loop over the stages, only to spill them.
+        let vehicle = std::hint::black_box(&self.vehicle);
+        let (mut attitude, mut nu) = (*attitude, *nu);
+        for i in 0..4 {
+            attitude[i].partials = attitude[i].partials.zero();
+        }
+        let r = rotation(&attitude);
+        let (mut value, mut slopes) = ([0.0; 6], [[0.0; LANES]; 6]);
+        for first in (0..6).step_by(L) {
+            for i in 0..6 {
+                nu[i].partials = unit(first, i);
+            }
+            let found = vehicle.acceleration(&r, &nu, &self.instants[instant]);
+            for i in 0..6 {
+                value[i] = found[i].value;
+                slopes[i][first..first + L].copy_from_slice(&read(found[i].partials));
+            }
+        }
+        (value, slopes)
+    }
+}
+
+/// `x h + y`, with the derivatives.
+#[inline(always)]
+fn ahead<P: Real>(x: Dual<P>, h: f64, y: Dual<P>) -> Dual<P> {
+    Dual { value: x.value * h + y.value, partials: x.partials.mul_add(x.partials.splat(h), y.partials) }
+}
+
+/// A motion with the derivatives by a small turn in the body frame and by the velocity that `unit` has, in one row.
+#[inline(always)]
+fn seeded<P: Real>(motion: &State<f64>, none: P, unit: impl Fn(usize) -> P) -> [Dual<P>; 13] {
+    let values = motion.row();
+    let mut row = [Dual { value: 0.0, partials: none }; 13];
+    for i in 0..13 {
+        row[i].value = values[i];
+    }
+    let [_, _, _, a, b, c, d, ..] = row;
+    let mut small = [row[0]; 4];
+    for i in 0..4 {
+        small[i].value = if i == 0 { 1.0 } else { 0.0 };
+        small[i].partials = if i == 0 { none } else { unit(i - 1) * 0.5 };
+    }
+    row[3..7].copy_from_slice(&quaternion_product(&[a, b, c, d], &small));
+    for i in 0..6 {
+        row[7 + i].partials = unit(3 + i);
+    }
+    row
 }

@@ -52,7 +52,8 @@ pub struct Tracker {
     noise: Noise,
     gate: Gate,
     estimate: Estimate,
-    state: ErrorState<STATES>,
+    /// On the heap, because it asks for an alignment that not every owner of a tracker gives.
+    state: Box<ErrorState<STATES>>,
     step: Transition<STATES>,
     past: Past,
     time: f64,
@@ -66,7 +67,7 @@ impl Tracker {
             noise,
             gate,
             estimate: Estimate::at_rest(),
-            state: ErrorState::new(&[0.0; STATES]),
+            state: Box::new(ErrorState::new(&[0.0; STATES])),
             step: Transition::identity(),
             past: Past::new(if steps > 0 { steps + 2 } else { 0 }),
             time: 0.0,
@@ -76,7 +77,7 @@ impl Tracker {
     /// Begins at an estimate whose components have these deviations.
     pub fn begin(&mut self, estimate: &Estimate, deviations: &[f64; STATES]) {
         self.estimate = *estimate;
-        self.state = ErrorState::new(deviations);
+        *self.state = ErrorState::new(deviations);
         self.step = Transition::identity();
         self.past.clear();
         self.past.keep(self.time, estimate, &self.step, &[0.0; STATES]);

@@ -26,7 +26,7 @@ pub struct State<T> {
 impl<T: Real> State<T> {
     /// The numbers in one row, position first.
     #[inline(always)]
-    fn row(&self) -> [T; 13] {
+    pub(crate) fn row(&self) -> [T; 13] {
         let ([x, y, z], [a, b, c, d], [u, v, w, p, q, r]) = (self.position, self.attitude, self.nu);
         [x, y, z, a, b, c, d, u, v, w, p, q, r]
     }
@@ -57,27 +57,28 @@ impl<T: Real> State<T> {
     }
 }
 
+/// Where in the step each stage stands, its weight in the sum, and which of three instants it reads.
+pub(crate) const STAGES: [(f64, f64, usize); 4] =
+    [(0.0, 1.0 / 6.0, 0), (0.5, 1.0 / 3.0, 1), (0.5, 1.0 / 3.0, 1), (1.0, 1.0 / 6.0, 2)];
+
 /// The state a step of `h` seconds later; `instants` at its start, middle and end.
 #[inline(always)]
 pub fn step<T: Real>(vehicle: &Vehicle<T>, state: &State<T>, h: f64, instants: &[Instant<T>; 3]) -> State<T> {
-    const NODE: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
-    const WEIGHT: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
-    const INSTANT: [usize; 4] = [0, 1, 1, 2];
     let start = state.row();
     let mut sum = start;
     let mut slope = [start[0].zero(); 13];
-    for stage in 0..4 {
+    for (node, weight, instant) in STAGES {
         // Keeps the compiler from lifting a hundred constants out of the loop, only to spill them.
         let vehicle = std::hint::black_box(vehicle);
         let mut row = start;
-        let node = start[0].splat(NODE[stage] * h);
+        let node = start[0].splat(node * h);
         for i in 0..13 {
             row[i] = slope[i].mul_add(node, row[i]);
         }
         let mut at = State::from_row(&row);
-        at.replay(vehicle, &instants[INSTANT[stage]]);
-        slope = at.rate(vehicle, &instants[INSTANT[stage]]);
-        let weight = start[0].splat(WEIGHT[stage] * h);
+        at.replay(vehicle, &instants[instant]);
+        slope = at.rate(vehicle, &instants[instant]);
+        let weight = start[0].splat(weight * h);
         for i in 0..13 {
             sum[i] = slope[i].mul_add(weight, sum[i]);
         }

@@ -1,0 +1,150 @@
+//! What a navigation filter is made of: kinds of sensors and their channels, landmarks, noise.
+//!
+//! Tests: `tests/flight/test_navigation.py`, `tests/fixed_memory.rs`.
+
+use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS};
+use crate::description::Description;
+use crate::filter::innovation::Gate;
+use crate::filter::observation::Surface;
+use crate::filter::tracker::Noise;
+use crate::model::kinematics::Quaternion;
+use crate::model::vehicle::Vehicle;
+use crate::number::algebra::Vec3;
+
+/// The kinds of sensors.
+pub const KINDS: [&str; 11] = [
+    "position",
+    "gps",
+    "usbl",
+    "depth",
+    "attitude",
+    "dvl",
+    "gyro",
+    "dvl_water",
+    "altitude",
+    "range",
+    "bearing",
+];
+
+pub(super) const POSITION_FIX: usize = 0;
+pub(super) const GPS: usize = 1;
+pub(super) const USBL: usize = 2;
+pub(super) const DEPTH: usize = 3;
+pub(super) const ATTITUDE_SENSOR: usize = 4;
+pub(super) const DVL: usize = 5;
+pub(super) const GYRO: usize = 6;
+pub(super) const DVL_WATER: usize = 7;
+pub(super) const ECHO_SOUNDER: usize = 8;
+pub(super) const RANGE: usize = 9;
+pub(super) const BEARING: usize = 10;
+
+/// The channels besides those of [`CHANNEL_NAMES`]: fixes of a GPS and of an acoustic positioning system, m.
+pub const FIXES: [&str; 5] = ["gps_x", "gps_y", "usbl_x", "usbl_y", "usbl_z"];
+
+/// The first channel of the landmarks: range and bearing of each follow.
+pub const LANDMARKS: usize = CHANNELS + FIXES.len();
+
+/// A sensor of one kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instrument {
+    /// Standard deviation of a sample's noise, SI.
+    pub noise: f64,
+    /// Standard deviation of its constant offset; for the gyro a state of the filter.
+    pub bias: f64,
+    /// Age of a sample when it arrives, s.
+    pub latency: f64,
+    /// Lever arm from O, body frame, m.
+    pub arm: Vec3<f64>,
+    /// Attitude of the sensor in the body frame.
+    pub mount: Quaternion<f64>,
+}
+
+impl Instrument {
+    /// A sensor at O along the body's axes.
+    pub fn of(noise: f64) -> Self {
+        Self { noise, bias: 0.0, latency: 0.0, arm: [0.0; 3], mount: [1.0, 0.0, 0.0, 0.0] }
+    }
+}
+
+/// What is known of the place of a thing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Landmark {
+    /// A transponder, NED, m.
+    Beacon(Vec3<f64>),
+    /// A wall, a net or the bottom.
+    Surface(Surface),
+}
+
+/// What a filter is made of.
+#[derive(Clone, Debug)]
+pub struct Fitting {
+    /// One sensor per kind, in the order of [`KINDS`].
+    pub instruments: [Option<Instrument>; KINDS.len()],
+    /// Named landmarks.
+    pub landmarks: Vec<(String, Landmark)>,
+    /// The bottom, which the altitude is measured to.
+    pub bottom: Option<Surface>,
+    /// What the model does not know.
+    pub noise: Noise,
+    /// When a sample is refused.
+    pub gate: Gate,
+    /// Where the vehicle begins unless it is measured, NED, m, and the deviation of that.
+    pub start: (Vec3<f64>, f64),
+    /// Time of a step, s.
+    pub period: f64,
+    /// How much later than its sensor's latency a sample may be, s.
+    pub longest_age: f64,
+}
+
+impl Fitting {
+    /// The noise of a process whose model is a good one: a force that accelerates the vehicle by 0.03 m/s² and 0.03
+    /// rad/s² for some ten seconds, a current of 0.2 m/s that lasts a quarter of an hour.
+    pub fn noise_of(description: &Description) -> Noise {
+        let vehicle = Vehicle::nominal(description);
+        let force = std::array::from_fn(|i| 0.03 * vehicle.mass_matrix[i][i]);
+        Noise {
+            force,
+            force_time: 10.0,
+            acceleration: [0.005, 0.005, 0.005, 0.005, 0.005, 0.005],
+            current: [0.2, 0.2, 0.02],
+            current_time: 1000.0,
+            gyro_walk: 1e-6,
+        }
+    }
+
+    /// The names of all channels.
+    pub fn channels(&self) -> Vec<String> {
+        let own = CHANNEL_NAMES.iter().chain(&FIXES).map(|name| (*name).to_owned());
+        let marks =
+            self.landmarks.iter().flat_map(|(name, _)| [format!("range.{name}"), format!("bearing.{name}")]);
+        own.chain(marks).collect()
+    }
+}
+
+/// The kind of sensor, among [`KINDS`], that each channel of [`CHANNEL_NAMES`] is of.
+pub const KIND_OF: [usize; CHANNELS] = {
+    let mut kinds = [0; CHANNELS];
+    let mut c = 0;
+    while c < CHANNELS {
+        kinds[c] = instrument_of(c);
+        c += 1;
+    }
+    kinds
+};
+
+/// The kind of sensor that a channel is of.
+pub(super) const fn instrument_of(channel: usize) -> usize {
+    match channel {
+        0 | 1 => POSITION_FIX,
+        2 => DEPTH,
+        3..=5 => ATTITUDE_SENSOR,
+        6..=8 => DVL,
+        9..=11 => GYRO,
+        ALTITUDE => ECHO_SOUNDER,
+        13..=15 => DVL_WATER,
+        16 | 17 => GPS,
+        18..=20 => USBL,
+        _ if (channel - LANDMARKS).is_multiple_of(2) => RANGE,
+        _ => BEARING,
+    }
+}
