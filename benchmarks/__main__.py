@@ -73,7 +73,14 @@ def flight_rows(rates: ClosedLoop) -> list[Row]:
     return [
         ("closed loop with perfect sensors / open loop, one core", rates.closed / share, ".2f", "≥ 0.5"),
         ("the same with noise, one seed for all", rates.common_noise / share, ".2f", ""),
-        ("the same with noise, a seed for each", rates.own_noise / share, ".2f", ""),
+        ("the same with noise, a seed for each", rates.own_noise / share, ".2f", "≥ 0.5"),
+        (
+            "closed loop on a navigation filter / on its typical sensors",
+            rates.filtered / rates.typical,
+            ".2f",
+            "≥ 0.25",
+        ),
+        ("step of the navigation filter, µs", 1e6 * rates.filter_step_s, ".1f", ""),
     ]
 
 

@@ -4,7 +4,8 @@ Both step CWolf's whole chain by a quarter of the control period, eight candidat
 its own coefficients and, closed, with its own gains. Closed loop adds per control period sensors, guidance,
 six-point adaptive PID, allocation with the inverse characteristic, safety and the figures of the flight; the
 open loop has its criterion. "Noise" gives every sensor channel noise, with one seed for all candidates and
-with one each.
+with one each. "Typical" has the sensors that come with the project, by whose samples the autopilot goes, or a
+navigation filter of each candidate; what the filter adds to a control period is the time of its step.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ import numpy as np
 
 from benchmarks.speed import seconds
 from benchmarks.workload import STEP_S, SUBSTEPS, chain
-from seatrial import _core
+from seatrial import Vehicle, _core
+from seatrial.flight.navigation import filter_of
+from seatrial.flight.sensor_channels import SensorChannels, sensor_channels, sensors_of
 
 MISSION = """
 format = 1
@@ -40,12 +43,15 @@ depth_m = 10.0
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """Rates in steps per second of one core: open loop, closed loop with perfect sensors, and with noise."""
+    """Rates in steps per second of one core, and the time of a step of the navigation filter, s."""
 
     open_loop: float
     closed: float
     common_noise: float
     own_noise: float
+    typical: float
+    filtered: float
+    filter_step_s: float
 
 
 def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> ClosedLoop:
@@ -64,8 +70,12 @@ def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> C
     noisy[:12, 0] = 0.005
     timing = np.tile([1.0, 1.0, 0.0, np.inf, 0.0], (7, 1))
     timing[5:, 0] = 0.0
+    model, period = Vehicle.load("cwolf"), STEP_S * SUBSTEPS
+    aboard = sensors_of("typical", model)
+    typical = sensor_channels(aboard, period)
+    navigation = filter_of("filter", model, aboard, period)
 
-    def fly(errors: np.ndarray, seeds: list[int]) -> object:
+    def fly(sensors: SensorChannels, seeds: list[int], navigation: _core.Filter | None = None) -> object:
         return _core.fly(
             work.vehicle,
             autopilot,
@@ -77,8 +87,10 @@ def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> C
             current=[0.0, 0.3, 0.0],
             coefficients=coefficients,
             gains=gains,
-            errors=errors,
-            timing=timing,
+            model=None if navigation is None else model,
+            errors=sensors.errors,
+            timing=sensors.timing,
+            navigation=navigation,
             feedback=False,
             max_step_s=STEP_S,
             max_time_s=duration,
@@ -89,9 +101,11 @@ def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> C
     same, own = [1] * candidates, list(range(candidates))
     contenders: dict[str, Callable[[], object]] = {
         "open": lambda: recorded.errors(values, threads=1),
-        "closed": lambda: fly(quiet, same),
-        "common": lambda: fly(noisy, same),
-        "own": lambda: fly(noisy, own),
+        "closed": lambda: fly(SensorChannels(quiet, timing), same),
+        "common": lambda: fly(SensorChannels(noisy, timing), same),
+        "own": lambda: fly(SensorChannels(noisy, timing), own),
+        "typical": lambda: fly(typical, own),
+        "filtered": lambda: fly(typical, own, navigation),
     }
     best = dict.fromkeys(contenders, np.inf)
     for _ in range(rounds):
@@ -99,4 +113,12 @@ def measure(*, rounds: int = 5, samples: int = 1201, candidates: int = 128) -> C
             best[name] = min(best[name], seconds(task))
     steps = candidates * work.steps
     rates = {name: steps / time for name, time in best.items()}
-    return ClosedLoop(rates["open"], rates["closed"], rates["common"], rates["own"])
+    return ClosedLoop(
+        open_loop=rates["open"],
+        closed=rates["closed"],
+        common_noise=rates["common"],
+        own_noise=rates["own"],
+        typical=rates["typical"],
+        filtered=rates["filtered"],
+        filter_step_s=(best["filtered"] - best["typical"]) / (candidates * samples),
+    )

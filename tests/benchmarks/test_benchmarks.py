@@ -34,6 +34,7 @@ def test_scalar_contenders_fly_the_same_trajectory() -> None:
 def test_closed_loop_is_measured_against_the_open_loop() -> None:
     rates = closed_loop.measure(rounds=1, samples=61, candidates=8)
     assert min(rates.open_loop, rates.closed, rates.common_noise, rates.own_noise) > 0.0
+    assert min(rates.typical, rates.filtered) > 0.0
 
 
 def test_import_loads_no_heavy_module() -> None:
