@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import CampaignError
+from seatrial.base.report import Table
 from seatrial.campaign.parameters import Parameter
 from seatrial.diagnosis.advice import strayed
 from seatrial.diagnosis.identifiability import Identifiability, judge, warnings_before
@@ -109,10 +110,12 @@ class Assessment:
     def method(self) -> list[str]:
         """Sentences on the method of a joint estimate with a noise model, and on what it refuses."""
         if self.polished.method == "output":
-            return []
+            if not self.polished.method_reason.startswith("in trial"):
+                return []
+            return [f"joint estimate by output error: {self.polished.method_reason}; its gains may be bent"]
         lines = [
             "joint estimate by innovations: prediction errors of a filter with a model of waves, slow forces"
-            " and current, because the campaign asks for it"
+            f" and current, because {self.polished.method_reason}"
         ]
         names = [unknown.name for unknown in self.unknowns]
         for horizon in self.polished.horizons:
@@ -125,6 +128,19 @@ class Assessment:
                     " steps on top of the autopilot (seatrial plan)"
                 )
         return lines
+
+    def horizon_table(self) -> Table:
+        """Estimates from predictions over several horizons; empty without a noise model."""
+        found = self.polished.horizons
+        rows = []
+        for place, unknown in enumerate(self.unknowns):
+            fit = float(self.uncertainty.estimate[place])
+            others = [f"{one.values[place]:.4g} ({one.away[place]:+.1f})" for one in found]
+            refused = any(unknown.name in one.refused for one in found)
+            rows.append((unknown.name, f"{fit:.4g}", *others, "not identified" if refused else ""))
+        head = ("coefficient", "fit", *(f"{one.ahead_s:g} s ahead" for one in found), "")
+        title = "Estimates by horizon of the predictions (in brackets: standard deviations from the fit)"
+        return Table.of(title, head, rows if found else [], left=1)
 
     def sentences(self) -> list[str]:
         """What to know before the numbers are used, the gravest first."""

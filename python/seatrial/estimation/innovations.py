@@ -34,6 +34,7 @@ import numpy as np
 
 from seatrial._core import initial_names
 from seatrial.base.arrays import Array, Mask
+from seatrial.base.channels import CHANNELS
 from seatrial.base.progress import Step
 from seatrial.estimation import kalman
 from seatrial.estimation.joint import Joint
@@ -111,15 +112,17 @@ class Innovations:
     Parameters
     ----------
     joint : Joint
+    held_out : bool
+        Whether on the data that the campaign holds out, to judge, in place of those that it fits.
 
     Attributes
     ----------
     steps
-        The model over one sample, along the training data.
+        The model over one sample, along these data.
     """
 
-    def __init__(self, joint: Joint) -> None:
-        self.joint, self.steps = joint, OneStep(joint)
+    def __init__(self, joint: Joint, *, held_out: bool = False) -> None:
+        self.joint, self.steps = joint, OneStep(joint, held_out=held_out)
         self.dt = joint.data.dt
         self.seen = [self.steps.states.index(name) for name in self.steps.channels]
         self.lower = np.array([u.lower for u in joint.unknowns])
@@ -208,6 +211,31 @@ class Innovations:
             pushed=pushed_axes(joint.vehicle),
             fins=fins_and_groups(joint.vehicle),
         )
+
+    def prepare(self, values: Array) -> None:
+        """Find the noise model that goes with the values (m,) of the unknowns, from nothing."""
+        self.joint.noise_model = None
+        self._spans(values, _FIRST)
+
+    def sums(self, values: Array, ahead_s: float) -> dict[str, tuple[float, float]]:
+        """Sums of squares by channel: of prediction errors so far ahead, and of the motion about its mean.
+
+        The noise model stays as it is: on held-out data it is that of the training data.
+        """
+        found = {}
+        errors = self._errors(self._spans(values, 0), self._samples(ahead_s))
+        for column, channel in enumerate(self.steps.channels):
+            about = []
+            for one in errors:
+                trial = self.joint.data.records[one.span.record].trial
+                last = one.span.last + 1
+                motion = trial.observed[last - len(one.error) : last, CHANNELS.index(channel)]
+                about.append(motion[one.counted[:, column]])
+            motion = np.concatenate(about) if about else np.zeros(0)
+            if motion.size and motion.std() > 0.0:
+                sse = sum(float((one.error[:, column] ** 2).sum()) for one in errors)
+                found[channel] = (sse, float(((motion - motion.mean()) ** 2).sum()))
+        return found
 
     def initial(self) -> Array:
         """No initial conditions (segments, 12): the filter has them."""

@@ -13,8 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Axes, Coefficient, Polish, Stage
 from seatrial.campaign.parameters import coefficients, parameters
 from seatrial.estimation.criterion import velocity_noise
+from seatrial.estimation.method import ByItself, Method, method_of
 from seatrial.estimation.noise_model import NoiseModel
 from seatrial.estimation.problem import Problem, cut, unfit_trials
 from seatrial.estimation.step import stage_step
@@ -41,7 +41,6 @@ __all__ = [
     "PLACE_SD",
     "VELOCITY_NOISES",
     "Joint",
-    "Method",
     "Nuisance",
     "joint_stage",
     "nuisances",
@@ -211,9 +210,6 @@ def _joint_stage(campaign: Campaign, stages: Sequence[Stage]) -> Stage:
     )
 
 
-Method = Literal["output", "innovations"]
-
-
 class Joint:
     """What is estimated jointly: coefficients and nuisance parameters over the segments of all trials.
 
@@ -226,7 +222,7 @@ class Joint:
         Threads of the core; results do not depend on it.
     method : "output" or "innovations", optional
         What is compared: a free simulation of segments, or the predictions of a filter; by default what the
-        campaign says.
+        campaign says, or what its trials call for (`seatrial.estimation.method`).
 
     Attributes
     ----------
@@ -238,6 +234,8 @@ class Joint:
         Trials that a campaign without ``[polish]`` has and that could not be cut, with the reason.
     noise
         Standard deviation (C,) of each channel's residual, SI; the fit refines it.
+    method_reason
+        Why the method is what it is; "" where nothing speaks against output error.
     noise_model
         Intensities of the noises with the method "innovations"; None before its first round.
 
@@ -258,9 +256,10 @@ class Joint:
         self.campaign, self.threads = campaign, threads
         self.vehicle = campaign.vehicle if vehicle is None else vehicle
         self.polish = campaign.file.polish or Polish()
-        self.method = self.polish.method if method is None else method
         self.noise_model: NoiseModel | None = None
         self.stage, self.left_out = _usable(campaign)
+        found = method_of(campaign, self.stage.trials) if method is None else ByItself(method, "")
+        self.method, self.method_reason = found.method, found.why
         where = f"{campaign.source}: polish"
         self.parameters = parameters(self.stage, campaign.vehicle, where)
         self.data = cut(campaign, self.stage)
@@ -305,13 +304,14 @@ class Joint:
             for name, reason in self.left_out.items()
         ]
 
-    @cached_property
-    def steps(self) -> tuple[tuple[tuple[int, int, int], ...], tuple[Segment, ...]]:
-        """Record, first and last sample of every span of training data, and a segment per sample of it."""
+    def steps(
+        self, *, held_out: bool = False
+    ) -> tuple[tuple[tuple[int, int, int], ...], tuple[Segment, ...]]:
+        """Record, first and last sample of every span to be fitted or held out, and a segment per sample."""
         spans, segments = [], []
         for index, trial in enumerate(self.data.trials):
-            training = ~self.campaign.held_out(self.data.names[index])
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], training.astype(np.int8), [0]])))
+            wanted = self.campaign.held_out(self.data.names[index]) == held_out
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted.astype(np.int8), [0]])))
             for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
                 if (end - 1 - first) * trial.dt >= self.stage.segment_s:
                     spans.append((index, first, end - 1))

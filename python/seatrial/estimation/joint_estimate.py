@@ -28,7 +28,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.progress import Step
 from seatrial.estimation.gauss_newton import INITIALS, GaussNewton
 from seatrial.estimation.innovations import Horizon, Innovations
-from seatrial.estimation.joint import Joint, Method
+from seatrial.estimation.joint import Joint
+from seatrial.estimation.method import Method
 from seatrial.statistics.linearisation import Linearisation
 
 __all__ = ["Polished", "linearise", "polish"]
@@ -57,6 +58,7 @@ class Polished:
     over the ``samples`` that count in all channels. ``start_cost`` is that of the start in the same noise, or
     by how much its negative log-likelihood lies above where that is more: it never lies below ``cost``.
     ``spread`` (starts, m) is where the starts ended, ``costs`` (starts,) the negative log-likelihood there.
+    ``method_reason`` says why the method is what it is, "" where nothing speaks against output error.
     ``horizons`` are what predictions over other horizons say, with the method "innovations".
     """
 
@@ -74,6 +76,7 @@ class Polished:
     spread: Array
     costs: Array
     method: Method = "output"
+    method_reason: str = ""
     horizons: tuple[Horizon, ...] = ()
 
     def rms(self, cost: float) -> float:
@@ -86,6 +89,7 @@ class Polished:
         kept = (*costs, "rounds", "evaluations", "converged", "interrupted", "wall_s")
         return {key: getattr(self, key) for key in kept} | {
             "method": self.method,
+            "method_reason": self.method_reason,
             "horizons": [one.to_dict(names) for one in self.horizons],
             "values": dict(zip(names, self.values.tolist(), strict=True)),
             "noise": self.noise.tolist(),
@@ -210,6 +214,7 @@ def _with_noise_model(
         spread=found.values[None],
         costs=np.array([found.cost]),
         method="innovations",
+        method_reason=joint.method_reason,
         horizons=found.horizons,
     )
 
@@ -283,6 +288,7 @@ class _Descent:
             wall_s=time.monotonic() - self.began,
             spread=here.values[None],
             costs=np.array([here.merit]),
+            method_reason=joint.method_reason,
         )
 
     def _placed(self, values: Array, initial: Array, centre: Array) -> _Place:

@@ -53,11 +53,12 @@ class Span:
 
 
 class OneStep:
-    """The model over one sample along the training data of a joint estimate.
+    """The model over one sample along the training or held-out data of a joint estimate.
 
     Parameters
     ----------
     joint : Joint
+    held_out : bool
 
     Attributes
     ----------
@@ -72,7 +73,7 @@ class OneStep:
         No axis is simulated whose velocity or angle was measured.
     """
 
-    def __init__(self, joint: Joint) -> None:
+    def __init__(self, joint: Joint, *, held_out: bool = False) -> None:
         self.joint = joint
         free, data = joint.stage.axes.free, joint.data
         self.velocities = tuple(CHANNELS[AXES.index(letter)] for letter in free)
@@ -89,7 +90,7 @@ class OneStep:
                 ' angle of a simulated axis and found none; use method = "output"'
             )
         self._columns, self._shown = columns, kept
-        self._spans, self._segments = joint.steps
+        self._spans, self._segments = joint.steps(held_out=held_out)
         self._sensed = sensed
 
     def linearised(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:

@@ -6,6 +6,8 @@ loop, a missing term), one badly modelled axis can bend coefficients that anothe
 therefore judged outside the fit, ten seconds ahead, each with the nuisance parameters that it has:
 
 - on what the campaign holds out (`hold_out`, `hold_out_s`), which neither has seen;
+- with the method "innovations" by predictions from the state of a filter over the longest horizon, for a
+  replay of commands that answer waves, without the waves, judges no model;
 - where nothing is held out, on the last fifth of every trial, after both were fitted again without it: the
   stages by a descent from their optimum, the joint estimate from there. The winner's estimate from all data
   is the result.
@@ -31,6 +33,7 @@ import numpy as np
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
 from seatrial.campaign.campaign import Campaign
+from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.stage import StageResult, plan, refitted_stage
@@ -57,6 +60,8 @@ _MOST = 1e6  # of SSE / SST: a simulation that diverged
 
 _NOT_PREDICTED = 0.1  # what the logarithm of e counts where the mean predicts better
 
+_AHEAD_S = 10.0
+
 _TELLING = 0.02
 """Differences of R2 below this mean nothing."""
 
@@ -72,12 +77,14 @@ class Choice:
     judged_on
         Which data judged, in words.
     stages, joint
-        R2 ten seconds ahead per channel, pooled over the trials.
+        R2 so many seconds ahead per channel, pooled over the trials.
     likelihood
         Negative log-likelihood per sample and channel, joint estimate minus stages; negative where the joint
         estimate is better.
     polished
         How the joint estimate went, whether or not it is the result.
+    ahead_s
+        How far ahead was predicted, s.
     """
 
     result: Literal["joint estimate", "stages"]
@@ -86,6 +93,7 @@ class Choice:
     joint: Mapping[str, float]
     likelihood: float
     polished: Polished
+    ahead_s: float = _AHEAD_S
 
     @property
     def fallen(self) -> tuple[str, ...]:
@@ -147,16 +155,13 @@ def choose(
     threads : int, optional
         Threads of the core; the choice does not depend on it.
     """
-    if joint.method == "innovations":
+    words, first, second = _outside(campaign, joint, polished)
+    if joint.method == "innovations" and not first:
         why = (
-            "its filter tells waves from the model. It is not compared with the stages: a replay of commands"
-            " that answer waves, without the waves, judges no model"
+            "it was not compared with the stages, for no part of its trials is held out (hold_out_s), and a"
+            " replay of commands that answer waves, without the waves, judges no model"
         )
         return Choice("joint estimate", why, {}, {}, 0.0, polished)
-    start, end = joint.identified(joint.start), joint.identified(polished.values)
-    words = "held-out data"
-    first = _errors(campaign, start, None)
-    second = _errors(campaign, end, joint.records(polished.values))
     if not first.keys() & second.keys():
         if polished.interrupted:
             return Choice(
@@ -179,7 +184,39 @@ def choose(
         {c: 1.0 - second[c] for c in judged},
         likelihood,
         polished,
+        _AHEAD_S if joint.method == "output" else _horizon(joint),
     )
+
+
+def _outside(
+    campaign: Campaign, joint: Joint, polished: Polished
+) -> tuple[str, dict[str, float], dict[str, float]]:
+    """What the campaign holds out, in words, and the errors of stages and joint estimate on it."""
+    if joint.method == "output":
+        start, end = joint.identified(joint.start), joint.identified(polished.values)
+        return (
+            "held-out data",
+            _errors(campaign, start, None),
+            _errors(campaign, end, joint.records(polished.values)),
+        )
+    ahead_s = _horizon(joint)
+    words = f"held-out data, {ahead_s:g} s ahead from the state of a filter,"
+    if not joint.steps(held_out=True)[0]:
+        return words, {}, {}
+    judge, found = Innovations(joint, held_out=True), []
+    own = joint.noise_model
+    for values in (polished.values, joint.start):
+        if values is joint.start:
+            Innovations(joint).prepare(values)
+        sums = judge.sums(values, ahead_s)
+        found.append({channel: min(sse / sst, _MOST) for channel, (sse, sst) in sums.items()})
+    joint.noise_model = own
+    return words, found[1], found[0]
+
+
+def _horizon(joint: Joint) -> float:
+    """The longest horizon of the predictions from the state of a filter, s."""
+    return max(joint.polish.horizon_s, *joint.polish.horizons_s, joint.data.dt)
 
 
 def _nats(error: float) -> float:
@@ -193,7 +230,13 @@ def _errors(
 ) -> dict[str, float]:
     """SSE / SST per channel ten seconds ahead on what is held out, pooled over trials."""
     scores = part_scores(
-        campaign, vehicle, nuisances=nuisances, parts=("hold_out",), kinds=("ahead",), baselines=False
+        campaign,
+        vehicle,
+        nuisances=nuisances,
+        ahead_s=_AHEAD_S,
+        parts=("hold_out",),
+        kinds=("ahead",),
+        baselines=False,
     ).scores
     errors: dict[str, list[tuple[float, float]]] = {}
     for trial, score in scores.get("hold_out", {}).get("ahead", {}).items():

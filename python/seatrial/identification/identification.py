@@ -354,6 +354,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
     tables = (
         _coefficient_table(fit, truth or {}),
         _nuisance_table(fit),
+        *(() if fit.assessment is None else (fit.assessment.horizon_table(),)),
         _held_out_table(fit),
         *_beside_baselines(fit),
         _choice_table(fit),
@@ -588,7 +589,8 @@ def _choice_table(fit: Identification) -> Table:
     )
     words = "" if choice is None else f" ({choice.judged_on.rstrip(',')}; the result: {choice.result})"
     words += _replayed_words(fit) if rows else ""
-    head = ("channel", "R2 10 s ahead, stages", "R2 10 s ahead, joint estimate")
+    ahead = "" if choice is None else f"R2 {choice.ahead_s:g} s ahead, "
+    head = ("channel", f"{ahead}stages", f"{ahead}joint estimate")
     return Table.of(f"Stages and joint estimate outside the fit{words}", head, rows)
 
 
