@@ -110,9 +110,7 @@ class Assessment:
     def method(self) -> list[str]:
         """Sentences on the method of a joint estimate with a noise model, and on what it refuses."""
         if self.polished.method == "output":
-            if not self.polished.method_reason.startswith("in trial"):
-                return []
-            return [f"joint estimate by output error: {self.polished.method_reason}; its gains may be bent"]
+            return [self.polished.method_reason] if self.polished.method_reason else []
         lines = [
             "joint estimate by innovations: prediction errors of a filter with a model of waves, slow forces"
             f" and current, because {self.polished.method_reason}"

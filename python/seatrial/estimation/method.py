@@ -1,8 +1,9 @@
-"""Which criterion a joint estimate takes where its campaign leaves the choice to the recordings.
+"""Which criterion a joint estimate takes, and what its recordings say against it.
 
 Output error takes all that a simulation misses for noise of the sensors. That holds for open loops, where
 waves only widen the intervals. In a closed loop the commands answer the waves, the error is correlated with
-the input, and gains are bent (Ljung 1999, section 13.4): predictions of a filter are compared then.
+the input, and gains are bent (Ljung 1999, section 13.4): predictions of a filter are compared then, with
+``method = "automatic"``, or recommended.
 
 Tests: ``tests/estimation/test_method.py``.
 """
@@ -25,14 +26,14 @@ Method = Literal["output", "innovations"]
 
 @dataclass(frozen=True)
 class ByItself:
-    """A method and why: ``why`` follows "because"; it is empty where output error has nothing against it."""
+    """A method and why: ``why`` follows "because"; it is empty where nothing speaks against output error."""
 
     method: Method
     why: str
 
 
 def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
-    """Method of the joint estimate of some trials: what the campaign asks for, or what the trials call for.
+    """Method of the joint estimate of some trials: what the campaign asks for, or what they call for.
 
     Parameters
     ----------
@@ -43,10 +44,12 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
     asked = campaign.file.polish
     if asked is None:  # standard deviations only
         return ByItself("output", "")
-    if asked.method != "automatic":
+    if asked.method == "innovations":
         return ByItself(asked.method, "the campaign asks for it")
     for name in trials:
         trial = campaign.trials[name]
+        if campaign.input_of(name) != "commands":  # a measured force is no command
+            continue
         swell = waves(trial)
         if swell is None:
             continue
@@ -54,17 +57,17 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
         if closed:
             commands = ", ".join(dict.fromkeys(command for one in closed for command in one.commands))
             seen = f"in trial {name} {commands} answer measurements, in waves of {swell.period_s:.1f} s"
-            if hindrance := _hindrance(asked):
-                return ByItself("output", f"{seen}, {hindrance}")
-            return ByItself("innovations", seen)
+            if asked.method == "automatic" and not asked.nuisances:
+                return ByItself("innovations", seen)
+            return ByItself("output", f"{seen}, which bends gains: {_remedy(asked)}")
     return ByItself("output", "")
 
 
-def _hindrance(asked: Polish) -> str:
-    """What keeps a campaign from the method that its trials call for; "" where nothing does."""
+def _remedy(asked: Polish) -> str:
+    """How to compare with a filter that knows waves."""
     if asked.nuisances:
         return (
-            f"but predictions of a filter cannot estimate {', '.join(asked.nuisances)}: correct the log by"
-            " [corrections] and [clocks] and delete [joint.nuisances]"
+            f'to compare with method = "innovations", which cannot estimate {", ".join(asked.nuisances)},'
+            " correct the log by [corrections] and [clocks] and delete the nuisances"
         )
-    return ""
+    return 'compare with method = "innovations"'
