@@ -58,9 +58,8 @@ def refuse_foreign(folder: Path, force: bool) -> None:
 def map_text(made: Imported, recorded: Sequence[Recording]) -> str:
     """Text of the proposed map: every choice with its reason, every other candidate as a comment."""
     lines = [
-        "# Which field of the logs is which column of a trial. Drafted by seatrial import; edit it and",
-        "# import",
-        "# again:",
+        "# Which field of the logs is which column of a trial. Drafted by seatrial import.",
+        "# Edit it and import again:",
         f"# seatrial import LOG... --map {made.folder}/map.toml --out {made.folder} --force",
         "format = 1",
         "",
@@ -124,10 +123,10 @@ def _clock_lines(made: Imported) -> list[str]:
     if not proposed:
         return []
     lines = [
-        "# Clocks that differ from the first file's: t = (stamp - offset_s) / (1 + drift). Not applied:",
-        "# remove",
+        "# Clocks that differ from the first file's: t = (stamp - offset_s) / (1 + drift).",
+        "# Not applied: remove the # to accept.",
+        "# [clocks]",
     ]
-    lines += ["# the # to accept.", "# [clocks]"]
     for file, values in proposed.items():
         entry = ", ".join(f"{key} = {value:.6g}" for key, value in values.items())
         lines.append(f"# {json.dumps(file)} = {{ {entry} }} # {effects[file]}")
