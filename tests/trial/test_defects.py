@@ -175,4 +175,12 @@ def test_an_impossible_pulse_width_holds_the_one_before() -> None:
     trial = Trial.read({"t_s": t, "u_m_s": np.sin(t), "cmd.thruster_1": pulses}, align=False)
     assert np.ptp(trial.commands["thruster_1"]) == 100.0
     assert trial.commands["thruster_1"][120] == 1600.0
-    assert "2 pulse widths below 0 or above 3000 us; the one before is held instead" in str(trial.report)
+    assert "2 pulse widths above 3000 us; the one before is held instead" in str(trial.report)
+
+
+@pytest.mark.parametrize("other", [-900.0, 3500.0])
+def test_revolutions_in_the_range_of_pulse_widths_stay(other: float) -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    revolutions = np.where(t % 20.0 < 15.0, 1500.0, other)
+    trial = Trial.read({"t_s": t, "u_m_s": np.sin(t), "cmd.propeller": revolutions}, align=False)
+    assert np.unique(trial.commands["propeller"]).size == 2

@@ -29,6 +29,8 @@ _TRUSTED_AFTER_S = 5.0
 
 _PULSES_US, _LONGEST_US = (700.0, 2500.0), 3000.0  # usual pulse widths of motors and servos, and impossible
 
+_DAMAGED = 0.01  # share of a command's samples up to which they are damage
+
 _BELIEVED = 3.0  # a pose may move this many times faster than its speed sensor says
 
 _ROUNDED_SHARE = 0.01  # a rounded sensor repeats single channels in more than this share of its samples
@@ -359,14 +361,19 @@ def _report_constant(signal: Signal, report: RecordingReport) -> None:
 
 
 def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Signal]:
-    """Commands in pulse widths whose impossible samples, as of a flipped bit, hold the one before instead."""
+    """Commands in pulse widths whose impossible samples, as of a flipped bit, hold the one before instead.
+
+    Revolutions may lie in the range of pulse widths for long. Every other sample must be a pulse width or
+    zero (off), and a damaged one stands alone.
+    """
     mended = {}
     for name, signal in signals.items():
         y = signal.y[:, 0] if name.startswith("cmd.") else np.zeros(0)
-        if not len(y) or not _PULSES_US[0] < np.median(y) < _PULSES_US[1]:
+        wrong = y > _LONGEST_US
+        if not wrong.any() or wrong.mean() > _DAMAGED or (wrong[1:] & wrong[:-1]).any():
             continue
-        wrong = (y < 0.0) | (y > _LONGEST_US)
-        if not wrong.any():
+        usual = (y > _PULSES_US[0]) & (y < _PULSES_US[1])
+        if not (usual | wrong | (y == 0.0)).all() or not usual.any():
             continue
         before = np.maximum.accumulate(np.where(wrong, -1, np.arange(len(y))))
         before[before < 0] = int(np.argmin(wrong))  # none before: the first possible one
@@ -374,7 +381,7 @@ def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> 
         report.add(
             "warning",
             name,
-            f"pulse widths below 0 or above {_LONGEST_US:g} us; the one before is held instead",
+            f"pulse widths above {_LONGEST_US:g} us; the one before is held instead",
             int(wrong.sum()),
         )
     return mended
