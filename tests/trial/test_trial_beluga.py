@@ -69,7 +69,7 @@ def test_frozen_poses_are_counted_and_masked(run: str, frozen: int) -> None:
 @pytest.mark.parametrize("run", RUNS)
 def test_quaternions_out_of_length_are_masked(run: str) -> None:
     # "1 to 20 per run", counted with another tolerance on the length
-    assert 1 <= counts(run, "unit quaternions")["attitude"] <= 22
+    assert 1 <= counts(run, "unit quaternion")["attitude"] <= 22
     np.testing.assert_allclose(np.linalg.norm(trial(run).attitude, axis=1), 1.0, atol=1e-12)
 
 

@@ -110,7 +110,9 @@ class RecordingReport:
         """Append a finding; a count of zero is no finding, and one gap, spike or jump is singular."""
         if count == 1:
             message = re.sub(
-                r"^(gap|spike|jump|frozen sample|NaN or infinite sample|pulse width)s\b", r"\1", message
+                r"^(gap|spike|jump|frozen sample|sign flip|NaN or infinite sample|pulse width)s\b",
+                r"\1",
+                message,
             )
             message = re.sub(r"^samples are no (.*)s \(", r"sample is no \1 (", message)
         if count != 0:
