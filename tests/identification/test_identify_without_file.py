@@ -56,6 +56,8 @@ def test_baselines_are_judged_on_the_windows_of_the_result(fit: st.Identificatio
     first = beaten.report().lines()[0]
     assert "Does not beat a baseline in u (R2 " in first
     assert "first order 1.0000)" in first
+    calm = replace(beaten, assessment=None, choice=None, notes=())
+    assert calm.report().worst.startswith("a baseline predicts as well as the model: u (R2 ")
 
 
 def test_a_file_with_the_same_content_gives_the_same_numbers(fit: st.Identification) -> None:

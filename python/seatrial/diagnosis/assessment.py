@@ -115,7 +115,12 @@ class Assessment:
             "joint estimate by innovations: prediction errors of a filter with a model of waves, slow forces"
             f" and current, because {self.polished.method_reason}"
         ]
+        return lines + self.refused()
+
+    def refused(self) -> list[str]:
+        """Sentences on coefficients on which predictions over several horizons disagree."""
         names = [unknown.name for unknown in self.unknowns]
+        lines = []
         for horizon in self.polished.horizons:
             for name in horizon.refused:
                 place = names.index(name)

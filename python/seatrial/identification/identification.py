@@ -429,6 +429,11 @@ def _worst(fit: Identification) -> tuple[str, str]:
         return f"Ctrl-C ended the search early{left}", "run the same command again; finished stages are kept"
     if strayed := [] if fit.assessment is None else fit.assessment.strayed():
         return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
+    refused = [] if fit.assessment is None else fit.assessment.refused()
+    dominated = [one.removeprefix("WARNING: ") for one in fit.before if "dominated by feedback" in one]
+    if untold := refused + dominated:
+        problem, _, remedy = untold[0].rpartition("; ")
+        return problem, remedy
     if fit.choice is not None and fit.choice.result == "joint estimate" and fit.choice.spoilt:
         return (
             f"the joint estimate is better as a whole, but predicts {', '.join(fit.choice.spoilt)} worse"
@@ -476,6 +481,11 @@ def _worst(fit: Identification) -> tuple[str, str]:
         return _problem_and_remedy(combinations[0].sentence, "weakly identifiable")
     if fit.notes:
         return fit.notes[0], verify
+    score = _judged(fit)
+    if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
+        return f"a baseline predicts as well as the model: {simpler}", (
+            "free what the model lacks in these axes, add trials that excite them, or use the baseline"
+        )
     return "nothing stands out: all coefficients identifiable, none at a bound, residuals like noise", verify
 
 
