@@ -218,7 +218,7 @@ def test_quaternions_flip_sign_and_lose_length(table: dict[str, Any]) -> None:
     trial = Trial.read(table, align=False)
     np.testing.assert_array_equal(np.flatnonzero(~trial.valid[:, 11]), [90])
     assert np.all(np.sum(trial.attitude[1:] * trial.attitude[:-1], axis=1) > 0.9)
-    assert "1 sign flips" in findings(trial, "attitude")
+    assert "1 sign flip " in findings(trial, "attitude")
 
 
 def test_constant_sensors_and_saturated_commands_are_reported(table: dict[str, Any]) -> None:
