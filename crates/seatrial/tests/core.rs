@@ -1,5 +1,9 @@
 //! The evidence of the core in one binary: the physics in lanes, dual numbers and plain numbers is compiled once for all.
 
+#[macro_use]
+#[path = "support/property.rs"]
+mod property;
+
 mod allocation;
 mod closed_loop;
 mod control;

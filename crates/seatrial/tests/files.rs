@@ -1,7 +1,7 @@
 //! Vehicle files: what is wrong is refused with its place and a way out; what is right survives a round
 //! trip.
 
-use crate::vehicles::{cases, load, value, with};
+use crate::vehicles::{load, value, with};
 use proptest::prelude::*;
 use seatrial::description::coefficients::{HULL, PER_ACTUATOR};
 use seatrial::description::{Description, built_in, built_in_names};
@@ -289,8 +289,8 @@ fn a_vehicle_of_another_water_survives_a_round_trip() {
     assert_eq!(again(&description).coefficients, description.coefficients);
 }
 
-proptest! {
-    #![proptest_config(cases(64))]
+properties! {
+    #![cases(64)]
 
     #[test]
     fn changed_coefficients_survive_a_round_trip(

@@ -128,8 +128,8 @@ fn in_lanes<S: Simd>(simd: S, steps: &[[Step; LANES]]) -> Vec<[[f64; LANES]; 6]>
     flown(f64x8::simd_from(simd, [0.0; LANES]), lift, steps).into_iter().map(|d| d.map(Into::into)).collect()
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+properties! {
+    #![cases(64)]
 
     #[test]
     fn scalar_lanes_demand_what_each_candidate_demands_alone(

@@ -440,9 +440,13 @@ def _explaining(
 
 def _alternatives(tests: ScoreTests, leader: int, rivals: NDArray[np.intp]) -> list[int]:
     """Rivals that add nothing beside the leader and beside which the leader adds nothing."""
-    left = tests.beside(leader).results().p
-    found = [int(rival) for rival in rivals if rival != leader and left[rival] >= _APART]
-    return [rival for rival in found if tests.beside(rival).results().p[leader] >= _APART]
+    others = [int(rival) for rival in rivals if rival != leader]
+    pairs = [(rival, tests.among([leader, rival])) for rival in others]
+    return [
+        rival
+        for rival, pair in pairs
+        if pair.beside(0).results().p[1] >= _APART and pair.beside(1).results().p[0] >= _APART
+    ]
 
 
 def _channel(

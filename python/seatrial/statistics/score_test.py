@@ -89,6 +89,13 @@ class ScoreTests:
             step, sigma, gain / self.cost if self.cost > 0.0 else 0.0 * gain, statistic, df, p
         )
 
+    def among(self, candidates: Sequence[int]) -> ScoreTests:
+        """The tests of some of the candidates alone."""
+        kept = [*candidates, -1]
+        return ScoreTests(
+            self.reduced[:, kept][:, :, kept], self.own[list(candidates)], self.cost, self.samples
+        )
+
     def beside(self, candidate: int) -> ScoreTests:
         """The tests with one candidate fitted too."""
         column = self.reduced[:, :, candidate]
@@ -158,7 +165,7 @@ def score_tests(
     inside, count = len(indices), 1 + max((int(b[-1]) for b in block), default=-1)
     width = inside + columns[0].shape[2] + 1 if columns else inside + 1
     products = np.zeros((count, width, width))
-    outer, middle = [*range(inside), width - 1], list(range(inside, width - 1))
+    at_fitted, at_tried = slice(None, inside), slice(inside, -1)
     samples = 0.0
     every = slice(None, None, max(1, sum(len(piece.t) for piece in lin.pieces) // _SAMPLES))
     for piece, own, dense in zip(lin.pieces, columns, block, strict=True):
@@ -176,11 +183,15 @@ def score_tests(
             # Candidates meet the fitted columns and the residual in the channels alone that show them.
             every_channel, beside = part.reshape(-1, inside + 1), part[:, shown].reshape(-1, inside + 1)
             flat = of.reshape(-1, width - inside - 1)
-            products[at][np.ix_(outer, outer)] += every_channel.T @ every_channel
-            cross = beside.T @ flat
-            products[at][np.ix_(outer, middle)] += cross
-            products[at][np.ix_(middle, outer)] += cross.T
-            products[at][np.ix_(middle, middle)] += flat.T @ flat
+            own_sum, square, cross = products[at], every_channel.T @ every_channel, beside.T @ flat
+            own_sum[at_fitted, at_fitted] += square[:-1, :-1]
+            own_sum[at_fitted, -1] += square[:-1, -1]
+            own_sum[-1, -1] += square[-1, -1]
+            own_sum[at_fitted, at_tried] += cross[:-1]
+            own_sum[at_tried, -1] += cross[-1]
+            own_sum[at_tried, at_tried] += flat.T @ flat
+    products[:, at_tried, at_fitted] = products[:, at_fitted, at_tried].swapaxes(1, 2)
+    products[:, -1, :-1] = products[:, :-1, -1]
     total = products.sum(axis=0)
     own_squares, cost = np.diag(total)[inside:-1].copy(), float(total[-1, -1])
     sums = np.concatenate([total[None], total - products])

@@ -1,7 +1,7 @@
 //! The pseudo-inverse: exact where it can be, of least effort, bounded where it cannot.
 
 use crate::allocation::setup::Setup;
-use crate::vehicles::{cases, load};
+use crate::vehicles::load;
 use proptest::prelude::*;
 use seatrial::number::algebra::{Vec6, dot};
 
@@ -24,8 +24,8 @@ fn is_saturated(setup: &Setup) -> bool {
     setup.signals.iter().zip(limits).any(|(s, [ahead, astern])| *s >= ahead || *s <= -astern)
 }
 
-proptest! {
-    #![proptest_config(cases(128))]
+properties! {
+    #![cases(128)]
 
     #[test]
     fn law_allocation_reaches_what_is_feasible(

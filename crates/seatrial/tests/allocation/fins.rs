@@ -1,24 +1,24 @@
 //! The deflection gives the force along the normal that is asked for.
 
 use crate::allocation::setup::Setup;
-use crate::vehicles::{cases, load, with};
+use crate::vehicles::{load, with};
 use proptest::prelude::*;
 use seatrial::model::vehicle::Vehicle;
 use seatrial::number::algebra::dot;
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_fin_deflection_gives_the_force(
         u in prop_oneof![-2.5..-0.5_f64, 0.5..3.0_f64],
         across in proptest::array::uniform2(-0.15..0.15_f64),
-        rates in proptest::array::uniform3(-0.2..0.2_f64),
+        turns in proptest::array::uniform3(-0.1..0.1_f64),
         share in 0.0..1.0_f64,
         offset in -0.15..0.15_f64,
     ) {
         for name in ["remus100", "lauv"] {
-            let nu_r = [u, across[0] * u, across[1] * u, rates[0], rates[1], rates[2]];
+            let nu_r = [1.0, across[0], across[1], turns[0], turns[1], turns[2]].map(|share| share * u);
             let fins = load(name).file.fins;
             let offsets: Vec<String> = fins.iter().map(|fin| format!("{}.offset", fin.name)).collect();
             let offsets: Vec<(&str, f64)> = offsets.iter().map(|name| (name.as_str(), offset)).collect();

@@ -1,7 +1,6 @@
 //! The bounded quadratic programme against its conditions of optimality.
 
 use crate::allocation::setup::Setup;
-use crate::vehicles::cases;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use seatrial::control::allocation::pseudo_inverse::{LAMBDA, PseudoInverse};
@@ -41,8 +40,8 @@ prop_compose! {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(512))]
+properties! {
+    #![cases(512)]
 
     #[test]
     fn law_quadratic_programme_is_optimal((p, target, mut shares) in problem()) {

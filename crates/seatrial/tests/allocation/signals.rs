@@ -1,7 +1,7 @@
 //! The inverse characteristic gives back the thrust that is asked for.
 
 use crate::allocation::setup::{Setup, VOLTAGE, smooth};
-use crate::vehicles::{cases, load, with};
+use crate::vehicles::{load, with};
 use proptest::prelude::*;
 use seatrial::actuator::characteristic::{Bias, Characteristic, FlowTerms, Shape, Table};
 use seatrial::description::built_in_names;
@@ -12,8 +12,8 @@ fn force(characteristic: &Characteristic<f64>, signal: f64, inflow: f64, voltage
     thrust.force + thrust.force_per_inflow * inflow
 }
 
-proptest! {
-    #![proptest_config(cases(128))]
+properties! {
+    #![cases(128)]
 
     #[test]
     fn law_signal_gives_the_thrust_of_every_built_in_thruster(

@@ -202,12 +202,12 @@ fn a_reaction_takes_the_place_of_set_points() {
     held(&trip, moved);
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(6))]
+properties! {
+    #![cases(6)]
     /// A corridor that is moved with the response is violated alike, whatever the size and sign of the step, as long as
     /// the loop is linear: small steps.
     #[test]
-    fn law_small_steps_scale(size in 0.01f64..0.03, starboard: bool) {
+    fn law_small_steps_scale(size in 0.01f64..0.03, starboard in any::<bool>()) {
         let trip = heading_step(Some(corridor("yaw", 0.95, 1.05)));
         let size = if starboard { size } else { -size };
         let both = trip.fly(&[turning(size), turning(0.5 * size)]);

@@ -1,6 +1,5 @@
 //! The PID controller of one loop: what the adaptive controller promises.
 
-use crate::vehicles::cases;
 use proptest::prelude::*;
 use seatrial::control::control_law::{AntiWindup, HEADING, Situation};
 use seatrial::control::pid::{Pid, PidState};
@@ -52,8 +51,8 @@ fn turn(pid: &Pid<f64>, reference: f64, load: f64, limit: f64, seconds: f64) -> 
     course
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     /// Whatever was reached before a loop enters, its first demand continues from there.
     #[test]

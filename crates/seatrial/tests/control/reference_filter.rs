@@ -1,11 +1,10 @@
 //! The reference filter against the differential equation that it solves.
 
-use crate::vehicles::cases;
 use proptest::prelude::*;
 use seatrial::control::reference_filter::Reference;
 
-proptest! {
-    #![proptest_config(cases(128))]
+properties! {
+    #![cases(128)]
 
     /// Two half steps are one step: the solution is exact, whatever the period.
     #[test]

@@ -1,6 +1,6 @@
 //! What becomes of samples: ages, jumps, frozen sensors; and an autopilot under arbitrary ones.
 
-use crate::vehicles::{cases, load};
+use crate::vehicles::load;
 use proptest::prelude::*;
 use seatrial::control::allocation::Allocator;
 use seatrial::control::autopilot::Autopilot;
@@ -121,8 +121,8 @@ fn act() -> impl Strategy<Value = Act> {
 const MISSION: &str = "format = 1\nname = \"m\"\nspeed_m_s = 0.6\nacceptance_radius_m = 2.0\n\
     [[legs]]\nnorth_m = 200.0\neast_m = 90.0\ndepth_m = 8.0\n";
 
-proptest! {
-    #![proptest_config(cases(60))]
+properties! {
+    #![cases(60)]
 
     /// Commands stay possible, and what is in use is not silent for longer than its watch without a reaction.
     #[test]

@@ -1,13 +1,12 @@
 //! The supporting points of adaptive gains.
 
-use crate::vehicles::cases;
 use proptest::prelude::*;
 use seatrial::control::schedule::{POINTS, Schedule, interpolated};
 
 const SPEEDS: [f64; POINTS] = [-5.0, -3.0, -1.0, 1.0, 3.0, 5.0];
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     /// The weights are shares, and a gain that is linear in the speed is interpolated exactly.
     #[test]

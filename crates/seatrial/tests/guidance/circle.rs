@@ -1,7 +1,7 @@
 //! Circles.
 
 use crate::guidance::vessel::{
-    Kind, Point, Vessel, cases, fly, guidance, largest, pass, range, start, table, waypoint,
+    Kind, Point, Vessel, fly, guidance, largest, pass, range, start, table, waypoint,
 };
 use proptest::prelude::*;
 use seatrial::control::guidance::{Fix, GuidanceTable, Method, Progress};
@@ -81,8 +81,8 @@ fn law_circle_is_approached_on_the_leg() {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_circle_errors_are_those_of_a_point_put_beside_it(

@@ -1,7 +1,7 @@
 //! Station-keeping.
 
 use crate::guidance::vessel::{
-    DT, Kind, Point, Vessel, cases, fly, guidance, largest, pass, range, table, waypoint,
+    DT, Kind, Point, Vessel, fly, guidance, largest, pass, range, table, waypoint,
 };
 use proptest::prelude::*;
 use seatrial::control::guidance::Method;
@@ -33,8 +33,8 @@ fn turned(points: &[Point]) -> f64 {
     points.windows(2).map(|w| Real::wrap(w[1].vessel.yaw - w[0].vessel.yaw).abs()).sum()
 }
 
-proptest! {
-    #![proptest_config(cases(32))]
+properties! {
+    #![cases(32)]
 
     #[test]
     fn law_hold_with_sway_settles_at_the_heading_asked_for(

@@ -1,6 +1,6 @@
 //! Limits of what is desired.
 
-use crate::guidance::vessel::{DT, Kind, Vessel, cases, fly, guidance, pass, table, waypoint};
+use crate::guidance::vessel::{DT, Kind, Vessel, fly, guidance, pass, table, waypoint};
 use proptest::prelude::*;
 use seatrial::control::guidance::{Fix, GuidanceTable, Method};
 use seatrial::mission::{Start, Task};
@@ -11,8 +11,8 @@ fn method() -> impl Strategy<Value = Method> {
     prop_oneof![Just(Method::Pursuit), Just(Method::Lookahead), Just(Method::Integral)]
 }
 
-proptest! {
-    #![proptest_config(cases(128))]
+properties! {
+    #![cases(128)]
 
     // Fixes that jump about, which no vehicle does: the limits do not rest on a well-behaved one.
     #[test]

@@ -1,6 +1,6 @@
 //! Straight paths in all quadrants.
 
-use crate::guidance::vessel::{Kind, Vessel, cases, fly, guidance, largest, pass, start, table};
+use crate::guidance::vessel::{Kind, Vessel, fly, guidance, largest, pass, start, table};
 use proptest::prelude::*;
 use seatrial::control::guidance::{Desired, Fix, Guidance, GuidanceTable, Method};
 use seatrial::number::real::Real;
@@ -32,8 +32,8 @@ fn first(guidance: &Guidance<f64>, from: [f64; 3], to: [f64; 3], position: [f64;
     guidance.step(&waypoints, &mut progress, &at(position), 0.1)
 }
 
-proptest! {
-    #![proptest_config(cases(512))]
+properties! {
+    #![cases(512)]
 
     #[test]
     fn law_errors_are_those_of_a_point_put_beside_the_path(
@@ -95,8 +95,8 @@ proptest! {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(48))]
+properties! {
+    #![cases(48)]
 
     #[test]
     fn law_integral_reaches_the_line_in_every_quadrant_slope_and_current(

@@ -1,6 +1,6 @@
 //! Which waypoint is active.
 
-use crate::guidance::vessel::{DT, Kind, Vessel, cases, fly, guidance, largest, pass, range, start, table};
+use crate::guidance::vessel::{DT, Kind, Vessel, fly, guidance, largest, pass, range, start, table};
 use proptest::prelude::*;
 use seatrial::control::guidance::{Fix, Method, TUNABLE};
 use std::f64::consts::PI;
@@ -9,8 +9,8 @@ fn at(position: [f64; 3]) -> Fix<f64> {
     Fix { position, altitude: f64::NAN, attitude: [0.0; 3], velocity: [1.5, 0.0, 0.0] }
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_switching_at_the_sphere(

@@ -1,6 +1,6 @@
 //! The turn from one leg to the next begins before the waypoint.
 
-use crate::guidance::vessel::{Kind, Vessel, cases, fly, guidance, largest, pass, table};
+use crate::guidance::vessel::{Kind, Vessel, fly, guidance, largest, pass, table};
 use proptest::prelude::*;
 use seatrial::control::guidance::{GuidanceTable, Method};
 
@@ -30,8 +30,8 @@ fn flown(table: &GuidanceTable, turn: f64, current: [f64; 3]) -> (f64, f64) {
     (largest(beyond), progress.farthest_miss())
 }
 
-proptest! {
-    #![proptest_config(cases(64))]
+properties! {
+    #![cases(64)]
 
     #[test]
     fn law_turn_overshoots_less_and_still_passes_its_waypoint(

@@ -1,19 +1,12 @@
 //! A vehicle without forces: heading, pitch and speed follow what is desired with a first-order lag, and the water
 //! carries it.
 
-use proptest::prelude::ProptestConfig;
 use seatrial::control::guidance::{Desired, Fix, Guidance, GuidanceTable, Method, Progress};
 use seatrial::mission::{Start, Task, Vertical, Waypoint};
 use seatrial::number::real::Real;
 
 /// Period of the guidance, s.
 pub const DT: f64 = 0.1;
-
-/// So many cases of a property, times PROPTEST_CASES/256 where that is set.
-pub fn cases(count: u32) -> ProptestConfig {
-    let default = ProptestConfig::default();
-    ProptestConfig { cases: (count * default.cases).div_ceil(256), failure_persistence: None, ..default }
-}
 
 /// How the vehicle can move.
 #[derive(Clone, Copy, Debug, PartialEq)]

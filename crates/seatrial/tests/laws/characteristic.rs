@@ -1,6 +1,6 @@
 //! Thrust: tables are exact at their knots and continuous, inflow and place are one vector.
 
-use crate::vehicles::{cases, load, moving, velocity, with};
+use crate::vehicles::{load, moving, velocity, with};
 use proptest::prelude::*;
 use seatrial::actuator::characteristic::{Characteristic, FlowTerms, Shape, Table, Thrust};
 use seatrial::actuator::wrench::wrench_per_newton;
@@ -36,8 +36,8 @@ prop_compose! {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_table_is_exact_at_its_knots((signal, voltage, force) in table()) {

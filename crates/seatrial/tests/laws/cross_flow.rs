@@ -1,6 +1,6 @@
 //! Cross-flow drag by strips: against the closed integral, without gain of energy, and as the file has it.
 
-use crate::vehicles::{cases, distance, load, velocity, with};
+use crate::vehicles::{distance, load, velocity, with};
 use proptest::prelude::*;
 use seatrial::description::Description;
 use seatrial::description::coefficients::quadratic;
@@ -51,8 +51,8 @@ fn law_strips_are_the_closed_integral() {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_cross_flow_drag_never_adds_energy(nu in velocity(3.0, 2.0), slope in -0.2..0.2, bow in 0.1..2.0) {

@@ -1,6 +1,6 @@
 //! Ocean current: only the relative motion counts, and a current that grows pulls the added mass along.
 
-use crate::vehicles::{attitude, body, cases, distance, fly, load, moving, times, velocity, with};
+use crate::vehicles::{attitude, body, distance, fly, load, moving, times, velocity, with};
 use proptest::array::{uniform3, uniform6};
 use proptest::prelude::*;
 use seatrial::description::assembly::Structure;
@@ -11,8 +11,8 @@ use seatrial::model::kinematics::{from_euler, rotation};
 use seatrial::model::vehicle::{Mode, Vehicle};
 use seatrial::number::algebra::{add_cross, transposed_product};
 
-proptest! {
-    #![proptest_config(cases(8))]
+properties! {
+    #![cases(8)]
 
     #[test]
     fn law_a_current_and_the_same_drift_are_still_water(

@@ -1,8 +1,6 @@
 //! Energy: conserved without forces, never added by damping; weight and buoyancy have a potential.
 
-use crate::vehicles::{
-    GRAVITY, attitude, body, cases, energy, fly, hull, load, moving, times, value, velocity,
-};
+use crate::vehicles::{GRAVITY, attitude, body, energy, fly, hull, load, moving, times, value, velocity};
 use proptest::array::uniform6;
 use proptest::prelude::*;
 use seatrial::description::Description;
@@ -26,8 +24,8 @@ fn drift(description: &Description, start: State<f64>, duration: f64, h: f64) ->
     change / (energy(description, &start)[0] + 0.05 * GRAVITY * value(description, "m"))
 }
 
-proptest! {
-    #![proptest_config(cases(12))]
+properties! {
+    #![cases(12)]
 
     #[test]
     fn law_energy_is_conserved(body in body(), nu in velocity(1.0, 0.8)) {
@@ -38,8 +36,8 @@ proptest! {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(24))]
+properties! {
+    #![cases(24)]
 
     #[test]
     fn law_energy_drift_falls_with_the_fourth_power_of_the_step(body in body(), nu in velocity(1.0, 2.0)) {
@@ -69,8 +67,8 @@ fn law_energy_drift_of_a_spinning_body_falls_sixteenfold_per_halving() {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_coriolis_forces_do_no_work(body in body(), nu in velocity(3.0, 2.0)) {

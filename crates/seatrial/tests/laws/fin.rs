@@ -1,6 +1,6 @@
 //! Lift and drag of a fin in all quadrants.
 
-use crate::vehicles::{cases, velocity};
+use crate::vehicles::velocity;
 use proptest::prelude::*;
 use seatrial::actuator::fin::{Fin, lift_slope};
 use seatrial::actuator::motor::Motor;
@@ -27,8 +27,8 @@ fn wrench(fin: &Fin<f64>, deflection: f64, nu: &Vec6<f64>) -> Vec6<f64> {
     fin.add(deflection.sin_cos(), nu, &[0.0; 6])
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_fin_in_line_with_the_flow_only_drags(angle in -3.1..3.1_f64, speed in 0.1..4.0_f64) {

@@ -1,6 +1,6 @@
 //! Integration: fourth order for a driven vehicle, unit quaternions, no denormal numbers.
 
-use crate::vehicles::{body, cases, distance, fly, hull, load, moving, times, velocity, with};
+use crate::vehicles::{body, distance, fly, hull, load, moving, times, velocity, with};
 use proptest::prelude::*;
 use seatrial::description::Description;
 use seatrial::fit::inputs::Inputs;
@@ -37,8 +37,8 @@ fn law_a_driven_vehicle_is_integrated_with_order_four() {
     assert!((order - 4.0).abs() < 0.2, "order {order}: {coarse:e} -> {fine:e}");
 }
 
-proptest! {
-    #![proptest_config(cases(12))]
+properties! {
+    #![cases(12)]
 
     #[test]
     fn law_the_attitude_stays_a_unit_quaternion(body in body(), nu in velocity(1.0, 2.0)) {

@@ -1,6 +1,6 @@
 //! Attitude: the rotation matrix, quaternion and Euler angles say the same.
 
-use crate::vehicles::{attitude, cases, distance, velocity};
+use crate::vehicles::{attitude, distance, velocity};
 use proptest::prelude::*;
 use seatrial::model::kinematics::{
     euler_rate, from_euler, quaternion_product, quaternion_rate, rotation, to_euler,
@@ -14,8 +14,8 @@ fn euler(steepest: f64) -> impl Strategy<Value = [f64; 3]> {
     (-PI..PI, -steepest..steepest, -PI..PI).prop_map(|(roll, pitch, yaw)| [roll, pitch, yaw])
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_rotation_is_orthonormal_and_right_handed(q in attitude()) {

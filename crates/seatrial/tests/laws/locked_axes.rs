@@ -1,6 +1,6 @@
 //! Locked axes: the reduced system is the full one with the constraint's forces; nothing leaks.
 
-use crate::vehicles::{Body, attitude, body, cases, distance, fly, fly_from, moving, times, velocity, with};
+use crate::vehicles::{Body, attitude, body, distance, fly, fly_from, moving, times, velocity, with};
 use proptest::prelude::*;
 use seatrial::description::Description;
 use seatrial::description::assembly::Structure;
@@ -33,8 +33,8 @@ fn modes() -> impl Strategy<Value = [Mode; 6]> {
     proptest::array::uniform6(mode)
 }
 
-proptest! {
-    #![proptest_config(cases(64))]
+properties! {
+    #![cases(64)]
 
     #[test]
     fn law_restricted_inverse_inverts_for_every_set_of_free_axes(body in body()) {
@@ -88,8 +88,8 @@ proptest! {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(12))]
+properties! {
+    #![cases(12)]
 
     #[test]
     fn law_frozen_axes_keep_their_velocity(body in body(), nu in velocity(1.0, 0.5), tau in velocity(20.0, 5.0)) {

@@ -1,6 +1,6 @@
 //! The motor chain against its analytic answers.
 
-use crate::vehicles::{cases, fly_from, load, moving, times, with};
+use crate::vehicles::{fly_from, load, moving, times, with};
 use proptest::prelude::*;
 use seatrial::actuator::motor::{Limits, Motor, MotorState};
 use seatrial::actuator::response::{Dynamics, Response};
@@ -47,8 +47,8 @@ fn ramp(from: f64, to: f64, [growth, shrink]: [f64; 2], t: f64) -> f64 {
     side * if b > a { (a + growth * t).min(b) } else { (a - shrink * t).max(b) }
 }
 
-proptest! {
-    #![proptest_config(cases(128))]
+properties! {
+    #![cases(128)]
 
     #[test]
     fn law_motor_step_response_is_exponential(

@@ -1,6 +1,5 @@
 //! The exact response of a motor against its differential equation and against the chain in steps.
 
-use crate::vehicles::cases;
 use proptest::prelude::*;
 use seatrial::actuator::motor::{Limits, Motor};
 use seatrial::actuator::response::{Dynamics, Response};
@@ -16,8 +15,8 @@ fn dynamics() -> impl Strategy<Value = Dynamics> {
         .prop_map(|(k_v, t_1, t_t, growth, shrink)| Dynamics { k_v, t_1, t_t, growth, shrink })
 }
 
-proptest! {
-    #![proptest_config(cases(64))]
+properties! {
+    #![cases(64)]
 
     #[test]
     fn law_response_is_where_the_steps_tend_to(

@@ -1,7 +1,7 @@
 //! The same vehicle written in two ways moves in the same way: full or diagonal, port or starboard,
 //! one density or another.
 
-use crate::vehicles::{attitude, body, cases, diagonal, distance, fly, load, moving, times, velocity};
+use crate::vehicles::{attitude, body, diagonal, distance, fly, load, moving, times, velocity};
 use proptest::array::uniform6;
 use proptest::prelude::*;
 use seatrial::description::Description;
@@ -19,8 +19,8 @@ fn matrix(diagonal: &[f64; 6]) -> [[f64; 6]; 6] {
     std::array::from_fn(|i| std::array::from_fn(|j| if i == j { diagonal[i] } else { 0.0 }))
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_full_added_mass_equals_the_diagonal(mass in uniform6(0.0..200.0), nu in velocity(3.0, 2.0)) {
@@ -153,8 +153,8 @@ fn mirrored(x: &[f64; 6]) -> [f64; 6] {
     [x[0], -x[1], x[2], -x[3], x[4], -x[5]]
 }
 
-proptest! {
-    #![proptest_config(cases(12))]
+properties! {
+    #![cases(12)]
 
     #[test]
     fn law_port_and_starboard_are_mirror_images(

@@ -1,6 +1,5 @@
 //! Inside and outside.
 
-use crate::vehicles::cases;
 use fearless_simd::{Simd, SimdFrom, dispatch, f64x8};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -36,8 +35,8 @@ fn lanes<S: Simd>(simd: S, fence: &[[f64; 2]], north: &[f64; LANES], east: &[f64
     outside(fence, f64x8::simd_from(simd, *north), f64x8::simd_from(simd, *east)).into()
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_fence_agrees_with_the_winding_of_the_bearing(

@@ -1,7 +1,6 @@
 //! Lawnmower and spiral.
 
 use crate::mission::{mission, places};
-use crate::vehicles::cases;
 use proptest::prelude::*;
 use seatrial::mission::patterns::{Coil, Rectangle};
 use seatrial::mission::plane::{cross, difference, distance, distance_to_stretch, towards};
@@ -30,8 +29,8 @@ prop_compose! {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_lawnmower_leaves_no_place_farther_than_half_the_spacing(

@@ -1,7 +1,6 @@
 //! Rounds about a fish farm.
 
 use crate::mission::{mission, places, read};
-use crate::vehicles::cases;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use seatrial::mission::farm::{Farm, Round};
@@ -65,8 +64,8 @@ fn distance_by_tangents(farm: &Farm, place: Place) -> f64 {
     normals.map(|normal| along(normal, place) - behind(normal)).fold(f64::NEG_INFINITY, f64::max)
 }
 
-proptest! {
-    #![proptest_config(cases(256))]
+properties! {
+    #![cases(256)]
 
     #[test]
     fn law_perimeter_keeps_the_distance_on_every_chord(farm in farm(), round in round()) {
@@ -137,7 +136,7 @@ proptest! {
     #[test]
     fn law_farm_refuses_a_dent(
         gaps in vec(0.3..1.0_f64, 4..9), axes in [5.0..60.0_f64, 5.0..60.0], which in 0..9_usize, depth in 0.05..0.9_f64,
-        reversed: bool,
+        reversed in any::<bool>(),
     ) {
         let mut corners = on_ellipse([0.0; 2], axes, &gaps);
         if reversed {

@@ -1,6 +1,5 @@
 //! The operations of a dual number: values those of `f64`, partials those of finite differences.
 
-use crate::vehicles::cases;
 use fearless_simd::{Simd, SimdFrom, dispatch, f64x8};
 use proptest::array::{uniform3, uniform8};
 use proptest::prelude::*;
@@ -91,8 +90,8 @@ fn lanes<S: Simd>(simd: S, point: [f64; 3], directions: &[[f64; LANES]; 3]) -> [
     all_operations(numbers).map(|result| result.partials.into())
 }
 
-proptest! {
-    #![proptest_config(cases(1000))]
+properties! {
+    #![cases(1000)]
 
     #[test]
     fn scalar_dual_partials_are_finite_differences(

@@ -1,6 +1,5 @@
 //! The operations of a number, lane by lane on every instruction set, against those of `f64`.
 
-use crate::vehicles::cases;
 use fearless_simd::{Simd, SimdFrom, dispatch, f64x8};
 use proptest::array::uniform8;
 use proptest::prelude::*;
@@ -89,8 +88,8 @@ fn wide(exponents: std::ops::Range<f64>) -> impl Strategy<Value = f64> {
     (exponents, any::<bool>()).prop_map(|(e, negative)| 10_f64.powf(e) * if negative { -1.0 } else { 1.0 })
 }
 
-proptest! {
-    #![proptest_config(cases(2000))]
+properties! {
+    #![cases(2000)]
 
     // The specified accuracy: 2 units in the last place.
     #[test]
@@ -183,8 +182,8 @@ fn scalar_exponential_ends_where_it_says() {
     });
 }
 
-proptest! {
-    #![proptest_config(cases(500))]
+properties! {
+    #![cases(500)]
 
     #[test]
     fn scalar_wrapped_angles_agree(angle in uniform8(-1e3..1e3)) {

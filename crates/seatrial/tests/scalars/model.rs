@@ -1,9 +1,8 @@
 //! The equation of motion in lanes against `f64`, and finite at rest.
 
-use crate::vehicles::{attitude, body, cases, distance, load, velocity, with};
+use crate::vehicles::{attitude, body, distance, load, velocity, with};
 use fearless_simd::{Level, Simd, SimdBase, f64x8};
 use proptest::array::uniform3;
-use proptest::prelude::*;
 use seatrial::description::Description;
 use seatrial::description::assembly::Structure;
 use seatrial::model::current::Current;
@@ -90,8 +89,8 @@ fn agree(description: &Description, sought: &[usize], at: &Point) {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(64))]
+properties! {
+    #![cases(64)]
 
     #[test]
     fn scalar_accelerations_of_the_built_in_vehicles_agree(

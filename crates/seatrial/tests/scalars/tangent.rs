@@ -2,7 +2,7 @@
 //! coordinates against each other.
 
 use crate::scalars::flights::{NAMES, vehicle};
-use crate::vehicles::{attitude, body, cases, velocity, with};
+use crate::vehicles::{attitude, body, velocity, with};
 use proptest::array::uniform3;
 use proptest::prelude::*;
 use seatrial::description::Description;
@@ -147,8 +147,8 @@ fn consistent(description: &Description, at: &Point, rows: &[usize]) {
     }
 }
 
-proptest! {
-    #![proptest_config(cases(100))]
+properties! {
+    #![cases(100)]
 
     #[test]
     fn scalar_tangents_are_finite_differences(at in point()) {

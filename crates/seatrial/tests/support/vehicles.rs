@@ -18,12 +18,6 @@ use std::sync::atomic::AtomicBool;
 /// Gravity of every vehicle here, m/s².
 pub const GRAVITY: f64 = 9.81;
 
-/// So many cases of a property, times PROPTEST_CASES/256 where that is set.
-pub fn cases(count: u32) -> ProptestConfig {
-    let default = ProptestConfig::default();
-    ProptestConfig { cases: (count * default.cases).div_ceil(256), failure_persistence: None, ..default }
-}
-
 /// A built-in vehicle.
 pub fn load(name: &str) -> Description {
     Description::from_toml(built_in(name).expect("a built-in name"), name).expect("a valid built-in file")
