@@ -66,7 +66,7 @@ test-wheel: wheel ## the wheel in an empty environment outside the clone: types,
 	cp tests/wheel/user_script.py "$$folder"; cd "$$folder"; \
 	venv/bin/mypy --strict user_script.py; \
 	venv/bin/python user_script.py script; \
-	venv/bin/seatrial --version; venv/bin/seatrial demo --json > demo.json; \
+	venv/bin/seatrial --version; env -u SEATRIAL_DATA venv/bin/seatrial demo --json > demo.json; \
 	venv/bin/python "$(CURDIR)/tests/cli/chain_of_demo.py" demo.json
 
 check: check-sources check-stub ## format, lint, order of the rooms, types, and the committed stub against the binding
