@@ -39,7 +39,7 @@ $(SET_UP): constraints.txt
 
 build: $(BUILT) ## the Rust core, optimised, importable from .venv
 $(BUILT): $(SET_UP) $(CORE)
-	env -u MAKEFLAGS PIP_CONSTRAINT=constraints.txt $(BIN)/maturin develop --release --locked
+	env -u MAKEFLAGS -u MFLAGS PIP_CONSTRAINT=constraints.txt $(BIN)/maturin develop --release --locked
 	@touch $@
 
 demo: build ## from trials to a verdict in under two minutes: identify, tune, verify
@@ -52,7 +52,7 @@ test: ## everything that continuous integration runs
 	$(MAKE) --jobs 2 --output-sync=target test-python check-stub test-wheel
 
 test-rust: ## laws, scalars, literature and golden numbers of the core
-	env -u MAKEFLAGS cargo test --locked --package seatrial --quiet
+	env -u MAKEFLAGS -u MFLAGS cargo test --locked --package seatrial --quiet
 
 # Two workers share the processors already: threads of the linear algebra would only wait for one another.
 test-python: export OPENBLAS_NUM_THREADS := 1
@@ -76,9 +76,9 @@ check-sources: $(SET_UP)
 	$(BIN)/ruff check --quiet .
 	@report=$$(PYTHONPATH=python $(BIN)/lint-imports --no-logo --no-cache) || { echo "$$report"; exit 1; }
 	$(BIN)/mypy
-	env -u MAKEFLAGS cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
+	env -u MAKEFLAGS -u MFLAGS cargo clippy --locked --workspace --all-targets --quiet -- --deny warnings
 check-stub: build
-	env -u MAKEFLAGS $(BIN)/maturin generate-stubs --quiet --profile release --locked --out target/stubs
+	env -u MAKEFLAGS -u MFLAGS $(BIN)/maturin generate-stubs --quiet --profile release --locked --out target/stubs
 	diff -u python/seatrial/_core.pyi target/stubs/seatrial/_core.pyi || \
 	  { echo "The committed stub differs from the binding: run make stubs and commit it."; exit 1; }
 	$(BIN)/stubtest seatrial._core
@@ -97,7 +97,7 @@ bench: build ## ratios: fraction of FMA peak, threads, textbook, CasADi, memory,
 wheel: $(WHEEL) ## a wheel in dist/
 $(WHEEL): $(BUILT) $(PACKAGE)
 	rm -rf dist
-	env -u MAKEFLAGS $(BIN)/maturin build --release --locked --out dist
+	env -u MAKEFLAGS -u MFLAGS $(BIN)/maturin build --release --locked --out dist
 	@touch $@
 
 clean: ## remove everything that was built, and the environment

@@ -1,7 +1,9 @@
 """The campaign file that an import drafts: trials, hold-outs, and a stage per axis that the data can tell.
 
 An axis is freed where an actuator drives it and the trials show its velocity. Mass and thrust stay as the
-vehicle file has them: recordings of motion fix only their ratio. A slender vehicle with lift has its lateral
+vehicle file has them: recordings of motion fix only their ratio. Where fins turn a slender vehicle their
+lift is freed instead of the added inertia, which follows from the shape of the hull (Fossen 2021, section
+8.2.1) while a fin's lift depends on hull, gaps and wake. A slender vehicle with lift has its lateral
 pair (Y, N) and its vertical pair (Z, M) in a stage each, a hovering one each axis in its own; the joint
 estimate follows. Held by ``tests/intake/test_import.py``.
 """
@@ -279,10 +281,16 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     slender = any(vehicle.coefficients().get(f"{axis}_u{other}") for axis in "YZMN" for other in "vrwq")
     groups = ["X", "YN", "ZM", "K"] if slender else list(AXES)
     groups = [kept for group in groups if (kept := "".join(axis for axis in group if axis in free))]
+    finned = _finned(vehicle) if slender else {}
     lines = [
         "# A stage per axis on all trials. Mass and thrust stay as the vehicle file has them, because motion",
         '# tells only their ratio. "default": the bounds of the vehicle.',
     ]
+    if any(axis in finned for axis in free):
+        lines += [
+            "# Where fins turn the vehicle, their lift is free and the added inertia is held for the same reason:",
+            "# the hull's shape tells it better.",
+        ]
     still = [axis for axis in "KM" if axis not in free and usable]
     if still:
         names = " and ".join(_NAMES[axis] for axis in still)
@@ -294,7 +302,7 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     for group in groups:
         shown = [one for one in usable if all(_shown(one.trial, CHANNELS[AXES.index(a)]) for a in group)]
         if shown:
-            lines += [*_stage(vehicle, group, shown, "K" if "K" in free else "M"), ""]
+            lines += [*_stage(vehicle, group, shown, "K" if "K" in free else "M", finned), ""]
     if len(lines) == first:
         return [
             "# No actuator drives an axis whose velocity these trials show: nothing can be identified",
@@ -305,7 +313,28 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     return lines
 
 
-def _stage(vehicle: Vehicle, group: str, shown: Sequence[DraftedTrial], upright: str) -> list[str]:
+def _finned(vehicle: Vehicle) -> dict[str, list[str]]:
+    """Groups of fins by the axis that they turn, each group by one axis: yaw, else pitch."""
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for one in vehicle.actuator_info().values():
+        groups.setdefault(str(one["group"]), []).append(one)
+    found: dict[str, list[str]] = {}
+    for name, members in groups.items():
+        if any(one["kind"] != "fin" for one in members):
+            continue
+        axes = (axis for axis in "NM" if all(one["wrench"][AXES.index(axis)] for one in members))
+        if (axis := next(axes, None)) is not None:
+            found.setdefault(axis, []).append(name)
+    return found
+
+
+def _stage(
+    vehicle: Vehicle,
+    group: str,
+    shown: Sequence[DraftedTrial],
+    upright: str,
+    finned: Mapping[str, Sequence[str]],
+) -> list[str]:
     measured = "".join(
         axis
         for axis in AXES
@@ -326,51 +355,67 @@ def _stage(vehicle: Vehicle, group: str, shown: Sequence[DraftedTrial], upright:
     lines.append("[stages.coefficients]")
     speeds = {axis: _speed([one.trial for one in shown], CHANNELS[AXES.index(axis)]) for axis in group}
     for axis in group:
-        lines += _coefficients(vehicle, axis, speeds[axis], "z" in channels, upright)
+        lines += _coefficients(vehicle, axis, speeds[axis], "z" in channels, upright, finned.get(axis, ()))
     return lines
 
 
-def _coefficients(vehicle: Vehicle, axis: str, speed: float, depth: bool, upright: str) -> list[str]:
+def _coefficients(
+    vehicle: Vehicle, axis: str, speed: float, depth: bool, upright: str, fins: Sequence[str]
+) -> list[str]:
     """Coefficients of one axis: added mass, damping, lift and what holds it upright or afloat.
 
-    `upright`: the axis that frees the righting arm, which roll and pitch share.
+    `upright`: the axis that frees the righting arm, which roll and pitch share. `fins`: groups that turn the
+    vehicle about this axis; their gain takes the place of the added mass.
     """
-    info = vehicle.coefficient_info()
+    info, present = vehicle.coefficient_info(), vehicle.coefficients()
+
+    def bounds(name: str, factor: float = 1.0, to_zero: bool = False) -> Any:
+        return _reaching(info[name], present.get(name, info[name]["start"]), factor, to_zero)
+
     own = VELOCITIES[AXES.index(axis)]
     wide = not any(info.get(f"{other}_uv", {}).get("start") for other in "YN")
     inertia, linear, quadratic = f"{axis}_{own}dot", f"{axis}_{own}", f"{axis}_{own}{own}"
-    lines = []
-    if _bounded(info, inertia):
-        lines.append(line(inertia, _reaching(info, inertia, _INERTIA if wide and axis in "KMN" else 1.0)))
+    lines = [line(f"{group}.gain", "default") for group in fins]
+    if _bounded(info, inertia) and not fins:
+        lines.append(line(inertia, bounds(inertia, _INERTIA if wide and axis in "KMN" else 1.0)))
     if _bounded(info, linear) and info[linear]["start"]:
-        lines.append(line(linear, _reaching(info, linear, _DAMPING if wide else 1.0, wide)))
+        lines.append(line(linear, bounds(linear, _DAMPING if wide else 1.0, wide)))
     else:
         size = abs(float(info[quadratic]["start"])) * max(speed, 0.1)
         low = 10.0 * size if size else 100.0
         lines.append(line(linear, [-_rounded((_DAMPING if wide else 1.0) * low), 0.0]))
     if _bounded(info, quadratic) and info[quadratic]["start"]:
-        lines.append(line(quadratic, _reaching(info, quadratic, 1.0, wide)))
+        lines.append(line(quadratic, bounds(quadratic, 1.0, wide)))
     for other in _LIFT:
         name = f"{axis}_{other}"
         if _bounded(info, name) and info[name]["start"]:
-            lines.append(line(name, "default"))
+            lines.append(line(name, bounds(name)))
     if axis == "Z" and depth and _bounded(info, "B"):
-        lines.append(line("B", "default"))
+        lines.append(line("B", bounds("B")))
     if axis == "M" and _bounded(info, "x_b"):
-        lines.append(line("x_b", "default"))
+        lines.append(line("x_b", bounds("x_b")))
     if axis == upright and _bounded(info, "z_b") and float(info["z_b"]["start"]) < 0.0:
         lines.append(line("z_b", [2.0 * float(info["z_b"]["lower"]), 0.0]))
     if axis in "KN" and _bounded(info, f"{axis}_0"):
-        lines.append(line(f"{axis}_0", "default"))
+        lines.append(line(f"{axis}_0", bounds(f"{axis}_0")))
     return lines
 
 
-def _reaching(info: Mapping[str, Any], name: str, factor: float, to_zero: bool = False) -> Any:
-    """Bounds of a coefficient, the lower one so many times as far, the upper one zero where asked."""
-    if factor == 1.0 and not to_zero:
+def _reaching(known: Mapping[str, Any], present: float, factor: float, to_zero: bool) -> Any:
+    """Bounds of a coefficient, the lower one so many times as far, the upper one zero where asked.
+
+    They reach twice as far as the vehicle's value `present` where the default ones exclude it.
+    """
+    low, high = float(known["lower"]), float(known["upper"])
+    if low < 0.0 and (factor != 1.0 or to_zero):
+        low, high = -_rounded(-factor * low), 0.0 if to_zero else high
+    elif low <= present <= high:
         return "default"
-    low, high = float(info[name]["lower"]), float(info[name]["upper"])
-    return [-_rounded(-factor * low), 0.0 if to_zero else high] if low < 0.0 else "default"
+    if present < low:
+        low = -_rounded(-2.0 * present) if present < 0.0 else 0.0
+    if present > high:
+        high = _rounded(2.0 * present) if present > 0.0 else 0.0
+    return [low, high]
 
 
 def _bounded(info: Mapping[str, Any], name: str) -> bool:

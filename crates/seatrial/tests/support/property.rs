@@ -58,7 +58,7 @@ fn run(
     let default = ProptestConfig::default();
     let cases = (count * default.cases).div_ceil(256);
     let mut runner = TestRunner::new(ProptestConfig { cases, failure_persistence: None, ..default });
-    if let Err(error) = runner.run(strategy, |value| law(value)) {
+    if let Err(error) = runner.run(strategy, law) {
         panic!("({names}): {error}\n{runner}");
     }
 }
