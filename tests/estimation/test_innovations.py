@@ -15,6 +15,7 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.assessment import assess
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
+from seatrial.estimation.one_step import OneStep
 
 TRUTH = {"N_rdot": -75.0, "N_r": -60.0}
 STEP_S, INNER = 0.1, 10
@@ -70,10 +71,18 @@ def sailed(seed: int = 1, wave_hz: float = 0.2, waves: float = 12.0) -> pl.DataF
     return pl.DataFrame({"t_s": t} | turning | level | wrench | {"tau.N_nm": measured[:, 2]})
 
 
-def made(keys: str, folder: Path) -> Campaign:
-    sailed().write_parquet(folder / "held.parquet")
+def made(keys: str, folder: Path, table: pl.DataFrame | None = None) -> Campaign:
+    (sailed() if table is None else table).write_parquet(folder / "held.parquet")
     (folder / "campaign.toml").write_text(TEXT + keys)
     return Campaign.load(folder / "campaign.toml")
+
+
+def slow(by: int) -> pl.DataFrame:
+    """The log with a gyro that gives a rate to every second, third, ... row only, a bit after it."""
+    table = sailed().with_row_index("row")
+    rest = table.drop("r_deg_s", "row")
+    late = table.filter(pl.col("row") % by == 0).select(pl.col("t_s") + 0.01, "r_deg_s")
+    return rest.join(late, on="t_s", how="full", coalesce=True).sort("t_s")
 
 
 def error(found: Polished) -> float:
@@ -100,6 +109,41 @@ def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
         assert known is not None
         assert known["verdict"] == "not identifiable"
         assert any(line.startswith(f"{name} is not identified") for line in judged.sentences())
+
+
+def test_what_lies_between_the_samples_of_a_slow_sensor_is_no_measurement(tmp_path: Path) -> None:
+    """An interpolation knows the sample to come: predictions that may use it bend whatever they explain."""
+    keys = 'method = "innovations"\nrounds = 4\nhorizons_s = []'
+    joint = Joint(made(keys, tmp_path, slow(4)))
+    trial = joint.campaign.trials["held"]
+    steps = OneStep(joint)
+    column = steps.channels.index("r")
+    (span,) = steps.linearised(joint.start)
+    own = np.round(trial.samples["r"][0] / trial.dt).astype(int)
+    rows = np.flatnonzero(span.valid[:, column])
+    assert len(own) - 1 <= len(rows)  # the last one may lie beyond the time base
+    np.testing.assert_array_equal(rows, own[: len(rows)])
+    shown = trial.samples["r"][1][: len(rows)] - trial.smooth_nu(trial.samples["r"][0][: len(rows)])[0][:, 5]
+    np.testing.assert_allclose(span.measured[rows, column], shown, atol=1e-9)
+    assert error(polish(joint)) < 0.2
+
+
+def test_derivatives_are_taken_along_the_filters_own_motion(tmp_path: Path) -> None:
+    joint = Joint(made('method = "innovations"', tmp_path))
+    steps = OneStep(joint)
+    (before,) = steps.linearised(joint.start)
+    aside = np.zeros((len(before.measured), len(steps.states)))
+    aside[:, steps.states.index("r")] = 0.05
+    steps.follow([aside])
+    (after,) = steps.linearised(joint.start)
+    # The same measurements, as deviations from a motion that turns by so much faster, and its damping there.
+    np.testing.assert_allclose(after.measured - before.measured, -aside[:, : len(steps.channels)], atol=1e-9)
+    assert np.abs(after.transition - before.transition).max() > 1e-4
+
+
+def test_depth_says_nothing_where_heave_is_replayed(tmp_path: Path) -> None:
+    level = sailed().with_columns(pl.lit(3.0).alias("z_m"))
+    assert "z" not in OneStep(Joint(made('method = "innovations"', tmp_path, level))).states
 
 
 def test_polish_and_joint_are_the_same_table(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 import seatrial as st
 from seatrial.campaign.file import parse
+from seatrial.campaign.parameters import parameters
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text
 from seatrial.intake.consistency_result import Correction, SlowCurrent
 from tests.trial import motion
@@ -77,3 +78,24 @@ def test_a_hovering_vehicle_may_be_far_from_its_file_in_what_takes_over_an_error
     assert info["N_rdot"]["lower"] == pytest.approx(-1.11)
     assert "N_rdot = [-4.5, " in text  # four times, to two digits
     assert "N_rr = [-6.0, 0.0]" in text
+
+
+def test_where_fins_turn_the_vehicle_their_lift_is_free_and_the_added_inertia_is_held() -> None:
+    table = motion.columns(np.arange(0.0, 20.0, 0.1))
+    vehicle = st.Vehicle.load("remus100")
+    table["u_m_s"] = np.full(200, 1.5)  # it yaws away there while its rudder is held
+    table |= {f"cmd.{name}": 0.1 * np.sin(0.3 * table["t_s"]) for name in vehicle.actuator_info()}
+    one = DraftedTrial("a", "a.parquet", st.Trial.read(table, align=False), {}, None, "short", "commands")
+    text = campaign_text("sea", vehicle, [one])
+    assert '"rudder.gain" = [0.1, 3.0]' in text
+    assert '"stern planes.gain" = [0.1, 3.0]' in text
+    assert "Y_vdot" in text
+    assert "N_rdot" not in text
+    assert "M_qdot" not in text
+    # The published cross-flow drag lies thirteen times outside the default bounds.
+    assert "Y_vv = [-2700.0, " in text
+    file = parse(text, "campaign.toml")
+    assert file.polish is not None
+    assert file.polish.method == "innovations"
+    for stage in file.stages:
+        assert parameters(stage, vehicle, "campaign.toml")  # bounds hold the vehicle's values

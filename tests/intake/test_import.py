@@ -154,6 +154,17 @@ def test_files_with_the_same_channels_are_a_trial_each(tmp_path: Path) -> None:
     assert made.columns["yaw_deg"].source == "yaw"  # one map for both
 
 
+def test_rows_that_hold_one_sensor_each_lose_nothing(logs: Path, tmp_path: Path) -> None:
+    """Empty cells of a table are no samples: they are not masked, and no velocity is lost for them."""
+    tables = [pl.read_csv(path) for path in _files(logs)]
+    rows = pl.concat(tables, how="diagonal_relaxed").sort("time", maintain_order=True)
+    rows.write_csv(tmp_path / "rows.csv")
+    (made,) = st.import_logs(tmp_path / "rows.csv", vehicle="bluerov2-heavy").trials
+    assert made.trial.valid[:, :3].mean() > 0.95
+    assert not [one for one in made.trial.report.findings if "NaN" in one.message]
+    assert len(made.trial.samples["u"][0]) == len(T[::2])
+
+
 def test_stub_says_what_to_fill_in(logs: Path, tmp_path: Path) -> None:
     made = st.import_logs(_files(logs), out=tmp_path / "p")
     assert made.vehicle is None

@@ -33,6 +33,7 @@ from seatrial.campaign.search_budget import Budget
 from seatrial.campaign.tuning_table import TuningTable
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.trial.corrections import parse_corrections
+from seatrial.trial.instability import SEGMENT_S
 
 __all__ = [
     "Anchor",
@@ -236,7 +237,7 @@ class Polish(Section):
     fixed: tuple[Name, ...] = ()
     nuisances: dict[str, Annotated[Nuisance, BeforeValidator(_short_nuisance)]] = Field(default_factory=dict)
     channels: dict[str, Positive] = Field(default_factory=dict)
-    segment_s: Positive = 20.0
+    segment_s: Positive = SEGMENT_S
     loss: Literal["squared", "huber"] = "huber"
     knee: Positive = 3.0
     start: Literal["smoothed", "estimated"] = "estimated"

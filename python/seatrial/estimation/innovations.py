@@ -251,7 +251,12 @@ class Innovations:
         if self.joint.noise_model is None:
             self.joint.noise_model = kalman.begin(spans, len(self.steps.velocities), self.dt)
         for _ in range(improvements):
-            self.joint.noise_model = kalman.improved(spans, self.joint.noise_model, self.dt, self.seen)
+            self.joint.noise_model, motion = kalman.improved(
+                spans, self.joint.noise_model, self.dt, self.seen
+            )
+        if improvements:
+            self.steps.follow(motion)
+            spans = self.steps.linearised(values, extra)
         return spans
 
     def _errors(self, spans: Sequence[Span], *horizons: int) -> list[_Errors]:

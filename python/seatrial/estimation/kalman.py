@@ -39,6 +39,8 @@ DAMPING = 0.05
 
 _CURRENT_SD, _WALK = 0.3, 1e-4  # m/s, and m/s per sample to begin with
 
+_SLIP = 1e-3  # m/s and rad/s: what places and angles miss of their rates to begin with
+
 _CLIP = 4.0  # standard deviations from which an innovation counts as an outlier
 
 _WINDOW_S = 40.0  # of the spectrum in which waves are sought
@@ -99,15 +101,17 @@ def begin(spans: Sequence[Span], velocities: int, dt: float) -> NoiseModel:
     size = np.maximum(missed.std(axis=0)[:velocities] / dt, 1e-6)
     process = np.zeros(_width(states, velocities, waved))
     process[:velocities] = (0.3 * size * dt) ** 2
+    process[velocities:states] = (_SLIP * dt) ** 2
     process[states : states + velocities] = (0.3 * size) ** 2 * 2.0 * dt / SLOW_S
     for k, axis in enumerate(waved):
         omega = 2.0 * math.pi * (wave_hz or 0.0)
         process[states + velocities + 2 * k + 1] = (0.5 * size[axis]) ** 2 * 4.0 * DAMPING * omega * dt
     process[-2:] = _WALK**2
-    jumps = [np.where(span.valid, span.measured, np.nan) for span in spans]
-    with np.errstate(invalid="ignore"):
-        sensors = np.nanmean(np.concatenate([np.diff(one, axis=0) ** 2 for one in jumps]), axis=0) / 2.0
-    sensors = np.maximum(np.nan_to_num(sensors, nan=1e-4), 1e-8)
+    sensors = np.full(spans[0].measured.shape[1], 1e-4)
+    for column in range(len(sensors)):
+        jumps = np.concatenate([np.diff(span.measured[span.valid[:, column], column]) for span in spans])
+        if len(jumps):
+            sensors[column] = max(float(np.mean(jumps**2)) / 2.0, 1e-8)
     return NoiseModel(process, sensors, wave_hz, waved)
 
 
@@ -119,19 +123,23 @@ def filtered(
     return forward.run(1 + span.unknowns.shape[2] if derivatives else 1)
 
 
-def improved(spans: Sequence[Span], noise: NoiseModel, dt: float, seen: Sequence[int]) -> NoiseModel:
-    """One step of expectation maximisation over all spans."""
+def improved(
+    spans: Sequence[Span], noise: NoiseModel, dt: float, seen: Sequence[int]
+) -> tuple[NoiseModel, list[Array]]:
+    """One step of expectation maximisation over all spans, and the smoothed states (n, S) that it used."""
     driven, kept = np.zeros(len(noise.process)), np.zeros(len(noise.sensors))
     steps, samples = 0, np.zeros(len(noise.sensors))
+    states = []
     for span in spans:
         forward = _Forward(span, noise, dt, seen)
         forward.run(1, keep=True)
-        one, residuals, counted = forward.smoothed()
+        one, residuals, counted, path = forward.smoothed()
+        states.append(path[:, : span.transition.shape[1]])
         driven, kept = driven + one, kept + residuals
         steps, samples = steps + len(span.missed), samples + counted
     process = np.where(noise.process > 0.0, np.maximum(driven / steps, _NOTHING), 0.0)
     sensors = np.where(samples > 0, np.maximum(kept / np.maximum(samples, 1), 1e-12), noise.sensors)
-    return replace(noise, process=process, sensors=sensors)
+    return replace(noise, process=process, sensors=sensors), states
 
 
 def ahead(span: Span, state: Array, noise: NoiseModel, dt: float, steps: int) -> Array:
@@ -233,8 +241,11 @@ class _Forward:
         self.every = every
         return Filtered(every, likelihood)
 
-    def smoothed(self) -> tuple[Array, Array, Array]:
-        """Sums over the span: E[w^2] (N,) of the driving noise, E[v^2] (Y,) of sensors, their samples."""
+    def smoothed(self) -> tuple[Array, Array, Array, Array]:
+        """E[w^2] (N,) of the driving noise and E[v^2] (Y,) of sensors, summed over the span; states (n, N).
+
+        The third entry counts the sensors' samples (Y,).
+        """
         assert self.spreads is not None
         assert self.predicted is not None
         span, process = self.span, self.noise.process
@@ -242,6 +253,8 @@ class _Forward:
         state, spread = self.every[-1, :, 0], after[-1]
         driven, residuals = np.zeros(len(process)), np.zeros(span.measured.shape[1])
         ridge = 1e-12 * np.eye(len(process))
+        path = np.empty((len(span.measured), len(process)))
+        path[-1] = state
 
         def sensors(k: int) -> Array:
             error = np.abs(span.measured[k] - state[self.seen])
@@ -259,4 +272,5 @@ class _Forward:
             state = self.every[k, :, 0] + back @ step
             spread = after[k] - back @ loss @ back.T
             residuals += sensors(k)
-        return driven, residuals, span.valid.sum(axis=0).astype(float)
+            path[k] = state
+        return driven, residuals, span.valid.sum(axis=0).astype(float), path

@@ -3,7 +3,8 @@
 Output error takes all that a simulation misses for noise of the sensors. That holds for open loops, where
 waves only widen the intervals. In a closed loop the commands answer the waves, the error is correlated with
 the input, and gains are bent (Ljung 1999, section 13.4): predictions of a filter are compared then, with
-``method = "automatic"``, or recommended.
+``method = "automatic"``, or recommended. So they are where the vehicle runs away while its controls are held:
+a simulation then leaves the log whatever the coefficients are.
 
 Tests: ``tests/estimation/test_method.py``.
 """
@@ -16,6 +17,7 @@ from typing import Literal
 
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import Polish
+from seatrial.trial.instability import runs_away
 from seatrial.trial.verdict import judge_trial
 from seatrial.trial.waves import waves
 
@@ -46,6 +48,10 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
         return ByItself("output", "")
     if asked.method == "innovations":
         return ByItself(asked.method, "the campaign asks for it")
+    if fled := _runs_away(campaign, asked, trials):
+        if asked.method == "automatic" and not asked.nuisances:
+            return ByItself("innovations", fled)
+        return ByItself("output", f"{fled}, so that a simulation leaves the log: {_remedy(asked)}")
     for name in trials:
         trial = campaign.trials[name]
         if campaign.input_of(name) != "commands":  # a measured force is no command
@@ -61,6 +67,13 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
                 return ByItself("innovations", seen)
             return ByItself("output", f"{seen}, which bends gains: {_remedy(asked)}")
     return ByItself("output", "")
+
+
+def _runs_away(campaign: Campaign, asked: Polish, trials: Sequence[str]) -> str:
+    """Why a simulation of the campaign's vehicle leaves these trials; "" where it does not."""
+    stages = {letter for stage in campaign.stages for letter in stage.axes.free}
+    free = asked.axes.free if asked.axes is not None else "".join(stages)
+    return runs_away(campaign.vehicle, [campaign.trials[name] for name in trials], free, asked.segment_s)
 
 
 def _remedy(asked: Polish) -> str:

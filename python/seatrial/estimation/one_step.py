@@ -14,17 +14,17 @@ Held by ``tests/estimation/test_innovations.py``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import CampaignError
-from seatrial.base.rotation import shorter, to_euler
+from seatrial.base.rotation import from_euler, shorter, to_euler
 from seatrial.campaign.parameters import coefficient_names, expansion_matrix
 from seatrial.estimation.joint import Joint
-from seatrial.trial.record import Record, Replay
+from seatrial.trial.record import Record, Replay, Segment
 
 __all__ = ["OneStep", "Span"]
 
@@ -78,8 +78,11 @@ class OneStep:
         free, data = joint.stage.axes.free, joint.data
         self.velocities = tuple(CHANNELS[AXES.index(letter)] for letter in free)
         angles = [angle for letter, angle in zip("KMN", _ANGLES, strict=True) if letter in free]
-        sensed = [_sensed(record) for record in data.records]
-        places = [p for p in ("x", "y", "z") if any(mask[:, CHANNELS.index(p)].any() for mask in sensed)]
+        readings = [_readings(record) for record in data.records]
+        sensed = [mask for _, mask in readings]
+        # Depth integrates heave, and where that is replayed the error of its sensor: it tells nothing then.
+        moved = [place for place, axes in (("x", "XY"), ("y", "XY"), ("z", "Z")) if set(axes) & set(free)]
+        places = [p for p in moved if any(mask[:, CHANNELS.index(p)].any() for mask in sensed)]
         self.states = (*self.velocities, *angles, *places)
         columns = [CHANNELS.index(name) for name in self.states]
         kept = [c for c in columns if any(mask[:, c].any() for mask in sensed)]
@@ -91,7 +94,8 @@ class OneStep:
             )
         self._columns, self._shown = columns, kept
         self._spans, self._segments = joint.steps(held_out=held_out)
-        self._sensed = sensed
+        self._ends = [self._at(record, last) for record, _, last in self._spans]
+        self._readings = readings
 
     def linearised(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
         """The spans with the derivatives at the values (m,) of the unknowns, further coefficients last."""
@@ -121,12 +125,12 @@ class OneStep:
             here = slice(place, place + last - first)
             place = here.stop
             start = shown[here, 0]
-            path = np.vstack([start, self._at(record, last)])
+            path = np.vstack([start, self._ends[len(spans)]])
             missed = self._difference(shown[here, 1], path[1:])
-            trial, mask = self.joint.data.records[record].trial, self._sensed[record]
+            observed, mask = self._readings[record]
             rows = slice(first, last + 1)
             seen = [columns.index(c) for c in self._shown]
-            measured = self._difference(trial.observed[rows][:, self._shown], path[:, seen], seen)
+            measured = self._difference(observed[rows][:, self._shown], path[:, seen], seen)
             valid = mask[rows][:, self._shown] & np.isfinite(measured)
             spans.append(
                 Span(
@@ -142,6 +146,31 @@ class OneStep:
                 )
             )
         return spans
+
+    def follow(self, deviations: Sequence[Array]) -> None:
+        """Linearise along another motion from now on: what a smoother found (n, S) beside the present one.
+
+        The smoothed log holds the noise of its sensors, and a derivative taken there is correlated with it.
+        The iterated smoother (Bell 1994) takes derivatives along its own estimate.
+        """
+        segments, place = list(self._segments), 0
+        for span, (found, (_, first, last)) in enumerate(zip(deviations, self._spans, strict=True)):
+            for k in range(last - first):
+                segments[place + k] = self._beside(segments[place + k], found[k])
+            place += last - first
+            self._ends[span] = self._ends[span] + found[-1]
+        self._segments = tuple(segments)
+
+    def _beside(self, segment: Segment, deviation: Array) -> Segment:
+        """A segment that starts so far (S,) beside its start."""
+        start = np.concatenate([segment.nu, segment.position, to_euler(segment.attitude)])
+        start[self._columns] += deviation
+        return replace(
+            segment,
+            nu=tuple(start[:6].tolist()),
+            position=tuple(start[6:9].tolist()),
+            attitude=tuple(from_euler(start[9:]).tolist()),
+        )
 
     def _difference(self, one: Array, other: Array, places: Sequence[int] | None = None) -> Array:
         """One minus another (n, channels), angles the shorter way round."""
@@ -175,12 +204,28 @@ class OneStep:
         )
 
 
-def _sensed(record: Record) -> Mask:
-    """Samples (n, 12) that an instrument gave, without what was derived from others."""
-    mask = record.trial.valid.copy()
-    for finding in record.trial.report.findings:
+def _readings(record: Record) -> tuple[Array, Mask]:
+    """Channels (n, 12) at the samples that an instrument gave, and the mask (n, 12) of these.
+
+    What was derived from other channels is none, nor is what the time base interpolates between the samples
+    of a slower sensor: an interpolation knows the next sample, which a prediction may not. A sample of such a
+    sensor counts once, at the next row of the time base, moved there along the smoothed motion.
+    """
+    trial = record.trial
+    observed, mask = trial.observed.copy(), trial.valid.copy()
+    for finding in trial.report.findings:
         if finding.message.startswith("derived from"):
             mask[:, [CHANNELS.index(name) for name in finding.channel.split() if name in VELOCITIES]] = False
-    absent = [index for index, name in enumerate(CHANNELS) if name not in record.trial.channels]
+    absent = [index for index, name in enumerate(CHANNELS) if name not in trial.channels]
     mask[:, absent] = False
-    return mask
+    for name, (stamps, values) in trial.samples.items():
+        column = CHANNELS.index(name)
+        inside = (stamps > trial.t[0] - trial.dt / 2.0) & (stamps < trial.t[-1] + trial.dt / 2.0)
+        row = np.round((stamps[inside] - trial.t[0]) / trial.dt).astype(np.intp)
+        own = np.zeros(len(trial), dtype=bool)
+        own[row] = True
+        mask[:, column] &= own
+        if name in VELOCITIES:
+            moved = trial.smooth_nu(trial.t[row])[0] - trial.smooth_nu(stamps[inside])[0]
+            observed[row, column] = values[inside] + moved[:, VELOCITIES.index(name)]
+    return observed, mask

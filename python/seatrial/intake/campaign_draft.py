@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
+from seatrial.trial.instability import runs_away
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -41,6 +42,9 @@ _DIFFERENT = 4.0  # deviations that trials are apart whose corrections are not o
 _INERTIA, _DAMPING = 4.0, 3.0
 """How far the bounds of a hovering vehicle are widened: its thrust and levers are held, right or wrong, and
 what turns and what damps it takes their error over."""
+
+_GAIN = (0.1, 3.0)
+"""Bounds of a fin's gain: a short one in the hull's wake has a fifth of the lift of one in free flow."""
 
 _LIFT = ("uv", "ur", "uw", "uq", "ud")
 
@@ -288,8 +292,8 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     ]
     if any(axis in finned for axis in free):
         lines += [
-            "# Where fins turn the vehicle, their lift is free and the added inertia is held for the same reason:",
-            "# the hull's shape tells it better.",
+            "# Where fins turn the vehicle, their lift is free and the added inertia is held for the same",
+            "# reason: the hull's shape tells it better.",
         ]
     still = [axis for axis in "KM" if axis not in free and usable]
     if still:
@@ -298,10 +302,11 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
             f"# Not identified, replayed from the log: {names}. The angle spreads by less than 2 deg, or it"
         )
         lines.append("# is not recorded.")
-    first = len(lines)
+    first, freed = len(lines), ""
     for group in groups:
         shown = [one for one in usable if all(_shown(one.trial, CHANNELS[AXES.index(a)]) for a in group)]
         if shown:
+            freed += group
             lines += [*_stage(vehicle, group, shown, "K" if "K" in free else "M", finned), ""]
     if len(lines) == first:
         return [
@@ -310,6 +315,12 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
             *_open_stage(drafted)[2:],
         ]
     lines += ["# All coefficients and trials at once, with standard deviations.", "[polish]"]
+    if said := runs_away(vehicle, [one.trial for one in usable], freed):
+        words = f"A filter's predictions, because {said}: a simulation leaves the log whatever is estimated."
+        lines += [
+            *textwrap.wrap(words, 95, initial_indent="# ", subsequent_indent="# "),
+            line("method", "innovations"),
+        ]
     return lines
 
 
@@ -360,12 +371,12 @@ def _stage(
 
 
 def _coefficients(
-    vehicle: Vehicle, axis: str, speed: float, depth: bool, upright: str, fins: Sequence[str]
+    vehicle: Vehicle, axis: str, speed: float, depth: bool, upright: str, finned: Sequence[str]
 ) -> list[str]:
     """Coefficients of one axis: added mass, damping, lift and what holds it upright or afloat.
 
-    `upright`: the axis that frees the righting arm, which roll and pitch share. `fins`: groups that turn the
-    vehicle about this axis; their gain takes the place of the added mass.
+    `upright`: the axis that frees the righting arm, which roll and pitch share. `finned`: groups of fins that
+    turn the vehicle about this axis; their gain takes the place of the added inertia.
     """
     info, present = vehicle.coefficient_info(), vehicle.coefficients()
 
@@ -375,8 +386,8 @@ def _coefficients(
     own = VELOCITIES[AXES.index(axis)]
     wide = not any(info.get(f"{other}_uv", {}).get("start") for other in "YN")
     inertia, linear, quadratic = f"{axis}_{own}dot", f"{axis}_{own}", f"{axis}_{own}{own}"
-    lines = [line(f"{group}.gain", "default") for group in fins]
-    if _bounded(info, inertia) and not fins:
+    lines = [line(f"{group}.gain", list(_GAIN)) for group in finned]
+    if _bounded(info, inertia) and not finned:
         lines.append(line(inertia, bounds(inertia, _INERTIA if wide and axis in "KMN" else 1.0)))
     if _bounded(info, linear) and info[linear]["start"]:
         lines.append(line(linear, bounds(linear, _DAMPING if wide else 1.0, wide)))

@@ -1,7 +1,7 @@
 """Several topics, files and clocks on rows of one clock: the table that a trial is read from.
 
-Rows are all stamps of all topics; a cell is empty (null) where its topic has no sample or NaN at that stamp, so
-nothing is resampled here. Stamps that meet fill one row. Before that each topic is put in order: rows
+Rows are all stamps of all topics; a cell is empty (null) where its topic has no sample at that stamp, or
+NaN, so nothing is resampled here. Stamps that meet fill one row. Before that each topic is put in order: rows
 without a stamp are left out, rows out of order are sorted, bursts are spread (`seatrial.logs.stamps`), of
 rows with one stamp the last stays; all of it is reported. A file with a clock of its own is brought to the
 first one's: ``t = (stamp - offset_s) / (1 + drift)``.
@@ -133,7 +133,9 @@ def join(
     frame: pl.DataFrame | None = None
     for _, t, cells in parts:
         stamps = np.round((t - origin) / _MEET_S) * _MEET_S
-        part = pl.DataFrame({"t_s": stamps, **cells}, nan_to_null=True).unique("t_s", keep="last", maintain_order=True)
+        part = pl.DataFrame({"t_s": stamps, **cells}, nan_to_null=True).unique(
+            "t_s", keep="last", maintain_order=True
+        )
         frame = part if frame is None else frame.join(part, on="t_s", how="full", coalesce=True)
     assert frame is not None
     frame = frame.sort("t_s")
