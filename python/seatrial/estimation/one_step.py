@@ -120,7 +120,8 @@ class OneStep:
         # sample.
         back = np.linalg.inv(slopes[:, 0, :, count + 2 :])
         transition = slopes[:, 1, :, count + 2 :] @ back
-        spans, place = [], 0
+        spans: list[Span] = []
+        place = 0
         for record, first, last in self._spans:
             here = slice(place, place + last - first)
             place = here.stop
