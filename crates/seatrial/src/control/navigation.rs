@@ -13,7 +13,7 @@ use crate::model::current::Current;
 use crate::model::integrate::State;
 use crate::model::kinematics::{rotation, to_euler};
 use crate::number::algebra::{Vec3, Vec6, each, transposed_product};
-use crate::number::random::{Noise, gaussians, two_uniforms};
+use crate::number::random::{Noise, Seed};
 use crate::number::real::Real;
 
 /// The number of channels.
@@ -212,10 +212,11 @@ pub type Seabed = [f64; 3];
 
 /// The sensors at work.
 #[derive(Clone)]
-pub struct Navigation<'a, T> {
+pub struct Navigation<'a, T: Real> {
     sensors: &'a Sensors,
     outages: &'a [GroupOutage<T>],
-    seed: T,
+    zero: T,
+    seed: Seed<T>,
     noise: Noise<T, CHANNELS>,
     steps: Noise<T, CHANNELS>,
     bias: [T; CHANNELS],
@@ -232,20 +233,22 @@ impl<'a, T: Real> Navigation<'a, T> {
     /// own besides those of all.
     #[inline(always)]
     pub fn new(sensors: &'a Sensors, seed: T, outages: &'a [GroupOutage<T>]) -> Self {
+        let (zero, drawn) = (seed.zero(), Seed::new(seed));
         Self {
             sensors,
             outages,
-            seed,
+            zero,
+            seed: drawn,
             noise: Noise::new(seed, 0),
             steps: Noise::new(seed, CHANNELS),
             bias: std::array::from_fn(|c| match sensors.errors[c].bias {
-                size if size > 0.0 => gaussians(seed, usize::MAX, c).0 * size,
-                _ => seed.zero(),
+                size if size > 0.0 => drawn.gaussians(usize::MAX, c).0 * size,
+                _ => zero,
             }),
-            walk: [seed.zero(); CHANNELS],
+            walk: [zero; CHANNELS],
             count: [0; GROUPS],
-            silent: [seed.zero(); GROUPS],
-            past: vec![[seed.zero(); CHANNELS]; (sensors.longest() + 1).next_power_of_two()],
+            silent: [zero; GROUPS],
+            past: vec![[zero; CHANNELS]; (sensors.longest() + 1).next_power_of_two()],
             measurement: Measurement::nothing(seed),
         }
     }
@@ -253,7 +256,7 @@ impl<'a, T: Real> Navigation<'a, T> {
     /// What the sensors show at control step `k` of `dt` seconds.
     #[inline(always)]
     pub fn sample(&mut self, truth: [T; CHANNELS], (k, dt): (usize, f64)) -> &mut Measurement<T> {
-        let (sensors, zero) = (self.sensors, self.seed.zero());
+        let (sensors, zero) = (self.sensors, self.zero);
         let mask = self.past.len() - 1;
         self.past[k & mask] = truth;
         let mut fresh = [false; GROUPS];
@@ -265,7 +268,7 @@ impl<'a, T: Real> Navigation<'a, T> {
             let older = self.measurement.age[FIRST[g]] + dt;
             let mut age = older;
             if timing.dropout_every.is_finite() {
-                let (chance, length) = two_uniforms(self.seed, k, 2 * CHANNELS + g);
+                let (chance, length) = self.seed.two_uniforms(k, 2 * CHANNELS + g);
                 let begins = chance.lt(zero.splat(dt / timing.dropout_every));
                 let left = (self.silent[g] - dt).max(zero);
                 self.silent[g] = left;

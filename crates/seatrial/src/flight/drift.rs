@@ -21,7 +21,7 @@ const PLACE: usize = 96;
 const NODE_S: f64 = 10.0;
 
 /// A slow current under way.
-pub struct Drift<T> {
+pub struct Drift<T: Real> {
     trend: Vec3<T>,
     walk: Vec3<T>,
     noise: Noise<T, 3>,

@@ -24,7 +24,7 @@ pub(super) fn is_any<T: Real>(x: &Vec3<T>) -> bool {
 }
 
 /// A turbulent current under way.
-pub struct Turbulence<T> {
+pub struct Turbulence<T: Real> {
     mean: Vec3<T>,
     sigma: Vec3<T>,
     noise: Noise<T, 3>,

@@ -13,7 +13,7 @@ use crate::number::algebra::product;
 use crate::number::real::Real;
 
 /// All that moves the water.
-pub struct Water<'a, T> {
+pub struct Water<'a, T: Real> {
     turbulence: Turbulence<T>,
     drift: Drift<T>,
     waves: Waves<'a, T>,

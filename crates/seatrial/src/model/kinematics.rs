@@ -74,8 +74,10 @@ pub fn renormalised<T: Real>(q: &Quaternion<T>) -> Quaternion<T> {
 }
 
 /// `q = q_z(ψ) ⊗ q_y(θ) ⊗ q_x(φ)` from roll, pitch and yaw, rad.
+#[inline(always)]
 pub fn from_euler<T: Real>(euler: &Vec3<T>) -> Quaternion<T> {
-    let [(sr, cr), (sp, cp), (sy, cy)] = euler.map(|angle| (angle * 0.5).sin_cos());
+    let [roll, pitch, yaw] = each(euler, |angle| angle * 0.5);
+    let ((sr, cr), (sp, cp), (sy, cy)) = (roll.sin_cos(), pitch.sin_cos(), yaw.sin_cos());
     [
         (cr * cp).mul_add(cy, sr * sp * sy),
         (sr * cp).mul_sub(cy, cr * sp * sy),

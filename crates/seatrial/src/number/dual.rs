@@ -145,6 +145,7 @@ impl<P: Real> MulAssign for Dual<P> {
 
 impl<P: Real> Real for Dual<P> {
     type Mask = bool;
+    type Word = u64;
 
     #[inline(always)]
     fn splat(self, x: f64) -> Self {
@@ -244,9 +245,12 @@ impl<P: Real> Real for Dual<P> {
         self.chain(value, slope)
     }
     #[inline(always)]
-    fn two_of(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
-        let (a, b) = f(self.value);
-        (self.splat(a), self.splat(b))
+    fn word(self) -> u64 {
+        self.value.word()
+    }
+    #[inline(always)]
+    fn of_low_half(self, word: u64) -> Self {
+        self.splat(self.value.of_low_half(word))
     }
     #[inline(always)]
     fn before(self, ring: &[Self], newest: usize) -> Self {

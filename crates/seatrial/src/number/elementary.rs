@@ -46,6 +46,18 @@ const COSINE: [f64; 8] = [
     1.0 / 24.0,
 ];
 
+/// The bits of a number. (The crate's own `to_bits` and `from_bits` are calls, whose arguments pass through memory.)
+#[inline(always)]
+pub fn bits<S: Simd>(x: f64x8<S>) -> u64x8<S> {
+    x.bitcast()
+}
+
+/// The number of given bits.
+#[inline(always)]
+pub fn number<S: Simd>(bits: u64x8<S>) -> f64x8<S> {
+    bits.bitcast()
+}
+
 #[inline(always)]
 fn polynomial<S: Simd, const N: usize>(x: f64x8<S>, coefficients: &[f64; N]) -> f64x8<S> {
     let mut sum = x.splat(coefficients[0]);
@@ -60,7 +72,7 @@ fn polynomial<S: Simd, const N: usize>(x: f64x8<S>, coefficients: &[f64; N]) -> 
 pub fn sin_cos<S: Simd>(x: f64x8<S>) -> (f64x8<S>, f64x8<S>) {
     let simd = x.simd;
     let shifted = Real::mul_add(x, x.splat(FRAC_2_PI), x.splat(ROUND));
-    let quadrant = shifted.to_bits();
+    let quadrant = bits(shifted);
     let n = shifted - ROUND;
     let mut r = x;
     for part in HALF_PI {
@@ -77,7 +89,7 @@ pub fn sin_cos<S: Simd>(x: f64x8<S>) -> (f64x8<S>, f64x8<S>) {
     let c: f64x8<S> = odd.select(sine, cosine);
     let sign_s = (quadrant & two) << 62;
     let sign_c = ((quadrant + one) & two) << 62;
-    (f64x8::from_bits(s.to_bits() ^ sign_s), f64x8::from_bits(c.to_bits() ^ sign_c))
+    (number(bits(s) ^ sign_s), number(bits(c) ^ sign_c))
 }
 
 /// `e^x`: 0 below −708, infinite above 709.
@@ -93,8 +105,8 @@ pub fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
         sum = Real::mul_add(sum, r, x.splat(1.0 / factorial));
     }
     let fraction = Real::mul_add(sum * r, r, r) + 1.0;
-    let exponent = (n + (ROUND + 1023.0)).to_bits() << 52;
-    let value = fraction * f64x8::from_bits(exponent);
+    let exponent = bits(n + (ROUND + 1023.0)) << 52;
+    let value = fraction * number(exponent);
     let value = Real::select(x.lt(x.splat(-708.0)), x.zero(), value);
     let value = Real::select(x.splat(709.0).lt(x), x.splat(f64::INFINITY), value);
     Real::select(x.simd_eq(x), value, x)
@@ -111,13 +123,13 @@ const TWO_52: u64 = 0x4330_0000_0000_0000;
 #[inline(always)]
 pub fn ln<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let simd = x.simd;
-    let constant = |bits: u64| u64x8::splat(simd, bits);
+    let constant = |word: u64| u64x8::splat(simd, word);
     // x = 2^n (1 + f), f in [√½ − 1, √2 − 1).
-    let shifted = x.to_bits() + constant(ONE - ROOT_HALF);
+    let shifted = bits(x) + constant(ONE - ROOT_HALF);
     let exponent = (shifted >> 52) | constant(TWO_52);
-    let n = f64x8::from_bits(exponent) - (f64::from_bits(TWO_52) + 1023.0);
+    let n = number(exponent) - (f64::from_bits(TWO_52) + 1023.0);
     let mantissa = (shifted & constant(0x000f_ffff_ffff_ffff)) + constant(ROOT_HALF);
-    let f: f64x8<S> = f64x8::from_bits(mantissa) - 1.0;
+    let f: f64x8<S> = number(mantissa) - 1.0;
     // ln(1 + f) = f − f²/2 + s (f²/2 + r), s = f/(2 + f), r = 2 (s²/3 + s⁴/5 + …).
     let s = f / (f + 2.0);
     let z = s * s;

@@ -5,8 +5,9 @@
 //! others agree to about 1e-12.
 
 use super::elementary;
+use super::random::Word;
 use super::real::Real;
-use fearless_simd::{Level, Simd, f64x8, mask64x8, prelude::*};
+use fearless_simd::{Level, Simd, f64x8, mask64x8, prelude::*, u64x8};
 
 /// Eight numbers of the instruction set `S`.
 pub type Lanes<S> = f64x8<S>;
@@ -52,8 +53,35 @@ pub fn level() -> Result<(&'static str, Level), crate::Error> {
     }
 }
 
+/// 2⁵²: from here on the last bit of a number counts whole ones.
+const TWO_52: f64 = 4_503_599_627_370_496.0;
+
+impl<S: Simd> Word for u64x8<S> {
+    #[inline(always)]
+    fn splat(self, x: u64) -> Self {
+        self.simd.splat_u64x8(x)
+    }
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+    #[inline(always)]
+    fn times(self, other: Self) -> Self {
+        self * other
+    }
+    #[inline(always)]
+    fn xor(self, other: Self) -> Self {
+        self ^ other
+    }
+    #[inline(always)]
+    fn right(self, by: u32) -> Self {
+        self >> by
+    }
+}
+
 impl<S: Simd> Real for Lanes<S> {
     type Mask = mask64x8<S>;
+    type Word = u64x8<S>;
 
     #[inline(always)]
     fn splat(self, x: f64) -> Self {
@@ -145,19 +173,16 @@ impl<S: Simd> Real for Lanes<S> {
         }
         f64x8::simd_from(self.simd, values)
     }
-    /// Lane by lane; once for all when the lanes are equal: candidates that meet the same noise.
     #[inline(always)]
-    fn two_of(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
-        let points: [f64; LANES] = self.into();
-        if self.equals(self.splat(points[0])) {
-            let (a, b) = f(points[0]);
-            return (self.splat(a), self.splat(b));
-        }
-        let [mut a, mut b] = [[0.0; LANES]; 2];
-        for lane in 0..LANES {
-            (a[lane], b[lane]) = f(points[lane]);
-        }
-        (f64x8::simd_from(self.simd, a), f64x8::simd_from(self.simd, b))
+    fn word(self) -> u64x8<S> {
+        let numbers: [f64; LANES] = self.into();
+        u64x8::from_fn(self.simd, |lane| numbers[lane] as u64)
+    }
+    /// As the mantissa of a number from 2⁵² on, which is exact.
+    #[inline(always)]
+    fn of_low_half(self, word: u64x8<S>) -> Self {
+        let mantissa = word & self.simd.splat_u64x8(0xffff_ffff);
+        elementary::number(mantissa | self.simd.splat_u64x8(TWO_52.to_bits())) - TWO_52
     }
     #[inline(always)]
     fn before(self, ring: &[Self], newest: usize) -> Self {

@@ -10,6 +10,7 @@
 //!
 //! Tests: `tests/scalars.rs` (the number types agree, elementary functions within 2 ulp).
 
+use super::random::Word;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A real number, or several that are computed side by side.
@@ -30,6 +31,8 @@ pub trait Real:
 {
     /// The result of a comparison, one truth value per lane.
     type Mask: Copy;
+    /// Sixty-four bits, per lane.
+    type Word: Word;
 
     /// The constant `x` in the kind of `self`.
     fn splat(self, x: f64) -> Self;
@@ -75,8 +78,10 @@ pub trait Real:
     /// For what arithmetic cannot express: look-ups in records and measured tables. The slope
     /// carries derivatives; plain numbers ignore it.
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> Self;
-    /// Two functions of whole numbers at once, which have no slope: random numbers of a seed.
-    fn two_of(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self);
+    /// The bits of a whole number from 0 to 2⁵³; it has no slope.
+    fn word(self) -> Self::Word;
+    /// The low 32 bits of a word as a number, in the kind of `self`.
+    fn of_low_half(self, word: Self::Word) -> Self;
     /// The value `self` places before the newest one in a ring, linear between neighbours; place `i` is
     /// `ring[i mod len]`. The length is a power of two; `self` is neither negative nor as long.
     fn before(self, ring: &[Self], newest: usize) -> Self;
@@ -113,6 +118,7 @@ pub trait Real:
 
 impl Real for f64 {
     type Mask = bool;
+    type Word = u64;
 
     #[inline(always)]
     fn splat(self, x: f64) -> f64 {
@@ -195,8 +201,12 @@ impl Real for f64 {
         f(self).0
     }
     #[inline(always)]
-    fn two_of(self, f: impl Fn(f64) -> (f64, f64)) -> (f64, f64) {
-        f(self)
+    fn word(self) -> u64 {
+        self as u64
+    }
+    #[inline(always)]
+    fn of_low_half(self, word: u64) -> f64 {
+        f64::from(word as u32)
     }
     #[inline(always)]
     fn before(self, ring: &[f64], newest: usize) -> f64 {

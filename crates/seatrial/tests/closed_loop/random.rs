@@ -2,7 +2,7 @@
 
 use fearless_simd::{Simd, SimdFrom, dispatch, f64x8};
 use seatrial::number::lanes::{LANES, available_levels};
-use seatrial::number::random::{Noise, gaussian, gaussians, uniform};
+use seatrial::number::random::{Noise, Seed, gaussian, gaussians, uniform};
 
 #[test]
 fn law_random_numbers_have_their_moments() {
@@ -74,6 +74,28 @@ fn scalar_random_numbers_in_lanes_are_those_of_each_seed() {
                     let apart = (a[lane] - x).abs().max((b[lane] - y).abs());
                     assert!(apart < 1e-14, "{name}, {step}, lane {lane}: {apart:e}");
                 }
+            }
+        }
+    }
+}
+
+/// Evenly distributed numbers of eight seeds abreast.
+#[inline(always)]
+fn even<S: Simd>(simd: S, seeds: &[f64; LANES], step: usize) -> [[f64; LANES]; 2] {
+    let (a, b) = Seed::new(f64x8::simd_from(simd, *seeds)).two_uniforms(step, 5);
+    [a.into(), b.into()]
+}
+
+#[test]
+fn scalar_hash_in_lanes_is_that_of_each_seed_bit_by_bit() {
+    for (name, level) in available_levels() {
+        for step in (0..200).chain([usize::MAX]) {
+            // Seeds up to the largest, 2⁵³ − 1.
+            let seeds: [f64; LANES] = std::array::from_fn(|k| ((1u64 << (7 * k + 4)) - 1) as f64);
+            let [a, b] = dispatch!(level, simd => even(simd, &seeds, step));
+            for lane in 0..LANES {
+                let alone = Seed::new(seeds[lane]).two_uniforms(step, 5);
+                assert_eq!((a[lane], b[lane]), alone, "{name}, step {step}, lane {lane}");
             }
         }
     }
