@@ -140,6 +140,18 @@ def test_law_beyond_its_gain_margin_a_row_is_unstable() -> None:
         assert beyond > 0.0
 
 
+def test_margins_beside_other_gains_are_those_of_that_autopilot() -> None:
+    first = MarginConstraint(CWOLF, BUILT_IN, AHEAD[:1])
+    gains = {name: 1.7 * value for name, value in BUILT_IN.gains().items() if name.startswith("heading.K_")}
+    louder = {"pitch.K_P.4": [1.0, 2.0]}
+    there = MarginConstraint(CWOLF, BUILT_IN.with_gains(gains), AHEAD[:1])
+    here = first.beside(gains)
+    assert here.shortfall(louder).tolist() == there.shortfall(louder).tolist()
+    # The first one stays what it was.
+    of = [one.margins({})[0].of.phase_deg[0].tolist() for one in (first, here, there)]
+    assert of[1] == of[2] != of[0]
+
+
 def test_candidates_do_not_depend_on_their_neighbours() -> None:
     rng = np.random.default_rng(1)
     gains = {

@@ -15,6 +15,7 @@ tests/control_design/test_margin_shortfall.py.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -164,6 +165,18 @@ class MarginConstraint:
         self._systems = [
             _Point(mode_loop(vehicle, facts, *point, measured_late_s=late), facts) for point in self.points
         ]
+
+    def beside(self, gains: Mapping[str, float]) -> MarginConstraint:
+        """The same limits where gains that a candidate does not name are these; no motion is solved again.
+
+        Parameters
+        ----------
+        gains : mapping of str to float
+            By the names of `Autopilot.gains`; others stay.
+        """
+        other = copy(self)
+        other._gains = self._gains | {name: float(value) for name, value in gains.items()}
+        return other
 
     def margins(self, gains: Gains) -> list[PointMargins]:
         """Margins of k candidates, per point.

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.tuning_table import LoopTable
@@ -22,6 +22,9 @@ from seatrial.tuning.objective import GainParameters, excited_points
 from seatrial.tuning.path_following import GUIDANCE, course_lookahead
 from seatrial.tuning.scope import TuningScope
 from seatrial.tuning.step_trial import CHANNELS, PATHS, RIDES_ON, LoopTrials
+
+if TYPE_CHECKING:
+    from seatrial.control_design.margin_constraint import MarginConstraint
 
 __all__ = ["Group", "TuningPlan"]
 
@@ -74,6 +77,16 @@ class TuningPlan(TuningScope):
                     f" {RIDES_ON.get(name, name)} for it; leave the table out or add the loop to a mode"
                 )
         return {name: given[name] for name in CHANNELS if name in given}
+
+    @cached_property
+    def margins(self) -> MarginConstraint | None:
+        """Limits of the start gains' margins; None where the campaign asks for none."""
+        from seatrial.control_design.margin_constraint import MarginConstraint
+
+        limits = self.table.margins
+        if not limits.any_at_all:
+            return None
+        return MarginConstraint(self.vehicle, self.autopilot, limits=limits, sensors=self.sensors)
 
     def speeds_of(self, loop: str) -> tuple[float, ...]:
         """Speeds at which a loop is tried where the file gives none, m/s."""

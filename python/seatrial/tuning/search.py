@@ -30,7 +30,6 @@ from seatrial.tuning.performance import Performance, assess
 from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot
     from seatrial.control_design.margin_constraint import MarginConstraint
     from seatrial.tuning.plan import Group, TuningPlan
 
@@ -40,7 +39,6 @@ __all__ = [
     "ROUNDS",
     "GroupResult",
     "Standing",
-    "constraint",
     "revert_gains",
     "search_group",
     "search_margins",
@@ -110,19 +108,9 @@ class GroupResult:
         return cls(**fields)
 
 
-def constraint(plan: TuningPlan, autopilot: Autopilot) -> MarginConstraint | None:
-    """Limits of the margins; None where the campaign asks for none, or for a regulator."""
-    from seatrial.control_design.margin_constraint import MarginConstraint
-
-    limits = plan.table.margins
-    if not limits.any_at_all:
-        return None
-    return MarginConstraint(plan.vehicle, autopilot, limits=limits, sensors=plan.sensors)
-
-
 def search_margins(plan: TuningPlan, *, seed: int, watch: Watch | None = None) -> GroupResult | None:
     """Gains with sound margins, near those of the start; None where they are sound already."""
-    limits = constraint(plan, plan.autopilot)
+    limits = plan.margins
     if limits is None:
         return None
     weak = [point.speed_m_s for point in limits.margins({}) if float(point.shortfall(limits.limits)[0]) > 0.0]
@@ -219,7 +207,7 @@ def search_group(
         trials=group.trials,
         samples=samples,
         parameters=parameters,
-        margins=constraint(plan, rig.autopilot),
+        margins=plan.margins and plan.margins.beside(rig.autopilot.gains()),
         quantile=quantile,
         smoothness=plan.table.smoothness,
         reached=plan.reached,
@@ -419,8 +407,7 @@ def standing(
     autopilot = plan.autopilot.with_gains(dict(gains))
     rig = plan.rig(autopilot, max_step_s=_STEP_S, threads=threads)
     performance = assess(plan, "", rig, samples, responses=False)
-    limits = constraint(plan, autopilot)
-    lacking = 0.0 if limits is None else float(limits.shortfall({})[0])
+    lacking = 0.0 if plan.margins is None else float(plan.margins.shortfall(gains)[0])
     return Standing(_outside(performance), lacking)
 
 
