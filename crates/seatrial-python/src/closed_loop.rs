@@ -7,7 +7,7 @@ use crate::log_store::LogStore;
 use crate::mission::{Mission, with_cylinders};
 use crate::navigation_filter::Filter;
 use crate::pickle::{self, Parts, parts, restorer};
-use crate::trial::{CorridorRow, Trials};
+use crate::trial::{CorridorRow, Trials, dither as dither_of};
 use crate::vehicle::Vehicle;
 use crate::work::{Threads, parallel};
 use pyo3::prelude::*;
@@ -232,11 +232,12 @@ pub fn error_edges() -> Array {
 /// current_trend (m/s2) and current_walk (m/s per root of a second), (k, 3) or (3,): slow change of that mean. waves
 /// (k, 5) or (5,): significant height, m, peak period, s, direction and spreading, rad, peakedness. set_points
 /// {"times": (S,), name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east,
-/// down by which its plan is moved, each from its time on. navigation: the filter whose
+/// down by which its plan is moved, each from its time on. dither {"times": (S,), actuator: (S,)}: added to the
+/// autopilot's commands from each time on, in their unit. navigation: the filter whose
 /// estimate the autopilot is told, each case with one of its own. corridors: rows (channel, base (k,), scale (k,), lower, upper,
 /// target, clock (P,)), see `Flights.violations`.
 #[pyfunction]
-#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None, navigation = None))]
+#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None, navigation = None, dither = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn fly(
     py: Python<'_>,
@@ -274,6 +275,7 @@ pub fn fly(
     current_walk: Option<Numbers>,
     waves: Option<Numbers>,
     navigation: Option<PyRef<'_, Filter>>,
+    dither: Option<Named>,
 ) -> PyResult<Flights> {
     let description = &vehicle.description;
     let settings = &autopilot.settings;
@@ -317,7 +319,8 @@ pub fn fly(
             None => vec![Sea::CALM; k],
         },
     };
-    let Trials { trial, set_points, scales } = Trials::new(set_points, corridors, k)?;
+    let Trials { mut trial, set_points, scales } = Trials::new(set_points, corridors, k)?;
+    trial.dither = dither_of(dither, description)?;
     let (sought, columns) = varied(coefficients, k, |name| description.layout.find(name).map_err(refused))?;
     let (tuned, tunings) = varied(gains, k, |name| tunable_index(name).map_err(refused))?;
     let all = tunable_names();

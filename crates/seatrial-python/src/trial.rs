@@ -1,12 +1,15 @@
-//! Set points and corridors of a trial of the loops, from the arrays that Python gives.
+//! Set points, dither and corridors of a trial of the loops, from the arrays that Python gives.
 
 use crate::convert::{Named, Numbers};
-use crate::error::refused;
+use crate::error::{raised, refused};
 use pyo3::prelude::*;
 use seatrial::control::autopilot::set_point::{SET_POINTS, SetPoint};
 use seatrial::control::navigation::CHANNEL_NAMES;
+use seatrial::description::Description;
 use seatrial::error::nearest;
-use seatrial::flight::trial::{Corridor, ERRORS, Trial, channel_index};
+use seatrial::fit::inputs::actuator_index;
+use seatrial::flight::trial::{Corridor, Dither, ERRORS, Trial, channel_index};
+use std::collections::BTreeMap;
 
 /// A corridor: channel, base and scale (k,), lower, upper, target and clock (P,).
 pub type CorridorRow = (String, Numbers, Numbers, Numbers, Numbers, Numbers, Numbers);
@@ -28,6 +31,41 @@ fn place(name: &str) -> PyResult<usize> {
     })
 }
 
+/// The times "times" (S,) of what holds from each of them on, finite and rising.
+fn times(named: &mut BTreeMap<String, Numbers>, what: &str) -> PyResult<Vec<f64>> {
+    let given = named.remove("times").ok_or_else(|| {
+        refused(format!("{what}: expected \"times\" (S,), from which on each value holds, found none"))
+    })?;
+    let times = given.vector(&format!("{what}: times"))?;
+    let rises = times.iter().all(|t| t.is_finite()) && times.is_sorted_by(|a, b| a < b);
+    if times.is_empty() || !rises {
+        return Err(refused(format!("{what}: times: expected rising times in s, at least one")));
+    }
+    Ok(times)
+}
+
+/// The dither {"times": (S,), actuator: (S,) in the unit of its command}.
+pub fn dither(given: Option<Named>, vehicle: &Description) -> PyResult<Dither> {
+    let mut named = given.map(Named::by_name).unwrap_or_default();
+    if named.is_empty() {
+        return Ok(Dither::default());
+    }
+    let times = times(&mut named, "dither")?;
+    let mut signals = Vec::new();
+    for (name, values) in named {
+        let actuator = actuator_index(vehicle, &name).map_err(raised)?;
+        let mut values = values.vector(&format!("dither: {name}"))?;
+        if values.len() != times.len() || values.iter().any(|x| !x.is_finite()) {
+            return Err(refused(format!("dither: {name}: expected {} finite numbers", times.len())));
+        }
+        if vehicle.actuators[actuator].reversed {
+            values.iter_mut().for_each(|x| *x = -*x);
+        }
+        signals.push((actuator, values));
+    }
+    Ok(Dither { times, signals })
+}
+
 /// The set points of one step.
 pub fn set_point(given: Option<Named>) -> PyResult<Option<SetPoint<f64>>> {
     let mut values = Vec::new();
@@ -47,15 +85,7 @@ impl Trials {
             Self { trial: Trial::default(), set_points: vec![Vec::new(); k], scales: vec![Vec::new(); k] };
         let mut named = set_points.map(Named::by_name).unwrap_or_default();
         if !named.is_empty() {
-            let times = named.remove("times").ok_or_else(|| {
-                refused("set_points: expected \"times\" (S,), from which on each value holds, found none")
-            })?;
-            trials.trial.times = times.vector("set_points: times")?;
-            let times = &trials.trial.times;
-            let rises = times.iter().all(|t| t.is_finite()) && times.is_sorted_by(|a, b| a < b);
-            if times.is_empty() || !rises {
-                return Err(refused("set_points: times: expected rising times in s, at least one"));
-            }
+            trials.trial.times = times(&mut named, "set_points")?;
         }
         for (name, values) in named {
             trials.trial.named.push(place(&name)?);

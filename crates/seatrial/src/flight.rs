@@ -92,6 +92,7 @@ pub fn fly<T: Split>(
         });
         let measured = estimate.as_ref().unwrap_or(measured);
         let set_point = flight.trial.set_point(unit, &setting.set_points, k as f64 * dt);
+        flight.trial.dither.write(&mut pilot.dither, k as f64 * dt);
         let thought = autopilot.step_to(&mut pilot, measured, feedback, set_point.as_ref());
         let power = energy.power(&motors.signals);
         if let Some(log) = &mut log {

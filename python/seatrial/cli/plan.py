@@ -65,7 +65,8 @@ def plan(
 ) -> None:
     """Rank manoeuvres for the next trials, and write the best ones as command files, each with a sheet.
 
-    Everything is simulated: open loop, on the model as it is. Plan again after each trial.
+    Everything is simulated: open loop, on the model as it is. Plan again after each trial. Where waves and
+    the autopilot hide a gain in a campaign's trials, a dither for the autopilot's output is written too.
     """
     from seatrial.base.errors import TrialError
     from seatrial.base.run import only_user
@@ -99,6 +100,7 @@ def plan(
             for number in range(1, count + 1)
         ]
         written = [file for number, path in enumerate(paths, 1) for file in found.write(path, trial=number)]
+        written += found.write_dithers(first.parent)
 
         def drawn() -> list[Path]:
             from seatrial.report.plot.planned_trial import planned_trial

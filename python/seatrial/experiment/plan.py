@@ -27,11 +27,13 @@ from seatrial.base.run import run_facts, sha256
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.parameters import Parameter
 from seatrial.experiment import fisher
+from seatrial.experiment.dither import Dither, dithers
 from seatrial.experiment.fisher import Instruments, information
 from seatrial.experiment.forecast import Limits, Proposal, forecast, proposals, uneven
 from seatrial.experiment.manoeuvre import Manoeuvre
 from seatrial.experiment.plan_result import Change, Plan, Ranked
 from seatrial.statistics.information import covariance
+from seatrial.trial.verdict import judge
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
@@ -170,6 +172,7 @@ def plan(
         refused=refused,
         instruments=given,
         recorded=recorded is not None and use_recorded,
+        dithers=_dithers(campaign, vehicle, voltage_v) if use_recorded else (),
         facts=run_facts(
             "plan",
             vehicle.name,
@@ -246,6 +249,14 @@ def _split(what: Vehicle | Campaign | Identification) -> tuple[Vehicle, Campaign
     if isinstance(what, Vehicle):
         return what, None
     return (what.vehicle, what) if isinstance(what, Campaign) else (what.vehicle, what.campaign)
+
+
+def _dithers(campaign: Campaign | None, vehicle: Vehicle, voltage_v: float) -> tuple[Dither, ...]:
+    """Dither for each axis that feedback dominates in the campaign's trials."""
+    if campaign is None:
+        return ()
+    trials = list(campaign.trials.values())
+    return dithers(trials, vehicle, judge(trials, vehicle), voltage_v=voltage_v)
 
 
 def _counting(sought: Sequence[Parameter], names: Sequence[str]) -> Array:

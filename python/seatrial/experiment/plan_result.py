@@ -15,6 +15,7 @@ from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunResult, to_json
 
 if TYPE_CHECKING:
+    from seatrial.experiment.dither import Dither
     from seatrial.experiment.fisher import Instruments
     from seatrial.experiment.forecast import Forecast
     from seatrial.experiment.manoeuvre import Manoeuvre
@@ -117,6 +118,8 @@ class Plan(RunResult):
         Noise, correlation time and current that were assumed.
     recorded
         Whether recorded trials count.
+    dithers
+        What to add to the autopilot's output where feedback dominates an axis of the recorded trials.
     facts
         What the plan rests on, see `seatrial.base.run.run_facts`.
     """
@@ -131,6 +134,7 @@ class Plan(RunResult):
     refused: Mapping[str, str]
     instruments: Instruments
     recorded: bool
+    dithers: tuple[Dither, ...] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -156,6 +160,7 @@ class Plan(RunResult):
             "coefficients": [change.to_dict() for change in self.coefficients],
             "sequence": [ranked.to_dict() for ranked in self.sequence],
             "ranking": [ranked.to_dict() for ranked in self.ranking],
+            "dithers": [dither.to_dict() for dither in self.dithers],
             "refused": dict(self.refused),
         }
 
@@ -169,6 +174,7 @@ class Plan(RunResult):
             name = "trial" if number == 1 else f"trial-{number}"
             files[f"{name}.csv"] = ranked.manoeuvre.table().write_csv()
             files[f"{name}.toml"] = self.sheet(ranked, f"{name}.csv", number)
+        files |= {dither.file_name: dither.csv() for dither in self.dithers}
         return files
 
     def report(self) -> Report:
@@ -213,6 +219,25 @@ class Plan(RunResult):
                 f"{target}: cannot be written ({error.strerror}); choose a folder that you may write to"
             ) from None
         return [target, sheet]
+
+    def write_dithers(self, folder: str | Path) -> list[Path]:
+        """Paths of the tables of the dithers, written into a folder.
+
+        Raises
+        ------
+        TrialError
+            They cannot be written.
+        """
+        paths = [Path(folder) / dither.file_name for dither in self.dithers]
+        for path, dither in zip(paths, self.dithers, strict=True):
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_atomic(path, dither.csv().encode())
+            except OSError as error:
+                raise TrialError(
+                    f"{path}: cannot be written ({error.strerror}); choose a folder that you may write to"
+                ) from None
+        return paths
 
     def sheet(self, ranked: Ranked, commands: str, trial: int) -> str:
         """TOML text for the operator of a trial: manoeuvre, times, room, warnings, standard deviations.
@@ -289,6 +314,7 @@ def _report(found: Plan) -> Report:
         next_step=f"run trial 1 ({first.name}), identify again, and plan again",
         sections=(
             Section(tables=(_trials(found),), sentences=tuple(_sheets(found))),
+            *([Section(sentences=tuple(_on_top(found)))] if found.dithers else []),
             Section(tables=(_precision(found),), sentences=tuple(unknown)),
             Section(tables=(_others(found),), sentences=tuple(_rest(found)), details=True),
         ),
@@ -316,6 +342,12 @@ def _sheets(found: Plan) -> Iterator[str]:
             f" {ranked.forecast.pitch_deg:.0f} deg."
         )
         yield from (f"WARNING: trial {number}: {warning}" for warning in ranked.forecast.warnings)
+
+
+def _on_top(found: Plan) -> Iterator[str]:
+    """What to add to the autopilot's output where feedback dominates an axis."""
+    for dither in found.dithers:
+        yield f"With the autopilot on, {dither.sentence}. Table: {dither.file_name}."
 
 
 def _precision(found: Plan) -> Table:

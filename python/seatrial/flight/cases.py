@@ -201,6 +201,8 @@ class Cases:
         A trial of the loops and what its responses are held against, see `seatrial.fly_batch`.
     logs
         Whether the flights keep their logs.
+    dither
+        What is added to the commands of all cases, see `seatrial.fly`.
     filter
         The navigation filter whose estimate the autopilot goes by; None: by what the sensors show.
     """
@@ -228,6 +230,7 @@ class Cases:
     set_points: Mapping[str, Array] | None = None
     corridors: Sequence[Corridor] = ()
     logs: bool = False
+    dither: Mapping[str, Array] | None = None
     filter: Filter | None = None
 
     @classmethod
@@ -250,6 +253,7 @@ class Cases:
         outages: Sequence[Outage] | Sequence[Sequence[Outage]] = (),
         set_points: Mapping[str, ArrayLike] | None = None,
         corridors: Sequence[Corridor] = (),
+        dither: Mapping[str, ArrayLike] | None = None,
         logs: bool = False,
         **shared: Unpack[Shared],
     ) -> Cases:
@@ -343,6 +347,7 @@ class Cases:
             ],
             set_points=steering,
             corridors=judged,
+            dither=checked_set_points(dither, "dither")[0],
             logs=logs,
             filter=aboard,
         )
@@ -392,6 +397,7 @@ class Cases:
             case_outages=list(self.case_outages),
             set_points=self.set_points,
             corridors=list(self.corridors),
+            dither=self.dither,
             feedback=around.feedback,
             navigation=self.filter,
             seabed=around.seabed,

@@ -281,7 +281,9 @@ _EXAMPLE = '("yaw", base, scale, lower, upper, target, clock)'
 _EACH = 2  # parts of a corridor that may differ from case to case: base and scale
 
 
-def checked_set_points(given: Any) -> tuple[dict[str, Array] | None, dict[str, int]]:
+def checked_set_points(
+    given: Any, what: str = "set_points"
+) -> tuple[dict[str, Array] | None, dict[str, int]]:
     """Set points by name, and the number of cases of those that differ from case to case.
 
     Raises
@@ -298,17 +300,17 @@ def checked_set_points(given: Any) -> tuple[dict[str, Array] | None, dict[str, i
         return None, {}
     if not isinstance(given, Mapping):
         raise SimulationError(
-            "set_points: expected {name: values}, for example {'times': [0.0], 'speed': [1.0]}, found"
+            f"{what}: expected {{name: values}}, for example {{'times': [0.0], 'speed': [1.0]}}, found"
             f" {given!r}"
         )
-    arrays = {str(name): _array(f"set_points: {name}", values) for name, values in given.items()}
+    arrays = {str(name): _array(f"{what}: {name}", values) for name, values in given.items()}
     times = arrays.get("times", np.empty(0)).size
     cases = {}
     for name, values in arrays.items():
         # At a single time a row of values is one for each case.
         alone = values.ndim == 1 and times == 1 and values.size > 1
         if name != "times" and (values.ndim > 1 or alone):
-            cases[f"set_points: {name}"] = len(values)
+            cases[f"{what}: {name}"] = len(values)
     return arrays, cases
 
 

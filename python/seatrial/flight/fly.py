@@ -64,6 +64,7 @@ def fly(
     rho: float | None = None,
     g: float | None = None,
     payload: Payload | str | Path | None = None,
+    dither: Mapping[str, ArrayLike] | None = None,
 ) -> Flight:
     """Flight of a vehicle with its autopilot on a mission: track, errors, commands, modes, energy, metrics.
 
@@ -123,6 +124,9 @@ def fly(
         Density, kg/m3, and gravity, m/s2, instead of the vehicle file's.
     payload : Payload, str or Path, optional
         Water, plumes and the sensors that sample it, an object or a file; see `Flight.samples`.
+    dither : mapping of str to (s,) array_like, optional
+        ``times``, s, and by actuator what is added to its command from each of them on, in its unit,
+        while the vehicle is not stopped. The logged commands contain it.
 
     Raises
     ------
@@ -178,6 +182,7 @@ def fly(
         max_time_s=max_time_s,
         rho=rho,
         g=g,
+        dither=dither,
         logs=True,
     )
     if payload is not None:

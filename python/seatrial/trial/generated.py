@@ -26,7 +26,7 @@ from seatrial.flight.flight import Flight
 from seatrial.sensors.ideal import ON_THE_TETHER, Conditions, at_sea
 from seatrial.sensors.log import finer, held, measure, times
 from seatrial.sensors.sensor import Sensor, read_as
-from seatrial.trial.sailed import Current, Sailed, SailedTable, WavesTable
+from seatrial.trial.sailed import DITHER, Current, Sailed, SailedTable, WavesTable
 from seatrial.trial.truth import Truth, TruthFile
 from seatrial.vehicle.actuators import actuator_groups
 
@@ -273,6 +273,8 @@ class Recipe:
             return self.with_seed(seed).table()
         sensors = self.sensors
         inputs = {f"cmd.{name}": y for name, y in self.commands.items()}
+        if self.sailed is not None:
+            inputs |= {DITHER + name: y for name, y in self.sailed.added(self.t).items()}
         if self.voltage_v is not None and "voltage" not in sensors:
             inputs["voltage_v"] = self.voltage_v
         around = Conditions(
@@ -336,7 +338,9 @@ def files_of(path: str | Path) -> tuple[Path, ...]:
     named = [(truth, read_as(TruthFile, truth).vehicle)]
     if file.sailed is not None:
         named += [(recipe, getattr(file.sailed, key)) for key in ("autopilot", "mission", "sensors")]
-    beside = (owner.parent / name for owner, name in named if name.endswith(".toml"))
+        if file.sailed.dither is not None:
+            named.append((recipe, file.sailed.dither))
+    beside = (owner.parent / name for owner, name in named if name.endswith((".toml", ".csv")))
     return (recipe, truth, *beside)
 
 

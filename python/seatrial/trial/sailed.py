@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import SeatrialError, TrialError
+from seatrial.base.errors import SeatrialError, TrialError, nearest
 from seatrial.base.toml_file import Name, NotNegative, Number, Positive, Section
 from seatrial.flight.fly import fly
 from seatrial.flight.mission import Mission
@@ -28,10 +28,13 @@ from seatrial.sensors.sensor import TYPICAL, Sensor
 from seatrial.trial.truth import Truth
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot, State
+    from seatrial._core import Autopilot, State, Vehicle
     from seatrial.flight.flight import Flight
 
-__all__ = ["Current", "Sailed", "SailedTable", "WavesTable"]
+__all__ = ["DITHER", "Current", "Sailed", "SailedTable", "WavesTable", "read_dither"]
+
+DITHER = "dither."
+"""Columns of a dither, before the actuator's name."""
 
 OWN, PERFECT = "truth", "perfect"
 """Sensors that the autopilot steers by: those of the truth file, or such without error."""
@@ -47,6 +50,7 @@ class SailedTable(Section):
     autopilot: Name
     mission: Name
     sensors: Name = OWN
+    dither: Name | None = None
 
 
 class WavesTable(Section):
@@ -116,6 +120,8 @@ class Sailed:
         Longest duration and rate of the log.
     bottom_depth_m, voltage_v
         As of any recipe.
+    dither
+        ``times``, s, and what is added to the commands from each of them on; None: nothing.
     """
 
     where: str
@@ -130,6 +136,7 @@ class Sailed:
     rate_hz: float
     bottom_depth_m: float | None
     voltage_v: float | None
+    dither: Mapping[str, Array] | None = None
 
     @classmethod
     def of(
@@ -140,7 +147,7 @@ class Sailed:
         Raises
         ------
         TrialError
-            Autopilot, mission or waves are not usable.
+            Autopilot, mission, waves or dither are not usable.
         """
         from seatrial._core import Autopilot
 
@@ -161,7 +168,10 @@ class Sailed:
                 f'{path}: sailed, key sensors: expected "{OWN}", "{PERFECT}", "{TYPICAL}" or a file that ends'
                 f" in .toml, found {sensors!r}"
             )
-        return cls(str(path), truth, autopilot, mission, sensors, waves=sea, **rest)
+        dither = None
+        if table.dither is not None:
+            dither = read_dither(path.parent / table.dither, truth.vehicle, f"{path}: sailed, key dither")
+        return cls(str(path), truth, autopilot, mission, sensors, waves=sea, dither=dither, **rest)
 
     def fly(self, seed: int) -> Flight:
         """Flight of the truth vehicle with this seed of waves, current and sensors' errors.
@@ -190,6 +200,7 @@ class Sailed:
                 voltage_v=self.voltage_v,
                 seed=seed,
                 max_time_s=self.duration_s,
+                dither=self.dither,
             )
         if flight.diverged:
             raise TrialError(
@@ -197,6 +208,17 @@ class Sailed:
                 " waves and the truth's coefficients with seatrial fly"
             )
         return flight
+
+    def added(self, t: Array) -> dict[str, Array]:
+        """Dither by actuator at times (n,), s, in the unit of its command; empty without one."""
+        if self.dither is None:
+            return {}
+        begun = np.searchsorted(self.dither["times"], t + _TICK, side="right")
+        return {
+            name: np.concatenate([[0.0], values])[begun]
+            for name, values in self.dither.items()
+            if name != "times"
+        }
 
     def every(self, flight: Flight) -> int:
         """Control periods per row of the log.
@@ -213,6 +235,56 @@ class Sailed:
                 f" a whole fraction of it, found {self.rate_hz:g}"
             )
         return round(ratio)
+
+
+def read_dither(path: Path, vehicle: Vehicle, where: str) -> dict[str, Array]:
+    """Dither from its table: ``times`` (s,) in s, and by actuator what is added to its command, in its unit.
+
+    The columns are ``t_s`` and ``dither.ACTUATOR``, as `seatrial plan` writes them.
+
+    Raises
+    ------
+    TrialError
+        The table cannot be read, has other columns or gaps, or goes beyond an actuator's range.
+    """
+    import polars as pl
+
+    try:
+        table = pl.read_csv(path, comment_prefix="#", infer_schema_length=None)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise TrialError(
+            f"{where}: {path} cannot be read ({str(error).splitlines()[0]}); name a table (CSV) of t_s and"
+            f" {DITHER}ACTUATOR, as seatrial plan writes it"
+        ) from None
+    facts = vehicle.actuator_info()
+    known = ["t_s", *(DITHER + name for name in facts)]
+    for column in table.columns:
+        if column not in known:
+            raise TrialError(f'{where}: {path}: unknown column "{column}"{nearest(column, known)}')
+    if "t_s" not in table.columns or table.width < 2 or table.height == 0:
+        raise TrialError(
+            f"{where}: {path}: expected columns t_s and {DITHER}ACTUATOR with at least one row, found"
+            f" {', '.join(table.columns) or 'none'}"
+        )
+    found: dict[str, Array] = {}
+    for column in table.columns:
+        cells = table[column]
+        if not cells.dtype.is_numeric() or cells.is_null().any() or not np.isfinite(cells.to_numpy()).all():
+            raise TrialError(f"{where}: {path}, column {column}: expected finite numbers; fill the gaps")
+        found[column.removeprefix(DITHER)] = cells.to_numpy().astype(float)
+    times = found.pop("t_s")
+    if np.any(np.diff(times) <= 0.0):
+        row = int(np.argmax(np.diff(times) <= 0.0)) + 2
+        raise TrialError(f"{where}: {path}, row {row}: expected a t_s above that of the row before")
+    for name, values in found.items():
+        most = max(facts[name]["maximum_ahead"], facts[name]["maximum_astern"])
+        largest = float(np.abs(values).max())
+        if largest > most:
+            raise TrialError(
+                f"{where}: {path}, column {DITHER}{name}: expected at most {most:g}"
+                f" {facts[name]['unit']}, the actuator's range, found {largest:g}"
+            )
+    return {"times": times, **found}
 
 
 @contextmanager

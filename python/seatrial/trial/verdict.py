@@ -107,8 +107,8 @@ class Verdict:
         return (
             f"{who} is dominated by feedback: {', '.join(self.commands)} follow the motion by waves of"
             f" {self.wave_period_s:.1f} s, and what no measurement foretells drives only {told}; this log"
-            " cannot tell how the axis answers them. Add a trial with steps of the set point, each held for"
-            f" {4.0 * self.wave_period_s:.0f} s or more"
+            " cannot tell how the axis answers them. Which trial would tell it: seatrial plan with the"
+            " campaign of this log proposes a dither on top of the autopilot"
         )
 
 

@@ -1,11 +1,11 @@
-//! Trials of the loops: set points over time, and the constraint criteria that their responses are held against.
+//! Trials of the loops: set points over time, a dither on top of the commands, and the constraint criteria that their responses are held against.
 //!
 //! `Q = Σ [(C_u − y)⁺, (y − C_o)⁺] T`, the two sides apart, over the control periods of T seconds; y is normalised,
 //! `(channel − base)/scale`, so that a step from `base` to `base + scale` goes from 0 to 1. A feasible response has Q = 0,
 //! so the tie-breaker `Σ t |y − target| T` orders the feasible ones, t being the time since the step.
 //!
 //! Source: Taubert et al. (2014), equations 55–57, (57) corrected: it prints C_u for C_o. Tests:
-//! `tests/closed_loop/set_points.rs`, `tests/tuning/test_step_trial.py` (equal to the same sums from the log).
+//! `tests/closed_loop/set_points.rs` (the dither too), `tests/tuning/test_step_trial.py` (equal to the same sums from the log).
 
 use crate::control::autopilot::Thought;
 use crate::control::autopilot::set_point::SetPoint;
@@ -35,6 +35,26 @@ pub struct Corridor {
     pub clock: Vec<f64>,
 }
 
+/// What is added to the commands of the autopilot, so that a log tells the vehicle from its controller.
+#[derive(Clone, Debug, Default)]
+pub struct Dither {
+    /// The values change at these times, s; before the first nothing is added.
+    pub times: Vec<f64>,
+    /// Per actuator that has one its index and a signal for each time.
+    pub signals: Vec<(usize, Vec<f64>)>,
+}
+
+impl Dither {
+    /// Writes what is added at a time, s, into a value per actuator.
+    #[inline(always)]
+    pub fn write<T: Real>(&self, added: &mut [T], time: f64) {
+        let begun = self.times.partition_point(|t| *t <= time + 1e-9);
+        for (actuator, signals) in self.signals.iter().filter(|_| begun > 0) {
+            added[*actuator] = added[*actuator].splat(signals[begun - 1]);
+        }
+    }
+}
+
 /// What all cases of a trial share.
 #[derive(Clone, Debug, Default)]
 pub struct Trial {
@@ -44,6 +64,8 @@ pub struct Trial {
     pub named: Vec<usize>,
     /// The constraint criteria.
     pub corridors: Vec<Corridor>,
+    /// What is added to the commands.
+    pub dither: Dither,
 }
 
 impl Trial {

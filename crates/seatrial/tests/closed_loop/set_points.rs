@@ -4,7 +4,7 @@ use crate::closed_loop::flights::{Trip, case, column};
 use proptest::prelude::*;
 use seatrial::control::autopilot::set_point::SET_POINTS;
 use seatrial::flight::batch::Case;
-use seatrial::flight::trial::{Corridor, Trial, channel_index};
+use seatrial::flight::trial::{Corridor, Dither, Trial, channel_index};
 use seatrial::model::kinematics::from_euler;
 
 /// A leg that nobody reaches.
@@ -27,6 +27,7 @@ fn heading_step(corridor: Option<Corridor>) -> Trip {
         times: vec![0.0, STEP_AT_S],
         named: named(&["speed", "heading", "pitch", "depth"]),
         corridors: corridor.into_iter().collect(),
+        ..Trial::default()
     };
     trip
 }
@@ -69,7 +70,7 @@ fn a_set_point_stands_in_for_guidance() {
 fn a_moved_plan_is_a_step_of_the_path() {
     let mut trip = Trip::cwolf(FAR);
     trip.seconds = 120.0;
-    trip.trial = Trial { times: vec![0.0, STEP_AT_S], named: named(&["east"]), corridors: Vec::new() };
+    trip.trial = Trial { times: vec![0.0, STEP_AT_S], named: named(&["east"]), ..Trial::default() };
     let mut one = case([0.0; 3]);
     one.state.position[2] = 5.0;
     one.set_points = vec![0.0, 6.0];
@@ -196,7 +197,7 @@ fn a_reaction_takes_the_place_of_set_points() {
     let mut steered = turning(0.0);
     steered.set_points = vec![1.5, 1.5, 0.0, 0.0, 0.0, 0.0, 5.0, 12.0];
     held(&trip, steered);
-    trip.trial = Trial { times: vec![0.0, 60.0], named: named(&["east", "down"]), corridors: Vec::new() };
+    trip.trial = Trial { times: vec![0.0, 60.0], named: named(&["east", "down"]), ..Trial::default() };
     let mut moved = turning(0.0);
     moved.set_points = vec![0.0, 20.0, 0.0, 6.0];
     held(&trip, moved);
@@ -215,4 +216,18 @@ properties! {
         // Quadratic damping and least revolutions bend the response a little.
         prop_assert!((a[0] - b[0]).abs() < 0.15 * (a[0] + b[0]) + 0.05, "{a:?} {b:?}");
     }
+}
+
+#[test]
+fn a_dither_is_on_top_of_the_commands_while_it_lasts() {
+    let mut trip = heading_step(None);
+    let plain = trip.one(turning(0.0));
+    trip.trial.dither = Dither { times: vec![10.0, 12.0], signals: vec![(0, vec![50.0, 0.0])] };
+    let moved = trip.one(turning(0.0));
+    let name = format!("cmd.{}", trip.description.actuators[0].name);
+    let (before, with) = (column(&trip, &plain, &name), column(&trip, &moved, &name));
+    assert_eq!(before[..100], with[..100], "nothing before its first time");
+    assert!((with[100] - before[100] - 50.0).abs() < 1e-9, "added as it is: {} {}", with[100], before[100]);
+    assert!((with[600] - before[600]).abs() < 10.0, "nothing is left of it: {} {}", with[600], before[600]);
+    assert!((with[119] - with[121]).abs() > 20.0, "and taken away: {} {}", with[119], with[121]);
 }

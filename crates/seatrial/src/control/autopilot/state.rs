@@ -86,6 +86,8 @@ pub struct AutopilotState<T> {
     pub(super) approach: Approach<T>,
     /// Commands as signals: in the unit of the command, from neutral, positive ahead.
     pub signals: Vec<T>,
+    /// What is added to the commands while the vehicle is not stopped, as signals: the dither of a trial that identifies it.
+    pub dither: Vec<T>,
 }
 
 impl<T: Real> AutopilotState<T> {
@@ -192,6 +194,7 @@ impl<T: Real> Autopilot<T> {
             monitor: Monitor::new(&self.model, &self.limits, self.settings.file.period_s, unit),
             approach: Approach::new(unit),
             signals: vec![unit; count],
+            dither: vec![unit; count],
         }
     }
 

@@ -45,8 +45,9 @@ impl<T: Real> Autopilot<T> {
         let nu_r = [u, v, w, p, q, r];
         let reached =
             state.allocator.allocate(&self.model, &tau, &nu_r, measured.voltage, &mut state.signals);
-        for signal in &mut state.signals {
-            *signal = T::select(stopped, zero, *signal);
+        // The loops are not told of the dither: an integrator would work against it.
+        for (signal, dither) in state.signals.iter_mut().zip(&state.dither) {
+            *signal = T::select(stopped, zero, *signal + *dither);
         }
         state.monitor.silence(&mut state.signals);
         state.monitor.expect(&state.signals, &self.limits);

@@ -1,0 +1,333 @@
+"""The trial that tells a gain which feedback hides: a dither on top of the autopilot.
+
+Where a log's verdict calls an axis dominated by feedback (`seatrial.trial.verdict`), a sequence of known
+steps is added to the commands that push it. With the vehicle ``y = G c + d``, the autopilot ``c = e - K y``
+and its sensitivity ``S = 1 / (1 + G K)``, dither and waves reach the motion by the same S: ``y = S (G e +
+d)``. What tells the gain is therefore ``|G|^2 S_ee / S_dd``, whatever the autopilot does; S only sets how
+much of the motion it is:
+
+- G: the model, linear about the log's middle;
+- d: the log's velocity less the model's answer to the log's commands: ``S_dd = S_yy + |G|^2 S_cc -
+  2 Re(G* S_cy)``, and ``|S|^2 = S_yy / S_dd``;
+- e: a maximum-length binary sequence whose levels are held for a multiple T of the waves' period: its
+  spectrum ``a^2 T (sin(pi f T) / (pi f T))^2`` is zero at the waves' frequency; nine tenths of it lie below.
+
+The information about the gain and the axis' own damping, both unknown, gives the gain's deviation (Ljung,
+*System Identification* (1999), section 9.4). The smallest amplitude is taken that reaches the wanted
+deviation and makes the exogenous share of the motion `SHARE`, within what the actuators have left beside the
+autopilot. Held by ``tests/experiment/test_dither.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.channels import AXES, DEGREE, VELOCITIES
+from seatrial.base.errors import CampaignError
+from seatrial.trial.sailed import DITHER
+from seatrial.trial.verdict import TOLD, judge_trial, pushed_by
+from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+    from seatrial.trial.verdict import Verdict
+
+__all__ = ["DEVIATION", "Dither", "dithers"]
+
+DEVIATION = 0.05
+"""Relative standard deviation of the gain that a dither is to reach."""
+
+SHARE = 2.2 * TOLD
+"""Share of the motion that the dither is to drive, well above what the verdict asks for: waves differ from
+trial to trial, and the verdict saw 0.35 to 0.57 where 0.62 was expected (three seas)."""
+
+_NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+_LEAST = 0.02  # of an actuator's range
+_LEVELS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.75, 1.0)  # of the largest amplitude
+_HOLDS = (1.0, 2.0, 3.0)  # periods of the waves
+_SHORTEST_S, _LONGEST_S = 540.0, 3600.0
+_SETTLED_S = 60.0
+_BELOW = 1.5  # below the waves' frequency divided by this a motion counts as slow
+_SLOWEST_HZ = 1.0 / 60.0
+_STATES = (*VELOCITIES, "roll", "pitch")
+_SHORT_S, _SMALL, _STEP = 0.01, 1e-3, 0.05
+_FLOOR = 1e-3
+_BEGIN, _TAPS = (1, 0, 0, 1, 1, 0, 1, 0, 1), (9, 5)  # of the shift register: a sequence of 511 levels
+
+
+@dataclass(frozen=True)
+class Dither:
+    """A dither for one axis.
+
+    Attributes
+    ----------
+    axis
+        Letter among ``XYZKMN``.
+    amplitude
+        By actuator, in the unit of its command; negative where it starts the other way.
+    units
+        Of the commands, by actuator.
+    hold_s, begin_s, duration_s
+        How long a level is held at least, when the sequence begins and how long it takes.
+    wave_period_s
+        Of the log's waves.
+    deviation
+        Relative standard deviation of the gain expected afterwards.
+    share_before, share
+        Part of the axis' motion that exogenous commands drive, in the log and expected with the dither.
+    wanted
+        The relative standard deviation that was asked for.
+    """
+
+    axis: str
+    amplitude: Mapping[str, float]
+    units: Mapping[str, str]
+    hold_s: float
+    begin_s: float
+    duration_s: float
+    wave_period_s: float
+    deviation: float
+    share_before: float
+    share: float
+    wanted: float
+
+    @property
+    def tells(self) -> bool:
+        """Whether the dither is expected to reach what was asked for."""
+        return self.deviation <= self.wanted and self.share >= TOLD
+
+    def table(self) -> pl.DataFrame:
+        """Table of ``t_s`` and ``dither.ACTUATOR``: a row where a level changes, zero at the end."""
+        import polars as pl
+
+        count = math.ceil(self.duration_s / self.hold_s)
+        levels = _sequence(count)
+        t = self.begin_s + self.hold_s * np.arange(count + 1)
+        columns = {"t_s": t}
+        columns |= {DITHER + name: np.append(a * levels, 0.0) for name, a in self.amplitude.items()}
+        changes = np.concatenate([[True], np.diff(np.append(levels, 0.0)) != 0.0])
+        return pl.DataFrame(columns).filter(pl.Series(changes))
+
+    @property
+    def sentence(self) -> str:
+        """What to add to the autopilot's output, for how long, and what it is expected to tell."""
+        parts = []
+        for name, a in self.amplitude.items():
+            angle = self.units[name] == "rad"
+            parts.append(
+                f"{name} ±{abs(a) / DEGREE if angle else abs(a):.2g} {'deg' if angle else self.units[name]}"
+            )
+        how = (
+            f"{_NAMES[self.axis]} ({self.axis}): add {', '.join(parts)} to the autopilot's output from"
+            f" {self.begin_s:.0f} s on for {self.duration_s:.0f} s, each level held for"
+            f" {self.hold_s:.1f} s or a multiple of it, which adds nothing at the waves'"
+            f" {self.wave_period_s:.1f} s"
+        )
+        expected = (
+            f"expected: the gain to {100.0 * self.deviation:.1f} % (standard deviation), with"
+            f" {100.0 * self.share:.0f} % of the motion driven by the dither"
+        )
+        if self.tells:
+            return f"{how}; {expected}"
+        return (
+            f"{how}; {expected}; {100.0 * self.wanted:g} % and {100.0 * TOLD:.0f} % are wanted, but"
+            " the actuators have no more left: sail faster, deeper or in a calmer sea"
+        )
+
+    @property
+    def file_name(self) -> str:
+        """Name of the file of its table."""
+        return f"dither-{_NAMES[self.axis]}.csv"
+
+    def csv(self) -> str:
+        """Text of the table's file, which says how to use it."""
+        return (
+            "# Add each column to the autopilot's command of its actuator, in its unit, from its t_s on,\n"
+            '# before the limits; log the sum as the command. In a recipe: [sailed] dither = "FILE".\n'
+            + self.table().write_csv()
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def dithers(
+    trials: Sequence[Trial],
+    vehicle: Vehicle,
+    verdicts: Mapping[str, Verdict],
+    *,
+    deviation: float = DEVIATION,
+    voltage_v: float = NOMINAL_V,
+) -> tuple[Dither, ...]:
+    """Dither for each axis that feedback dominates, sized on the trial where the waves move it least.
+
+    Parameters
+    ----------
+    trials
+        Those that were judged.
+    vehicle
+        The model as it is.
+    verdicts
+        Of `seatrial.trial.verdict.judge`.
+    deviation
+        Wanted relative standard deviation of the gain.
+    voltage_v
+        Supply at which tables of thrust are read, V.
+
+    Raises
+    ------
+    CampaignError
+        The wanted deviation is not between 0 and 1.
+    """
+    if not 0.0 < deviation < 1.0:
+        raise CampaignError(f"deviation: expected a share between 0 and 1, found {deviation:g}")
+    dominated = {axis: verdict for axis, verdict in verdicts.items() if verdict.dominated}
+    found = []
+    for axis, verdict in dominated.items():
+        # Fins and a propeller that heel the vehicle a little are told by the axes that they serve.
+        others = [set(other.commands) for key, other in dominated.items() if key != axis]
+        if any(own < set(verdict.commands) for own in others):
+            continue
+        seen = [
+            (trial, own) for trial in trials if (own := judge_trial(trial, vehicle).get(axis)) is not None
+        ]
+        channel = VELOCITIES[AXES.index(axis)]
+        sizes = [
+            float(np.std(y)) if (y := trial.filled(channel)) is not None else math.inf for trial, _ in seen
+        ]
+        trial, own = seen[int(np.argmin(sizes))]
+        found.append(_sized(trial, vehicle, own, deviation, voltage_v))
+    return tuple(found)
+
+
+def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, voltage_v: float) -> Dither:
+    """The smallest dither that reaches what is wanted, or the largest that there is."""
+    from scipy.signal import csd, welch
+
+    axis = verdict.axis
+    facts = vehicle.actuator_info()
+    pushes = pushed_by(vehicle)[axis]
+    largest = {}
+    for name in verdict.commands:
+        limit = min(facts[name]["maximum_ahead"], facts[name]["maximum_astern"])
+        command = trial.commands[name] - facts[name]["neutral"]
+        # The waves may take the sum of both to the limit now and then: about one sample in six.
+        left = limit - abs(float(np.median(command))) - float(np.std(command[round(_SETTLED_S / trial.dt) :]))
+        largest[name] = max(left, _LEAST * limit) * math.copysign(1.0, pushes[name])
+    y = trial.filled(VELOCITIES[AXES.index(axis)])
+    assert y is not None
+    # The commands of the log as one signal, in shares of the largest dither.
+    scale = sum(abs(pushes[name] * a) for name, a in largest.items())
+    drive = sum((pushes[name] * trial.commands[name] for name in largest), np.zeros(len(trial))) / scale
+    settled = round(_SETTLED_S / trial.dt) if len(y) > 4 * _SETTLED_S / trial.dt else 0
+    pair = {
+        "fs": 1.0 / trial.dt,
+        "nperseg": min(len(y) - settled, round(100.0 / trial.dt)),
+        "detrend": "linear",
+    }
+    y, drive = y[settled:], drive[settled:]
+    f, whole = welch(y, **pair)
+    kept = (f > _SLOWEST_HZ) & (f < 2.0 / verdict.wave_period_s)
+    gain, slower = _response(trial, vehicle, axis, largest, f=f[kept], voltage_v=voltage_v)
+    f, whole, driving = f[kept], whole[kept], welch(drive, **pair)[1][kept]
+    together = csd(drive, y, **pair)[1][kept]
+    # Spectrum of d = y - G c; an unstable answer has one too. It is no smaller than what rounding leaves.
+    waves = whole + np.abs(gain) ** 2 * driving - 2.0 * (gain.conj() * together).real
+    waves = np.maximum(waves, _FLOOR * whole)
+    step = f[1] - f[0]
+
+    def of(level: float, hold: float, duration: float) -> Dither:
+        power = 2.0 * level**2 * hold * np.sinc(f * hold) ** 2  # one-sided
+        weight = 2.0 * duration * step * power / waves
+        sides = [gain, slower]
+        matrix = np.array([[float((weight * (a * b.conj()).real).sum()) for b in sides] for a in sides])
+        spread = math.sqrt(float(np.linalg.pinv(matrix)[0, 0])) if matrix[0, 0] > 0.0 else math.inf
+        slow = f < 1.0 / (_BELOW * verdict.wave_period_s)
+        added = np.abs(gain) ** 2 * power * whole / waves * step
+        share = float(added[slow].sum() / (added.sum() + np.var(y)))
+        return Dither(
+            axis=axis,
+            amplitude={name: level * a for name, a in largest.items()},
+            units={name: str(facts[name]["unit"]) for name in largest},
+            hold_s=round(hold, 1),
+            begin_s=_SETTLED_S,
+            duration_s=duration,
+            wave_period_s=verdict.wave_period_s,
+            deviation=spread,
+            share_before=max(verdict.told, 0.0),
+            share=share,
+            wanted=wanted,
+        )
+
+    best = None
+    for level in _LEVELS:
+        tried = [of(level, k * verdict.wave_period_s, _SHORTEST_S) for k in _HOLDS]
+        best = max(tried, key=lambda d: d.share)
+        # The deviation falls with the root of the time.
+        needed = _SHORTEST_S * (best.deviation / wanted) ** 2
+        duration = float(min(max(60.0 * math.ceil(needed / 60.0), _SHORTEST_S), _LONGEST_S))
+        best = of(level, best.hold_s, duration)
+        if best.deviation <= wanted and best.share >= SHARE:
+            break
+    assert best is not None
+    return best
+
+
+def _response(
+    trial: Trial, vehicle: Vehicle, axis: str, amplitude: Mapping[str, float], *, f: Array, voltage_v: float
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Answer (n,) of an axis' velocity to `amplitude` at f (n,), Hz, and what its own damping does to it.
+
+    The equation of motion with its actuators, linear about the log's middle: differences of short runs. The
+    lag of motors is left out. The second is the answer's derivative by the logarithm of the damping.
+    """
+    from seatrial._core import State
+
+    t = np.array([0.0, _SHORT_S])
+    supply = voltage_for(vehicle, t, voltage_v)
+    middle = {c: 0.0 if (y := trial.filled(c)) is None else float(np.median(y)) for c in (*_STATES, "z")}
+    held = {name: float(np.median(y)) for name, y in trial.commands.items()}
+
+    def acceleration(state: Mapping[str, float], share: float) -> Array:
+        commands = {name: value + share * amplitude.get(name, 0.0) for name, value in held.items()}
+        start = State(
+            position=[0.0, 0.0, middle["z"]],
+            attitude=[state["roll"], state["pitch"], 0.0],
+            nu=[state[c] for c in VELOCITIES],
+            actuators=commands,
+        )
+        steady = {name: np.full(2, value) for name, value in commands.items()}
+        run = vehicle.simulate(t, steady, start, voltage_v=supply, max_step_s=_SHORT_S)
+        return np.asarray(run.nu[1] - run.nu[0]) / _SHORT_S
+
+    matrix = np.zeros((len(_STATES), len(_STATES)))
+    for column, name in enumerate(_STATES):
+        sides = [acceleration(middle | {name: middle[name] + s * _SMALL}, 0.0) for s in (1.0, -1.0)]
+        matrix[:6, column] = (sides[0] - sides[1]) / (2.0 * _SMALL)
+    matrix[6, 3] = matrix[7, 4] = 1.0  # roll and pitch turn with their rates
+    push = np.zeros(len(_STATES))
+    push[:6] = (acceleration(middle, _STEP) - acceleration(middle, -_STEP)) / (2.0 * _STEP)
+    index = AXES.index(axis)
+    inverse = np.linalg.inv(2j * np.pi * f[:, None, None] * np.eye(len(_STATES)) - matrix)
+    answer = inverse[:, index] @ push
+    return answer, answer * inverse[:, index, index] * matrix[index, index]
+
+
+def _sequence(count: int) -> Array:
+    """Levels (count,) of 1 and -1: a maximum-length sequence, which begins anew after 511."""
+    register, levels = list(_BEGIN), np.empty(count)
+    for k in range(count):
+        levels[k] = 1.0 if register[-1] else -1.0
+        register = [register[_TAPS[0] - 1] ^ register[_TAPS[1] - 1], *register[:-1]]
+    return levels
