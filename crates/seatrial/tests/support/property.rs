@@ -1,6 +1,6 @@
 //! Properties of drawn values, with one runner for all of them.
 //!
-//! The macro `proptest!` compiles its runner and its shrinking for every test anew, a third of the evidence's code.
+//! The macro `proptest!` compiles its runner and its shrinking for every test anew, over a quarter of the evidence's code.
 //! Here the values travel in boxes, so that both are compiled once.
 
 use std::any::Any;
