@@ -29,6 +29,9 @@ from seatrial.trial.record import Record, Replay, Segment
 __all__ = ["OneStep", "Span"]
 
 _ANGLES = ("roll", "pitch", "yaw")
+_SLOWER = 1.5
+"""A sensor with longer intervals than so many rows of the time base is slower than it."""
+
 _CURRENT = ("current_north", "current_east")
 
 
@@ -210,7 +213,7 @@ def _readings(record: Record) -> tuple[Array, Mask]:
 
     What was derived from other channels is none, nor is what the time base interpolates between the samples
     of a slower sensor: an interpolation knows the next sample, which a prediction may not. A sample of such a
-    sensor counts once, at the next row of the time base, moved there along the smoothed motion.
+    sensor counts once, at the nearest row of the time base, moved there along the smoothed motion.
     """
     trial = record.trial
     observed, mask = trial.observed.copy(), trial.valid.copy()
@@ -220,6 +223,8 @@ def _readings(record: Record) -> tuple[Array, Mask]:
     absent = [index for index, name in enumerate(CHANNELS) if name not in trial.channels]
     mask[:, absent] = False
     for name, (stamps, values) in trial.samples.items():
+        if len(stamps) < 2 or np.median(np.diff(stamps)) < _SLOWER * trial.dt:
+            continue  # the time base has a sample of its own at nearly every row
         column = CHANNELS.index(name)
         inside = (stamps > trial.t[0] - trial.dt / 2.0) & (stamps < trial.t[-1] + trial.dt / 2.0)
         row = np.round((stamps[inside] - trial.t[0]) / trial.dt).astype(np.intp)

@@ -8,6 +8,7 @@ reception. `epoch_s` is zero where stamps are Unix times.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -58,9 +59,9 @@ class Bag(Log):
 
     _names: dict[str, dict[str, str]] = field(default_factory=dict)
 
+    @abstractmethod
     def messages(self, topics: set[str] | None) -> Iterator[Message]:
         """Messages of some topics, or of all."""
-        raise NotImplementedError
 
     def learn(self) -> None:
         """Learn the fields of each topic from its first messages."""

@@ -107,8 +107,8 @@ class Verdict:
         return (
             f"{who} is dominated by feedback: {', '.join(self.commands)} follow the motion by waves of"
             f" {self.wave_period_s:.1f} s, and what no measurement foretells drives only {told}; this log"
-            " cannot tell how the axis answers them. Which trial would tell it: seatrial plan with the"
-            " campaign of this log proposes a dither on top of the autopilot"
+            " cannot tell how the axis answers them. Run seatrial plan with the campaign of this log: it"
+            " proposes a dither on top of the autopilot that tells it"
         )
 
 
