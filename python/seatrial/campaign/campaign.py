@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,13 @@ from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.campaign.file import CampaignFile, Environment, Input, Stage, TrialSource, in_order, parse
 from seatrial.campaign.parameters import Parameter, coefficient_names, parameters
 from seatrial.campaign.search_budget import Budget
-from seatrial.campaign.variants import LockedAxes, with_locked_axes, with_start_values, without_trial
+from seatrial.campaign.variants import (
+    LockedAxes,
+    with_locked_axes,
+    with_start_values,
+    without_coefficients,
+    without_trial,
+)
 from seatrial.trial.corrections import merged
 from seatrial.trial.sensor_position import refuse_far
 
@@ -252,6 +258,13 @@ class Campaign:
         )
         other.trials = {trial: self.trials[trial] for trial in self.trials if trial != name}
         return other, lost
+
+    def without_coefficients(self, names: Collection[str]) -> Campaign:
+        """Campaign that frees none of these coefficients, by the names that its stages give them.
+
+        Its text stays. A stage that frees nothing else is gone; there may be none left.
+        """
+        return self.with_file(without_coefficients(self.file, names)) if names else self
 
     def with_file(self, file: CampaignFile, *, text: str | None = None) -> Campaign:
         """Campaign with another file, checked again; trials that were read are not read again.

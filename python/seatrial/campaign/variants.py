@@ -7,7 +7,7 @@ joint estimate stays as it is, whatever the stages did. Held by ``tests/campaign
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from seatrial.base.channels import AXES
@@ -18,7 +18,7 @@ from seatrial.campaign.parameters import Parameter
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["LockedAxes", "with_locked_axes", "with_start_values", "without_trial"]
+__all__ = ["LockedAxes", "with_locked_axes", "with_start_values", "without_coefficients", "without_trial"]
 
 LockedAxes = Literal["frozen", "measured"]
 
@@ -115,6 +115,32 @@ def without_trial(file: CampaignFile, name: str) -> tuple[CampaignFile, tuple[st
     trials = {trial: source for trial, source in file.trials.items() if trial != name}
     shorter = file.model_copy(update={"trials": trials, "stages": stages, "polish": polish})
     return shorter, tuple(stage.name for stage in lost)
+
+
+def without_coefficients(file: CampaignFile, names: Collection[str]) -> CampaignFile:
+    """Campaign file that frees none of these coefficients; stages that have no other one are gone."""
+    left = {
+        stage.name: {name: entry for name, entry in stage.coefficients.items() if name not in names}
+        for stage in file.stages
+    }
+    after = {stage.name: stage.after for stage in file.stages}
+
+    def kept(before: tuple[str, ...]) -> tuple[str, ...]:
+        # What followed a stage that is gone follows those before it.
+        found = [one for name in before for one in ([name] if left.get(name, True) else kept(after[name]))]
+        return tuple(dict.fromkeys(found))
+
+    stages = tuple(
+        stage.model_copy(update={"coefficients": left[stage.name], "after": kept(stage.after)})
+        for stage in file.stages
+        if left[stage.name]
+    )
+    polish = file.polish
+    if polish is not None:
+        freed = {name: entry for name, entry in polish.coefficients.items() if name not in names}
+        fixed = tuple(name for name in polish.fixed if name not in names)
+        polish = polish.model_copy(update={"coefficients": freed, "fixed": fixed})
+    return file.model_copy(update={"stages": stages, "polish": polish})
 
 
 def _nuisances(polish: Polish, name: str) -> dict[str, Nuisance]:

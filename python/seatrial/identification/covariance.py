@@ -119,6 +119,7 @@ def coefficient_covariance(
     scale: ScaleReport,
     staged: Sequence[str] = (),
     bench: BenchTest | None = None,
+    held: Sequence[str] = (),
 ) -> CoefficientCovariance:
     """Covariance of the coefficients that an identification set.
 
@@ -134,6 +135,8 @@ def coefficient_covariance(
         All coefficients that were set: those that only a stage set have no standard deviation.
     bench : BenchTest, optional
         Whose thrust the campaign takes.
+    held : sequence of str, optional
+        What was to be identified and is not, because feedback hides it.
     """
     parameters, own = assessment.parameters, vehicle.coefficients()
     matrix, notes = _bounded(assessment)
@@ -145,6 +148,13 @@ def coefficient_covariance(
         notes.append(
             f"{', '.join(alone)}: set by a stage and not in the joint estimate, so there is no standard"
             " deviation; draws keep the estimate."
+        )
+    if held:
+        example = next((name for name in held if "." in name), held[0])
+        notes.append(
+            f"{', '.join(held)}: not identified, dominated by feedback; draws keep the vehicle file's values."
+            f' coefficients = {{ "{example}" = 20.0 }} under [verification] varies them by what you doubt, in'
+            " percent."
         )
     if bench is not None:
         found, among = _with_thrust(found, among, bench, own, notes)

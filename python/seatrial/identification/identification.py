@@ -16,6 +16,7 @@ from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
+from seatrial.identification.held import Held, comment, sentences
 from seatrial.identification.hold_out import POOLED, likelihood_gain, replayed
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
@@ -73,7 +74,7 @@ class Identification(RunResult):
     Attributes
     ----------
     campaign
-        What was asked for.
+        What was asked for, without what is ``held``.
     vehicle
         The campaign's vehicle with the estimates.
     coefficients
@@ -85,6 +86,9 @@ class Identification(RunResult):
         where the stages were interrupted or the trials cannot be judged jointly.
     before
         Sentences on what the data cannot tell, known before the search.
+    held
+        A `Held` per coefficient that was to be identified and that feedback hides: it keeps the value of the
+        vehicle file.
     scale
         A `ScaleReport`: what the absolute scale of all forces rests on, and what the anchors say of it.
     scores
@@ -110,6 +114,7 @@ class Identification(RunResult):
     stages: tuple[StageResult, ...]
     assessment: Assessment | None
     before: tuple[str, ...]
+    held: tuple[Held, ...]
     scale: ScaleReport
     scores: Mapping[str, Mapping[str, Mapping[str, Score]]]
     notes: tuple[str, ...]
@@ -155,6 +160,7 @@ class Identification(RunResult):
             scale=self.scale,
             staged=[row.name for row in self.coefficients],
             bench=self.campaign.bench,
+            held=list(dict.fromkeys(one.parameter for one in self.held)),
         )
 
     @property
@@ -200,6 +206,7 @@ class Identification(RunResult):
             "derived": derived(self.vehicle),
             "stages": [stage.to_dict() for stage in self.stages],
             "before": list(self.before),
+            "held": [asdict(one) for one in self.held],
             "scale": self.scale.to_dict(),
             "assessment": None if self.assessment is None else self.assessment.to_dict(),
             "covariance": None if self.covariance is None else self.covariance.to_dict(),
@@ -235,8 +242,8 @@ class Identification(RunResult):
         scores = pl.DataFrame(list(self.score_rows()), infer_schema_length=None)
         files: dict[str, str | bytes] = {
             "campaign.toml": self.campaign.text,
-            "vehicle.toml": self.vehicle.to_toml(),
-            "vehicle_stages.toml": self.stages_vehicle.to_toml(),
+            "vehicle.toml": comment(self.held) + self.vehicle.to_toml(),
+            "vehicle_stages.toml": comment(self.held) + self.stages_vehicle.to_toml(),
             "identification.json": to_json(self.to_dict()),
             "summary.txt": self.summary() + "\n",
             "coefficients.parquet": parquet(coefficients),
@@ -353,6 +360,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
     worst, next_step = _worst(fit)
     tables = (
         _coefficient_table(fit, truth or {}),
+        _held_table(fit, truth or {}),
         _nuisance_table(fit),
         *(() if fit.assessment is None else (fit.assessment.horizon_table(),)),
         _held_out_table(fit),
@@ -430,8 +438,7 @@ def _worst(fit: Identification) -> tuple[str, str]:
     if strayed := [] if fit.assessment is None else fit.assessment.strayed():
         return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
     refused = [] if fit.assessment is None else fit.assessment.refused()
-    dominated = [one.removeprefix("WARNING: ") for one in fit.before if "dominated by feedback" in one]
-    if untold := refused + dominated:
+    if untold := [*sentences(fit.held), *refused]:
         problem, _, remedy = untold[0].rpartition("; ")
         return problem, remedy
     if fit.choice is not None and fit.choice.result == "joint estimate" and fit.choice.spoilt:
@@ -533,6 +540,23 @@ def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table
     return Table.of(
         f"{fit.vehicle.name}: identified coefficients", [*head, Column("stage", align="left")], rows, left=2
     )
+
+
+def _held_table(fit: Identification, truth: Mapping[str, float]) -> Table:
+    """What was to be identified and keeps its value; a row per group of equal coefficients."""
+    rows = {
+        one.parameter: (
+            one.parameter,
+            one.unit,
+            f"{truth[one.name]:.4g}" if one.name in truth else "",
+            f"{one.value:.4g}",
+            f"{one.axis} dominated by feedback",
+        )
+        for one in reversed(fit.held)
+    }
+    title = "Not identified, the vehicle file's values are kept"
+    head = ("coefficient", "unit", "truth", "value", Column("why", align="left"))
+    return Table.of(title, head, list(reversed(rows.values())), left=2)
 
 
 def _nuisance_table(fit: Identification) -> Table:

@@ -350,7 +350,7 @@ def run_identification(
     clock = Clock()
     with RunDirectory(run_dir, resume=resume) as run:
         ready = prepare(campaign, threads=threads)  # refuses a bad campaign before a search
-        plans, before, notes = ready.plans, ready.sentences, ready.no_joint
+        campaign, plans, before, notes = ready.campaign, ready.plans, ready.sentences, ready.no_joint
         order = StageOrder(campaign, plans, run, progress=progress, threads=threads)
         if progress is not None and before:
             progress(replace(order.state(plans[0], None), notes=before))
@@ -382,6 +382,7 @@ def run_identification(
             assessment=sure,
             scores=judged.scores,
             before=before,
+            held=ready.held,
             scale=judge_scale(campaign, vehicle),
             notes=(*notes, *judged.missing),
             facts=run_facts(

@@ -41,6 +41,7 @@ from seatrial.estimation.stage import plan
 from seatrial.identification.choice import choose
 from seatrial.identification.hold_out import left_out_score
 from seatrial.identification.identify import StageOrder
+from seatrial.identification.preparation import identifiable
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import score_text
 
@@ -300,6 +301,7 @@ def _without(
     lost: tuple[str, ...] = ()
     try:
         rest, lost = campaign.without_trial(name)
+        rest, _ = identifiable(rest)
         order = StageOrder(
             rest, plan(rest), run, part=f"without {name}, ", progress=progress, threads=threads
         )

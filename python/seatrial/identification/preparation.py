@@ -14,20 +14,25 @@ from seatrial.diagnosis.assessment import conditioning
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, frozen_sentences, plan, start_cost, step_sentences
-from seatrial.trial.verdict import judge, untold
-from seatrial.trial.waves import waves
+from seatrial.identification.held import Held, hold_untold, sentences
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["Preparation", "prepare"]
+__all__ = ["Preparation", "identifiable", "prepare"]
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """Planned stages, sentences on what the data cannot tell, and why there can be no joint estimate."""
+    """What an identification runs, and what is known before.
 
+    ``campaign`` frees nothing that is ``held``; ``plans`` are its stages, ``sentences`` say what the data
+    cannot tell, ``no_joint`` why there can be no joint estimate.
+    """
+
+    campaign: Campaign
+    held: tuple[Held, ...]
     plans: tuple[StagePlan, ...]
     sentences: tuple[str, ...]
     no_joint: tuple[str, ...]
@@ -47,6 +52,7 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
             " only tunes or verifies an autopilot"
         )
     silent = _actuators_without_column(campaign)
+    campaign, held = identifiable(campaign)
     plans = plan(campaign)
     judge_scale(campaign)
     diverging = tuple(
@@ -55,26 +61,25 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
         for one in plans
         if not one.stage.after and not math.isfinite(start_cost(campaign, one, threads=threads))
     )
-    sentences, no_joint = _conditioning(campaign, threads, linear=not diverging)
+    conditions, no_joint = _conditioning(campaign, threads, linear=not diverging)
+    warnings = tuple(f"WARNING: {one}" for one in sentences(held))
     steps = (*step_sentences(plans), *frozen_sentences(plans))
-    return Preparation(plans, (*_untold(campaign), *silent, *diverging, *sentences, *steps), no_joint)
+    said = (*warnings, *silent, *diverging, *conditions, *steps)
+    return Preparation(campaign, held, plans, said, no_joint)
 
 
-def _untold(campaign: Campaign) -> tuple[str, ...]:
-    """Sentences on coefficients of axes that feedback dominates in all trials that are fitted."""
-    names = dict.fromkeys(name for stage in campaign.stages for name in stage.trials)
-    driven = [campaign.trials[name] for name in names if campaign.input_of(name) == "commands"]
-    if len(driven) < len(names) or all(waves(trial) is None for trial in driven):
-        return ()  # calm trials are not judged, and a measured force is no command
-    verdicts = judge(driven, campaign.vehicle)
-    freed = dict.fromkeys(name for stage in campaign.stages for name in stage.coefficients)
-    found = untold(freed, verdicts, campaign.vehicle)
-    return tuple(
-        f"WARNING: {verdict.sentence}. Not identified, whatever is estimated: {', '.join(found[axis])}; take"
-        " them out of [stages.coefficients] to keep the vehicle file's values"
-        for axis, verdict in verdicts.items()
-        if axis in found
-    )
+def identifiable(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
+    """The campaign without what feedback hides in all of its trials, and what that is.
+
+    Raises
+    ------
+    CampaignError
+        Nothing is left.
+    """
+    rest, held = hold_untold(campaign)
+    if not rest.stages:
+        raise CampaignError(f"{campaign.source}: nothing is left to identify. {' '.join(sentences(held))}")
+    return rest, held
 
 
 def _actuators_without_column(campaign: Campaign) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from seatrial.base.run import RunDirectory, run_facts
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.stage import StageResult, plan
 from seatrial.identification.identify import StageOrder
+from seatrial.identification.preparation import identifiable
 from seatrial.identification.restarts_result import Restarts, StageRestarts
 
 if TYPE_CHECKING:
@@ -87,6 +88,7 @@ def restarts(
             " compared with"
         )
     seed = campaign.seed if seed is None else seed
+    campaign, _ = identifiable(campaign)
     plan(campaign)  # refuses a bad campaign before a folder appears
     clock = Clock()
     rows: list[tuple[StageResult, ...]] = []

@@ -42,6 +42,13 @@ __all__ = ["TOLD", "Verdict", "judge", "judge_trial", "pushed_by", "untold"]
 TOLD = 0.25
 """Share of the velocity's variance from which the exogenous command tells the vehicle."""
 
+_DRAG = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww")
+_TRIAL = (
+    "run seatrial plan with the campaign of this log: it proposes a dither on top of the autopilot that tells"
+    " it"
+)
+_WAY = 3.0  # robust deviations of the velocity
+
 _NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 _MAIN = 0.1  # of the actuator's largest force or moment
 _LEAST_LEVER_M = 0.03
@@ -79,6 +86,8 @@ class Verdict:
         Share of the command's variance at wave frequencies; NaN without waves.
     wave_period_s
         Of the waves; NaN without.
+    under_way
+        Whether the vehicle keeps its way along the axis: the mean thrust then tells the drag.
     """
 
     axis: str
@@ -88,6 +97,7 @@ class Verdict:
     told: float
     wave_share: float
     wave_period_s: float
+    under_way: bool = False
 
     @property
     def dominated(self) -> bool:
@@ -95,8 +105,18 @@ class Verdict:
         return self.kind == "feedback-dominated"
 
     @property
+    def trial(self) -> str:
+        """The trial that tells a dominated axis; empty where none is needed."""
+        return _TRIAL if self.dominated else ""
+
+    @property
     def sentence(self) -> str:
         """The verdict with its evidence, and the remedy where there is one."""
+        return f"{self.why}. {self.trial[0].upper()}{self.trial[1:]}" if self.dominated else self.why
+
+    @property
+    def why(self) -> str:
+        """The verdict with its evidence."""
         who = f"{_NAMES[self.axis]} ({self.axis})"
         if self.kind == "open":
             return f"{who} is open: its commands were not seen to follow measurements"
@@ -107,8 +127,7 @@ class Verdict:
         return (
             f"{who} is dominated by feedback: {', '.join(self.commands)} follow the motion by waves of"
             f" {self.wave_period_s:.1f} s, and what no measurement foretells drives only {told}; this log"
-            " cannot tell how the axis answers them. Run seatrial plan with the campaign of this log: it"
-            " proposes a dither on top of the autopilot that tells it"
+            " cannot tell how the axis answers them"
         )
 
 
@@ -159,12 +178,17 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
             told = _told(_mean(command, stride), seen, channel, stride * trial.dt, period)
             if swell is not None and told < TOLD:
                 kind = "feedback-dominated"
-        found[axis] = Verdict(axis, kind, moving, follows.explained, told, wave_share, period)
+        way = axis in AXES[:3] and _under_way(seen[channel])
+        found[axis] = Verdict(axis, kind, moving, follows.explained, told, wave_share, period, way)
     return {a: found[a] for a in sorted(found, key=lambda a: (_order(found[a]), AXES.index(a)))}
 
 
 def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehicle) -> dict[str, list[str]]:
     """By dominated axis: those coefficients that only this axis and others like it could tell.
+
+    With a gain held at its true value the damping and lift of the axis come out wrong by factors all the
+    same, for the loop shapes the motion that would tell them. Drag along an axis on which the vehicle keeps
+    its way is told: the mean thrust, with the vehicle file's gain, balances it.
 
     Parameters
     ----------
@@ -188,6 +212,8 @@ def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehic
             }
         else:
             drives = {name[0]}
+            if name in _DRAG and name[0] in verdicts and verdicts[name[0]].under_way:
+                continue
         if drives and drives <= set(dominated):
             found.setdefault(next(axis for axis in dominated if axis in drives), []).append(name)
     return found
@@ -216,6 +242,12 @@ def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
 
 def _order(verdict: Verdict) -> int:
     return ("feedback-dominated", "closed and informative", "open").index(verdict.kind)
+
+
+def _under_way(velocity: Array) -> bool:
+    """Whether the vehicle moves one way all along."""
+    middle = float(np.median(velocity))
+    return abs(middle) > _WAY * 1.4826 * float(np.median(np.abs(velocity - middle)))
 
 
 def _mean(y: Array, stride: int) -> Array:

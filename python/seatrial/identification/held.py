@@ -1,0 +1,118 @@
+"""Coefficients that an identification leaves as they are, because feedback hides them in all of its trials.
+
+Where an autopilot answers waves, a fit finds the controller's inverse (`seatrial.trial.verdict`). What only
+such an axis could tell is not estimated: gains of its actuators, its damping, lift and added mass. One trial
+that tells the axis frees them again. Coefficients that are tied to one that is told follow it.
+
+Held by ``tests/identification/test_held.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from seatrial.campaign.parameters import Parameter, parameters
+from seatrial.estimation.joint import joint_stage
+from seatrial.trial.verdict import Verdict, judge, untold
+from seatrial.trial.waves import waves
+
+if TYPE_CHECKING:
+    from seatrial.campaign.campaign import Campaign
+
+__all__ = ["Held", "comment", "hold_untold", "sentences"]
+
+
+@dataclass(frozen=True)
+class Held:
+    """A coefficient that was to be identified and keeps the value of the vehicle file.
+
+    Attributes
+    ----------
+    name, value, unit
+        Of the coefficient, SI.
+    parameter
+        Its name in the campaign: the coefficient's own, or that of its group.
+    axis
+        Letter of the axis that alone could tell it.
+    why
+        The verdict on that axis, with its evidence.
+    trial
+        Which trial tells it.
+    """
+
+    name: str
+    value: float
+    unit: str
+    parameter: str
+    axis: str
+    why: str
+    trial: str
+
+
+def hold_untold(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
+    """The campaign without what feedback hides in all trials that it fits, and what that is.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Trials whose forces are measured have no commands and tell every axis.
+    """
+    polish = campaign.file.polish
+    names = dict.fromkeys(name for stage in campaign.stages for name in stage.trials)
+    names |= dict.fromkeys(() if polish is None else polish.trials)
+    driven = [campaign.trials[name] for name in names if campaign.input_of(name) == "commands"]
+    if len(driven) < len(names) or all(waves(trial) is None for trial in driven):
+        return campaign, ()
+    verdicts = judge(driven, campaign.vehicle)
+    if not any(verdict.dominated for verdict in verdicts.values()):
+        return campaign, ()
+    freed = {one.name: one for stage in campaign.stages for one in campaign.parameters[stage.name]}
+    if polish is not None:
+        whole = joint_stage(campaign)
+        freed |= {one.name: one for one in parameters(whole, campaign.vehicle, f"{campaign.source}: polish")}
+    members = dict.fromkeys(member for one in freed.values() for member, _ in one.members)
+    axis_of = {
+        name: axis for axis, own in untold(members, verdicts, campaign.vehicle).items() for name in own
+    }
+    chosen = [one for one in freed.values() if all(member in axis_of for member, _ in one.members)]
+    found = tuple(row for one in chosen for row in _rows(campaign, one, axis_of, verdicts))
+    return campaign.without_coefficients({one.name for one in chosen}), found
+
+
+def sentences(held: Sequence[Held]) -> tuple[str, ...]:
+    """Per axis: why it is dominated, what keeps its value, what that means for the rest, what would tell."""
+    found = []
+    for axis in dict.fromkeys(one.axis for one in held):
+        own = [one for one in held if one.axis == axis]
+        kept = ", ".join(dict.fromkeys(one.parameter for one in own))
+        found.append(
+            f"{own[0].why}. Not identified, the vehicle file's values are kept: {kept}. What else acts on"
+            f" this axis is estimated as if they were right; {own[0].trial}"
+        )
+    return tuple(found)
+
+
+def comment(held: Sequence[Held]) -> str:
+    """Comment for the head of the vehicle file; empty where nothing was held."""
+    lines = [
+        f"# {one.name} = {one.value:.6g} {one.unit}: not identified, dominated by feedback ({one.axis})"
+        for one in held
+    ]
+    return "\n".join([*lines, f"# {held[0].trial}", "", ""]) if held else ""
+
+
+def _rows(
+    campaign: Campaign, parameter: Parameter, axis_of: dict[str, str], verdicts: dict[str, Verdict]
+) -> list[Held]:
+    """A row per coefficient that a parameter sets."""
+    values, info = campaign.vehicle.coefficients(), campaign.vehicle.coefficient_info()
+    rows = []
+    for name, _ in parameter.members:
+        verdict = verdicts[axis_of[name]]
+        value = values.get(name, 0.0)
+        rows.append(
+            Held(name, value, info[name]["unit"], parameter.name, verdict.axis, verdict.why, verdict.trial)
+        )
+    return rows
