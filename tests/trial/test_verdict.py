@@ -49,6 +49,8 @@ def sailed(seed: int, *, turns: bool = False, closed: bool = True, waves: float 
         "cmd.rudder_upper": -rudder,
         "cmd.rudder_lower": -rudder,
     }
+    still = ("propeller", "stern_plane_port", "stern_plane_starboard")
+    frame |= {f"cmd.{name}": np.zeros(count) for name in still}
     return Trial.read(frame, align=False, name=f"s{seed}")
 
 

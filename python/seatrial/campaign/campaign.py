@@ -30,6 +30,7 @@ from seatrial.campaign.variants import (
     without_coefficients,
     without_trial,
 )
+from seatrial.trial.ceiling import Unpredictable, unpredictable
 from seatrial.trial.corrections import merged
 from seatrial.trial.sensor_position import refuse_far
 
@@ -107,6 +108,7 @@ class Campaign:
         self._sources, self._data = self._trial_sources(dict(trials or {}))
         self.trials: Mapping[str, Trial] = _Trials(self, self._sources)
         self._parts: dict[tuple[str, bool], Trial | None] = {}
+        self._limits: dict[str, Unpredictable] = {}
         self.stages = in_order(file.stages, source)
         self.parameters: dict[str, tuple[Parameter, ...]] = {
             stage.name: parameters(stage, self.vehicle, self.where(stage)) for stage in self.stages
@@ -404,6 +406,13 @@ class Campaign:
                 dataclasses.replace(whole, valid=whole.valid & mask[:, None]) if mask.any() else None
             )
         return self._parts[key]
+
+    def limits(self) -> dict[str, Unpredictable]:
+        """By trial what no model of the vehicle can predict of it, estimated once."""
+        for name in self.trials:
+            if name not in self._limits:
+                self._limits[name] = unpredictable(self.trials[name], self.vehicle)
+        return dict(self._limits)
 
     def path_of(self, trial: str) -> Path | None:
         """Path of a trial's file, None for a frame.

@@ -17,7 +17,7 @@ from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import TrialError
 from seatrial.campaign.campaign import Campaign
 from seatrial.trial.baselines import Baselines, fit_baselines
-from seatrial.trial.ceiling import Unpredictable, unpredictable
+from seatrial.trial.ceiling import Unpredictable
 from seatrial.trial.score import Score, score
 from seatrial.trial.trial import Trial
 
@@ -61,15 +61,14 @@ def part_scores(
     parts, kinds : sequence of str
         Those that are wanted.
     baselines : bool
-        Whether the baselines are fitted to the training part and judged on the same windows, and the noise
-        and waves of the trials estimated.
+        Whether the baselines are fitted to the training part and judged on the same windows.
     """
     fitted = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
     missing: list[str] = []
     found: dict[str, dict[str, dict[str, Score]]] = {}
     training = _part(campaign, fitted, "fit") if "fit" in parts or baselines else {}
     simple = _baselines(campaign, training) if baselines else None
-    limits = {name: unpredictable(trial) for name, trial in campaign.trials.items()} if baselines else {}
+    limits = campaign.limits()
     for part in parts:
         trials = training if part == "fit" else _part(campaign, list(campaign.trials), part)
         if trials:
@@ -176,6 +175,7 @@ def left_out_score(
         measured=replayed(campaign),
         nuisances={name: dict(shared)},
         training=_baselines(campaign, _part(rest, fitted, "fit")),
+        limits=campaign.limits(),
     )
 
 

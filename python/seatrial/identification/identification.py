@@ -413,7 +413,8 @@ def _prediction(fit: Identification) -> str:
     score = _pooled(fit.scores.get(part, {}).get("ahead", {}))
     r2 = {} if score is None else {name: value for name, value in score.r2.items() if value == value}
     if score is None or not r2:
-        return f"{len(fit.coefficients)} coefficients estimated; nothing could be scored"
+        why = f": {score.blind_words}" if score is not None and score.blind else ""
+        return f"{len(fit.coefficients)} coefficients estimated; nothing could be scored{why}"
     # Positions and angles barely move in ten seconds and score well with any model: velocities tell.
     r2 = {name: value for name, value in r2.items() if name in CHANNELS[:6]} or r2
     best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
@@ -583,16 +584,16 @@ def _held_out_table(fit: Identification) -> Table:
     rows = []
     for channel, score in {} if ahead is None else ahead.items():
         scale, unit = readable(channel)
-        run = free[channel].r2 if free is not None and channel in free else math.nan
+        run = free[channel].text if free is not None and channel in free else ""
         band = ahead.bands.get(channel) if ahead is not None else None
         parts = ("", "") if band is None else (score_text(band.below), score_text(band.at))
         most = limit_text(ahead.ceiling.get(channel)) if ahead is not None else ""
         cells = (
-            score_text(score.r2),
+            score.text,
             most,
             *parts,
-            score_text(run),
-            f"{scale * score.mae:.3g}",
+            run,
+            "" if score.blind else f"{scale * score.mae:.3g}",
             str(score.n),
         )
         rows.append((channel, unit, *cells))
@@ -600,7 +601,11 @@ def _held_out_table(fit: Identification) -> Table:
     trials += _replayed_words(fit)
     head = ("channel", "unit", "R2 10 s ahead", *LIMITS, "R2 free run", "mean error 10 s ahead", "samples")
     return Table.of(
-        f"Held-out data ({trials}; R2 = 1 is perfect, 0 no better than the mean)", head, rows, left=2
+        f"Held-out data ({trials}; R2 = 1 is perfect, 0 no better than the mean)",
+        head,
+        rows,
+        left=2,
+        note="" if ahead is None else ahead.blind_words,
     )
 
 
@@ -674,7 +679,7 @@ def _score_table(fit: Identification) -> Table:
     for part, kinds in fit.scores.items():
         for kind, per_trial in kinds.items():
             for trial, score in per_trial.items():
-                cells = (f"{score.r2[c]:.3f}" if c in score.r2 else "" for c in channels)
+                cells = (score[c].text if c in score else "" for c in channels)
                 rows.append((f"R2 {part.replace('_', ' ')}, {titles[kind]}", trial, *cells))
     title = "Scores of every trial" + _replayed_words(fit)
     return Table.of(title, ("score", "trial", *channels), rows, left=2)

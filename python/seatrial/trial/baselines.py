@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import SeatrialError
+from seatrial.trial.ceiling import Unpredictable, judging
 from seatrial.trial.trial import Input, Trial
 from seatrial.trial.windows import Window, channel_errors, windows
 
@@ -170,7 +171,12 @@ class Baselines:
         """
         return _predicted(self, name, self.read(trial), spans)
 
-    def r2(self, judged: Sequence[Window], channels: Iterable[str]) -> dict[str, dict[str, float]]:
+    def r2(
+        self,
+        judged: Sequence[Window],
+        channels: Iterable[str],
+        limits: Mapping[str, Unpredictable] | None = None,
+    ) -> dict[str, dict[str, float]]:
         """R2 by baseline and channel on the windows of a score, pooled; without what cannot be predicted.
 
         Parameters
@@ -179,6 +185,8 @@ class Baselines:
             Of a score: their simulated motion is not looked at.
         channels : iterable of str
             Those that are velocities of a free axis count.
+        limits : mapping, optional
+            By trial what no model can predict: axes that feedback dominates are not judged.
         """
         wanted = [c for c in channels if c in VELOCITIES and AXES[VELOCITIES.index(c)] in self.free]
         parts = {id(window.trial): [w for w in judged if w.trial is window.trial] for window in judged}
@@ -190,7 +198,8 @@ class Baselines:
                 for own, part in zip(driven, parts.values(), strict=True)
                 for one in _predicted(self, name, own, [(w.start, w.stop) for w in part])
             ]
-            found[name] = {c: value for c in wanted if (value := _r2(c, shown)) == value}
+            rows = {c: _r2(c, judging(c, shown, limits or {})) for c in wanted}
+            found[name] = {c: value for c, value in rows.items() if value == value}
         return {name: row for name, row in found.items() if row}
 
     def to_dict(self) -> dict[str, object]:

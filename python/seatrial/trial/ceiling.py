@@ -31,15 +31,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import CHANNELS, VELOCITIES
+from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.trial.feedback import feedback
+from seatrial.trial.verdict import blind
 from seatrial.trial.waves import commanded, waves
 from seatrial.trial.windows import Window, channel_errors
 
 if TYPE_CHECKING:
+    from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["Band", "Unpredictable", "bands", "ceiling", "unpredictable"]
+__all__ = ["Band", "Unpredictable", "bands", "ceiling", "judging", "unpredictable"]
 
 _NORMAL = 1.4826  # deviation of a normal distribution over its median absolute value
 
@@ -54,12 +56,14 @@ _BELOW = 1.35  # a wave peak begins at its frequency divided by this, as in `sea
 class Unpredictable:
     """Variances by velocity channel, SI: of sensor noise and of motion by waves; period of these, s.
 
-    ``period_s`` is None where no waves are seen.
+    ``period_s`` is None where no waves are seen. ``blind`` has the letters of the axes that feedback
+    dominates: a replay of their commands, which answer waves, without the waves judges no model.
     """
 
     noise: Mapping[str, float]
     wave: Mapping[str, float]
     period_s: float | None
+    blind: str = ""
 
 
 @dataclass(frozen=True)
@@ -70,13 +74,15 @@ class Band:
     at: float
 
 
-def unpredictable(trial: Trial) -> Unpredictable:
+def unpredictable(trial: Trial, vehicle: Vehicle | None = None) -> Unpredictable:
     """What no model of the vehicle can predict of a trial.
 
     Parameters
     ----------
     trial
         As a whole: a part of it may be too short to see its waves.
+    vehicle
+        Says which commands push an axis; without one no axis is called blind.
     """
     noise = {c: _noise(trial, c) for c in trial.channels if c in VELOCITIES}
     found = waves(trial)
@@ -85,7 +91,13 @@ def unpredictable(trial: Trial) -> Unpredictable:
     if found is None:
         return Unpredictable(noise, {}, None)
     wave = {c: 0.5 * a**2 for c, a in found.amplitude.items() if c in VELOCITIES}
-    return Unpredictable(noise, wave, found.period_s)
+    return Unpredictable(noise, wave, found.period_s, "" if vehicle is None else blind(trial, vehicle))
+
+
+def judging(channel: str, judged: Sequence[Window], limits: Mapping[str, Unpredictable]) -> list[Window]:
+    """Windows of those trials on which a replay can judge a model in this channel."""
+    axis = AXES[CHANNELS.index(channel) % 6]
+    return [w for w in judged if (own := limits.get(w.trial.name)) is None or axis not in own.blind]
 
 
 def ceiling(
@@ -102,9 +114,10 @@ def ceiling(
     """
     found = {}
     for channel in channels:
-        away = channel_errors(channel, judged)[1] if channel in VELOCITIES else []
+        windows = judging(channel, judged, limits)
+        away = channel_errors(channel, windows)[1] if channel in VELOCITIES else []
         sst = sum(float(one @ one) for one in away)
-        known = [limits.get(window.trial.name) for window in judged]
+        known = [limits.get(window.trial.name) for window in windows]
         if not sst > 0.0 or any(one is None or channel not in one.noise for one in known):
             continue
         lost = sum(
@@ -123,10 +136,10 @@ def bands(
     from scipy.fft import dct
 
     periods = {name: one.period_s for name, one in limits.items() if one.period_s is not None}
-    wavy = [window for window in judged if window.trial.name in periods]
     found = {}
-    for channel in channels if wavy else ():
-        if channel not in VELOCITIES:
+    for channel in channels:
+        wavy = [w for w in judging(channel, judged, limits) if w.trial.name in periods]
+        if channel not in VELOCITIES or not wavy:
             continue
         sums = np.zeros((2, 2))  # errors and deviations, below and from the waves on
         for window, error, away in zip(wavy, *channel_errors(channel, wavy), strict=True):

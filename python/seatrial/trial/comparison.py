@@ -45,8 +45,9 @@ from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 from seatrial.trial.baselines import fit_baselines, not_beaten
+from seatrial.trial.ceiling import judging, unpredictable
 from seatrial.trial.predictions import Predictions
-from seatrial.trial.score import REPLAYED, Score, kind, score, score_text
+from seatrial.trial.score import Score, kind, score, score_text
 from seatrial.trial.trial import Input, Trial
 from seatrial.trial.windows import Window, channel_errors
 
@@ -115,12 +116,17 @@ class PairedWindows:
 
 
 def window_sums(score: Score, channel: str) -> Array:
-    """Sums (windows, 4) of one channel: squared errors, absolute errors, measured squared, samples; SI."""
-    rows = [
-        (float(error @ error), float(np.abs(error).sum()), float(away @ away), len(error))
-        for error, away in zip(*channel_errors(channel, score.windows), strict=True)
-    ]
-    return np.array(rows, dtype=float).reshape(-1, 4)
+    """Sums (windows, 4) of one channel: squared errors, absolute errors, measured squared, samples; SI.
+
+    Zero for windows of trials that cannot judge the channel.
+    """
+    judged = judging(channel, score.windows, score.limits)
+    rows = np.zeros((len(score.windows), 4))
+    kept = {id(window) for window in judged}
+    told = (place for place, window in enumerate(score.windows) if id(window) in kept)
+    for place, error, away in zip(told, *channel_errors(channel, judged), strict=True):
+        rows[place] = float(error @ error), float(np.abs(error).sum()), float(away @ away), len(error)
+    return rows
 
 
 def ratio(y: Array, x: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
@@ -357,6 +363,9 @@ def compare(
         )
     if not 0.0 < level < 1.0:
         raise TrialError(f"compare: level: expected a probability between 0 and 1, found {level!r}")
+    own = [trials] if isinstance(trials, Trial) else list(trials)
+    model = next((one for one in vehicles.values() if not isinstance(one, Predictions)), None)
+    limits = {one.name: unpredictable(one, model) for one in own}
     scores = {
         name: score(
             vehicle,
@@ -371,15 +380,15 @@ def compare(
             measured=measured,
             own_stamps=own_stamps,
             training=None,
+            limits=limits,
         )
         for name, vehicle in vehicles.items()
     }
     scores = _shared(scores, {n: v for n, v in vehicles.items() if isinstance(v, Predictions)})
     first, *others = scores
-    model = next((one for one in vehicles.values() if not isinstance(one, Predictions)), None)
     learnt = [training] if isinstance(training, Trial) else training
     baselines = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
-    simple = baselines.r2(scores[first].windows, scores[first].channels)
+    simple = baselines.r2(scores[first].windows, scores[first].evidence, limits)
     scores = {name: replace(one, baselines=simple) for name, one in scores.items()}
     # A channel that never moves has no R2, and one that is replayed is no evidence.
     compared = [c for c, one in scores[first].items() if not (np.isnan(one.r2) or one.replayed)]
@@ -521,8 +530,8 @@ def _table(comparison: Comparison) -> Table:
             cells = [
                 channel if name == reference else "",
                 name,
-                REPLAYED if one.replayed else f"{one.r2:.3f}",
-                f"{one.mae * scale:.4g}",
+                one.text,
+                "" if one.blind else f"{one.mae * scale:.4g}",
                 unit,
             ]
             if (own := differences[name].get(channel)) is not None:

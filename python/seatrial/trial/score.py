@@ -24,7 +24,7 @@ from seatrial.base.channels import AXES, CHANNELS, readable
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.trial.baselines import Baselines, fit_baselines, not_beaten
-from seatrial.trial.ceiling import Band, Unpredictable, bands, ceiling, unpredictable
+from seatrial.trial.ceiling import Band, Unpredictable, bands, ceiling, judging, unpredictable
 from seatrial.trial.predictions import Predictions
 from seatrial.trial.trial import Input, Trial
 from seatrial.trial.windows import Window, channel_errors, predict, windows
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 __all__ = [
+    "BLIND",
     "LIMITS",
     "REPLAYED",
     "ChannelScore",
@@ -48,12 +49,16 @@ __all__ = [
 REPLAYED = "replayed"
 """What a table shows in place of the R2 of a channel whose axis follows the recording."""
 
+BLIND = "feedback"
+"""What a table shows in place of the R2 of a channel whose axis feedback dominates."""
+
 
 @dataclass(frozen=True)
 class ChannelScore:
     """Score of one channel: R2, mean absolute and root mean square error in SI, number of samples.
 
-    Of a ``replayed`` channel they say nothing of the vehicle: its axis follows the recording.
+    Of a ``replayed`` channel they say nothing of the vehicle: its axis follows the recording. A ``blind``
+    channel has none (NaN, no samples): feedback dominates its axis in all of the trials.
     """
 
     r2: float
@@ -61,6 +66,12 @@ class ChannelScore:
     rmse: float
     n: int
     replayed: bool = False
+    blind: bool = False
+
+    @property
+    def text(self) -> str:
+        """R2 in three decimals, or why there is none."""
+        return BLIND if self.blind else REPLAYED if self.replayed else score_text(self.r2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +131,30 @@ class Score(Mapping[str, ChannelScore]):
 
     @property
     def evidence(self) -> dict[str, float]:
-        """R2 by channel, without replayed ones: those say nothing of the model."""
-        return {name: channel.r2 for name, channel in self.channels.items() if not channel.replayed}
+        """R2 by channel, without replayed and blind ones: those say nothing of the model."""
+        return {n: one.r2 for n, one in self.channels.items() if not (one.replayed or one.blind)}
+
+    @property
+    def blind(self) -> dict[str, tuple[str, ...]]:
+        """By channel: trials on which it is not judged, because feedback dominates its axis."""
+        names = {c: [n for n in self.trials if not self._judges(c, n)] for c in self.channels}
+        return {channel: tuple(own) for channel, own in names.items() if own}
+
+    def _judges(self, channel: str, trial: str) -> bool:
+        known = self.limits.get(trial)
+        return known is None or AXES[CHANNELS.index(channel) % 6] not in known.blind
+
+    @property
+    def blind_words(self) -> str:
+        """A sentence on the channels that are not judged; empty where all are."""
+        told: dict[tuple[str, ...], list[str]] = {}
+        for channel, names in self.blind.items():
+            told.setdefault(names, []).append(channel)
+        return "; ".join(
+            f"{', '.join(channels)} not scored in {', '.join(names)}: feedback dominates, and a replay of"
+            " commands that answer waves, without the waves, judges no model"
+            for names, channels in told.items()
+        )
 
     @property
     def mae(self) -> dict[str, float]:
@@ -154,7 +187,7 @@ class Score(Mapping[str, ChannelScore]):
             )
         windows = tuple(window for window, keep in zip(self.windows, kept, strict=True) if keep)
         table = {
-            name: replace(_channel_score(name, windows), replayed=one.replayed)
+            name: replace(_channel_score(name, windows, self.limits), replayed=one.replayed)
             for name, one in self.channels.items()
             if name in channels
         }
@@ -173,6 +206,7 @@ class Score(Mapping[str, ChannelScore]):
             "baselines": {name: dict(row) for name, row in self.baselines.items()},
             "ceiling": self.ceiling,
             "bands": {name: asdict(band) for name, band in self.bands.items()},
+            "blind": {name: list(trials) for name, trials in self.blind.items()},
         }
 
     def __repr__(self) -> str:
@@ -190,11 +224,12 @@ class Score(Mapping[str, ChannelScore]):
         for name, channel in self.items():
             scale, unit = readable(name)
             errors = (f"{scale * channel.mae:.4g}", f"{scale * channel.rmse:.4g}")
-            r2 = REPLAYED if channel.replayed else f"{channel.r2:.3f}"
-            most = "" if channel.replayed else limit_text(self.ceiling.get(name))
+            most = limit_text(self.ceiling.get(name))
             band = self.bands.get(name)
             parts = ("", "") if band is None else (score_text(band.below), score_text(band.at))
-            rows.append((name, r2, most, *parts, *errors, unit, str(channel.n)))
+            if channel.blind:
+                errors = ("", "")
+            rows.append((name, channel.text, most, *parts, *errors, unit, str(channel.n)))
         unit_column = Column("unit", align="left")
         head: list[str | Column] = ["channel", "R2", *LIMITS, "MAE", "RMSE", unit_column, "samples"]
         trials = ", ".join(self.trials)
@@ -206,7 +241,9 @@ class Score(Mapping[str, ChannelScore]):
             good=good,
             worst=worst,
             next_step=next_step,
-            sections=(Section(tables=(Table.of(title, head, rows), baseline_table(self))),),
+            sections=(
+                Section(tables=(Table.of(title, head, rows, note=self.blind_words), baseline_table(self))),
+            ),
         )
 
     def __str__(self) -> str:
@@ -261,8 +298,11 @@ def _verdict(score: Score) -> tuple[str, str, str]:
     diverged = [name for name in score.channels if np.isposinf(score.mae[name])]
     ahead = f"{score.ahead_s:g} s ahead" if np.isfinite(score.ahead_s) else "in a free run"
     if not r2:
+        good = f"no channel of {', '.join(score.trials)} could be scored {ahead}"
+        if score.blind:
+            return good, score.blind_words, _TELLING
         return (
-            f"no channel of {', '.join(score.trials)} could be scored {ahead}",
+            good,
             (f"the simulation diverges in {', '.join(diverged)}" if diverged else "no channel moves"),
             "check the vehicle (seatrial check) and the commands of the trial",
         )
@@ -275,10 +315,17 @@ def _verdict(score: Score) -> tuple[str, str, str]:
     if simpler := not_beaten(score.evidence, score.baselines):
         good = f"Does not beat a baseline in {simpler}. It {good}"
     worst = f"{least}: mean error {scale * score.mae[least]:.3g} {unit}, R2 {r2[least]:.3f}"
+    if score.blind:
+        return good, score.blind_words, _TELLING
     if r2[least] < _POOR:
         return good, worst, f"identify with trials that excite {least}, or compare vehicles with --against"
     return good, worst, "compare with another vehicle (--against) or go on to tune the autopilot"
 
+
+_TELLING = (
+    "judge these axes on a trial with preset steps or a dither on top of the autopilot (seatrial plan with"
+    " the campaign of this log)"
+)
 
 _POOR = 0.8  # R2 below which a channel is worth another identification
 
@@ -328,7 +375,7 @@ def score(
     training
         Trials that the vehicle was identified from: the baselines are fitted to them, and judged on the same
         windows as the vehicle. Without any, only "hold last" is judged; None judges no baseline
-        and estimates no ceiling.
+        and estimates no ceiling, and no axis counts as dominated by feedback unless ``limits`` say so.
     limits
         What no model can predict, by name of the trial, where it is known already.
 
@@ -369,11 +416,17 @@ def score(
         own = (nuisances or {}).get(one.name)
         simulated += predict(vehicle, one, spans, input=input, free=free, measured=measured, nuisance=own)
     simulated = [replace(window, own_stamps=own_stamps) for window in simulated]
+    if limits is None:
+        model = None if isinstance(vehicle, Predictions) else vehicle
+        limits = {} if training is None else {one.name: unpredictable(one, model) for one in trials}
     table = {
-        name: replace(_channel_score(name, simulated), replayed=AXES[CHANNELS.index(name) % 6] in measured)
+        name: replace(
+            _channel_score(name, simulated, limits), replayed=AXES[CHANNELS.index(name) % 6] in measured
+        )
         for name in names
     }
-    found = Score(table, tuple(one.name for one in trials), ahead, shifted, skipped, tuple(simulated))
+    judged = tuple(one.name for one in trials)
+    found = Score(table, judged, ahead, shifted, skipped, tuple(simulated), limits=limits)
     if isinstance(vehicle, Predictions):
         predicted = [name for name in names if name in vehicle.channels]
         found = found.only(covered(found, predicted), predicted, vehicle.source)
@@ -383,8 +436,7 @@ def score(
         model = None if isinstance(vehicle, Predictions) else vehicle
         learnt = [training] if isinstance(training, Trial) else training
         training = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
-    limits = {one.name: unpredictable(one) for one in trials} if limits is None else limits
-    return replace(found, baselines=training.r2(found.windows, found.channels), limits=limits)
+    return replace(found, baselines=training.r2(found.windows, found.evidence, limits))
 
 
 def covered(found: Score, channels: Sequence[str]) -> Mask:
@@ -414,9 +466,14 @@ def kind(score: Score) -> str:
     return f"{score.ahead_s:g} s ahead, {words}" if np.isfinite(score.ahead_s) else f"free run, {words}"
 
 
-def _channel_score(name: str, simulated: Sequence[Window]) -> ChannelScore:
-    """Score over the samples that count, pooled over the windows."""
-    error, deviation = (np.concatenate([np.zeros(0), *one]) for one in channel_errors(name, simulated))
+def _channel_score(
+    name: str, simulated: Sequence[Window], limits: Mapping[str, Unpredictable]
+) -> ChannelScore:
+    """Score over the samples that count, pooled over the windows of trials that can judge."""
+    windows = judging(name, simulated, limits)
+    if simulated and not windows:
+        return ChannelScore(np.nan, np.nan, np.nan, 0, blind=True)
+    error, deviation = (np.concatenate([np.zeros(0), *one]) for one in channel_errors(name, windows))
     n = len(error)
     if n == 0:
         return ChannelScore(np.nan, np.nan, np.nan, 0)

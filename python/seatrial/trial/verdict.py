@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["TOLD", "Verdict", "judge", "judge_trial", "pushed_by", "untold"]
+__all__ = ["TOLD", "Verdict", "blind", "judge", "judge_trial", "pushed_by", "untold"]
 
 TOLD = 0.25
 """Share of the velocity's variance from which the exogenous command tells the vehicle."""
@@ -181,6 +181,17 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
         way = axis in AXES[:3] and _under_way(seen[channel])
         found[axis] = Verdict(axis, kind, moving, follows.explained, told, wave_share, period, way)
     return {a: found[a] for a in sorted(found, key=lambda a: (_order(found[a]), AXES.index(a)))}
+
+
+def blind(trial: Trial, vehicle: Vehicle) -> str:
+    """Letters of the axes on which a replay of a trial's commands judges no model: dominated by feedback.
+
+    Sway and heave that no command pushes ride on yaw and pitch, and are blind where these are.
+    """
+    verdicts = judge_trial(trial, vehicle)
+    found = {axis for axis, verdict in verdicts.items() if verdict.dominated}
+    found |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in found and axis not in verdicts}
+    return "".join(axis for axis in AXES if axis in found)
 
 
 def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehicle) -> dict[str, list[str]]:

@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial.base.channels import CHANNELS
+from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import SimulationError
 from seatrial.base.progress import Clock
 from seatrial.identification.fitted import Fitted
 from seatrial.trial.trial import Trial
+from seatrial.trial.verdict import blind
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
@@ -98,6 +99,9 @@ def judge_model(
         The reference cannot be used.
     """
     count = len(windows.spans)
+    if not windows.channels:
+        reason = "Feedback dominates every axis of the log: no channel of it can judge a model."
+        return ModelJudgement(_QUIET, reason)
     if not all(np.isfinite(one).all() for one in windows.predicted):
         reason = "The prediction diverges: the model cannot be this vehicle's, or its step is too long."
         return ModelJudgement("re-identify", reason)
@@ -261,8 +265,15 @@ def judge_log(
     clock = Clock()
     known = Fitted.of(fitted)
     record = _log(log)
+    hidden = blind(record.trial, known.vehicle)
     windows = restarts(
-        known.vehicle, record.trial, ahead_s=ahead_s, start_s=start_s, stop_s=stop_s, input=input
+        known.vehicle,
+        record.trial,
+        ahead_s=ahead_s,
+        start_s=start_s,
+        stop_s=stop_s,
+        input=input,
+        blind=hidden,
     )
     flown = _loaded(mission)
     metrics = log_metrics(record, flown, known.vehicle, obstacles=obstacles)
@@ -291,7 +302,7 @@ def judge_log(
     return LogVerdict(
         log=record,
         model=judged.model,
-        reason=judged.reason,
+        reason=judged.reason + _hidden(hidden, record.trial),
         validity=judged.validity,
         suspects=judged.suspects,
         detectable=judged.detectable,
@@ -305,6 +316,18 @@ def judge_log(
         autopilot=pilot,
         mission=flown,
         clock=clock.stop(),
+    )
+
+
+def _hidden(axes: str, trial: Trial) -> str:
+    """A sentence on the channels that do not judge the model."""
+    own = [name for place, name in enumerate(CHANNELS) if AXES[place % 6] in axes and name in trial.channels]
+    if not own:
+        return ""
+    return (
+        f" Not judged: {', '.join(own)}, for feedback dominates them (commands answer waves that the model"
+        " does not feel); log preset steps, or a dither on top of the autopilot (seatrial plan with a"
+        " campaign of this log)."
     )
 
 

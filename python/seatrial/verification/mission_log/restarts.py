@@ -22,7 +22,7 @@ import numpy as np
 
 from seatrial._core import initial_names
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.channels import CHANNELS
+from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import TrialError
 from seatrial.trial.record import Record, Replay, restarted
 from seatrial.trial.trial import Input
@@ -154,6 +154,7 @@ def restarts(
     start_s: float | None = None,
     stop_s: float | None = None,
     input: Input | None = None,
+    blind: str = "",
 ) -> PredictedLog:
     """Windows of a log and what a vehicle predicts in them.
 
@@ -167,6 +168,8 @@ def restarts(
         Part of the log, in its own time; all of it when omitted.
     input : str, optional
         What drives the vehicle; the first that is recorded when omitted.
+    blind : str, optional
+        Letters of the axes whose channels do not count, for they judge no model (`seatrial.trial.verdict`).
 
     Raises
     ------
@@ -198,6 +201,7 @@ def restarts(
     counted = trial.valid.copy()
     counted[steep, 9] = False
     counted[steep, 11] = False
+    counted[:, [place for place in range(len(CHANNELS)) if AXES[place % 6] in blind]] = False
     replay = Replay(
         vehicle,
         (Record(trial, chosen, counted),),
