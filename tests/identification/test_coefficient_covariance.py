@@ -26,9 +26,11 @@ def joint(
     bench: Any = None,
     warning: str | None = None,
     held: tuple[Held, ...] = (),
+    names: tuple[str, str] = ("X_uu", "Y_vv"),
+    at_bound: tuple[str | None, ...] = (None, None),
 ) -> SimpleNamespace:
     """What of an identification counts: two parameters, X_uu and Y_vv, with bounds 40 and 400 wide."""
-    names, widths = ("X_uu", "Y_vv"), (40.0, 400.0)
+    widths = (40.0, 400.0)
     matrix = np.array(covariance, float)
     parameters = tuple(
         Parameter(name, ((name, 1.0),), "N s2/m2", -10.0, -width, 0.0, False)
@@ -38,6 +40,7 @@ def joint(
         parameters=parameters,
         uncertainty=SimpleNamespace(
             names=names,
+            at_bound=at_bound,
             covariance=matrix,
             sigma=np.sqrt(np.diag(matrix)) if sigma is None else np.array(sigma),
         ),
@@ -68,6 +71,14 @@ def test_what_the_data_tell_is_left_as_it_is() -> None:
     known = covariance_of(joint([[4.0, 3.0], [3.0, 100.0]]))
     np.testing.assert_allclose(known.matrix, [[4.0, 3.0], [3.0, 100.0]], rtol=1e-12)
     assert known.notes == ()
+
+
+def test_a_gain_at_its_bound_varies_inside_its_bounds_and_damping_at_zero_does_not() -> None:
+    known = covariance_of(
+        joint([[4.0, 0.0], [0.0, 1.0]], names=("X_u", "SbL.gain"), at_bound=("upper", "lower"))
+    )
+    np.testing.assert_allclose(np.diag(known.matrix), [4.0, 400.0**2 / 12.0], rtol=1e-12)
+    assert "SbL.gain: the data tell less than the campaign's bounds" in known.notes[0]
 
 
 def test_notes_say_what_no_draw_contains() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -140,7 +141,14 @@ def test_bound_that_was_hit_is_said(campaign: Callable[..., Campaign]) -> None:
     rows = {row.name: row for row in fit.coefficients}
     assert rows["X_uu"].at_bound == "lower"
     assert rows["X_udot"].at_bound is None
-    assert "X_uu lies at its lower bound" in fit.summary()
+    assert "X_uu is not identified, it ended at its lower bound" in fit.summary()
+    assert (rows["X_uu"].verdict, rows["X_uu"].sigma, rows["X_uu"].interval) == (
+        "not identifiable",
+        math.inf,
+        None,
+    )
+    assert rows["X_udot"].sigma is not None
+    assert math.isfinite(rows["X_udot"].sigma)
 
 
 def test_run_directory_holds_the_results(campaign: Callable[..., Campaign], tmp_path: Path) -> None:

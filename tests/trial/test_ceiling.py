@@ -52,7 +52,7 @@ def test_law_white_noise_is_found_beside_the_motion(slow: bool) -> None:
             own[channel] = trial.t[good], trial.observed[good, k]
             filled[:, k] = np.interp(trial.t, *own[channel])
         trial = replace(trial, observed=filled, valid=np.isfinite(filled), samples=own)
-    limits = unpredictable(trial)
+    limits = unpredictable(trial, {})
     # Straight lines over three samples keep (1 + 5/9 + 5/9) / 3 of the variance.
     expected = 0.02**2 * (19.0 / 27.0 if slow else 1.0)
     for channel in ("u", "w"):

@@ -10,7 +10,7 @@ import pytest
 from seatrial.trial.comparison import compare
 from seatrial.trial.score import score
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import blind
+from seatrial.trial.verdict import blind, judge_trial
 from seatrial.verification.mission_log.verify_log import verify_log
 from tests.trial.test_verdict import VEHICLE, sailed
 
@@ -24,8 +24,8 @@ def trials() -> tuple[Trial, Trial]:
 
 def test_sway_rides_on_yaw() -> None:
     dominated, steps = trials()
-    assert blind(dominated, VEHICLE) == "YN"
-    assert blind(steps, VEHICLE) == ""
+    assert blind(judge_trial(dominated, VEHICLE)) == "YN"
+    assert blind(judge_trial(steps, VEHICLE)) == ""
 
 
 def test_a_dominated_axis_has_no_score_and_heads_no_report() -> None:

@@ -69,6 +69,16 @@ def test_constant_set_points_in_waves_are_dominated_and_turns_are_not(seed: int)
     assert informative.told > 0.5
 
 
+def test_a_command_that_tells_nothing_is_dominated_where_no_waves_are_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("seatrial.trial.verdict.waves", lambda trial: None)
+    found = yaw(sailed(3))
+    assert found.kind == "feedback-dominated"
+    assert "follow the motion itself" in found.sentence
+    assert yaw(sailed(0, turns=True)).kind == "closed and informative"
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_preset_steps_are_open_in_any_waves(seed: int) -> None:
     assert yaw(sailed(seed, closed=False, waves=0.02 * seed)).kind == "open"

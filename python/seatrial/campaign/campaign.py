@@ -33,6 +33,7 @@ from seatrial.campaign.variants import (
 from seatrial.trial.ceiling import Unpredictable, unpredictable
 from seatrial.trial.corrections import merged
 from seatrial.trial.sensor_position import refuse_far
+from seatrial.trial.verdict import Verdict, judge_trial
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -109,6 +110,7 @@ class Campaign:
         self.trials: Mapping[str, Trial] = _Trials(self, self._sources)
         self._parts: dict[tuple[str, bool], Trial | None] = {}
         self._limits: dict[str, Unpredictable] = {}
+        self._verdicts: dict[str, dict[str, Verdict]] = {}
         self.stages = in_order(file.stages, source)
         self.parameters: dict[str, tuple[Parameter, ...]] = {
             stage.name: parameters(stage, self.vehicle, self.where(stage)) for stage in self.stages
@@ -259,6 +261,7 @@ class Campaign:
             progress=self.progress,
         )
         other.trials = {trial: self.trials[trial] for trial in self.trials if trial != name}
+        other._verdicts = self._verdicts
         return other, lost
 
     def without_coefficients(self, names: Collection[str]) -> Campaign:
@@ -294,6 +297,7 @@ class Campaign:
             progress=self.progress,
         )
         other.trials = self.trials
+        other._verdicts = self._verdicts
         return other
 
     @property
@@ -407,11 +411,17 @@ class Campaign:
             )
         return self._parts[key]
 
+    def verdicts(self, trial: str) -> dict[str, Verdict]:
+        """By axis whether a trial tells how it answers its commands, judged once."""
+        if trial not in self._verdicts:
+            self._verdicts[trial] = judge_trial(self.trials[trial], self.vehicle)
+        return self._verdicts[trial]
+
     def limits(self) -> dict[str, Unpredictable]:
         """By trial what no model of the vehicle can predict of it, estimated once."""
         for name in self.trials:
             if name not in self._limits:
-                self._limits[name] = unpredictable(self.trials[name], self.vehicle)
+                self._limits[name] = unpredictable(self.trials[name], self.verdicts(name))
         return dict(self._limits)
 
     def path_of(self, trial: str) -> Path | None:

@@ -18,7 +18,6 @@ from typing import Literal
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import Polish
 from seatrial.trial.instability import runs_away
-from seatrial.trial.verdict import judge_trial
 from seatrial.trial.waves import waves
 
 __all__ = ["ByItself", "Method", "method_of"]
@@ -59,7 +58,7 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
         swell = waves(trial)
         if swell is None:
             continue
-        closed = [v for v in judge_trial(trial, campaign.vehicle).values() if v.kind != "open"]
+        closed = [v for v in campaign.verdicts(name).values() if v.kind != "open"]
         if closed:
             commands = ", ".join(dict.fromkeys(command for one in closed for command in one.commands))
             seen = f"in trial {name} {commands} answer measurements, in waves of {swell.period_s:.1f} s"

@@ -185,7 +185,13 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     places = [uncertainty.names.index(name) for name in known]
     width = np.array([parameter.upper - parameter.lower for parameter in assessment.parameters])
     scaled = uncertainty.covariance[np.ix_(places, places)] / np.outer(width, width)
-    absent = ~np.isfinite(uncertainty.sigma[places])
+    # An actuator's gain at its bound is not known, however stiff the fit without bounds is there; damping
+    # that is zero at its bound is.
+    ended = [
+        uncertainty.at_bound[place] is not None and "." in name
+        for place, name in zip(places, known, strict=True)
+    ]
+    absent = ~np.isfinite(uncertainty.sigma[places]) | np.array(ended, dtype=bool)
     silent = _silent(
         told.singular_values, told.vectors[:, [told.names.index(name) for name in known]], absent
     )

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 from seatrial.campaign.parameters import Parameter, parameters
 from seatrial.estimation.joint import joint_stage
-from seatrial.trial.verdict import Verdict, judge, untold
-from seatrial.trial.waves import waves
+from seatrial.trial.verdict import Verdict, best, untold
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -62,10 +61,9 @@ def hold_untold(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
     polish = campaign.file.polish
     names = dict.fromkeys(name for stage in campaign.stages for name in stage.trials)
     names |= dict.fromkeys(() if polish is None else polish.trials)
-    driven = [campaign.trials[name] for name in names if campaign.input_of(name) == "commands"]
-    if len(driven) < len(names) or all(waves(trial) is None for trial in driven):
+    if any(campaign.input_of(name) != "commands" for name in names):
         return campaign, ()
-    verdicts = judge(driven, campaign.vehicle)
+    verdicts = best(campaign.verdicts(name) for name in names)
     if not any(verdict.dominated for verdict in verdicts.values()):
         return campaign, ()
     freed = {one.name: one for stage in campaign.stages for one in campaign.parameters[stage.name]}

@@ -45,7 +45,8 @@ class Estimate:
 
     ``at_bound`` is "lower" or "upper" where the estimate lies within 0.5 % of the box at a bound, else None.
     ``sigma`` is its standard deviation, ``interval`` the 95 % interval, ``verdict`` "identifiable", "weak" or
-    "not identifiable"; None where the coefficient is not in the joint estimate.
+    "not identifiable"; None where the coefficient is not in the joint estimate. What ended at a bound is not
+    identified: the deviation of the fit without bounds says nothing there, ``sigma`` is infinite.
     """
 
     name: str
@@ -328,7 +329,7 @@ def _rows(
         elif parameter.upper - value < near:
             at_bound = "upper" if factor > 0 else "lower"
         interval = None
-        if known is not None:
+        if known is not None and at_bound is None:
             ends = sorted((factor * known["lower"], factor * known["upper"]))
             interval = (ends[0], ends[1])
         rows[member] = Estimate(
@@ -341,9 +342,9 @@ def _rows(
             at_bound=at_bound,
             stage=stage,
             parameter=parameter.name,
-            sigma=None if known is None else abs(factor) * known["sigma"],
+            sigma=None if known is None else math.inf if at_bound else abs(factor) * known["sigma"],
             interval=interval,
-            verdict=None if known is None else known["verdict"],
+            verdict="not identifiable" if at_bound else None if known is None else known["verdict"],
         )
     return rows
 
@@ -458,7 +459,7 @@ def _worst(fit: Identification) -> tuple[str, str]:
         names = ", ".join(
             f"{row.name} ({row.at_bound} bound {row.estimate:.4g} {row.unit})" for row in bounds
         )
-        return f"the search stopped at a bound of {names}", (
+        return f"not identified, ended at a bound: {names}", (
             "widen the bounds of these coefficients in the campaign if the values are plausible; otherwise"
             " hold them, the data do not determine them"
         )
@@ -704,8 +705,8 @@ def distinct(fit: Identification) -> tuple[Estimate, ...]:
 def advice(fit: Identification) -> list[str]:
     """Sentences: bounds that were hit, what the data cannot tell, what the model lacks, what did not run."""
     lines = [
-        f"{row.name} lies at its {row.at_bound} bound: widen it if the value makes sense; otherwise the data"
-        " cannot tell this coefficient"
+        f"{row.name} is not identified, it ended at its {row.at_bound} bound: widen it if the value makes"
+        " sense; otherwise the data cannot tell this coefficient"
         for row in distinct(fit)
         if row.at_bound
     ]

@@ -33,12 +33,11 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.trial.feedback import feedback
-from seatrial.trial.verdict import blind
+from seatrial.trial.verdict import Verdict, blind
 from seatrial.trial.waves import commanded, waves
 from seatrial.trial.windows import Window, channel_errors
 
 if TYPE_CHECKING:
-    from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
 __all__ = ["Band", "Unpredictable", "bands", "ceiling", "judging", "unpredictable"]
@@ -74,24 +73,24 @@ class Band:
     at: float
 
 
-def unpredictable(trial: Trial, vehicle: Vehicle | None = None) -> Unpredictable:
+def unpredictable(trial: Trial, verdicts: Mapping[str, Verdict]) -> Unpredictable:
     """What no model of the vehicle can predict of a trial.
 
     Parameters
     ----------
     trial
         As a whole: a part of it may be too short to see its waves.
-    vehicle
-        Says which commands push an axis; without one no axis is called blind.
+    verdicts
+        Of `seatrial.trial.verdict.judge_trial` on it; empty without a vehicle.
     """
     noise = {c: _noise(trial, c) for c in trial.channels if c in VELOCITIES}
     found = waves(trial)
     if found is not None and commanded(trial, found) and not any(one.closed for one in feedback(trial)):
         found = None
     if found is None:
-        return Unpredictable(noise, {}, None)
+        return Unpredictable(noise, {}, None, blind(verdicts))
     wave = {c: 0.5 * a**2 for c, a in found.amplitude.items() if c in VELOCITIES}
-    return Unpredictable(noise, wave, found.period_s, "" if vehicle is None else blind(trial, vehicle))
+    return Unpredictable(noise, wave, found.period_s, blind(verdicts))
 
 
 def judging(channel: str, judged: Sequence[Window], limits: Mapping[str, Unpredictable]) -> list[Window]:

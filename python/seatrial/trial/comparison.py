@@ -45,9 +45,9 @@ from seatrial.base.errors import TrialError
 from seatrial.base.report import Report, Section, Table
 from seatrial.statistics.autocorrelation import lag_one_correlation, variance_inflation
 from seatrial.trial.baselines import fit_baselines, not_beaten
-from seatrial.trial.ceiling import judging, unpredictable
+from seatrial.trial.ceiling import judging
 from seatrial.trial.predictions import Predictions
-from seatrial.trial.score import Score, kind, score, score_text
+from seatrial.trial.score import Score, kind, limits_of, score, score_text
 from seatrial.trial.trial import Input, Trial
 from seatrial.trial.windows import Window, channel_errors
 
@@ -365,7 +365,7 @@ def compare(
         raise TrialError(f"compare: level: expected a probability between 0 and 1, found {level!r}")
     own = [trials] if isinstance(trials, Trial) else list(trials)
     model = next((one for one in vehicles.values() if not isinstance(one, Predictions)), None)
-    limits = {one.name: unpredictable(one, model) for one in own}
+    limits = limits_of(own, model)
     scores = {
         name: score(
             vehicle,

@@ -25,7 +25,7 @@ from seatrial.base.channels import CHANNELS
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
-__all__ = ["Feedback", "explained", "feedback", "unforetold"]
+__all__ = ["LEAST_S", "Feedback", "explained", "feedback", "unforetold"]
 
 _CLOSED = 0.2  # part of the variance that measurements explain of what the past does not
 _LAGS = 6
@@ -36,6 +36,9 @@ _RATE_HZ = 10.0  # of the slope
 _MEAN_S = 0.4  # of the autoregressions
 _LONGEST_LAG_S = 2.0
 _FEWEST = 200
+LEAST_S = _FEWEST * _MEAN_S
+"""Length of a trial below which no loop is seen, s."""
+
 _AT_THE_END = 0.01  # of the command's range
 _OUTLIER = 3.0  # robust deviations
 _TALL = 4.0  # deviations of a regressor

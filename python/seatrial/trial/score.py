@@ -25,8 +25,10 @@ from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.trial.baselines import Baselines, fit_baselines, not_beaten
 from seatrial.trial.ceiling import Band, Unpredictable, bands, ceiling, judging, unpredictable
+from seatrial.trial.feedback import LEAST_S
 from seatrial.trial.predictions import Predictions
 from seatrial.trial.trial import Input, Trial
+from seatrial.trial.verdict import judge_trial
 from seatrial.trial.windows import Window, channel_errors, predict, windows
 
 if TYPE_CHECKING:
@@ -42,6 +44,7 @@ __all__ = [
     "covered",
     "kind",
     "limit_text",
+    "limits_of",
     "score",
     "score_text",
 ]
@@ -418,7 +421,7 @@ def score(
     simulated = [replace(window, own_stamps=own_stamps) for window in simulated]
     if limits is None:
         model = None if isinstance(vehicle, Predictions) else vehicle
-        limits = {} if training is None else {one.name: unpredictable(one, model) for one in trials}
+        limits = {} if training is None else limits_of(trials, model)
     table = {
         name: replace(
             _channel_score(name, simulated, limits), replayed=AXES[CHANNELS.index(name) % 6] in measured
@@ -437,6 +440,17 @@ def score(
         learnt = [training] if isinstance(training, Trial) else training
         training = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
     return replace(found, baselines=training.r2(found.windows, found.evidence, limits))
+
+
+def limits_of(trials: Sequence[Trial], vehicle: Vehicle | None) -> dict[str, Unpredictable]:
+    """By trial what no model can predict; without a vehicle no axis counts as dominated by feedback."""
+    found = {}
+    for one in trials:
+        long = bool(one.commands) and len(one) * one.dt >= LEAST_S
+        found[one.name] = unpredictable(
+            one, judge_trial(one, vehicle) if vehicle is not None and long else {}
+        )
+    return found
 
 
 def covered(found: Score, channels: Sequence[str]) -> Mask:

@@ -14,8 +14,9 @@ The part of the velocity's whole variance that the second explains, on blocks of
 the share that the exogenous command drives. Below `TOLD` of a closed loop in waves the axis is dominated by
 feedback. Regressions are robust: a set point's step is an outlier of the first and must not bend it.
 
-An axis without a command, with an open loop or without waves is never dominated. Held by
-``tests/trial/test_verdict.py``; derivation and limits: ``docs/theory/feedback.md``.
+An axis without a command or with an open loop is never dominated. Where no waves are seen the share is less
+sure, for answers to steps of a set point are less linear than those to waves: there only a share below
+`NOTHING` counts. Held by ``tests/trial/test_verdict.py``; derivation and limits: ``docs/theory/feedback.md``.
 """
 
 from __future__ import annotations
@@ -37,10 +38,13 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["TOLD", "Verdict", "blind", "judge", "judge_trial", "pushed_by", "untold"]
+__all__ = ["NOTHING", "TOLD", "Verdict", "best", "blind", "judge", "judge_trial", "pushed_by", "untold"]
 
 TOLD = 0.25
 """Share of the velocity's variance from which the exogenous command tells the vehicle."""
+
+NOTHING = 0.05
+"""Share below which it does not, whether or not waves were seen."""
 
 _DRAG = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww")
 _TRIAL = (
@@ -124,10 +128,10 @@ class Verdict:
         if self.kind == "closed and informative":
             waves = "" if math.isfinite(self.wave_period_s) else ", and no waves were seen"
             return f"{who} is closed and informative: what no measurement foretells drives {told}{waves}"
+        by = f"by waves of {self.wave_period_s:.1f} s" if math.isfinite(self.wave_period_s) else "itself"
         return (
-            f"{who} is dominated by feedback: {', '.join(self.commands)} follow the motion by waves of"
-            f" {self.wave_period_s:.1f} s, and what no measurement foretells drives only {told}; this log"
-            " cannot tell how the axis answers them"
+            f"{who} is dominated by feedback: {', '.join(self.commands)} follow the motion {by}, and what no"
+            f" measurement foretells drives only {told}; this log cannot tell how the axis answers them"
         )
 
 
@@ -141,14 +145,19 @@ def judge(trials: Sequence[Trial], vehicle: Vehicle) -> dict[str, Verdict]:
     vehicle
         Says which axis an actuator pushes, and with which sign.
     """
-    best: dict[str, Verdict] = {}
-    for trial in trials:
-        for axis, verdict in judge_trial(trial, vehicle).items():
-            kept = best.get(axis)
+    return best([judge_trial(trial, vehicle) for trial in trials])
+
+
+def best(judged: Iterable[Mapping[str, Verdict]]) -> dict[str, Verdict]:
+    """The best verdict per axis of several trials, the worst axis first."""
+    found: dict[str, Verdict] = {}
+    for verdicts in judged:
+        for axis, verdict in verdicts.items():
+            kept = found.get(axis)
             if kept is None or _order(verdict) > _order(kept):
-                best[axis] = verdict
+                found[axis] = verdict
     return {
-        axis: best[axis] for axis in sorted(best, key=lambda axis: (_order(best[axis]), AXES.index(axis)))
+        axis: found[axis] for axis in sorted(found, key=lambda axis: (_order(found[axis]), AXES.index(axis)))
     }
 
 
@@ -176,19 +185,23 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
         kind: Kind = "closed and informative" if closed else "open"
         if closed:
             told = _told(_mean(command, stride), seen, channel, stride * trial.dt, period)
-            if swell is not None and told < TOLD:
+            if told < (NOTHING if swell is None else TOLD):
                 kind = "feedback-dominated"
         way = axis in AXES[:3] and _under_way(seen[channel])
         found[axis] = Verdict(axis, kind, moving, follows.explained, told, wave_share, period, way)
     return {a: found[a] for a in sorted(found, key=lambda a: (_order(found[a]), AXES.index(a)))}
 
 
-def blind(trial: Trial, vehicle: Vehicle) -> str:
+def blind(verdicts: Mapping[str, Verdict]) -> str:
     """Letters of the axes on which a replay of a trial's commands judges no model: dominated by feedback.
 
     Sway and heave that no command pushes ride on yaw and pitch, and are blind where these are.
+
+    Parameters
+    ----------
+    verdicts
+        Of `judge_trial`.
     """
-    verdicts = judge_trial(trial, vehicle)
     found = {axis for axis, verdict in verdicts.items() if verdict.dominated}
     found |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in found and axis not in verdicts}
     return "".join(axis for axis in AXES if axis in found)

@@ -23,7 +23,7 @@ from seatrial.base.errors import SimulationError
 from seatrial.base.progress import Clock
 from seatrial.identification.fitted import Fitted
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import blind
+from seatrial.trial.verdict import blind, judge_trial
 from seatrial.verification.mission_log.candidates import PAYLOAD_DENSITY, Suspect, candidates
 from seatrial.verification.mission_log.log import MissionLog, offsets_of
 from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
@@ -265,7 +265,7 @@ def judge_log(
     clock = Clock()
     known = Fitted.of(fitted)
     record = _log(log)
-    hidden = blind(record.trial, known.vehicle)
+    hidden = blind(judge_trial(record.trial, known.vehicle))
     windows = restarts(
         known.vehicle,
         record.trial,
