@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Filter", "Flights", "Helm", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
+__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
 
 @final
 class Autopilot:
@@ -281,6 +281,31 @@ class Helm:
     def waiting_for(self, /) -> list[str]:
         """
         The groups of channels that must be measured before the autopilot begins; empty once it has begun.
+        """
+
+@final
+class LinearModel:
+    """
+    A linear model along a motion of n samples with N states, the first S of the vehicle, Y channels and M unknowns.
+
+    transition (n - 1, S, N): the rows of the vehicle's states; driven (N - S, N): those of what drives it; shown
+    (n, Y, N), measured (n, Y) and valid (n, Y), not zero where a sample counts; drift (n - 1, N); slopes (n - 1, S, M),
+    derivatives of a step by the unknowns; start (N,), the expected first state.
+
+    Koopman (1993), Biometrika 80, 117; Maine and Iliff, NASA RP-1168 (1986).
+    """
+    def __new__(cls, /, *, transition: ArrayLike, driven: ArrayLike, shown: ArrayLike, measured: ArrayLike, valid: ArrayLike, drift: ArrayLike, slopes: ArrayLike, start: ArrayLike) -> LinearModel: ...
+    def judge(self, /, process: ArrayLike, sensors: ArrayLike, start: ArrayLike, kept: SupportsGetItem[int, SupportsIndex]) -> tuple[float, NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
+        """
+        Logarithm of the likelihood of variances, without its constant, its slopes by process (N,) and sensors (Y,),
+        and the states at the places kept: smoothed (n, kept), and after the measurements of each sample (n, kept).
+
+        process (N,), per sample; sensors (Y,); start (N,), of the first state; kept: places of states.
+        """
+    def predict(self, /, process: ArrayLike, sensors: ArrayLike, start: ArrayLike, ahead: SupportsIndex = 0) -> NDArray[float64]:
+        """
+        What the channels are predicted to show so many samples after each measurement, and its derivatives by the
+        unknowns with the gains held, (n - ahead, Y, 1 + M).
         """
 
 @final

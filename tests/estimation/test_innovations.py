@@ -15,7 +15,8 @@ from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.assessment import assess
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
-from seatrial.estimation.one_step import OneStep
+from seatrial.estimation.one_step import Motion, OneStep
+from seatrial.trial import Recipe
 
 TRUTH = {"N_rdot": -75.0, "N_r": -60.0}
 STEP_S, INNER = 0.1, 10
@@ -134,7 +135,8 @@ def test_derivatives_are_taken_along_the_filters_own_motion(tmp_path: Path) -> N
     (before,) = steps.linearised(joint.start)
     aside = np.zeros((len(before.measured), len(steps.states)))
     aside[:, steps.states.index("r")] = 0.05
-    steps.follow([aside])
+    still = np.zeros((len(aside), 2))
+    steps.follow([Motion(aside, still, aside, still)])
     (after,) = steps.linearised(joint.start)
     # The same measurements, as deviations from a motion that turns by so much faster, and its damping there.
     np.testing.assert_allclose(after.measured - before.measured, -aside[:, : len(steps.channels)], atol=1e-9)
@@ -168,3 +170,79 @@ def test_polish_and_joint_are_the_same_table(tmp_path: Path) -> None:
 def test_a_wrong_key_of_the_method_is_refused(keys: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match=message):
         made(keys, tmp_path)
+
+
+FIELD = """
+format = 1
+description = "a survey across a sea"
+truth = "truth.toml"
+seed = 2
+duration_s = 150.0
+[sailed]
+autopilot = "remus100"
+mission = "survey.toml"
+[current]
+north_m_s = 0.1
+east_m_s = 0.2
+[waves]
+height_m = 0.5
+period_s = 5.0
+toward_deg = 60.0
+"""
+
+SURVEY = """
+format = 1
+name = "survey"
+speed_m_s = 1.5
+acceptance_radius_m = 8.0
+[start]
+depth_m = 6.0
+""" + "".join(
+    f"[[legs]]\nnorth_m = {north}\neast_m = {east}\ndepth_m = 6.0\n"
+    for north, east in ((40, 0), (40, 30), (0, 30), (0, 60), (40, 60), (40, 90))
+)
+
+SENSORS = """
+format = 1
+vehicle = "remus100"
+[sensors.dvl]
+noise_m_s = 0.01
+[sensors.gyro]
+noise_deg_s = 0.05
+[sensors.attitude]
+noise_deg = 0.1
+[sensors.depth]
+noise_m = 0.01
+"""
+
+LATERAL = """
+format = 1
+name = "made"
+vehicle = "remus100"
+[trials.log]
+file = "log.parquet"
+[[stages]]
+name = "sway and yaw"
+trials = ["log"]
+axes = { free = "XYN", measured = "ZKM" }
+[stages.coefficients]
+"rudder.gain" = [0.1, 3.0]
+N_rr = [-250.0, -10.0]
+[joint]
+method = "innovations"
+horizons_s = []
+rounds = 8
+"""
+
+
+def test_water_of_waves_and_current_do_not_bend_the_rudder(tmp_path: Path) -> None:
+    """With a force of waves per axis in place of water that carries the vehicle the gain was 8 % too high."""
+    for name, text in (("field", FIELD), ("survey", SURVEY), ("truth", SENSORS)):
+        (tmp_path / f"{name}.toml").write_text(text)
+    Recipe.load(tmp_path / "field.toml").table().write_parquet(tmp_path / "log.parquet")
+    (tmp_path / "campaign.toml").write_text(LATERAL)
+    start = {"sway and yaw": {"rudder.gain": 0.7, "N_rr": -60.0}}
+    joint = Joint(Campaign.load(tmp_path / "campaign.toml").with_start_values(start, seed=1))
+    gain, drag = polish(joint).values
+    assert gain == pytest.approx(1.0, abs=0.03)
+    assert drag == pytest.approx(Vehicle.load("remus100").coefficients()["N_rr"], rel=0.05)

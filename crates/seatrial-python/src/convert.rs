@@ -79,6 +79,14 @@ impl Numbers {
         }
     }
 
+    /// The block of shape `(n, rows, k)` in one row, with n and k.
+    pub fn block(self, name: &str, rows: usize) -> PyResult<(usize, usize, Vec<f64>)> {
+        match self.shape[..] {
+            [n, r, k] if r == rows => Ok((n, k, self.values)),
+            _ => Err(refused(format!("{name}: expected shape (n, {rows}, k), found {:?}", self.shape))),
+        }
+    }
+
     /// A row of `columns` values for each of `k` cases: from shape `(k, columns)`, from `(columns,)` for all alike, or
     /// from `(k,)` and `()` where there is one column.
     pub fn for_cases(self, name: &str, k: usize, columns: usize) -> PyResult<Vec<Vec<f64>>> {

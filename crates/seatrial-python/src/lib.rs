@@ -7,6 +7,7 @@ mod closed_loop;
 mod convert;
 mod error;
 mod identify;
+mod linear_model;
 mod log_store;
 mod mission;
 mod motor;
@@ -28,6 +29,8 @@ mod _core {
     use crate::closed_loop::{Flights, error_edges, fly, restored_flights};
     #[pymodule_export]
     use crate::identify::{OpenLoop, Record, all_nuisance_names, initial_names};
+    #[pymodule_export]
+    use crate::linear_model::LinearModel;
     #[pymodule_export]
     use crate::mission::{Mission, restored_mission};
     #[pymodule_export]

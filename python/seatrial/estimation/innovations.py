@@ -6,8 +6,8 @@ them, so that the error is correlated with the input and bends the gains. With a
 prediction errors of the right model are white and uncorrelated with the past; commands that are made from
 the past then do no harm (Ljung 1999, theorem 8.3 and section 13.4).
 
-A round linearises the model over every sample (`one_step`), improves the noise model by a step of
-expectation maximisation (`kalman`), runs the filter with the derivatives by the unknowns and takes a
+A round linearises the model over every sample (`one_step`), improves the likelihood of the noise model
+(`kalman`), runs the filter with the derivatives by the unknowns and takes a
 Gauss-Newton step on the prediction errors a horizon ahead, one sample unless the campaign says otherwise.
 
 A noise model may be wrong too, and then the estimate depends on the horizon. The unknowns are therefore
@@ -44,9 +44,10 @@ from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 __all__ = ["Horizon", "Innovations", "Outcome"]
 
-_FIRST, _EACH = 5, 2  # steps of expectation maximisation before the first round, and in each
+_FIRST, _EACH = (10, 10, 30), (8,)
+"""Evaluations of the likelihood of the noises before the first round, and in each; the motion follows."""
 
-_CLOSE = 0.1  # standard deviations of the largest step that ends the rounds
+_CLOSE = 0.5  # standard deviations of the largest step that ends the rounds
 
 _APART, _MATTERS = 3.0, 0.25  # standard deviations of a difference, and part of the estimate
 
@@ -56,6 +57,8 @@ _SETTLING_S = 10.0
 """What the filter needs from the start of a span until its errors count."""
 
 _HORIZON_ROUNDS = 3
+
+_SETTLINGS = 3  # times that the motion is found anew where values are judged
 
 
 @dataclass(frozen=True)
@@ -176,7 +179,7 @@ class Innovations:
     def linearisation(self, values: Array, extra: Sequence[str]) -> Linearisation:
         """Prediction errors and derivatives at a point, in the form in which an estimate is judged."""
         joint, size = self.joint, len(self.joint.unknowns) + len(extra)
-        spans = self._spans(values, _FIRST if self.joint.noise_model is None else 0, extra)
+        spans = self._spans(values, _FIRST if self.joint.noise_model is None else (), extra)
         errors = self._errors(spans, self._samples(joint.polish.horizon_s))
         noise = self._noise(errors)
         pieces = []
@@ -220,10 +223,20 @@ class Innovations:
     def sums(self, values: Array, ahead_s: float) -> dict[str, tuple[float, float]]:
         """Sums of squares by channel: of prediction errors so far ahead, and of the motion about its mean.
 
-        The noise model stays as it is: on held-out data it is that of the training data.
+        The noise model stays as it is: on held-out data it is that of the training data. The motion that the
+        derivatives are taken at is found anew, for these values.
         """
         found = {}
-        errors = self._errors(self._spans(values, 0), self._samples(ahead_s))
+        self.steps.follow_log()
+        spans = self._spans(values, ())
+        for _ in range(_SETTLINGS):
+            assert self.joint.noise_model is not None
+            along = self._filters(spans).motion(self.joint.noise_model)
+            if not all(np.isfinite(one.states).all() for one in along):
+                break  # a model that diverges over a step
+            self.steps.follow(along)
+            spans = self._spans(values, ())
+        errors = self._errors(spans, self._samples(ahead_s))
         for column, channel in enumerate(self.steps.channels):
             about = []
             for one in errors:
@@ -234,6 +247,7 @@ class Innovations:
             motion = np.concatenate(about) if about else np.zeros(0)
             if motion.size and motion.std() > 0.0:
                 sse = sum(float((one.error[:, column] ** 2).sum()) for one in errors)
+                sse = sse if math.isfinite(sse) else math.inf
                 found[channel] = (sse, float(((motion - motion.mean()) ** 2).sum()))
         return found
 
@@ -245,33 +259,33 @@ class Innovations:
         """Samples of a horizon, one at least."""
         return max(round(horizon_s / self.dt), 1)
 
-    def _spans(self, values: Array, improvements: int, extra: Sequence[str] = ()) -> list[Span]:
+    def _spans(self, values: Array, improvements: Sequence[int], extra: Sequence[str] = ()) -> list[Span]:
         """The spans at a point, the noise model brought along."""
         spans = self.steps.linearised(values, extra)
         if self.joint.noise_model is None:
             self.joint.noise_model = kalman.begin(spans, len(self.steps.velocities), self.dt)
-        for _ in range(improvements):
-            self.joint.noise_model, motion = kalman.improved(
-                spans, self.joint.noise_model, self.dt, self.seen
+        for evaluations in improvements:
+            self.joint.noise_model, motion = self._filters(spans).likeliest(
+                self.joint.noise_model, evaluations
             )
-        if improvements:
             self.steps.follow(motion)
             spans = self.steps.linearised(values, extra)
         return spans
 
-    def _errors(self, spans: Sequence[Span], *horizons: int) -> list[_Errors]:
+    def _filters(self, spans: Sequence[Span]) -> kalman.Filters:
+        assert self.joint.noise_model is not None
+        return kalman.Filters(spans, self.joint.noise_model, self.dt, self.seen, self.joint.threads)
+
+    def _errors(self, spans: Sequence[Span], ahead: int) -> list[_Errors]:
         """Prediction errors of the spans so many samples ahead."""
         assert self.joint.noise_model is not None
-        found = []
-        for span in spans:
-            state = kalman.filtered(span, self.joint.noise_model, self.dt, self.seen).state
-            for steps in horizons:
-                late = kalman.ahead(span, state, self.joint.noise_model, self.dt, steps)
-                counted = span.valid[steps:].copy()
-                counted[: round(_SETTLING_S / self.dt)] = False
-                error = np.where(counted, span.measured[steps:] - late[:, self.seen, 0], 0.0)
-                slope = np.where(counted[..., None], late[:, self.seen, 1:], 0.0)
-                found.append(_Errors(span, error, slope, counted))
+        filters, found = self._filters(spans), []
+        for span, late in zip(spans, filters.predicted(self.joint.noise_model, ahead), strict=True):
+            counted = span.valid[ahead:].copy()
+            counted[: round(_SETTLING_S / self.dt)] = False
+            error = np.where(counted, span.measured[ahead:] - late[..., 0], 0.0)
+            slope = np.where(counted[..., None], late[..., 1:], 0.0)
+            found.append(_Errors(span, error, slope, counted))
         return found
 
     def _noise(self, errors: Sequence[_Errors]) -> Array:
@@ -340,7 +354,7 @@ class Innovations:
                 continue
             at = values
             for _ in range(_HORIZON_ROUNDS):
-                other = self._errors(self._spans(at, 0), steps)
+                other = self._errors(self._spans(at, ()), steps)
                 sizes = self._noise(other)
                 step, _, _ = self._step(other, sizes, at, values, fixed)
                 at = np.clip(at + step, self.lower, self.upper)

@@ -1,35 +1,50 @@
 """Kalman filter along the measured motion: what the model and all measurements so far say of the state.
 
-The state is that of `seatrial.estimation.one_step` as a deviation from the smoothed motion, and what drives
-it besides the model, per simulated axis as an acceleration:
+The state is that of `seatrial.estimation.one_step` as a deviation from the motion that the derivatives are
+taken at, and what drives it besides the model:
 
-- a white part;
-- a slow one, first-order Gauss-Markov with the time constant `SLOW_S`: gusts, bias of the model;
-- where the log shows waves, a shaping filter ``w'' + 2 zeta omega w' + omega^2 w = noise`` whose rate acts
-  (Fossen 2021, section 10.2), at the frequency of the log's peak;
-- the velocity of the water, north and east, a random walk.
+- per simulated axis a white acceleration;
+- per axis a slow one, first-order Gauss-Markov with the time constant `SLOW_S`: gusts, bias of the model;
+- a slow velocity of the water, north and east, a random walk;
+- where the log shows waves, at the frequency of its peak, the velocity of the water in them, north, east and
+  down, and per axis an acceleration: what a wave pushes besides. Each is the rate of a shaping filter
+  ``s'' + 2 zeta omega s' + omega^2 s = noise`` (Fossen 2021, section 10.2).
 
-Their intensities and those of the measurements are found by expectation maximisation of the likelihood of
-the innovations (Shumway & Stoffer 1982), with the Rauch-Tung-Striebel smoother. Derivatives of the state by
-the unknowns run through the same recursion with the gains held (Ljung 1999, chapter 7), so that a parameter
-does not gain from what the filter corrects anyway.
+Water that moves as a whole carries a vehicle with it that displaces its own mass: the pressure gradient that
+drives the water drives the vehicle. Beside this water the vehicle moves as in still water. A velocity of the
+state is therefore that beside the water of the waves, and the measured one the sum of both. Without that,
+waves push each axis for a reason of its own, and the fins that answer them look weak.
 
-Held by ``tests/estimation/test_innovations.py``.
+The intensities of all noises are those of the largest likelihood of the innovations, whose exact slopes the
+core gives (Koopman 1993). Expectation maximisation has the same fixed point and shrinks a noise that is
+hardly there by a tenth per step. Derivatives of the state by the unknowns run through the same recursion
+with the gains held (Ljung 1999, chapter 7), so that a parameter does not gain from what the filter corrects
+anyway.
+
+Held by ``tests/estimation/test_kalman.py``, ``tests/estimation/test_innovations.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.estimation.noise_model import NoiseModel
-from seatrial.estimation.one_step import Span
+from seatrial.estimation.one_step import Motion, Span
 
-__all__ = ["Filtered", "ahead", "begin", "filtered", "improved", "wave_frequency"]
+if TYPE_CHECKING:
+    from seatrial._core import LinearModel
+
+__all__ = ["Filters", "begin", "wave_frequency"]
+
+_T = TypeVar("_T")
 
 SLOW_S = 30.0
 """Time constant of the slow accelerations, s."""
@@ -39,9 +54,9 @@ DAMPING = 0.05
 
 _CURRENT_SD, _WALK = 0.3, 1e-4  # m/s, and m/s per sample to begin with
 
-_SLIP = 1e-3  # m/s and rad/s: what places and angles miss of their rates to begin with
+_ORBIT = 0.1  # m/s: standard deviation of the velocity of the water in waves to begin with
 
-_CLIP = 4.0  # standard deviations from which an innovation counts as an outlier
+_SLIP = 1e-3  # m/s and rad/s: what places and angles miss of their rates to begin with
 
 _WINDOW_S = 40.0  # of the spectrum in which waves are sought
 
@@ -49,19 +64,11 @@ _BAND, _PROMINENT = (0.08, 0.6), 3.0  # Hz; power of a wave's peak over that bes
 
 _START_SD = 0.3  # m/s, rad/s, rad or m: what the smoothed motion may be off where a span begins
 
+_DOWN, _UP = 12.0, 6.0  # logarithms of a variance: how far one search may go
+
 _NOTHING = 1e-14
 
-
-@dataclass(frozen=True)
-class Filtered:
-    """Estimates after each sample of a span.
-
-    ``state`` (n, N, 1 + m): deviation from the smoothed motion, then its derivatives by the unknowns.
-    ``likelihood`` is the logarithm of that of the innovations, without its constant.
-    """
-
-    state: Array
-    likelihood: float
+_IMPOSSIBLE = 1e30  # in place of the negative likelihood of noises with which a filter diverges
 
 
 def wave_frequency(spans: Sequence[Span], velocities: int, dt: float) -> float | None:
@@ -96,181 +103,195 @@ def begin(spans: Sequence[Span], velocities: int, dt: float) -> NoiseModel:
     """A noise model to start from: shares of what one step of the model misses."""
     wave_hz = wave_frequency(spans, velocities, dt)
     waved = tuple(range(velocities)) if wave_hz is not None else ()
+    carried = np.abs(spans[0].afloat[:, :velocities]).max(axis=(0, 1)) > 0.5
+    water = tuple(np.flatnonzero(carried).tolist()) if wave_hz is not None else ()
     states = spans[0].transition.shape[1]
     missed = np.concatenate([span.missed for span in spans])
     size = np.maximum(missed.std(axis=0)[:velocities] / dt, 1e-6)
-    process = np.zeros(_width(states, velocities, waved))
+    process = np.zeros(states + velocities + 2 * (len(waved) + len(water)) + 2)
     process[:velocities] = (0.3 * size * dt) ** 2
     process[velocities:states] = (_SLIP * dt) ** 2
     process[states : states + velocities] = (0.3 * size) ** 2 * 2.0 * dt / SLOW_S
     for k, axis in enumerate(waved):
         omega = 2.0 * math.pi * (wave_hz or 0.0)
         process[states + velocities + 2 * k + 1] = (0.5 * size[axis]) ** 2 * 4.0 * DAMPING * omega * dt
+    for k in range(len(water)):
+        omega = 2.0 * math.pi * (wave_hz or 0.0)
+        process[states + velocities + 2 * (len(waved) + k) + 1] = _ORBIT**2 * 4.0 * DAMPING * omega * dt
     process[-2:] = _WALK**2
     sensors = np.full(spans[0].measured.shape[1], 1e-4)
     for column in range(len(sensors)):
         jumps = np.concatenate([np.diff(span.measured[span.valid[:, column], column]) for span in spans])
         if len(jumps):
             sensors[column] = max(float(np.mean(jumps**2)) / 2.0, 1e-8)
-    return NoiseModel(process, sensors, wave_hz, waved)
+    return NoiseModel(process, sensors, wave_hz, waved, water)
 
 
-def filtered(
-    span: Span, noise: NoiseModel, dt: float, seen: Sequence[int], *, derivatives: bool = True
-) -> Filtered:
-    """Estimates along a span; `seen` are the places of the measured channels in the state."""
-    forward = _Forward(span, noise, dt, seen)
-    return forward.run(1 + span.unknowns.shape[2] if derivatives else 1)
+class Filters:
+    """The filters of some spans with the noises of one kind.
 
+    Parameters
+    ----------
+    spans
+    noise
+        Its frequency and kinds of noises; the variances are given at each call.
+    dt
+        Time between samples, s.
+    seen
+        Places of the measured channels in the state.
+    threads
+        All processors when None; no result depends on it.
+    """
 
-def improved(
-    spans: Sequence[Span], noise: NoiseModel, dt: float, seen: Sequence[int]
-) -> tuple[NoiseModel, list[Array]]:
-    """One step of expectation maximisation over all spans, and the smoothed states (n, S) that it used."""
-    driven, kept = np.zeros(len(noise.process)), np.zeros(len(noise.sensors))
-    steps, samples = 0, np.zeros(len(noise.sensors))
-    states = []
-    for span in spans:
-        forward = _Forward(span, noise, dt, seen)
-        forward.run(1, keep=True)
-        one, residuals, counted, path = forward.smoothed()
-        states.append(path[:, : span.transition.shape[1]])
-        driven, kept = driven + one, kept + residuals
-        steps, samples = steps + len(span.missed), samples + counted
-    process = np.where(noise.process > 0.0, np.maximum(driven / steps, _NOTHING), 0.0)
-    sensors = np.where(samples > 0, np.maximum(kept / np.maximum(samples, 1), 1e-12), noise.sensors)
-    return replace(noise, process=process, sensors=sensors), states
+    def __init__(
+        self,
+        spans: Sequence[Span],
+        noise: NoiseModel,
+        dt: float,
+        seen: Sequence[int],
+        threads: int | None = None,
+    ) -> None:
+        self.spans, self.dt, self.threads = spans, dt, threads
+        self.states = spans[0].transition.shape[1]
+        self._models = [_model(span, noise, dt, seen) for span in spans]
 
+    def predicted(self, noise: NoiseModel, ahead: int) -> list[Array]:
+        """Per span what the channels are predicted to show so many samples after each measurement.
 
-def ahead(span: Span, state: Array, noise: NoiseModel, dt: float, steps: int) -> Array:
-    """States (n - steps, N, 1 + m) so many samples after those of the estimates, without measurements."""
-    forward = _Forward(span, noise, dt, ())
-    at = state[: len(state) - steps]
-    for k in range(steps):
-        at = forward.moved(slice(k, k + len(at)), at)
-    return np.asarray(at)
+        (n - ahead, Y, 1 + m): as deviations from the motion that the derivatives are taken at, then the
+        derivatives by the unknowns.
+        """
+        start = self._start(noise)
+        return self._each(lambda model: np.asarray(model.predict(noise.process, noise.sensors, start, ahead)))
 
+    def likeliest(self, noise: NoiseModel, evaluations: int) -> tuple[NoiseModel, list[Motion]]:
+        """Intensities of larger likelihood than those of a noise model, and per span the motion with them.
 
-def _width(states: int, velocities: int, waved: Sequence[int]) -> int:
-    return states + velocities + 2 * len(waved) + 2
+        A quasi-Newton search over the logarithms of the variances.
+        """
+        from scipy.optimize import minimize
 
+        driven = noise.process > 0.0
+        sensed = np.any([span.valid.any(axis=0) for span in self.spans], axis=0)
+        tried: list[tuple[float, NoiseModel, list[Motion]]] = []
 
-class _Forward:
-    """Workspace of one run along a span."""
+        def negative(logarithms: Array) -> tuple[float, Array]:
+            process, sensors = noise.process.copy(), noise.sensors.copy()
+            process[driven], sensors[sensed] = np.split(np.exp(logarithms), [int(driven.sum())])
+            model = replace(noise, process=process, sensors=sensors)
+            likelihood, by_process, by_sensors, motion = self._judged(model)
+            if not math.isfinite(likelihood) and tried:
+                return _IMPOSSIBLE, np.zeros_like(logarithms)
+            tried.append((likelihood, model, motion))
+            best = max(tried, key=lambda one: one[0])
+            tried[:] = [best]
+            slope = np.concatenate([(by_process * process)[driven], (by_sensors * sensors)[sensed]])
+            return -likelihood, -slope
 
-    def __init__(self, span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> None:
-        from scipy.linalg import expm
+        start = np.log(np.concatenate([noise.process[driven], noise.sensors[sensed]]))
+        minimize(
+            negative,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(max(at - _DOWN, math.log(_NOTHING)), at + _UP) for at in start],
+            options={"maxfun": evaluations, "maxcor": 20},
+        )
+        [(_, found, motion)] = tried
+        return found, motion
 
-        self.span, self.noise, self.seen = span, noise, np.asarray(seen, dtype=np.intp)
-        steps, states = span.missed.shape
-        velocities = (len(noise.process) - 2 - 2 * len(noise.waved)) - states
-        width = len(noise.process)
-        self.matrix = np.zeros((steps, width, width))
-        self.matrix[:, :states, :states] = span.transition
-        self.matrix[:, :states, -2:] = span.current
-        # An acceleration acts throughout the step, on the angles too: the mean of what it does at both ends.
-        push = 0.5 * dt * (np.eye(states) + span.transition)[:, :, :velocities]
-        slow = math.exp(-dt / SLOW_S)
-        omega = 2.0 * math.pi * (noise.wave_hz or 0.0)
-        turn = expm(np.array([[0.0, 1.0], [-(omega**2), -2.0 * DAMPING * omega]]) * dt)
-        own = np.zeros((width, width))
-        for axis in range(velocities):
-            own[states + axis, states + axis] = slow
-            self.matrix[:, :states, states + axis] = 0.5 * (1.0 + slow) * push[:, :, axis]
-        for k, axis in enumerate(noise.waved):
-            at = states + velocities + 2 * k
-            own[at : at + 2, at : at + 2] = turn
-            mean = 0.5 * (turn[1] + np.array([0.0, 1.0]))
-            self.matrix[:, :states, at : at + 2] = push[:, :, axis, None] * mean
-        own[-2, -2] = own[-1, -1] = 1.0
-        self.matrix += own
-        self.driven = np.zeros((steps, width, 1 + span.unknowns.shape[2]))
-        self.driven[:, :states, 0] = span.missed
-        self.driven[:, :states, 1:] = span.unknowns
-        start = np.zeros(width)
-        start[:states] = _START_SD**2
-        start[states:-2] = np.maximum(noise.process[states:-2] * SLOW_S / (2.0 * dt), 0.0)
-        for k in range(len(noise.waved)):  # displacement and rate of a wave
-            at = states + velocities + 2 * k
-            start[at + 1] = noise.process[at + 1] / (4.0 * DAMPING * omega * dt)
+    def motion(self, noise: NoiseModel) -> list[Motion]:
+        """The motion of each span with a noise model."""
+        return self._judged(noise)[-1]
+
+    def _judged(self, noise: NoiseModel) -> tuple[float, Array, Array, list[Motion]]:
+        """Likelihood of a noise model, its slopes by the process and sensor variances, and the motion."""
+        width, start = len(noise.process), self._start(noise)
+        kept = [*range(self.states), width - 2, width - 1]
+        found = self._each(lambda model: model.judge(noise.process, noise.sensors, start, kept))
+        motion = [
+            Motion(smoothed[:, :-2], smoothed[:, -2:], known[:, :-2], known[:, -2:])
+            for *_, smoothed, known in found
+        ]
+        return (
+            sum(one[0] for one in found),
+            np.sum([one[1] for one in found], axis=0),
+            np.sum([one[2] for one in found], axis=0),
+            motion,
+        )
+
+    def _start(self, noise: NoiseModel) -> Array:
+        """Variances (N,) of the first state of a span."""
+        start = np.zeros(len(noise.process))
+        start[: self.states] = _START_SD**2
+        start[self.states : -2] = np.maximum(noise.process[self.states : -2] * SLOW_S / (2.0 * self.dt), 0.0)
+        for at in _pairs(noise, self.states):  # displacement and rate of a wave
+            omega = 2.0 * math.pi * (noise.wave_hz or 0.0)
+            start[at + 1] = noise.process[at + 1] / (4.0 * DAMPING * omega * self.dt)
             start[at] = start[at + 1] / omega**2
         start[-2:] = _CURRENT_SD**2
-        self.start = start
+        return start
 
-    def moved(self, where: slice, state: Array) -> Array:
-        """States one sample later, for samples side by side."""
-        return np.asarray(self.matrix[where] @ state + self.driven[where][..., : state.shape[-1]])
+    def _each(self, work: Callable[[LinearModel], _T]) -> list[_T]:
+        count = min(len(self._models), self.threads or os.cpu_count() or 1)
+        if count <= 1:
+            return [work(model) for model in self._models]
+        with ThreadPoolExecutor(count) as pool:
+            return list(pool.map(work, self._models))
 
-    def run(self, columns: int, *, keep: bool = False) -> Filtered:
-        """The filter; with `keep` what the smoother needs."""
-        span, count = self.span, len(self.span.measured)
-        width = len(self.start)
-        state, spread = np.zeros((width, columns)), np.diag(self.start)
-        every = np.empty((count, width, columns))
-        self.predicted = np.empty((count, width)) if keep else None
-        self.spreads = np.empty((2, count, width, width)) if keep else None
-        likelihood = 0.0
-        noise = np.diag(self.noise.process)
-        for k in range(count):
-            if self.predicted is not None and self.spreads is not None:
-                self.predicted[k], self.spreads[0, k] = state[:, 0], spread
-            here = np.flatnonzero(span.valid[k])
-            if len(here):
-                rows = self.seen[here]
-                cross = spread[:, rows]
-                size = cross[rows] + np.diag(self.noise.sensors[here])
-                error = span.measured[k, here] - state[rows, 0]
-                # An outlier moves the estimate no further than its bound: a bad ping does not throw it off.
-                bound = _CLIP * np.sqrt(np.diag(size))
-                error = np.clip(error, -bound, bound)
-                inverse = np.linalg.inv(size)
-                gain = cross @ inverse
-                change = -state[rows]
-                change[:, 0] = error
-                state = state + gain @ change
-                spread = spread - gain @ cross.T
-                likelihood -= 0.5 * (float(error @ inverse @ error) + np.linalg.slogdet(size)[1])
-            every[k] = state
-            if self.spreads is not None:
-                self.spreads[1, k] = spread
-            if k + 1 < count:
-                a = self.matrix[k]
-                state = a @ state + self.driven[k, :, :columns]
-                spread = a @ spread @ a.T + noise
-                spread = 0.5 * (spread + spread.T)
-        self.every = every
-        return Filtered(every, likelihood)
 
-    def smoothed(self) -> tuple[Array, Array, Array, Array]:
-        """E[w^2] (N,) of the driving noise and E[v^2] (Y,) of sensors, summed over the span; states (n, N).
+def _pairs(noise: NoiseModel, states: int) -> range:
+    """Places of the shaping filters' first states: those of the axes, then those of the water."""
+    last = len(noise.process) - 2
+    return range(last - 2 * (len(noise.waved) + len(noise.water)), last, 2)
 
-        The third entry counts the sensors' samples (Y,).
-        """
-        assert self.spreads is not None
-        assert self.predicted is not None
-        span, process = self.span, self.noise.process
-        before, after = self.spreads
-        state, spread = self.every[-1, :, 0], after[-1]
-        driven, residuals = np.zeros(len(process)), np.zeros(span.measured.shape[1])
-        ridge = 1e-12 * np.eye(len(process))
-        path = np.empty((len(span.measured), len(process)))
-        path[-1] = state
 
-        def sensors(k: int) -> Array:
-            error = np.abs(span.measured[k] - state[self.seen])
-            error = np.minimum(error, _CLIP * np.sqrt(self.noise.sensors))
-            return np.where(span.valid[k], error**2 + np.diag(spread)[self.seen], 0.0)
+def _model(span: Span, noise: NoiseModel, dt: float, seen: Sequence[int]) -> LinearModel:
+    """The model of a span and of what drives it, as the core reads it."""
+    from scipy.linalg import expm
 
-        residuals += sensors(len(span.measured) - 1)
-        for k in range(len(span.missed) - 1, -1, -1):
-            inverse = np.linalg.inv(before[k + 1] + ridge)
-            step, loss = state - self.predicted[k + 1], before[k + 1] - spread
-            share = process[:, None] * inverse  # Q P^-1: what of a step the driving noise explains
-            w = share @ step
-            driven += w**2 + process - np.einsum("ij,ij->i", share @ loss, share)
-            back = after[k] @ self.matrix[k].T @ inverse
-            state = self.every[k, :, 0] + back @ step
-            spread = after[k] - back @ loss @ back.T
-            residuals += sensors(k)
-            path[k] = state
-        return driven, residuals, span.valid.sum(axis=0).astype(float), path
+    from seatrial._core import LinearModel
+
+    steps, states = span.missed.shape
+    width, pairs = len(noise.process), _pairs(noise, states)
+    velocities = pairs.start - states
+    transition, driven = np.zeros((steps, states, width)), np.zeros((width - states, width))
+    transition[:, :, :states] = span.transition
+    transition[:, :, -2:] = span.current
+    # An acceleration acts throughout the step, on the angles too: the mean of what it does at both ends.
+    push = 0.5 * dt * (np.eye(states) + span.transition)[:, :, :velocities]
+    slow = math.exp(-dt / SLOW_S)
+    omega = 2.0 * math.pi * (noise.wave_hz or 0.0)
+    turn = expm(np.array([[0.0, 1.0], [-(omega**2), -2.0 * DAMPING * omega]]) * dt)
+    mean = 0.5 * (turn[1] + np.array([0.0, 1.0]))
+    for axis in range(velocities):
+        driven[axis, states + axis] = slow
+        transition[:, :, states + axis] = 0.5 * (1.0 + slow) * push[:, :, axis]
+    for at in pairs:
+        driven[at - states : at - states + 2, at : at + 2] = turn
+    driven[-2:, -2:] = np.eye(2)
+    shown = np.zeros((steps + 1, states, width))
+    shown[:, :, :states] = np.eye(states)
+    for at, axis in zip(pairs, noise.waved, strict=False):
+        transition[:, :, at : at + 2] = push[:, :, axis, None] * mean
+    for at, direction in zip(pairs[len(noise.waved) :], noise.water, strict=True):
+        # A velocity of the state is that beside the water of the waves, the measured one that over ground,
+        # and places move with both.
+        shown[:, :velocities, at + 1] = span.afloat[:, :velocities, direction]
+        moving = span.afloat[:-1, velocities:, direction, None]
+        transition[:, velocities:, at : at + 2] = moving * (dt * mean)
+    drift = np.zeros((steps, width))
+    drift[:, :states] = span.missed
+    drift[:, -2:] = -np.diff(span.water, axis=0)  # the state is the water beside that
+    start = np.zeros(width)
+    start[-2:] = -span.water[0]
+    return LinearModel(
+        transition=transition,
+        driven=driven,
+        shown=shown[:, list(seen)],
+        measured=span.measured,
+        valid=span.valid,
+        drift=drift,
+        slopes=span.unknowns,
+        start=start,
+    )

@@ -14,11 +14,12 @@ class NoiseModel:
     """Intensities of the noises.
 
     ``process`` (N,) variance per sample of what drives each state, ``sensors`` (Y,) variance of each measured
-    channel, ``wave_hz`` the frequency of the waves and ``waved`` the axes (places among the velocities) that
-    they move.
+    channel, ``wave_hz`` the frequency of the waves, ``waved`` the axes (places among the velocities) that
+    they push and ``water`` the directions (0 north, 1 east, 2 down) in which they carry the water.
     """
 
     process: Array
     sensors: Array
     wave_hz: float | None
     waved: tuple[int, ...]
+    water: tuple[int, ...]

@@ -1,12 +1,12 @@
 """The model over one sample, linearised about the smoothed measured motion of the training data.
 
-``x[k+1] = xs[k+1] + g[k] + F[k] (x[k] - xs[k]) + C[k] c + T[k] (theta - theta0)`` with xs the smoothed
-measured motion, g by how much one step of the model from xs[k] misses xs[k+1], c the velocity of the water
-(north, east, besides what was recorded) and theta the unknowns. The state is what the instruments show:
-velocities of the simulated axes over ground, their angles, and depth or position where they were measured.
-All derivatives are those of the core's own step, by dual numbers; every sample is a segment of its own, so
-that one call to the core gives them all. The error of the linearisation is of second order in what the
-smoothing left of the sensors' noise.
+``x[k+1] = xs[k+1] + g[k] + F[k] (x[k] - xs[k]) + C[k] (c - cs[k]) + T[k] (theta - theta0)`` with xs a
+smoothed motion, g by how much one step of the model from xs[k] misses xs[k+1], c the slow velocity of the
+water (north, east, besides what was recorded; cs is the one that belongs to xs) and theta the unknowns. The
+state is what the instruments show: velocities of the simulated axes over ground, their angles, and depth or
+position where they were measured. All derivatives are those of the core's own step, by dual numbers; every
+sample is a segment of its own, so that one call to the core gives them all. The error of the linearisation is
+of second order in what the smoothing left of the sensors' noise.
 
 Held by ``tests/estimation/test_innovations.py``.
 """
@@ -15,18 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import CampaignError
-from seatrial.base.rotation import from_euler, shorter, to_euler
+from seatrial.base.rotation import from_euler, matrix, shorter, to_euler
 from seatrial.campaign.parameters import coefficient_names, expansion_matrix
 from seatrial.estimation.joint import Joint
 from seatrial.trial.record import Record, Replay, Segment
 
-__all__ = ["OneStep", "Span"]
+__all__ = ["Motion", "OneStep", "Span"]
 
 _ANGLES = ("roll", "pitch", "yaw")
 _SLOWER = 1.5
@@ -39,9 +40,11 @@ _CURRENT = ("current_north", "current_east")
 class Span:
     """Training samples ``first`` to ``last`` (both included) of one trial, without a gap.
 
-    ``measured`` (n, Y) are the measured channels minus the smoothed motion, ``valid`` which of them count.
-    ``transition`` (n-1, S, S), ``current`` (n-1, S, 2), ``unknowns`` (n-1, S, m) and ``missed`` (n-1, S) are
-    F, C, T and g.
+    ``measured`` (n, Y) are the measured channels minus the motion at which derivatives are taken, ``valid``
+    which of them count. ``transition`` (n-1, S, S), ``current`` (n-1, S, 2), ``unknowns`` (n-1, S, m) and
+    ``missed`` (n-1, S) are F, C, T and g. ``water`` (n, 2) is the velocity of the water that the derivatives
+    are taken at. ``afloat`` (n, S, 3) is what a velocity of the water (north, east, down) adds to the states'
+    velocities over ground, and to the rates of their places.
     """
 
     record: int
@@ -53,6 +56,31 @@ class Span:
     current: Array
     unknowns: Array
     missed: Array
+    water: Array
+    afloat: Array
+
+
+class Motion(NamedTuple):
+    """Estimates along a span beside those that its derivatives were taken at.
+
+    ``states`` (n, S) and the velocity of the ``water`` (n, 2) are smoothed; ``known`` (n, S) and
+    ``known_water`` (n, 2) are what the filter knew at each sample.
+    """
+
+    states: Array
+    water: Array
+    known: Array
+    known_water: Array
+
+
+class _Path(NamedTuple):
+    """A motion along which derivatives are taken.
+
+    A segment per sample, and per record the velocity of the water (n, 3).
+    """
+
+    segments: tuple[Segment, ...]
+    water: tuple[Array, ...]
 
 
 class OneStep:
@@ -96,9 +124,10 @@ class OneStep:
                 ' angle of a simulated axis and found none; use method = "output"'
             )
         self._columns, self._shown = columns, kept
-        self._spans, self._segments = joint.steps(held_out=held_out)
-        self._ends = [self._at(record, last) for record, _, last in self._spans]
+        self._spans, segments = joint.steps(held_out=held_out)
+        self._log = _Path(segments, tuple(np.zeros((len(record.trial), 3)) for record in data.records))
         self._readings = readings
+        self.follow_log()
 
     def linearised(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
         """The spans with the derivatives at the values (m,) of the unknowns, further coefficients last."""
@@ -109,27 +138,28 @@ class OneStep:
         directions[:m, : spread.shape[1]] = spread
         directions[m:, spread.shape[1] :] = np.eye(len(extra))
         at = [*(values[:m] @ spread), *(present.get(name, 0.0) for name in extra)]
-        found = self._replay(tuple(extra)).tangents(
+        found = self._replay(tuple(extra), self._smoothed).tangents(
             at,
-            directions,
+            directions[:0],
             nuisances=_CURRENT,
             initials=[f"initial_{name}" for name in self.states],
             channels=self.states,
         )
-        columns, count = self._columns, m + len(extra)
+        columns = self._columns
         shown = np.array([channels[:, columns] for channels, _ in found])
         slopes = np.array([derivatives for _, derivatives in found])
         # The core turns the attitude about the body's axes; what that does to the angles is seen in the first
         # sample.
-        back = np.linalg.inv(slopes[:, 0, :, count + 2 :])
-        transition = slopes[:, 1, :, count + 2 :] @ back
+        back = np.linalg.inv(slopes[:, 0, :, 2:])
+        transition = slopes[:, 1, :, 2:] @ back
+        known = self._replay(tuple(extra), self._known).tangents(at, directions, channels=self.states)
+        unknowns = np.array([derivatives[1] for _, derivatives in known])
         spans: list[Span] = []
         place = 0
         for record, first, last in self._spans:
             here = slice(place, place + last - first)
             place = here.stop
-            start = shown[here, 0]
-            path = np.vstack([start, self._ends[len(spans)]])
+            path = np.vstack([shown[here, 0], self._ends[len(spans)]])
             missed = self._difference(shown[here, 1], path[1:])
             observed, mask = self._readings[record]
             rows = slice(first, last + 1)
@@ -144,37 +174,54 @@ class OneStep:
                     np.where(valid, measured, 0.0),
                     valid,
                     transition[here],
-                    slopes[here, 1, :, count : count + 2],
-                    slopes[here, 1, :, :count],
+                    slopes[here, 1, :, :2],
+                    unknowns[here],
                     missed,
+                    self._smoothed.water[record][rows, :2],
+                    self._afloat(record, first, last),
                 )
             )
         return spans
 
-    def follow(self, deviations: Sequence[Array]) -> None:
-        """Linearise along another motion from now on: what a smoother found (n, S) beside the present one.
+    def follow_log(self) -> None:
+        """Linearise along the smoothed log from now on, in still water."""
+        self._known = self._smoothed = self._log
+        self._ends = [self._at(record, last) for record, _, last in self._spans]
+
+    def follow(self, motion: Sequence[Motion]) -> None:
+        """Linearise along another motion from now on, found beside the present one.
 
         The smoothed log holds the noise of its sensors, and a derivative taken there is correlated with it.
-        The iterated smoother (Bell 1994) takes derivatives along its own estimate.
+        The iterated smoother (Bell 1994) takes derivatives along its own estimate. Those by the unknowns are
+        taken along what the filter knew at each sample, because a smoothed motion knows the errors that they
+        are to explain.
         """
-        segments, place = list(self._segments), 0
-        for span, (found, (_, first, last)) in enumerate(zip(deviations, self._spans, strict=True)):
-            for k in range(last - first):
-                segments[place + k] = self._beside(segments[place + k], found[k])
-            place += last - first
-            self._ends[span] = self._ends[span] + found[-1]
-        self._segments = tuple(segments)
+        self._known = self._beside(self._smoothed, [(one.known, one.known_water) for one in motion])
+        self._smoothed = self._beside(self._smoothed, [(one.states, one.water) for one in motion])
+        for span, one in enumerate(motion):
+            self._ends[span] = self._ends[span] + one.states[-1]
 
-    def _beside(self, segment: Segment, deviation: Array) -> Segment:
-        """A segment that starts so far (S,) beside its start."""
-        start = np.concatenate([segment.nu, segment.position, to_euler(segment.attitude)])
-        start[self._columns] += deviation
-        return replace(
-            segment,
-            nu=tuple(start[:6].tolist()),
-            position=tuple(start[6:9].tolist()),
-            attitude=tuple(from_euler(start[9:]).tolist()),
-        )
+    def _beside(self, path: _Path, beside: Sequence[tuple[Array, Array]]) -> _Path:
+        """The path so far, states (n, S) and water (n, 2) per span, beside another one."""
+        segments, place = list(path.segments), 0
+        water = [one.copy() for one in path.water]
+        for (record, first, last), (states, current) in zip(self._spans, beside, strict=True):
+            water[record][first : last + 1, :2] += current
+            here = slice(place, place + last - first)
+            segments[here] = self._moved(segments[here], states[:-1])
+            place = here.stop
+        return _Path(tuple(segments), tuple(water))
+
+    def _moved(self, segments: Sequence[Segment], beside: Array) -> list[Segment]:
+        """Segments that start so far (n, S) beside their starts."""
+        starts = np.array([(*one.nu, *one.position) for one in segments])
+        starts = np.hstack([starts, to_euler(np.array([one.attitude for one in segments]))])
+        starts[:, self._columns] += beside
+        attitudes = from_euler(starts[:, 9:])
+        return [
+            replace(one, nu=tuple(row[:6]), position=tuple(row[6:9]), attitude=tuple(attitude))
+            for one, row, attitude in zip(segments, starts.tolist(), attitudes.tolist(), strict=True)
+        ]
 
     def _difference(self, one: Array, other: Array, places: Sequence[int] | None = None) -> Array:
         """One minus another (n, channels), angles the shorter way round."""
@@ -190,15 +237,28 @@ class OneStep:
         position, attitude, nu = self.joint.data.trials[record].state(sample)
         return np.concatenate([nu, position, to_euler(attitude)])[self._columns]
 
-    def _replay(self, extra: tuple[str, ...]) -> Replay:
+    def _afloat(self, record: int, first: int, last: int) -> Array:
+        """What a velocity of the water adds to the states' velocities and the rates of their places."""
+        trial = self.joint.data.trials[record]
+        turned = matrix(trial.state(slice(first, last + 1))[1])
+        found = np.zeros((len(turned), len(self.states), 3))
+        for column, name in enumerate(self.states):
+            if name in "uvw":
+                found[:, column] = turned[:, :, "uvw".index(name)]
+            elif name in "xyz":
+                found[:, column, "xyz".index(name)] = 1.0
+        return found
+
+    def _replay(self, extra: tuple[str, ...], path: _Path) -> Replay:
         joint = self.joint
         records = tuple(
-            Record(record.trial, record.input, np.ones_like(record.counted)) for record in joint.data.records
+            Record(record.trial, record.input, np.ones_like(record.counted), water)
+            for record, water in zip(joint.data.records, path.water, strict=True)
         )
         return Replay(
             joint.vehicle,
             records,
-            self._segments,
+            path.segments,
             names=(*coefficient_names(joint.parameters), *extra),
             free=joint.stage.axes.free,
             measured=joint.stage.axes.measured,

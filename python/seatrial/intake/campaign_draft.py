@@ -366,18 +366,21 @@ def _stage(
     lines.append(line("channels", channels))
     lines.append("[stages.coefficients]")
     speeds = {axis: _speed([one.trial for one in shown], CHANNELS[AXES.index(axis)]) for axis in group}
+    held = any(finned.get(axis) for axis in group)
     for axis in group:
-        lines += _coefficients(vehicle, axis, speeds[axis], "z" in channels, upright, finned.get(axis, ()))
+        fins = finned.get(axis, ())
+        lines += _coefficients(vehicle, axis, speeds[axis], "z" in channels, upright, fins, held=held)
     return lines
 
 
 def _coefficients(
-    vehicle: Vehicle, axis: str, speed: float, depth: bool, upright: str, finned: Sequence[str]
+    vehicle: Vehicle, axis: str, speed: float, depth: bool, upright: str, finned: Sequence[str], *, held: bool
 ) -> list[str]:
     """Coefficients of one axis: added mass, damping, lift and what holds it upright or afloat.
 
     `upright`: the axis that frees the righting arm, which roll and pitch share. `finned`: groups of fins that
-    turn the vehicle about this axis; their gain takes the place of the added inertia.
+    turn the vehicle about this axis. `held`: whether to leave out the added inertia, because fins push this
+    axis or the one that it is identified with: their gain takes its place.
     """
     info, present = vehicle.coefficient_info(), vehicle.coefficients()
 
@@ -388,7 +391,7 @@ def _coefficients(
     wide = not any(info.get(f"{other}_uv", {}).get("start") for other in "YN")
     inertia, linear, quadratic = f"{axis}_{own}dot", f"{axis}_{own}", f"{axis}_{own}{own}"
     lines = [line(f"{group}.gain", list(_GAIN)) for group in finned]
-    if _bounded(info, inertia) and not finned:
+    if _bounded(info, inertia) and not held:
         lines.append(line(inertia, bounds(inertia, _INERTIA if wide and axis in "KMN" else 1.0)))
     if _bounded(info, linear) and info[linear]["start"]:
         lines.append(line(linear, bounds(linear, _DAMPING if wide else 1.0, wide)))

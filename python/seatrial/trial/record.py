@@ -33,11 +33,15 @@ __all__ = ["Record", "Replay", "Segment", "cut_spans", "restarted"]
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A trial as a model is compared with it: what drives the model, and the samples (n, 12) that count."""
+    """A trial as a model is compared with it: what drives the model, and the samples (n, 12) that count.
+
+    ``water`` is the velocity of the water (n, 3), NED in m/s, besides what was recorded; None: none.
+    """
 
     trial: Trial
     input: Input
     counted: Mask
+    water: Array | None = None
 
     def packed(
         self, *, substeps: int = 1, motion: bool = False, weight: ArrayLike | None = None
@@ -59,7 +63,9 @@ class Record:
             If the input was not recorded.
         """
         weights = np.where(self.counted, 1.0 if weight is None else np.asarray(weight), 0.0)
-        return self.trial.record(weight=weights, substeps=substeps, input=self.input, motion=motion)
+        return self.trial.record(
+            weight=weights, substeps=substeps, input=self.input, motion=motion, water=self.water
+        )
 
 
 @dataclass(frozen=True)

@@ -304,11 +304,14 @@ class Trial:
         width = 2 * max(1, round(_STEADY_S / self.dt)) + 1
         return np.asarray(minimum_filter1d(good, width, mode="nearest")).astype(bool)
 
-    def state(self, i: int) -> tuple[Array, Array, Array]:
-        """Smoothed position NED in m (3,), attitude quaternion (4,), nu in m/s, rad/s (6,) at sample `i`."""
+    def state(self, i: int | slice) -> tuple[Array, Array, Array]:
+        """Smoothed position NED in m (3,), attitude quaternion (4,), nu in m/s, rad/s (6,) at sample `i`.
+
+        A row per sample where `i` is a slice.
+        """
         t = self.t[i]
         position, attitude = self._splines[0](t), self._splines[1](t)
-        return position, attitude / np.linalg.norm(attitude), self.smooth_nu(t)[0]
+        return position, attitude / np.linalg.norm(attitude, axis=-1, keepdims=True), self.smooth_nu(t)[0]
 
     def smooth_nu(self, t: ArrayLike) -> tuple[Array, Array]:
         """Body velocities and their rates, m/s, rad/s and per s, shapes (..., 6), at any times in s.
@@ -374,6 +377,7 @@ class Trial:
         substeps: int = 1,
         input: Input = "commands",
         motion: bool = True,
+        water: Array | None = None,
     ) -> Record:
         """Samples, weights and input of the trial as the core reads them.
 
@@ -389,6 +393,8 @@ class Trial:
             alone.
         motion
             Whether to give the smoothed velocities, which only measured axes need.
+        water
+            Velocity of the water (n, 3), NED in m/s, besides the recorded current.
 
         Raises
         ------
@@ -401,6 +407,9 @@ class Trial:
             raise TrialError(f'{self.name}: unknown input "{input}"{nearest(input, _INPUT_COLUMNS)}')
         if input not in self.inputs:
             raise TrialError(f"{self.name}: input {input} is not recorded; map {_INPUT_COLUMNS[input]}")
+        current = self.current
+        if water is not None:
+            current = water if current is None else current + water
         nu = nu_rate = None
         if motion:
             points = 2 * substeps * (len(self) - 1) + 1
@@ -410,7 +419,7 @@ class Trial:
             self.commands if input == "commands" else {},
             voltage_v=self.voltage_v,
             tau=self.tau if input == "tau" else None,
-            current=self.current,
+            current=current,
             actuators=self.measured if input == "measured" else None,
             nu=nu,
             nu_rate=nu_rate,

@@ -1,0 +1,166 @@
+"""The filter and smoother of the core along a linear model, and the search for the noises."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from seatrial._core import LinearModel
+from seatrial.base.arrays import Array
+from seatrial.base.errors import SimulationError
+from seatrial.estimation.kalman import Filters
+from seatrial.estimation.noise_model import NoiseModel
+from seatrial.estimation.one_step import Span
+
+N, S, Y, M, SAMPLES = 6, 3, 2, 2, 40
+
+
+def parts(seed: int = 0) -> dict[str, Any]:
+    """A model of three states, driven by three more, seen through two channels that miss samples."""
+    draw = np.random.default_rng(seed)
+    driven = np.zeros((N - S, N))
+    driven[0, 3], driven[1:, 4:] = 0.9, [[0.9, 0.2], [-0.2, 0.9]]
+    return {
+        "transition": np.hstack([np.eye(S), np.zeros((S, N - S))])
+        + 0.3 * draw.normal(size=(SAMPLES - 1, S, N)),
+        "driven": driven,
+        "shown": np.repeat(draw.normal(size=(1, Y, N)), SAMPLES, axis=0),
+        "measured": draw.normal(size=(SAMPLES, Y)),
+        "valid": draw.uniform(size=(SAMPLES, Y)) > 0.3,
+        "drift": 0.1 * draw.normal(size=(SAMPLES - 1, N)),
+        "slopes": draw.normal(size=(SAMPLES - 1, S, M)),
+        "start": draw.normal(size=N),
+    }
+
+
+PROCESS, SENSORS, START = np.array([0.1, 0.2, 0.3, 0.05, 0.0, 0.1]), np.array([0.5, 2.0]), np.full(N, 0.7)
+
+
+def dense(given: dict[str, Any]) -> tuple[Array, Array]:
+    """Mean (n N,) and covariance of all states before any measurement, by plain recursion."""
+    mean, spread = [given["start"]], np.zeros((SAMPLES * N, SAMPLES * N))
+    spread[:N, :N] = np.diag(START)
+    for k in range(SAMPLES - 1):
+        a = np.vstack([given["transition"][k], given["driven"]])
+        mean.append(a @ mean[-1] + given["drift"][k])
+        here, then = slice(k * N, (k + 1) * N), slice((k + 1) * N, (k + 2) * N)
+        spread[then, : (k + 1) * N] = a @ spread[here, : (k + 1) * N]
+        spread[: (k + 1) * N, then] = spread[then, : (k + 1) * N].T
+        spread[then, then] = a @ spread[here, here] @ a.T + np.diag(PROCESS)
+    return np.concatenate(mean), spread
+
+
+def test_likelihood_and_smoothed_states_are_those_of_one_large_gaussian() -> None:
+    given = parts()
+    mean, spread = dense(given)
+    rows = [(k, c) for k in range(SAMPLES) for c in range(Y) if given["valid"][k, c]]
+    shown = np.zeros((len(rows), SAMPLES * N))
+    for row, (k, c) in zip(shown, rows, strict=True):
+        row[k * N : (k + 1) * N] = given["shown"][k, c]
+    size = shown @ spread @ shown.T + np.diag([SENSORS[c] for _, c in rows])
+    # Small errors: none is an outlier.
+    error = 0.3 * np.linalg.cholesky(size) @ np.random.default_rng(1).normal(size=len(rows))
+    for (k, c), one, expected in zip(rows, error, shown @ mean, strict=True):
+        given["measured"][k, c] = expected + one
+    likelihood, _, _, smoothed, known = LinearModel(**given).judge(PROCESS, SENSORS, START, range(N))
+    solved = np.linalg.solve(size, error)
+    assert likelihood == pytest.approx(-0.5 * (error @ solved + np.linalg.slogdet(size)[1]), rel=1e-10)
+    best = (mean + spread @ shown.T @ solved).reshape(SAMPLES, N)
+    np.testing.assert_allclose(smoothed, best, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(known[-1], best[-1], rtol=1e-8, atol=1e-10)
+
+
+def test_slopes_of_the_likelihood_are_its_derivatives() -> None:
+    model = LinearModel(**parts())
+    _, process, sensors, _, _ = model.judge(PROCESS, SENSORS, START, [])
+    step = 1e-6
+    for found, at, order in ((process, PROCESS, (0, 1)), (sensors, SENSORS, (1, 0))):
+        for i in range(len(at)):
+            sides = []
+            for sign in (1.0, -1.0):
+                moved = at.copy()
+                moved[i] += sign * step
+                noises = (moved, SENSORS) if order == (0, 1) else (PROCESS, moved)
+                sides.append(model.judge(*noises, START, [])[0])
+            assert found[i] == pytest.approx((sides[0] - sides[1]) / (2.0 * step), rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("ahead", [0, 1, 4])
+def test_derivatives_of_predictions_hold_the_gains(ahead: int) -> None:
+    given = parts()
+    given["measured"] *= 0.01  # no outlier is clipped
+    given["start"] *= 0.0
+    given["drift"] *= 0.0
+    found = LinearModel(**given).predict(PROCESS, SENSORS, START, ahead)
+    assert found.shape == (SAMPLES - ahead, Y, 1 + M)
+    for unknown in range(M):
+        moved = dict(given)
+        moved["drift"] = np.zeros((SAMPLES - 1, N))
+        moved["drift"][:, :S] = 1e-3 * given["slopes"][:, :, unknown]
+        there = LinearModel(**moved).predict(PROCESS, SENSORS, START, ahead)
+        np.testing.assert_allclose((there - found)[..., 0] / 1e-3, found[..., 1 + unknown], atol=1e-8)
+
+
+def test_an_outlier_moves_the_estimate_no_further_than_its_bound() -> None:
+    given = parts()
+    given["valid"][10, 0] = True
+    known = []
+    for error in (1e3, 1e6):
+        given["measured"][10, 0] = error
+        known.append(LinearModel(**given).judge(PROCESS, SENSORS, START, range(N))[4])
+    np.testing.assert_array_equal(known[0], known[1])
+
+
+def test_parts_that_do_not_fit_are_refused() -> None:
+    given = parts()
+    given["drift"] = given["drift"][:-1]
+    with pytest.raises(SimulationError, match="drift: expected 234 numbers, found 228"):
+        LinearModel(**given)
+    model = LinearModel(**parts())
+    with pytest.raises(SimulationError, match="noise: expected 6, 2, 6"):
+        model.judge(PROCESS[:-1], SENSORS, START, [])
+    with pytest.raises(SimulationError, match="kept: expected places below 6, found 6"):
+        model.judge(PROCESS, SENSORS, START, [6])
+    with pytest.raises(SimulationError, match="more than 40 samples"):
+        model.predict(PROCESS, SENSORS, START, 40)
+
+
+def test_water_of_waves_carries_the_vehicle_and_its_noises_are_found() -> None:
+    """A point adrift in waves, seen over ground by a noisy log: the water moves it and no force does."""
+    draw = np.random.default_rng(3)
+    dt, count, hz = 0.1, 3000, 0.2
+    omega, damping = 2.0 * np.pi * hz, 0.05
+    place = rate = 0.0
+    water = np.empty(count)
+    for k in range(count):
+        for _ in range(10):
+            rate += -0.01 * (omega**2 * place + 2.0 * damping * omega * rate)
+            rate += 0.1 * np.sqrt(4.0 * damping * omega * 0.01) * draw.normal()
+            place += 0.01 * rate
+        water[k] = rate
+    afloat = np.zeros((count, 1, 3))
+    afloat[:, 0, 0] = 1.0
+    span = Span(
+        record=0,
+        first=0,
+        last=count - 1,
+        measured=(water + draw.normal(0.0, 0.02, count))[:, None],
+        valid=np.ones((count, 1), dtype=bool),
+        transition=np.full((count - 1, 1, 1), 0.9),
+        current=np.zeros((count - 1, 1, 2)),
+        unknowns=np.zeros((count - 1, 1, 1)),
+        missed=np.zeros((count - 1, 1)),
+        water=np.zeros((count, 2)),
+        afloat=afloat,
+    )
+    # White and slow acceleration of the one axis, a wave that pushes it, the water's, the current.
+    process = np.array([1e-4, 1e-6, 0.0, 1e-5, 0.0, 1e-4, 1e-8, 1e-8])
+    noise = NoiseModel(process, np.array([1e-3]), hz, (0,), (0,))
+    found, [motion] = Filters([span], noise, dt, [0]).likeliest(noise, 60)
+    assert np.sqrt(found.sensors[0]) == pytest.approx(0.02, rel=0.1)
+    orbital = np.sqrt(found.process[5] / (4.0 * damping * omega * dt))
+    assert orbital == pytest.approx(water.std(), rel=0.2)
+    # Beside the water it does not move: its damping would have shown.
+    assert motion.states.std() < 0.2 * water.std()
