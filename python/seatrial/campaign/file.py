@@ -245,7 +245,7 @@ class Polish(Section):
     rounds: Annotated[int, Field(strict=True, ge=0)] = 20
     method: Literal["automatic", "output", "innovations"] = "output"
     horizon_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
-    horizons_s: tuple[Positive, ...] = (0.2, 0.5)
+    horizons_s: tuple[Positive, ...] = (0.2, 0.5, 2.0)
 
     @model_validator(mode="after")
     def _measured_by_the_filter(self) -> Polish:

@@ -62,6 +62,8 @@ _NOT_PREDICTED = 0.1  # what the logarithm of e counts where the mean predicts b
 
 _AHEAD_S = 10.0
 
+_LONGEST_S = 0.5
+
 _TELLING = 0.02
 """Differences of R2 below this mean nothing."""
 
@@ -215,8 +217,13 @@ def _outside(
 
 
 def _horizon(joint: Joint) -> float:
-    """The longest horizon of the predictions from the state of a filter, s."""
-    return max(joint.polish.horizon_s, *joint.polish.horizons_s, joint.data.dt)
+    """The horizon of the predictions from the state of a filter that are judged, s.
+
+    The longest that is compared, up to `_LONGEST_S`: within a longer one the commands answer the waves, and
+    gains that are bent by that predict better than the right ones.
+    """
+    compared = [ahead_s for ahead_s in joint.polish.horizons_s if ahead_s <= _LONGEST_S]
+    return max(joint.polish.horizon_s, joint.data.dt, *compared)
 
 
 def _nats(error: float) -> float:
