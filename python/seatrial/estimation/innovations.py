@@ -132,6 +132,23 @@ class Innovations:
         self.upper = np.array([u.upper for u in joint.unknowns])
         self.scale = np.array([u.scale for u in joint.unknowns])
 
+    def likelier(self, starts: Sequence[Array]) -> Array:
+        """The start (m,) with which the log is most likely, each with noises of its own.
+
+        Where a simulation leaves the log the stages end anywhere, and the vehicle file may be nearer.
+        """
+        found = []
+        for start in starts:
+            self.joint.noise_model = None
+            self.steps.follow_log()
+            spans = self._spans(start, _FIRST)
+            assert self.joint.noise_model is not None
+            likelihood = self._filters(spans).likelihood(self.joint.noise_model)
+            found.append(likelihood if math.isfinite(likelihood) else -math.inf)
+        self.joint.noise_model = None
+        self.steps.follow_log()
+        return starts[int(np.argmax(found))]
+
     def estimate(
         self, start: Array, rounds: int, fixed: Sequence[int], watch: Callable[[Step], None] | None
     ) -> Outcome:

@@ -198,6 +198,11 @@ def _with_noise_model(
     """The joint estimate by the prediction errors of a filter (`seatrial.estimation.innovations`)."""
     began = time.monotonic()
     innovations = Innovations(joint)
+    own = start.copy()
+    open_ = [i for i in range(len(joint.parameters)) if i not in set(fixed)]
+    own[open_] = [joint.parameters[i].start for i in open_]
+    if rounds and not np.array_equal(own, start):
+        start = innovations.likelier([start, own])
     found = innovations.estimate(start, rounds, fixed, watch)
     return Polished(
         values=found.values,

@@ -200,6 +200,10 @@ class Filters:
         [(_, found, motion)] = tried
         return found, motion
 
+    def likelihood(self, noise: NoiseModel) -> float:
+        """Logarithm of the likelihood of all spans with a noise model, without its constant."""
+        return self._judged(noise)[0]
+
     def motion(self, noise: NoiseModel) -> list[Motion]:
         """The motion of each span with a noise model."""
         return self._judged(noise)[-1]
