@@ -15,6 +15,7 @@ use seatrial::error::nearest;
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
 use seatrial::filter::innovation::Gate;
 use seatrial::filter::observation::Surface;
+use seatrial::flight::waves::Sea;
 use seatrial::model::kinematics::from_euler;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -102,9 +103,10 @@ impl Filter {
     /// bias, latency (s), lever arm (3, m), roll, pitch and yaw of its mounting (rad); SI. landmarks: name and kind
     /// ("beacon", "wall", "pen") with numbers: north, east, down; unit normal (3) and offset; north, east, radius. bottom:
     /// unit normal (3) and offset. force (6,), acceleration (6,), current (3,): None for those of a good model. gate:
-    /// deviations and patience in s. start: north, east, down and deviation, m.
+    /// deviations and patience in s. start: north, east, down and deviation, m. waves (5,): as of `fly`.
+    /// exact_model: the vehicle is simulated by the model itself.
     #[new]
-    #[pyo3(signature = (vehicle, *, period_s, instruments, landmarks = Vec::new(), bottom = None, force = None, force_time_s, acceleration = None, current = None, current_time_s, gyro_walk, gate, start, longest_age_s = 0.0))]
+    #[pyo3(signature = (vehicle, *, period_s, instruments, landmarks = Vec::new(), bottom = None, force = None, force_time_s = None, acceleration = None, current = None, current_time_s = None, gyro_walk, gate, start, longest_age_s = 0.0, waves = None, exact_model = false))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
     fn new(
         vehicle: PyRef<'_, Vehicle>,
@@ -113,27 +115,18 @@ impl Filter {
         landmarks: Vec<(String, String, Vec<f64>)>,
         bottom: Option<Numbers>,
         force: Option<Numbers>,
-        force_time_s: f64,
+        force_time_s: Option<f64>,
         acceleration: Option<Numbers>,
         current: Option<Numbers>,
-        current_time_s: f64,
+        current_time_s: Option<f64>,
         gyro_walk: f64,
         gate: (f64, f64),
         start: Numbers,
         longest_age_s: f64,
+        waves: Option<Numbers>,
+        exact_model: bool,
     ) -> PyResult<Self> {
         let description = vehicle.description.clone();
-        let mut noise = Fitting::noise_of(&description);
-        if let Some(force) = force {
-            noise.force = force.row("force")?;
-        }
-        if let Some(acceleration) = acceleration {
-            noise.acceleration = acceleration.row("acceleration")?;
-        }
-        if let Some(current) = current {
-            noise.current = current.row("current")?;
-        }
-        (noise.force_time, noise.current_time, noise.gyro_walk) = (force_time_s, current_time_s, gyro_walk);
         let mut fitted = [None; KINDS.len()];
         for (kind, row) in instruments.by_name() {
             let [noise, bias, latency, x, y, z, roll, pitch, yaw] = row.row::<9>(&kind)?;
@@ -143,6 +136,19 @@ impl Filter {
             let mount = from_euler(&[roll, pitch, yaw]);
             fitted[index] = Some(Instrument { noise, bias, latency, arm: [x, y, z], mount });
         }
+        let mut noise = Fitting::noise_of(&description, &fitted, exact_model);
+        if let Some(force) = force {
+            noise.force = force.row("force")?;
+        }
+        if let Some(acceleration) = acceleration {
+            noise.acceleration = acceleration.row("acceleration")?;
+        }
+        if let Some(current) = current {
+            noise.current = current.row("current")?;
+        }
+        noise.gyro_walk = gyro_walk;
+        noise.force_time = force_time_s.unwrap_or(noise.force_time);
+        noise.current_time = current_time_s.unwrap_or(noise.current_time);
         let plane = |[x, y, z, offset]: [f64; 4]| Surface::Plane { normal: [x, y, z], offset };
         let mark = |(name, kind, numbers): (String, String, Vec<f64>)| match (kind.as_str(), &numbers[..]) {
             ("beacon", &[north, east, down]) => Ok((name, Landmark::Beacon([north, east, down]))),
@@ -154,11 +160,19 @@ impl Filter {
                 "landmarks: {name}: expected a beacon, wall or pen, found {kind} {numbers:?}"
             ))),
         };
+        let swell = match waves {
+            Some(waves) => {
+                let [height, period, toward, spreading, peakedness] = waves.row("waves")?;
+                Sea { height, period, toward, spreading, peakedness }.swell(9.81)
+            }
+            None => None,
+        };
         let [north, east, down, far] = start.row::<4>("start")?;
         let fitting = Fitting {
             instruments: fitted,
             landmarks: landmarks.into_iter().map(mark).collect::<PyResult<_>>()?,
             bottom: bottom.map(|row| row.row::<4>("bottom").map(plane)).transpose()?,
+            swell,
             noise,
             gate: Gate { threshold: gate.0 * gate.0, patience: gate.1 },
             start: ([north, east, down], far),

@@ -2,7 +2,7 @@
 //!
 //! In reading order: [`estimate`], the state and its small error; [`error_state`], the covariance of that error, its
 //! prediction and its scalar updates; [`process`], one step of the vehicle with its exact Jacobian; [`observation`],
-//! what a sensor shows of a state, with the row of its Jacobian; [`innovation`], whether a sample is believed; `past`,
+//! what a sensor shows of a state, with the row of its Jacobian; [`swell`], what waves add to it; [`innovation`], whether a sample is believed; `past`,
 //! for samples that come late; [`tracker`], which does all of it step by step.
 //!
 //! Source: Solà, *Quaternion kinematics for the error-state Kalman filter* (2017), chapters 5 and 6; Farrell, *Aided
@@ -16,4 +16,5 @@ pub mod innovation;
 pub mod observation;
 mod past;
 pub mod process;
+pub mod swell;
 pub mod tracker;

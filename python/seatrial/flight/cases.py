@@ -490,7 +490,10 @@ def _circumstances(
             for name, source in sources.items()
         },
     )
-    aboard = filter_of(asked, around.model, fitted, autopilot.period_s)
+    gusts = math.sqrt(sum(x * x for x in around.turbulence) / 3.0), around.turbulence_times_s[0]
+    aboard = filter_of(
+        asked, around.model, fitted, autopilot.period_s, waves=waves, gusts=gusts, exact=model is None
+    )
     return around, channels, aboard
 
 

@@ -115,7 +115,8 @@ def fly(
         Whether the autopilot sees what its actuators do, and so finds a failed one.
     navigation : str or NavigationFilter, optional
         What the autopilot goes by: "sensors", what they show, or "filter", the estimate of a navigation
-        filter on `model` with the sensors of the flight; or a filter of one's own settings.
+        filter on `model` with the sensors of the flight, told of turbulence and waves that all flights
+        share; or a filter of one's own settings.
     max_step_s : float, optional
         Largest step of the integration, s.
     max_time_s : float, optional

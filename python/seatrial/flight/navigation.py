@@ -21,6 +21,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError, nearest
 from seatrial.base.toml_file import loaded
 from seatrial.flight.checks import checked_vector, within
+from seatrial.flight.sea import SeaState
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.sensors.sensor import KINDS, Sensor
 
@@ -117,13 +118,24 @@ class NavigationFilter:
         Standard deviation of the force that the model does not know, N and N m; by default that of 0.03
         m/s2 and 0.03 rad/s2.
     force_time_s : float, optional
-        Its time constant.
+        Its time constant; 10 s when omitted.
     acceleration : (6,) array_like, optional
-        Standard deviation of velocity that white noise of acceleration makes in a second, m/s and rad/s.
+        Standard deviation of velocity that white noise of acceleration makes in a second, m/s and rad/s;
+        by default 0.005.
     current : (3,) array_like, optional
         Standard deviation of the current, north, east, down, m/s.
     current_time_s : float, optional
-        Its time constant.
+        Its time constant; 1000 s when omitted.
+    turbulence_m_s : float, optional
+        Standard deviation of its gusts, each of north, east and down.
+    turbulence_time_s : float, optional
+        Their time constant.
+    waves : SeaState, optional
+        The sea that is expected. Its orbital motion is noise of what is measured against the ground: the
+        estimate is that of the motion without it.
+    exact_model : bool, optional
+        Whether the vehicle is simulated by the model itself. Then the model explains nearly all, and the
+        defaults of force, acceleration and current follow from the noise of the sensors.
     gate : float, optional
         Deviations of an innovation beyond which a sample is refused.
     patience_s : float, optional
@@ -159,10 +171,14 @@ class NavigationFilter:
         start: ArrayLike = (0.0, 0.0, 0.0),
         start_deviation_m: float = 1.0,
         force: ArrayLike | None = None,
-        force_time_s: float = 10.0,
+        force_time_s: float | None = None,
         acceleration: ArrayLike | None = None,
         current: ArrayLike | None = None,
-        current_time_s: float = 1000.0,
+        current_time_s: float | None = None,
+        turbulence_m_s: float = 0.0,
+        turbulence_time_s: float = 60.0,
+        waves: SeaState | None = None,
+        exact_model: bool = False,
         gate: float = 5.0,
         patience_s: float = 5.0,
         longest_age_s: float = 0.5,
@@ -170,12 +186,26 @@ class NavigationFilter:
         model: Vehicle = loaded(Vehicle, vehicle)
         within("period_s", period_s, (1e-3, 10.0), "s")
         within("start_deviation_m", start_deviation_m, (1e-3, 1e5), "m")
-        within("force_time_s", force_time_s, (0.1, 1e5), "s")
-        within("current_time_s", current_time_s, (1.0, 1e6), "s")
+        if force_time_s is not None:
+            within("force_time_s", force_time_s, (0.1, 1e5), "s")
+        slow_time = (3e4 if exact_model else 1e3) if current_time_s is None else current_time_s
+        within("current_time_s", slow_time, (1.0, 1e6), "s")
+        within("turbulence_m_s", turbulence_m_s, (0.0, 5.0), "m/s")
+        within("turbulence_time_s", turbulence_time_s, (0.1, 1e5), "s")
         within("gate", gate, (1.0, 1000.0), "standard deviations")
         within("patience_s", patience_s, (0.1, 3600.0), "s")
         within("longest_age_s", longest_age_s, (0.0, 60.0), "s")
         instruments = _instruments(sensors, model, tilt or {})
+        if not (waves is None or isinstance(waves, SeaState)):
+            raise SimulationError(
+                f"waves: expected st.SeaState(height_m, period_s, toward_deg=...), found {waves!r}"
+            )
+        given = _positive("current", current, 3)
+        slow = np.array([0.2, 0.2, 0.02]) if given is None else given
+        # One Gauss-Markov process with the variance of both and, over a short time, the walk of both.
+        both = np.sum([slow**2, np.full(3, turbulence_m_s**2)], axis=0)
+        walk = np.sum(slow**2) / slow_time + 3.0 * turbulence_m_s**2 / turbulence_time_s
+        time = float(np.sum(both) / walk) if walk > 0.0 else slow_time
         self._vehicle = model
         self._core = Filter(
             model,
@@ -184,14 +214,16 @@ class NavigationFilter:
             landmarks=_landmarks(landmarks or {}),
             bottom=None if seabed is None else _bottom(seabed),
             force=_positive("force", force, 6),
-            force_time_s=float(force_time_s),
+            force_time_s=force_time_s,
             acceleration=_positive("acceleration", acceleration, 6),
-            current=_positive("current", current, 3),
-            current_time_s=float(current_time_s),
+            current=np.sqrt(both),
+            current_time_s=time,
             gyro_walk=1e-6,
             gate=(float(gate), float(patience_s)),
             start=(*_triple(checked_vector("start", start)), float(start_deviation_m)),
             longest_age_s=float(longest_age_s),
+            waves=None if waves is None else waves.row,
+            exact_model=exact_model,
         )
 
     @property
@@ -339,23 +371,40 @@ def checked_navigation(navigation: Any) -> str | NavigationFilter:
 
 
 def filter_of(
-    navigation: str | NavigationFilter, model: Vehicle, sensors: Mapping[str, Sensor] | None, period_s: float
+    navigation: str | NavigationFilter,
+    model: Vehicle,
+    sensors: Mapping[str, Sensor] | None,
+    period_s: float,
+    *,
+    waves: SeaState | None = None,
+    gusts: tuple[float, float] = (0.0, 60.0),
+    exact: bool = False,
 ) -> Filter | None:
-    """Filter of the core for flights, on the vehicle that the autopilot believes in."""
+    """Filter of the core for flights, on the vehicle that the autopilot believes in.
+
+    It is told of the sea: the waves, and deviation (m/s) and time constant (s) of the gusts; and whether
+    the vehicle is simulated by the model itself.
+    """
     if isinstance(navigation, NavigationFilter):
         return navigation.core
     if navigation == "sensors":
         return None
+    told: dict[str, Any] = {
+        "period_s": period_s,
+        "longest_age_s": 0.0,
+        "waves": waves,
+        "turbulence_m_s": gusts[0],
+        "turbulence_time_s": gusts[1],
+        "exact_model": exact,
+    }
     if sensors is None:
-        return NavigationFilter(model, period_s=period_s, start_deviation_m=0.02, longest_age_s=0.0).core
+        return NavigationFilter(model, start_deviation_m=0.02, **told).core
     gps = sensors.get("gps")
     aboard = {
         kind: _in_step(sensor, period_s) for kind, sensor in sensors.items() if kind in _TOLD[:1] + _TOLD[2:]
     }
     deviation = max(0.05, 0.0 if gps is None else gps.bias)
-    return NavigationFilter(
-        model, aboard, period_s=period_s, start_deviation_m=deviation, longest_age_s=0.0
-    ).core
+    return NavigationFilter(model, aboard, start_deviation_m=deviation, **told).core
 
 
 def _in_step(sensor: Sensor, period_s: float) -> Sensor:

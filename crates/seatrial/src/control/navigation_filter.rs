@@ -27,6 +27,7 @@ use crate::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POS
 use crate::filter::innovation::Watch;
 use crate::filter::observation::Observation;
 use crate::filter::process::Process;
+use crate::filter::swell::Motion;
 use crate::filter::tracker::{Sample, Tracker};
 use crate::model::drive::{Drive, UnlimitedDelay, act};
 use crate::model::kinematics::{from_euler, quaternion_product, rotation};
@@ -40,6 +41,12 @@ const LONGEST_STEP: f64 = 0.1;
 
 /// After a pause beyond this the filter begins anew, s: what the vehicle did meanwhile is not known.
 const LONGEST_PAUSE: f64 = 60.0;
+
+/// Share of the acceleration of the waves by which the vehicle stays behind the water.
+const LEFT_BEHIND: f64 = 0.02;
+
+/// Acceleration of gravity, m/s².
+const GRAVITY: f64 = 9.81;
 
 /// Deviations at the start of what was not measured: velocity m/s, rates rad/s.
 const AT_START: [f64; 2] = [0.5, 0.1];
@@ -65,6 +72,8 @@ pub struct NavigationFilter {
     silent: Vec<f64>,
     /// Bearing of the beam on every surface, rad.
     beams: Vec<f64>,
+    /// The waves at the depth of now.
+    waves: Motion,
     begun: bool,
     /// How often the filter had to begin anew.
     pub restarts: u64,
@@ -104,6 +113,7 @@ impl NavigationFilter {
             first: vec![f64::NAN; channels],
             silent: vec![f64::INFINITY; channels],
             beams: vec![0.0; fitting.landmarks.len()],
+            waves: Motion::default(),
             begun: false,
             restarts: 0,
             plain,
@@ -143,8 +153,8 @@ impl NavigationFilter {
     }
 
     /// Moves on by `elapsed` seconds under the commands of the actuators as signals (`None`: as before) and takes the
-    /// samples that have arrived since; `measured` are signals that the actuators were measured at, not a number where
-    /// they were not.
+    /// samples that have arrived since; `measured` are signals that the actuators are measured at now, not a number
+    /// where they are not.
     pub fn step(
         &mut self,
         samples: &[Told],
@@ -161,8 +171,14 @@ impl NavigationFilter {
         while left > 1e-9 {
             let time = left.min(self.fitting.period);
             let time = if left - time < 0.5 * self.fitting.period { left } else { time };
-            self.pass((commands, measured), voltage, time);
+            self.pass(commands, voltage, time);
             left -= time;
+        }
+        // What the actuators are measured at is true now: the next step begins there.
+        for (state, &signal) in self.drive.states.iter_mut().zip(measured.unwrap_or(&[])) {
+            if signal.is_finite() {
+                state.signal = signal;
+            }
         }
         for &(channel, value, age) in samples {
             self.take(channel, value, age);
@@ -178,7 +194,7 @@ impl NavigationFilter {
     }
 
     /// Lets a time pass: motors, process and covariance.
-    fn pass(&mut self, (commands, measured): (&[f64], Option<&[f64]>), voltage: f64, time: f64) {
+    fn pass(&mut self, commands: &[f64], voltage: f64, time: f64) {
         for (i, &command) in commands.iter().enumerate() {
             if command.is_finite() {
                 self.targets[i] = self.limits[i].apply(command);
@@ -186,11 +202,6 @@ impl NavigationFilter {
                 if motor.ideal && motor.t_t <= 0.0 {
                     self.drive.states[i] = motor.steady(self.targets[i]);
                 }
-            }
-        }
-        for (i, &signal) in measured.unwrap_or(&[]).iter().enumerate() {
-            if signal.is_finite() {
-                self.drive.states[i].signal = signal;
             }
         }
         for k in 0..self.nodes.len() {
@@ -203,6 +214,7 @@ impl NavigationFilter {
             act(&self.plain, &self.signals, voltage, |_| None, &mut self.nodes[k]);
         }
         if self.begun {
+            self.roll_on();
             let steps = self.nodes.len() / 2;
             self.tracker.predict(&self.nodes, self.h * time / (self.h * steps as f64));
         }
@@ -227,10 +239,40 @@ impl NavigationFilter {
             return;
         }
         let Some((observation, instrument)) = self.observation(channel) else { return };
-        let variance = (instrument.noise * instrument.noise).max(1e-12);
+        let variance = (instrument.noise * instrument.noise).max(1e-12) + self.shaken(&observation);
         let sample =
             Sample { observation: &observation, measured: value, variance, age: instrument.latency + age };
         self.tracker.observe(&sample, &mut self.watches[channel]);
+    }
+
+    /// The variance that waves add to an observation.
+    fn shaken(&self, observation: &Observation) -> f64 {
+        let Some(swell) = &self.fitting.swell else { return 0.0 };
+        let ned = |along: &Vec3<f64>| product(&self.tracker.estimate().rotation(), along);
+        match observation {
+            Observation::Place { along, .. } => swell.share(along) * self.waves.displacement,
+            Observation::Velocity { along, over_ground: true, .. } => {
+                swell.share(&ned(along)) * self.waves.velocity
+            }
+            Observation::Echo { along, .. } => swell.share(&ned(along)) * self.waves.displacement,
+            Observation::Range { .. } => self.waves.displacement,
+            _ => 0.0,
+        }
+    }
+
+    /// What the waves are at the depth of now. Their acceleration leans the apparent vertical by a/g: a moment on roll and
+    /// pitch with the time constant 1/ω, of which the force walks.
+    fn roll_on(&mut self) {
+        let Some(swell) = &self.fitting.swell else { return };
+        self.waves = swell.at(self.tracker.estimate().motion.position[2]);
+        let Motion { velocity, acceleration, .. } = self.waves;
+        let omega = (acceleration / velocity.max(1e-12)).sqrt();
+        let moment = fitting::righting(&self.plain) * acceleration.sqrt() / GRAVITY;
+        let left = LEFT_BEHIND * acceleration.sqrt();
+        for i in 0..6 {
+            let push = if i < 3 { left * self.plain.mass_matrix[i][i] } else { moment };
+            self.tracker.noise_mut().force_walk[i] = push * (2.0 * omega).sqrt();
+        }
     }
 
     /// What a channel observes; nothing where the vehicle has no such sensor.
@@ -319,6 +361,11 @@ impl NavigationFilter {
             deviations[GYRO_BIAS + i] = of(GYRO).bias;
         }
         deviations[FORCE..FORCE + 6].copy_from_slice(&self.fitting.noise.force);
+        // An offset of the attitude turns weight against buoyancy: a lasting moment that the vehicle does not feel.
+        let leaning = of(ATTITUDE_SENSOR).bias * fitting::righting(&self.plain);
+        for moment in &mut deviations[FORCE + 3..FORCE + 5] {
+            *moment = moment.hypot(leaning);
+        }
         self.tracker.begin(&at, &deviations);
         self.begun = true;
     }

@@ -1,8 +1,9 @@
 //! The filter at work: predicted step by step, corrected by samples, in fixed memory.
 //!
 //! The noise of the process: the unmodelled force is a Gauss–Markov process of given deviation and time constant; white
-//! noise on the accelerations stands for what is faster; the current is a slow Gauss–Markov process, the gyro's bias a
-//! random walk.
+//! noise on the accelerations stands for what is faster, and a random walk of the force for the push of waves; the current is a slow Gauss–Markov process, the gyro's bias a
+//! random walk. Constant offsets of attitude and Doppler log carry the position off, at a rate that looks constant for
+//! as long as nothing turns: white noise of the position over a second stands for it.
 //!
 //! Source: Farrell (2008), sections 4.6 and 7.2; Fossen (2021), section 13.4 (bias of force and current).
 //! Tests: `tests/filter/tracker.rs`, `tests/fixed_memory.rs`.
@@ -23,6 +24,8 @@ pub struct Noise {
     pub force: Vec6<f64>,
     /// Its time constant, s.
     pub force_time: f64,
+    /// Standard deviation by which the force walks in a second, N and N m.
+    pub force_walk: Vec6<f64>,
     /// Standard deviation of the velocity that white noise of acceleration makes in a second, m/s and rad/s.
     pub acceleration: Vec6<f64>,
     /// Standard deviation of the current, each of north, east and down, m/s.
@@ -31,6 +34,8 @@ pub struct Noise {
     pub current_time: f64,
     /// Standard deviation by which the gyro's bias moves in a second, rad/s.
     pub gyro_walk: f64,
+    /// Standard deviation of the constant offset of the attitude, rad, and of the velocity over ground, m/s.
+    pub offsets: [f64; 2],
 }
 
 /// One scalar that was measured.
@@ -93,6 +98,11 @@ impl Tracker {
         &self.state
     }
 
+    /// What the model does not know, for who knows better from now on.
+    pub fn noise_mut(&mut self) -> &mut Noise {
+        &mut self.noise
+    }
+
     /// Time since the tracker was made, s.
     pub fn time(&self) -> f64 {
         self.time
@@ -107,10 +117,19 @@ impl Tracker {
         let noise = &self.noise;
         let kept = (-dt / noise.force_time).exp();
         let slow = (-dt / noise.current_time).exp();
+        let [turned, shifted] = noise.offsets;
+        let [u, v, w] = self.estimate.over_ground();
+        let carried = turned * turned * (u * u + v * v + w * w) + shifted * shifted;
+        self.step.noise[POSITION..POSITION + 3].fill(carried * dt);
+        let [p, q, r] = [3, 4, 5].map(|i| self.estimate.motion.nu[i] * turned);
+        for (i, rate) in [q.hypot(r), r.hypot(p), p.hypot(q)].into_iter().enumerate() {
+            self.step.noise[ATTITUDE + i] = rate * rate * dt;
+        }
         for i in 0..6 {
             self.step.noise[VELOCITY + i] = noise.acceleration[i].powi(2) * dt;
             self.step.decay[FORCE + i] = kept;
-            self.step.noise[FORCE + i] = noise.force[i].powi(2) * (1.0 - kept * kept);
+            self.step.noise[FORCE + i] =
+                noise.force[i].powi(2) * (1.0 - kept * kept) + noise.force_walk[i].powi(2) * dt;
             self.estimate.force[i] *= kept;
         }
         for i in 0..3 {

@@ -29,6 +29,7 @@
 //! acceleration at a fixed place for a body small beside the waves: Auton, Hunt and Prud'homme (1988).
 //! Tests: `tests/closed_loop/waves.rs`, `tests/flight/test_waves.py` (against plain NumPy).
 
+use crate::filter::swell::Swell;
 use crate::model::current::Current;
 use crate::number::algebra::Vec3;
 use crate::number::random::{gaussian, uniform};
@@ -65,6 +66,21 @@ pub struct Sea {
 impl Sea {
     /// No waves.
     pub const CALM: Self = Self { height: 0.0, period: 8.0, toward: 0.0, spreading: 0.0, peakedness: 3.3 };
+
+    /// The same sea as a navigation filter is told of it, at gravity `g`; none for a calm one.
+    pub fn swell(&self, g: f64) -> Option<Swell> {
+        let omega_p = TAU / self.period;
+        let component = |stratum: &Stratum| {
+            let omega = omega_p * stratum.frequency(0.5);
+            [omega, omega * omega / g, stratum.energy * self.height * self.height / 16.0]
+        };
+        let (sine, cosine) = self.toward.sin_cos();
+        (self.height > 0.0).then(|| Swell {
+            components: strata(self.peakedness).iter().map(component).collect(),
+            toward: [cosine, sine],
+            spreading: self.spreading,
+        })
+    }
 
     /// The harmonics of this sea for a seed, in deep water at gravity `g`; none for a calm one.
     pub fn harmonics(&self, seed: f64, g: f64) -> Vec<Harmonic<f64>> {

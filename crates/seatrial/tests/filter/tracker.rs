@@ -23,6 +23,8 @@ fn quiet() -> Noise {
         current: [0.1, 0.1, 0.0],
         current_time: 1000.0,
         gyro_walk: 1e-6,
+        force_walk: [0.0; 6],
+        offsets: [0.0; 2],
     }
 }
 

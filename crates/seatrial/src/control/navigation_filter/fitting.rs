@@ -6,6 +6,7 @@ use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS};
 use crate::description::Description;
 use crate::filter::innovation::Gate;
 use crate::filter::observation::Surface;
+use crate::filter::swell::Swell;
 use crate::filter::tracker::Noise;
 use crate::model::kinematics::Quaternion;
 use crate::model::vehicle::Vehicle;
@@ -37,6 +38,24 @@ pub(super) const DVL_WATER: usize = 7;
 pub(super) const ECHO_SOUNDER: usize = 8;
 pub(super) const RANGE: usize = 9;
 pub(super) const BEARING: usize = 10;
+
+/// Deviation of the acceleration that an identified model does not explain, m/s² and rad/s².
+const MODEL_ERROR: f64 = 0.03;
+
+/// The velocity that white acceleration makes in a second where the model is an identified one, m/s and rad/s.
+const FASTER: f64 = 0.005;
+
+/// Deviation of the acceleration where the vehicle is simulated by the model itself, m/s² and rad/s²; a slim hull has the
+/// least inertia in roll, where what an offset of the attitude does lasts.
+const ROUNDED: [f64; 6] = [0.005, 0.005, 0.005, 0.004, 0.001, 0.001];
+
+/// Velocity that white acceleration makes in a second there, in deviations of the noise of what measures it.
+const UNSEEN: f64 = 0.05;
+
+/// Moment per small angle that turns a vehicle upright, N m/rad.
+pub(super) fn righting(vehicle: &Vehicle<f64>) -> f64 {
+    vehicle.restoring.moment[2].abs()
+}
 
 /// The channels besides those of [`CHANNEL_NAMES`]: fixes of a GPS and of an acoustic positioning system, m.
 pub const FIXES: [&str; 5] = ["gps_x", "gps_y", "usbl_x", "usbl_y", "usbl_z"];
@@ -84,6 +103,8 @@ pub struct Fitting {
     pub landmarks: Vec<(String, Landmark)>,
     /// The bottom, which the altitude is measured to.
     pub bottom: Option<Surface>,
+    /// The waves that the filter is told of.
+    pub swell: Option<Swell>,
     /// What the model does not know.
     pub noise: Noise,
     /// When a sample is refused.
@@ -97,18 +118,38 @@ pub struct Fitting {
 }
 
 impl Fitting {
-    /// The noise of a process whose model is a good one: a force that accelerates the vehicle by 0.03 m/s² and 0.03
-    /// rad/s² for some ten seconds, a current of 0.2 m/s that lasts a quarter of an hour.
-    pub fn noise_of(description: &Description) -> Noise {
+    /// The noise of the process beside these sensors.
+    ///
+    /// Of an identified model: a force that accelerates the vehicle by [`MODEL_ERROR`] for some ten seconds, and a current of
+    /// 0.2 m/s that lasts a quarter of an hour. Where the vehicle is simulated by the model itself (`exact`) there is next to
+    /// none: [`ROUNDED`] for minutes, and white acceleration that the sensors do not see, so that innovations are those of
+    /// the sensors; a steady current turns in hours.
+    pub fn noise_of(
+        description: &Description,
+        instruments: &[Option<Instrument>; KINDS.len()],
+        exact: bool,
+    ) -> Noise {
         let vehicle = Vehicle::nominal(description);
-        let force = std::array::from_fn(|i| 0.03 * vehicle.mass_matrix[i][i]);
+        let [good, best] = [0.005, 0.0003];
+        let noise = |kind: usize, usual: f64| instruments[kind].map_or(usual, |i| i.noise);
+        let (moves, turns) = (noise(DVL, good), noise(GYRO, best));
+        let turned = instruments[ATTITUDE_SENSOR].map_or(0.0, |i| i.bias);
         Noise {
-            force,
-            force_time: 10.0,
-            acceleration: [0.005, 0.005, 0.005, 0.005, 0.005, 0.005],
+            force: std::array::from_fn(|i| {
+                (if exact { ROUNDED[i] } else { MODEL_ERROR }) * vehicle.mass_matrix[i][i]
+            }),
+            force_time: if exact { 100.0 } else { 10.0 },
+            force_walk: [0.0; 6],
+            acceleration: std::array::from_fn(|i| {
+                if !exact {
+                    return FASTER;
+                }
+                UNSEEN * if i < 3 { moves } else { turns }
+            }),
             current: [0.2, 0.2, 0.02],
-            current_time: 1000.0,
+            current_time: if exact { 3e4 } else { 1e3 },
             gyro_walk: 1e-6,
+            offsets: [turned, instruments[DVL].map_or(0.0, |i| i.bias)],
         }
     }
 
