@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,12 @@ _SETTLING_S = 10.0
 
 _HORIZON_ROUNDS = 3
 
-_SETTLINGS = 3  # times that the motion is found anew where values are judged
+_SETTLING = (1e4, 1e2, 1.0, 1.0)
+"""Where values are judged the motion is found anew, from the log in still water: process noise over its own.
+
+Derivatives about the log are far from those about the motion where a current is strong, and a filter that
+trusts them may leave it.
+"""
 
 
 @dataclass(frozen=True)
@@ -137,7 +142,7 @@ class Innovations:
 
         Where a simulation leaves the log the stages end anywhere, and the vehicle file may be nearer.
         """
-        found = []
+        found: list[float] = []
         for start in starts:
             self.joint.noise_model = None
             self.steps.follow_log()
@@ -246,9 +251,10 @@ class Innovations:
         found = {}
         self.steps.follow_log()
         spans = self._spans(values, ())
-        for _ in range(_SETTLINGS):
-            assert self.joint.noise_model is not None
-            along = self._filters(spans).motion(self.joint.noise_model)
+        own = self.joint.noise_model
+        assert own is not None
+        for factor in _SETTLING:
+            along = self._filters(spans).motion(replace(own, process=factor * own.process))
             if not all(np.isfinite(one.states).all() for one in along):
                 break  # a model that diverges over a step
             self.steps.follow(along)
