@@ -201,7 +201,9 @@ class Innovations:
     def linearisation(self, values: Array, extra: Sequence[str]) -> Linearisation:
         """Prediction errors and derivatives at a point, in the form in which an estimate is judged."""
         joint, size = self.joint, len(self.joint.unknowns) + len(extra)
-        spans = self._spans(values, _FIRST if self.joint.noise_model is None else (), extra)
+        if self.joint.noise_model is None:
+            self._spans(values, _FIRST)
+        spans = self._settled(values, extra)
         errors = self._errors(spans, self._samples(joint.polish.horizon_s))
         noise = self._noise(errors)
         pieces = []
@@ -249,17 +251,7 @@ class Innovations:
         derivatives are taken at is found anew, for these values.
         """
         found = {}
-        self.steps.follow_log()
-        spans = self._spans(values, ())
-        own = self.joint.noise_model
-        assert own is not None
-        for factor in _SETTLING:
-            along = self._filters(spans).motion(replace(own, process=factor * own.process))
-            if not all(np.isfinite(one.states).all() for one in along):
-                break  # a model that diverges over a step
-            self.steps.follow(along)
-            spans = self._spans(values, ())
-        errors = self._errors(spans, self._samples(ahead_s))
+        errors = self._errors(self._settled(values), self._samples(ahead_s))
         for column, channel in enumerate(self.steps.channels):
             about = []
             for one in errors:
@@ -294,6 +286,19 @@ class Innovations:
             self.steps.follow(motion)
             spans = self.steps.linearised(values, extra)
         return spans
+
+    def _settled(self, values: Array, extra: Sequence[str] = ()) -> list[Span]:
+        """The spans at a point along a motion found anew for it, with the noise model as it is."""
+        own = self.joint.noise_model
+        assert own is not None
+        self.steps.follow_log()
+        for factor in _SETTLING:
+            filters = self._filters(self._spans(values, ()))
+            motion = filters.motion(replace(own, process=factor * own.process))
+            if not all(np.isfinite(one.states).all() for one in motion):
+                break  # a model that diverges over a step
+            self.steps.follow(motion)
+        return self._spans(values, (), extra)
 
     def _filters(self, spans: Sequence[Span]) -> kalman.Filters:
         assert self.joint.noise_model is not None
