@@ -106,11 +106,11 @@ def _anchor(heading: str) -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_tests_that_are_named_exist(name: str) -> None:
     claimed = set(re.findall(r"`((?:law|lit|golden|scalar|test)_\w+)`", text(name)))
-    assert claimed <= tests_of_the_house(), sorted(claimed - tests_of_the_house())
+    assert claimed <= every_test_name(), sorted(claimed - tests_of_the_house())
 
 
 @cache
-def tests_of_the_house() -> set[str]:
+def every_test_name() -> set[str]:
     sources = [*(ROOT / "crates" / "seatrial").rglob("*.rs"), *(ROOT / "tests").rglob("*.py")]
     return {a or b for path in sources for a, b in TESTS.findall(path.read_text(encoding="utf-8"))}
 
