@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
-from seatrial.identification.held import hold_untold
+from seatrial.identification.held import SHARE, Held, conditional, hold_untold
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
 from seatrial.trial.trial import Trial
@@ -77,6 +80,31 @@ def test_what_feedback_hides_is_not_estimated_and_said_to_be_so() -> None:
     files = fit.files()
     assert "# rudder_upper.gain = 1 1: not identified" in str(files["vehicle.toml"])
     assert '"held": [' in str(files["identification.json"])
+
+
+def test_an_estimate_moves_with_a_held_value_as_least_squares_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows y = A theta + B psi: theta moves by minus the regression of B d psi on A; not at a bound."""
+    rows = np.random.default_rng(0).normal(size=(50, 5))  # three unknowns, the last at its bound; two held
+    sigma = np.full(3, 1e-3)
+    unknown = [
+        SimpleNamespace(name=name, unit="1", scale=scale)
+        for name, scale in zip("abc", (1.0, 40.0, 2.0), strict=True)
+    ]
+    joint, known, polished = (
+        SimpleNamespace(unknowns=unknown),
+        SimpleNamespace(at_bound=(None, None, "upper"), sigma=sigma),
+        SimpleNamespace(values=np.zeros(3), initial=None, noise=None),
+    )
+    lin = SimpleNamespace(information=lambda: rows.T @ rows)
+    monkeypatch.setattr("seatrial.identification.held.linearise", lambda *given, **options: lin)
+    held = [Held(f"{side}.gain", 2.0, "1", "fins.gain", "M", "", "") for side in ("port", "starboard")]
+    given: Any = (joint, polished, held, known)
+    found = {one.name: one for one in conditional(*given)}
+    moved = np.linalg.lstsq(rows[:, :2], -rows[:, 3:] @ np.full(2, SHARE * 2.0), rcond=None)[0]
+    assert found.keys() == {"a", "b"}
+    assert [found["a"].change, found["b"].change] == pytest.approx(moved.tolist(), rel=1e-9)
+    assert found["a"].deviations == pytest.approx(moved[0] / sigma[0], rel=1e-9)
+    assert {one.on for one in found.values()} == {"fins.gain"}
 
 
 def test_draws_say_that_they_keep_what_is_held() -> None:

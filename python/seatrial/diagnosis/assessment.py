@@ -64,18 +64,26 @@ class Assessment:
     criteria: InformationCriteria
     residual_analysis: ResidualAnalysis
 
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """Verdict by coefficient: what the horizons contradict or ended at a bound is not identifiable."""
+        known = zip(self.uncertainty.names, self.uncertainty.at_bound, strict=True)
+        lost = {name for name, bound in known if bound is not None}
+        lost |= {name for horizon in self.polished.horizons for name in horizon.refused}
+        told = self.identifiability.verdicts.items()
+        return {name: "not identifiable" if name in lost else verdict for name, verdict in told}
+
     def of(self, name: str) -> Mapping[str, Any] | None:
         """Estimate, sigma, 95 % interval and verdict of a parameter; None if it is not in the estimate."""
         if name not in self.uncertainty.names:
             return None
         place = self.uncertainty.names.index(name)
-        refused = {name for horizon in self.polished.horizons for name in horizon.refused}
         return {
             "estimate": float(self.uncertainty.estimate[place]),
             "sigma": float(self.uncertainty.sigma[place]),
             "lower": float(self.uncertainty.lower[place]),
             "upper": float(self.uncertainty.upper[place]),
-            "verdict": "not identifiable" if name in refused else self.identifiability.verdicts.get(name),
+            "verdict": self.verdicts.get(name),
         }
 
     def nuisances(self) -> list[dict[str, Any]]:

@@ -4,6 +4,11 @@ Where an autopilot answers waves, a fit finds the controller's inverse (`seatria
 such an axis could tell is not estimated: gains of its actuators, its damping, lift and added mass. One trial
 that tells the axis frees them again. Coefficients that are tied to one that is told follow it.
 
+What is estimated beside them is conditional on the values that they keep. With the information H of the joint
+estimate, its coefficients as theta and the held ones as psi, an error of psi moves theta by
+
+    d theta = -H_tt^-1 H_tp d psi.
+
 Held by ``tests/identification/test_held.py``.
 """
 
@@ -13,14 +18,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from seatrial.campaign.parameters import Parameter, parameters
-from seatrial.estimation.joint import joint_stage
+from seatrial.estimation.joint import Joint, joint_stage
+from seatrial.estimation.joint_estimate import Polished, linearise
 from seatrial.trial.verdict import Verdict, best, untold
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
+    from seatrial.statistics.uncertainty import Uncertainty
 
-__all__ = ["Held", "comment", "hold_untold", "sentences"]
+__all__ = ["SHARE", "Conditional", "Held", "comment", "conditional", "hold_untold", "sentences"]
+
+
+SHARE = 0.2
+"""Error of a held value whose effect is told."""
+
+_RANK = 1e-10  # of the information over the widths of the bounds: what is below is not told
 
 
 @dataclass(frozen=True)
@@ -48,6 +63,69 @@ class Held:
     axis: str
     why: str
     trial: str
+
+
+@dataclass(frozen=True)
+class Conditional:
+    """An estimate that rests on a held value: how it would change were that value `SHARE` larger.
+
+    Attributes
+    ----------
+    name, unit
+        Of the estimated coefficient.
+    on
+        The held one, by its name in the campaign.
+    change, deviations
+        In SI, and in standard deviations of the estimate.
+    """
+
+    name: str
+    unit: str
+    on: str
+    change: float
+    deviations: float
+
+
+def conditional(
+    joint: Joint, polished: Polished, held: Sequence[Held], known: Uncertainty
+) -> tuple[Conditional, ...]:
+    """Estimates that would move by a standard deviation or more were a held value `SHARE` larger.
+
+    Those that ended at a bound cannot move. To first order, at the estimate.
+
+    Parameters
+    ----------
+    joint, polished
+        The joint estimate.
+    held
+        Of `hold_untold`.
+    known
+        Uncertainty of the joint estimate.
+    """
+    if not held:
+        return ()
+    lin = linearise(
+        joint,
+        polished.values,
+        initial=polished.initial,
+        noise=polished.noise,
+        extra=[one.name for one in held],
+    )
+    count = len(joint.unknowns)
+    free = [place for place, bound in enumerate(known.at_bound) if bound is None]
+    size = np.array([joint.unknowns[place].scale for place in free])
+    whole = lin.information()
+    inside = np.linalg.pinv(size[:, None] * whole[np.ix_(free, free)] * size, rcond=_RANK, hermitian=True)
+    found = []
+    for name in dict.fromkeys(one.parameter for one in held):
+        more = np.array([SHARE * one.value * (one.parameter == name) for one in held])
+        moved = -size * (inside @ (size * (whole[np.ix_(free, range(count, len(whole)))] @ more)))
+        for place, change in zip(free, moved.tolist(), strict=True):
+            away = change / float(known.sigma[place])
+            if abs(away) >= 1.0:
+                unknown = joint.unknowns[place]
+                found.append(Conditional(unknown.name, unknown.unit, name, change, away))
+    return tuple(sorted(found, key=lambda one: -abs(one.deviations)))
 
 
 def hold_untold(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:

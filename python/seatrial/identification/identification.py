@@ -16,7 +16,7 @@ from seatrial.campaign.parameters import Parameter
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
-from seatrial.identification.held import Held, comment, sentences
+from seatrial.identification.held import SHARE, Conditional, Held, comment, sentences
 from seatrial.identification.hold_out import POOLED, likelihood_gain, replayed
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
@@ -105,6 +105,8 @@ class Identification(RunResult):
     choice
         A `Choice`: stages and joint estimate judged on data outside the fit, and which is the result; None
         without a joint estimate.
+    conditional
+        A `Conditional` per estimate that rests on a held value: how far it would move were that 20 % larger.
     doubt
         Heading where many vehicles drawn from the covariance are physically impossible; empty otherwise.
     """
@@ -124,6 +126,7 @@ class Identification(RunResult):
     not_run: tuple[str, ...]
     choice: Choice | None = None
     doubt: str = ""
+    conditional: tuple[Conditional, ...] = ()
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
         """How good, the worst problem, what to do next; then tables and remarks.
@@ -208,6 +211,7 @@ class Identification(RunResult):
             "stages": [stage.to_dict() for stage in self.stages],
             "before": list(self.before),
             "held": [asdict(one) for one in self.held],
+            "conditional": [asdict(one) for one in self.conditional],
             "scale": self.scale.to_dict(),
             "assessment": None if self.assessment is None else self.assessment.to_dict(),
             "covariance": None if self.covariance is None else self.covariance.to_dict(),
@@ -362,6 +366,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
     tables = (
         _coefficient_table(fit, truth or {}),
         _held_table(fit, truth or {}),
+        _conditional_table(fit),
         _nuisance_table(fit),
         *(() if fit.assessment is None else (fit.assessment.horizon_table(),)),
         _held_out_table(fit),
@@ -559,6 +564,16 @@ def _held_table(fit: Identification, truth: Mapping[str, float]) -> Table:
     title = "Not identified, the vehicle file's values are kept"
     head = ("coefficient", "unit", "truth", "value", Column("why", align="left"))
     return Table.of(title, head, list(reversed(rows.values())), left=2)
+
+
+def _conditional_table(fit: Identification) -> Table:
+    """How far estimates would move were a held value larger."""
+    rows = [
+        (one.name, one.unit, one.on, f"{one.change:+.3g}", f"{one.deviations:+.1f}")
+        for one in fit.conditional
+    ]
+    title = f"Estimates that would move were a held value {100.0 * SHARE:g} % larger"
+    return Table.of(title, ("coefficient", "unit", "held", "change", "in deviations"), rows, left=3)
 
 
 def _nuisance_table(fit: Identification) -> Table:

@@ -33,6 +33,7 @@ from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.choice import Choice, choose
 from seatrial.identification.fitted import Fitted
+from seatrial.identification.held import Conditional, conditional
 from seatrial.identification.hold_out import part_scores
 from seatrial.identification.identification import Identification, estimates
 from seatrial.identification.preparation import prepare
@@ -361,6 +362,7 @@ def run_identification(
         sure: Assessment | None = None
         choice: Choice | None = None
         nuisances: Mapping[str, Mapping[str, float]] = {}
+        rests: tuple[Conditional, ...] = ()
         interrupted = order.stop.is_set()
         if not interrupted and not notes:
             joint, found = Joint(campaign, vehicle, threads=threads), None
@@ -371,8 +373,9 @@ def run_identification(
                 if choice.result == "joint estimate":
                     found, nuisances = polished, joint.records(polished.values)
             notes = (*notes, *joint.sentences())
-            sure = assess(joint, polish(joint, rounds=0) if found is None else found)
-            vehicle = sure.vehicle
+            found = polish(joint, rounds=0) if found is None else found
+            sure = assess(joint, found)
+            vehicle, rests = sure.vehicle, conditional(joint, found, ready.held, sure.uncertainty)
         judged = part_scores(campaign, vehicle, nuisances=nuisances)
         fit = Identification(
             campaign=campaign,
@@ -383,6 +386,7 @@ def run_identification(
             scores=judged.scores,
             before=before,
             held=ready.held,
+            conditional=rests,
             scale=judge_scale(campaign, vehicle),
             notes=(*notes, *judged.missing),
             facts=run_facts(

@@ -70,14 +70,14 @@ def intervals(assessment: Assessment) -> Figure:
     assessment : Assessment
         Of an identification.
     """
-    found, names = assessment.uncertainty, list(assessment.identifiability.verdicts)
+    found, names = assessment.uncertainty, list(assessment.verdicts)
     places = [found.names.index(name) for name in names]
     size = np.maximum(np.abs(found.estimate[places]), 1e-12)
     with house_style():
         figure = new_figure(max(3.2, 1.1 + _ROW_IN * len(names)))
         left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.15])
         relative = [100.0 * part[places] / size for part in (found.sigma, found.naive)]
-        _deviations(left, names, *relative, verdicts=assessment.identifiability.verdicts)
+        _deviations(left, names, *relative, verdicts=assessment.verdicts)
         _correlations(figure, right, names, found.correlation[np.ix_(places, places)])
         panel_title(left, "Standard deviations")
         left.set_xlabel(f"% of the estimate, blocks of {found.block_s:.3g} s")
