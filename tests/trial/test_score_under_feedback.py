@@ -10,7 +10,7 @@ import pytest
 from seatrial.trial.comparison import compare
 from seatrial.trial.score import score
 from seatrial.trial.trial import Trial
-from seatrial.trial.verdict import blind, judge_trial
+from seatrial.trial.verdict import Verdict, blind, judge_trial
 from seatrial.verification.mission_log.verify_log import verify_log
 from tests.trial.test_verdict import VEHICLE, sailed
 
@@ -28,6 +28,13 @@ def test_sway_rides_on_yaw() -> None:
     assert blind(judge_trial(steps, VEHICLE)) == ""
 
 
+def test_an_informative_axis_in_waves_is_replayed_where_they_are_a_small_part() -> None:
+    def letters(told: float, period_s: float) -> str:
+        return blind({"N": Verdict("N", "closed and informative", ("rudder",), 0.5, told, 0.3, period_s)})
+
+    assert [letters(0.6, 6.0), letters(0.8, 6.0), letters(0.3, math.nan)] == ["YN", "", ""]
+
+
 def test_a_dominated_axis_has_no_score_and_heads_no_report() -> None:
     found = score(VEHICLE, trials()[0], free="YN")
     assert all(found[c].blind and math.isnan(found[c].r2) and found[c].n == 0 for c in CHANNELS)
@@ -39,7 +46,7 @@ def test_a_dominated_axis_has_no_score_and_heads_no_report() -> None:
     }
     report = found.report()
     assert report.good.startswith("no channel of s1 could be scored")
-    assert "feedback dominates" in report.worst
+    assert "commands answer waves" in report.worst
     assert "seatrial plan" in report.next_step
     assert found.to_dict()["blind"]["r"] == ["s1"]
     assert "feedback" in report.text()

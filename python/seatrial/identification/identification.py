@@ -534,7 +534,7 @@ def _coefficient_table(fit: Identification, truth: Mapping[str, float]) -> Table
             row.unit,
             f"{true:.4g}" if truth else "",
             f"{row.start:.4g}",
-            plus_minus(row.estimate, row.sigma),
+            plus_minus(row.estimate, None if row.at_bound else row.sigma),
             "" if row.factor is None else f"{row.factor:.3g}",
             error,
             "" if row.verdict == "identifiable" else row.verdict or "",

@@ -55,8 +55,8 @@ _BELOW = 1.35  # a wave peak begins at its frequency divided by this, as in `sea
 class Unpredictable:
     """Variances by velocity channel, SI: of sensor noise and of motion by waves; period of these, s.
 
-    ``period_s`` is None where no waves are seen. ``blind`` has the letters of the axes that feedback
-    dominates: a replay of their commands, which answer waves, without the waves judges no model.
+    ``period_s`` is None where no waves are seen. ``blind`` has the letters of the axes whose commands
+    answer waves: a replay of them without the waves judges no model (`seatrial.trial.verdict.blind`).
     """
 
     noise: Mapping[str, float]

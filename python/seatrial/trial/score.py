@@ -53,7 +53,7 @@ REPLAYED = "replayed"
 """What a table shows in place of the R2 of a channel whose axis follows the recording."""
 
 BLIND = "feedback"
-"""What a table shows in place of the R2 of a channel whose axis feedback dominates."""
+"""What a table shows in place of the R2 of a channel on whose axis commands answer waves."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class ChannelScore:
     """Score of one channel: R2, mean absolute and root mean square error in SI, number of samples.
 
     Of a ``replayed`` channel they say nothing of the vehicle: its axis follows the recording. A ``blind``
-    channel has none (NaN, no samples): feedback dominates its axis in all of the trials.
+    channel has none (NaN, no samples): in all of the trials the commands of its axis answer waves.
     """
 
     r2: float
@@ -139,7 +139,7 @@ class Score(Mapping[str, ChannelScore]):
 
     @property
     def blind(self) -> dict[str, tuple[str, ...]]:
-        """By channel: trials on which it is not judged, because feedback dominates its axis."""
+        """By channel: trials on which it is not judged, because commands of its axis answer waves."""
         names = {c: [n for n in self.trials if not self._judges(c, n)] for c in self.channels}
         return {channel: tuple(own) for channel, own in names.items() if own}
 
@@ -154,8 +154,8 @@ class Score(Mapping[str, ChannelScore]):
         for channel, names in self.blind.items():
             told.setdefault(names, []).append(channel)
         return "; ".join(
-            f"{', '.join(channels)} not scored in {', '.join(names)}: feedback dominates, and a replay of"
-            " commands that answer waves, without the waves, judges no model"
+            f"{', '.join(channels)} {'is' if len(channels) == 1 else 'are'} not scored in {', '.join(names)}:"
+            " commands answer waves there, and a replay of them without the waves judges no model"
             for names, channels in told.items()
         )
 
@@ -378,7 +378,7 @@ def score(
     training
         Trials that the vehicle was identified from: the baselines are fitted to them, and judged on the same
         windows as the vehicle. Without any, only "hold last" is judged; None judges no baseline
-        and estimates no ceiling, and no axis counts as dominated by feedback unless ``limits`` say so.
+        and estimates no ceiling, and no axis is left out unless ``limits`` say so.
     limits
         What no model can predict, by name of the trial, where it is known already.
 
@@ -443,7 +443,7 @@ def score(
 
 
 def limits_of(trials: Sequence[Trial], vehicle: Vehicle | None) -> dict[str, Unpredictable]:
-    """By trial what no model can predict; without a vehicle no axis counts as dominated by feedback."""
+    """By trial what no model can predict; without a vehicle no axis is left out."""
     found = {}
     for one in trials:
         long = bool(one.commands) and len(one) * one.dt >= LEAST_S

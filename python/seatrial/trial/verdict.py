@@ -38,10 +38,24 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.trial import Trial
 
-__all__ = ["NOTHING", "TOLD", "Verdict", "best", "blind", "judge", "judge_trial", "pushed_by", "untold"]
+__all__ = [
+    "NOTHING",
+    "REPLAYED",
+    "TOLD",
+    "Verdict",
+    "best",
+    "blind",
+    "judge",
+    "judge_trial",
+    "pushed_by",
+    "untold",
+]
 
 TOLD = 0.25
 """Share of the velocity's variance from which the exogenous command tells the vehicle."""
+
+REPLAYED = 0.7
+"""Share from which a replay of commands that answer waves, without the waves, judges a model."""
 
 NOTHING = 0.05
 """Share below which it does not, whether or not waves were seen."""
@@ -193,16 +207,22 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
 
 
 def blind(verdicts: Mapping[str, Verdict]) -> str:
-    """Letters of the axes on which a replay of a trial's commands judges no model: dominated by feedback.
+    """Letters of the axes on which a replay of a trial's commands judges no model, for they answer waves.
 
-    Sway and heave that no command pushes ride on yaw and pitch, and are blind where these are.
+    Those that feedback dominates, and those that are informative by less than `REPLAYED` in waves: a gain can
+    be found there, by a method that knows of the loop, and the true vehicle fails a replay. Sway and heave
+    that no command pushes ride on yaw and pitch, and are blind where these are.
 
     Parameters
     ----------
     verdicts
         Of `judge_trial`.
     """
-    found = {axis for axis, verdict in verdicts.items() if verdict.dominated}
+    found = {
+        axis
+        for axis, one in verdicts.items()
+        if one.dominated or (math.isfinite(one.wave_period_s) and one.told < REPLAYED)
+    }
     found |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in found and axis not in verdicts}
     return "".join(axis for axis in AXES if axis in found)
 

@@ -386,7 +386,7 @@ def _scores(fit: Identification, trial: str, channel: str) -> str:
         for kind, remark in (("ahead", f"{AHEAD_S:g} s ahead"), ("free", "free run")):
             row = fit.scores.get(part, {}).get(kind, {}).get(trial)
             if row is not None and channel in row and row[channel].blind:
-                found = ["none, dominated by feedback"]
+                found = ["none, commands answer waves"]
             elif row is not None and channel in row and row[channel].n > 1:
                 found.append(f"{tidy(row[channel].r2)} ({remark})")
         if found:

@@ -90,6 +90,7 @@ def judge_model(
     payload_density_kg_m3: float,
     ahead_s: float,
     offsets: Mapping[str, float],
+    hidden: str = "",
 ) -> ModelJudgement:
     """Judgement of a model by a log, as `seatrial.verify_log` explains its parameters.
 
@@ -99,9 +100,6 @@ def judge_model(
         The reference cannot be used.
     """
     count = len(windows.spans)
-    if not windows.channels:
-        reason = "Feedback dominates every axis of the log: no channel of it can judge a model."
-        return ModelJudgement(_QUIET, reason)
     if not all(np.isfinite(one).all() for one in windows.predicted):
         reason = "The prediction diverges: the model cannot be this vehicle's, or its step is too long."
         return ModelJudgement("re-identify", reason)
@@ -114,6 +112,10 @@ def judge_model(
         reason = f"{many}; fly at least {2 * FEWEST_WINDOWS} of them, {2 * FEWEST_WINDOWS * ahead_s:g} s."
         return ModelJudgement(_QUIET, reason)
     spread, notes = _spread(reference, windows, ahead_s), []
+    windows = windows.without(hidden)
+    if not windows.channels:
+        reason = "On every axis commands answer waves: no channel of the log can judge a model."
+        return ModelJudgement(_QUIET, reason)
     if reference is None:
         notes.append(
             "No reference was given: the band holds the log's own noise and the coefficients'"
@@ -267,13 +269,7 @@ def judge_log(
     record = _log(log)
     hidden = blind(judge_trial(record.trial, known.vehicle))
     windows = restarts(
-        known.vehicle,
-        record.trial,
-        ahead_s=ahead_s,
-        start_s=start_s,
-        stop_s=stop_s,
-        input=input,
-        blind=hidden,
+        known.vehicle, record.trial, ahead_s=ahead_s, start_s=start_s, stop_s=stop_s, input=input
     )
     flown = _loaded(mission)
     metrics = log_metrics(record, flown, known.vehicle, obstacles=obstacles)
@@ -287,6 +283,7 @@ def judge_log(
         payload_density_kg_m3=payload_density_kg_m3,
         ahead_s=ahead_s,
         offsets=offsets_of("typical" if sensors is None else sensors, known.vehicle),
+        hidden=hidden,
     )
     steps = logged_steps(record, corridors or {})
     notes = [*judged.notes, *_without_steps(corridors or {}, [step.loop for step in steps])]
@@ -325,9 +322,8 @@ def _hidden(axes: str, trial: Trial) -> str:
     if not own:
         return ""
     return (
-        f" Not judged: {', '.join(own)}, for feedback dominates them (commands answer waves that the model"
-        " does not feel); log preset steps, or a dither on top of the autopilot (seatrial plan with a"
-        " campaign of this log)."
+        f" Not judged: {', '.join(own)}, for the commands answer waves that the model does not feel; log"
+        " preset steps, or a dither on top of the autopilot (seatrial plan with a campaign of this log)."
     )
 
 

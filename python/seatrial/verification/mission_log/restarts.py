@@ -120,6 +120,16 @@ class PredictedLog:
         shown = replay.simulated()
         return PredictedLog(replay, tuple(shown), tuple(replay.errors_of(shown)))
 
+    def without(self, axes: str) -> PredictedLog:
+        """The same windows, of which no channel of these axes (letters) counts."""
+        if not axes:
+            return self
+        record = self.replay.records[0]
+        counted = record.counted.copy()
+        counted[:, [place for place in range(len(CHANNELS)) if AXES[place % 6] in axes]] = False
+        replay = replace(self.replay, records=(replace(record, counted=counted),))
+        return PredictedLog(replay, self.predicted, tuple(replay.errors_of(self.predicted)))
+
     def slopes(
         self, directions: Sequence[Mapping[str, float]], *, current: bool = False
     ) -> tuple[Slopes, ...]:
@@ -154,7 +164,6 @@ def restarts(
     start_s: float | None = None,
     stop_s: float | None = None,
     input: Input | None = None,
-    blind: str = "",
 ) -> PredictedLog:
     """Windows of a log and what a vehicle predicts in them.
 
@@ -168,8 +177,6 @@ def restarts(
         Part of the log, in its own time; all of it when omitted.
     input : str, optional
         What drives the vehicle; the first that is recorded when omitted.
-    blind : str, optional
-        Letters of the axes whose channels do not count, for they judge no model (`seatrial.trial.verdict`).
 
     Raises
     ------
@@ -201,7 +208,6 @@ def restarts(
     counted = trial.valid.copy()
     counted[steep, 9] = False
     counted[steep, 11] = False
-    counted[:, [place for place in range(len(CHANNELS)) if AXES[place % 6] in blind]] = False
     replay = Replay(
         vehicle,
         (Record(trial, chosen, counted),),
