@@ -16,7 +16,8 @@ feedback. Regressions are robust: a set point's step is an outlier of the first 
 
 An axis without a command or with an open loop is never dominated. Where no waves are seen the share is less
 sure, for answers to steps of a set point are less linear than those to waves: there only a share below
-`NOTHING` counts. Held by ``tests/trial/test_verdict.py``; derivation and limits: ``docs/theory/feedback.md``.
+`NOTHING` counts, in a log that is long enough. Held by ``tests/trial/test_verdict.py``; derivation and
+limits: ``docs/theory/feedback.md``.
 """
 
 from __future__ import annotations
@@ -58,13 +59,14 @@ REPLAYED = 0.7
 """Share from which a replay of commands that answer waves, without the waves, judges a model."""
 
 NOTHING = 0.05
-"""Share below which it does not, whether or not waves were seen."""
+"""Share below which it does not, whether or not waves were seen, in a log of five minutes and more."""
 
 _DRAG = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww")
 _TRIAL = (
     "run seatrial plan with the campaign of this log: it proposes a dither on top of the autopilot that tells"
     " it"
 )
+_LONG_S = 300.0  # shorter logs do not tell so small a share from chance
 _WAY = 3.0  # robust deviations of the velocity
 
 _NAMES = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
@@ -199,7 +201,8 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
         kind: Kind = "closed and informative" if closed else "open"
         if closed:
             told = _told(_mean(command, stride), seen, channel, stride * trial.dt, period)
-            if told < (NOTHING if swell is None else TOLD):
+            unseen = NOTHING if len(trial) * trial.dt >= _LONG_S else -math.inf
+            if told < (unseen if swell is None else TOLD):
                 kind = "feedback-dominated"
         way = axis in AXES[:3] and _under_way(seen[channel])
         found[axis] = Verdict(axis, kind, moving, follows.explained, told, wave_share, period, way)
@@ -209,7 +212,7 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
 def blind(verdicts: Mapping[str, Verdict]) -> str:
     """Letters of the axes on which a replay of a trial's commands judges no model, for they answer waves.
 
-    Those that feedback dominates, and those that are informative by less than `REPLAYED` in waves: a gain can
+    In waves those that feedback dominates and those that are informative by less than `REPLAYED`: a gain can
     be found there, by a method that knows of the loop, and the true vehicle fails a replay. Sway and heave
     that no command pushes ride on yaw and pitch, and are blind where these are.
 
@@ -221,7 +224,7 @@ def blind(verdicts: Mapping[str, Verdict]) -> str:
     found = {
         axis
         for axis, one in verdicts.items()
-        if one.dominated or (math.isfinite(one.wave_period_s) and one.told < REPLAYED)
+        if math.isfinite(one.wave_period_s) and (one.dominated or one.told < REPLAYED)
     }
     found |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in found and axis not in verdicts}
     return "".join(axis for axis in AXES if axis in found)
