@@ -7,17 +7,19 @@ it has them. Format: ArduPilot, AP_Logger, LogStructure.
 A message is its header (A3 95 and the number of its type) and a body whose length the FMT message of the
 type states; nothing marks its end. It counts where the next header, or the end of the log, follows its last
 byte: so a damaged header costs two messages, and reading goes on at the next header. What was skipped is
-noted with its place and its time.
+noted with its place and its time. The file is mapped, not loaded, and passed over block by block; what stays
+is the place of every message, four bytes each below 4 GiB.
 """
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import mmap
 import re
 import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -49,12 +51,13 @@ _PREFIXES = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
 _HEADER = b"\xa3\x95"
 _FMT, _FMT_BYTES = 128, 89
 _LONGEST = 255  # bytes of a message
-_BLOCK = 1 << 24
+_BLOCK, _PART = 1 << 24, 1 << 26  # bytes in which messages are looked for, and read
+_FEW = 1 << 20  # messages that are looked at together
 _AROUND = 64  # messages
 _STRAY = 0.002  # share of a damaged log's messages below which an instance is a damaged number
 
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
-Places = np.ndarray[Any, np.dtype[np.int64]]
+Places = np.ndarray[Any, np.dtype[np.integer[Any]]]
 
 
 @dataclass(frozen=True)
@@ -100,17 +103,15 @@ class _BinaryLog(Log):
             if isinstance(kind, str):
                 self.note(kind)
         self._numbered = {n: kind for n, (_, kind) in forms.items() if isinstance(kind, _Type)}
-        begins, numbers = _messages(self._raw, lengths)
+        begins, numbers = _messages(self._raw, lengths, self._release)
         self._damaged = self._report_damage(begins, numbers, lengths)
         if self._damaged:
             near = self._near_in_time(begins, numbers)
             begins, numbers = begins[near], numbers[near]
         self._types: dict[str, _Type] = {}
-        order = np.argsort(numbers, kind="stable")
-        places = np.split(begins[order], np.searchsorted(numbers[order], np.arange(1, 256)))
         for number, kind in self._numbered.items():
-            if len(places[number]):
-                self._types[kind.name] = replace(kind, offsets=places[number])
+            if len(own := begins[numbers == number]):
+                self._types[kind.name] = replace(kind, offsets=own)
         if not self._types:
             raise TrialError(
                 f"{self.path}: no DataFlash message in it, or its format messages are damaged: fetch the file"
@@ -119,11 +120,16 @@ class _BinaryLog(Log):
         self._name_units()
         self.epoch_s = self._epoch()
         self.parameters = self._parameters()
+        self._release()
+
+    def _release(self) -> None:
+        """Give back the pages of the file that were read: a log larger than the memory is read as well."""
+        if hasattr(mmap, "MADV_DONTNEED"):
+            self.data.madvise(mmap.MADV_DONTNEED)
 
     def _forms(self) -> Iterator[tuple[int, tuple[int, _Type | str]]]:
         """Length and type (or why it is left out) by number, from the FMT messages."""
-        at = -1
-        while (at := self.data.find(_HEADER + bytes([_FMT]), at + 1)) >= 0:
+        for at in self._found(_HEADER + bytes([_FMT])):
             body = self.data[at + 3 : at + _FMT_BYTES]
             if len(body) < _FMT_BYTES - 3:
                 return
@@ -148,6 +154,14 @@ class _BinaryLog(Log):
             instance = None if name in _NOT_COUNTED else next(counts, None)
             none = np.empty(0, np.int64)
             yield number, (length, _Type(name, layout, codes, ("",) * len(names), instance, none))
+
+    def _found(self, mark: bytes) -> Iterator[int]:
+        """Places of some bytes in the file."""
+        for begin in range(0, len(self.data), _PART):
+            at = begin - 1
+            while (at := self.data.find(mark, at + 1, begin + _PART + len(mark) - 1)) >= 0:
+                yield at
+            self._release()
 
     def _name_units(self) -> None:
         """Give the types the units and instance columns of the log's FMTU, UNIT and MULT messages."""
@@ -178,9 +192,15 @@ class _BinaryLog(Log):
 
     def _rows(self, kind: _Type, begin: int = 0, end: int | None = None) -> np.ndarray[Any, Any]:
         """Messages of a type as records."""
-        where = kind.offsets[begin:end]
-        cells = self._raw[where[:, None] + np.arange(3, kind.layout.itemsize + 3)]
-        return np.ascontiguousarray(cells).view(kind.layout)[:, 0]
+        where, width = kind.offsets[begin:end], kind.layout.itemsize
+        cells = np.empty((len(where), width), np.uint8)
+        ends = np.searchsorted(where, np.arange(_PART, len(self._raw) + _PART, _PART)).tolist()
+        for first, last in itertools.pairwise([0, *ends]):
+            if first < last:
+                cells[first:last] = self._raw[where[first:last, None] + np.arange(3, width + 3)]
+            if 0 < first < last:
+                self._release()
+        return cells.view(kind.layout)[:, 0] if width else np.empty(len(where), kind.layout)
 
     def _numbers(self, kind: _Type, rows: np.ndarray[Any, Any], name: str) -> Array:
         code = kind.codes[(kind.layout.names or ()).index(name)]
@@ -236,26 +256,27 @@ class _BinaryLog(Log):
         return result
 
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
-        """Samples of the fields wanted, type after type."""
+        """Samples of the fields wanted, part of the file after part, type after type in each."""
         by_type: dict[str, list[str]] = {}
         for topic in wanted:
             by_type.setdefault(self._topics[topic][0], []).append(topic)
-        total = sum(len(self._types[name].offsets) for name in by_type) or 1
-        done = 0
-        for name, topics in by_type.items():
-            kind = self._types[name]
-            for begin in range(0, len(kind.offsets), CHUNK_ROWS):
-                rows = self._rows(kind, begin, begin + CHUNK_ROWS)
-                for topic in topics:
-                    one = self._topics[topic][1]
-                    own = rows if one is None else rows[rows[kind.instance] == one]
-                    if len(own):
-                        columns = [self._numbers(kind, own, column) for column in wanted[topic]]
-                        values = np.stack(columns, axis=1) if columns else np.empty((len(own), 0))
-                        yield Chunk(topic, self._stamps(kind, own), values)
-                done += len(rows)
-                if share is not None:
-                    share(done / total)
+        size = max(len(self._raw), 1)
+        for end in range(_PART, size + _PART, _PART):
+            for name, topics in by_type.items():
+                kind = self._types[name]
+                first, last = np.searchsorted(kind.offsets, (end - _PART, end)).tolist()
+                for begin in range(first, last, CHUNK_ROWS):
+                    rows = self._rows(kind, begin, min(begin + CHUNK_ROWS, last))
+                    for topic in topics:
+                        one = self._topics[topic][1]
+                        own = rows if one is None else rows[rows[kind.instance] == one]
+                        if len(own):
+                            columns = [self._numbers(kind, own, column) for column in wanted[topic]]
+                            values = np.stack(columns, axis=1) if columns else np.empty((len(own), 0))
+                            yield Chunk(topic, self._stamps(kind, own), values)
+            self._release()
+            if share is not None:
+                share(min(end / size, 1.0))
 
     def _text(self, kind: _Type, rows: np.ndarray[Any, Any], name: str) -> list[str]:
         return [cell.decode("utf-8", "replace") for cell in rows[name].tolist()]
@@ -303,8 +324,7 @@ class _BinaryLog(Log):
         Whether there was any before the end.
         """
         size = len(self._raw)
-        froms, tos = np.r_[0, begins + lengths[numbers]], np.r_[begins, size]
-        gaps = np.flatnonzero(tos > froms)
+        gaps, froms, tos = _gaps(begins, numbers, lengths, size)
         if len(gaps) and gaps[-1] == len(begins):
             tail = self.data[int(froms[-1]) :]
             begun = tail[:2] == _HEADER[: len(tail)]
@@ -312,20 +332,21 @@ class _BinaryLog(Log):
             if cut:
                 self.note(f"cut off within its last message: its {len(tail)} bytes are left out")
             if cut or not tail.strip(b"\0") or not tail.strip(b"\xff"):  # a logger fills its last page
-                gaps = gaps[:-1]
+                gaps, froms, tos = gaps[:-1], froms[:-1], tos[:-1]
         if not len(gaps):
             return False
-        widths = (tos - froms)[gaps]
-        worst = gaps[int(np.argmax(widths))]
+        widths = tos - froms
+        longest = int(np.argmax(widths))
+        worst = gaps[longest]
         lost = int(widths.sum())
-        place = f"from byte {froms[worst]:,} on{self._when(begins[:worst], numbers[:worst])}"
+        place = f"from byte {froms[longest]:,} on{self._when(begins[:worst], numbers[:worst])}"
         if len(gaps) > 1:
             place = f"in {len(gaps):,} places, the longest of {widths.max():,} bytes {place}"
         self.note(
             f"{lost:,} of {size:,} bytes ({100.0 * lost / size:.2g} %) are no whole messages, {place}; they"
             " were skipped, the others read"
         )
-        heads = self._raw[np.minimum(froms[gaps, None] + np.arange(3), size - 1)]
+        heads = self._raw[np.minimum(froms[:, None] + np.arange(3), size - 1)]
         foreign = (heads[:, 0] == _HEADER[0]) & (heads[:, 1] == _HEADER[1]) & (lengths[heads[:, 2]] == 0)
         counts = np.bincount(heads[foreign, 2], minlength=256)
         if counts.max() > 2:  # else a damaged number
@@ -342,20 +363,32 @@ class _BinaryLog(Log):
         stamped = np.zeros(256, bool)
         for number, kind in self._numbered.items():
             stamped[number] = (kind.layout.names or ("",))[0] == "TimeUS" and kind.codes[0] == "Q"
-        which = np.flatnonzero(stamped[numbers])
-        if len(which) < 2 * _AROUND:
+        counted = stamped[numbers]
+        where = begins[counted]
+        parts = len(where) // _AROUND
+        if parts < 2:
             return np.ones(len(begins), bool)
-        t = self._raw[begins[which, None] + np.arange(3, 11)].view("<u8")[:, 0].astype(float) * 1e-6
-        parts = len(t) // _AROUND
-        middle = np.median(t[: parts * _AROUND].reshape(parts, _AROUND), axis=1)
+
+        def stamps(at: int) -> Array:
+            cells = self._raw[where[at : at + _FEW, None] + np.arange(3, 11)]
+            self._release()
+            return np.asarray(cells.view("<u8")[:, 0].astype(float) * 1e-6)
+
+        slices = range(0, len(where), _FEW)
+        whole = (t[: len(t) - len(t) % _AROUND].reshape(-1, _AROUND) for t in map(stamps, slices))
+        middle = np.concatenate([np.median(t, axis=1) for t in whole])
         around = np.stack([np.r_[middle[0], middle[:-1]], middle, np.r_[middle[1:], middle[-1]]])
-        part = np.minimum(np.arange(len(t)) // _AROUND, parts - 1)
-        slack = 1.0 + (around.max(axis=0) - around.min(axis=0))[part]
-        near = (t >= around.min(axis=0)[part] - slack) & (t <= around.max(axis=0)[part] + slack)
+        least, most = around.min(axis=0), around.max(axis=0)
+        slack = 1.0 + most - least
+        near = np.empty(len(where), bool)
+        for at in slices:
+            t = stamps(at)
+            part = np.minimum(np.arange(at, at + len(t)) // _AROUND, parts - 1)
+            near[at : at + _FEW] = (t >= (least - slack)[part]) & (t <= (most + slack)[part])
         if not near.all():
             self.note(f"{int((~near).sum()):,} messages are stamped unlike those around them; left out")
         kept = np.ones(len(begins), bool)
-        kept[which] = near
+        kept[counted] = near
         return kept
 
     def _when(self, begins: Places, numbers: Bytes) -> str:
@@ -468,7 +501,7 @@ def _plain(cell: bytes) -> str:
     return bytes(cell).partition(b"\0")[0].decode("latin-1")
 
 
-def _messages(data: Bytes, lengths: Places) -> tuple[Places, Bytes]:
+def _messages(data: Bytes, lengths: Places, release: Callable[[], None]) -> tuple[Places, Bytes]:
     """Begins and type numbers of the whole messages of a log, in its order.
 
     A header that is followed, after the length of its type, by another header or the end begins a message,
@@ -480,7 +513,8 @@ def _messages(data: Bytes, lengths: Places) -> tuple[Places, Bytes]:
     for value in (0, 255):
         tail = data[max(size - 2 * _LONGEST, 0) :] != value
         filled = min(filled, size - int(np.argmax(tail[::-1])) if tail.any() else size)
-    parts: list[tuple[Places, Bytes]] = []
+    place = np.dtype(np.uint32 if size < 1 << 32 else np.int64)
+    begins, kinds = [np.empty(0, place)], [np.empty(0, np.uint8)]
     marks = np.zeros(_BLOCK + _LONGEST + 1, bool)  # ends of messages, from the beginning of the block
     marks[0] = True
     reach = 0
@@ -499,12 +533,31 @@ def _messages(data: Bytes, lengths: Places) -> tuple[Places, Bytes]:
         follows = marks[at - block]
         reached = np.maximum.accumulate(np.r_[reach, np.where(follows, ends, 0)])
         kept = follows | (reached[:-1] <= at)
-        parts.append((at[kept], numbers[kept]))
+        # What is left to overlap began in a body, where a damaged message went before; the last one of a
+        # block is judged by the first of the next.
+        at = np.concatenate([begins.pop().astype(np.int64), at[kept]])
+        numbers = np.concatenate([kinds.pop(), numbers[kept]])
+        apart = at[:-1] + lengths[numbers[:-1]] <= at[1:]
+        begins += [at[:-1][apart].astype(place), at[-1:].astype(place)]
+        kinds += [numbers[:-1][apart], numbers[-1:]]
         reach = int(reached[-1])
         marks[: _LONGEST + 1] = marks[_BLOCK : _BLOCK + _LONGEST + 1]
         marks[_LONGEST + 1 :] = False
-    at = np.concatenate([part[0] for part in parts]) if parts else np.empty(0, np.int64)
-    numbers = np.concatenate([part[1] for part in parts]) if parts else np.empty(0, np.uint8)
-    # What is left to overlap began in a body, where a damaged message went before.
-    apart = np.append(at[:-1] + lengths[numbers[:-1]] <= at[1:], True) if len(at) else np.empty(0, bool)
-    return at[apart], numbers[apart]
+        release()
+    return np.concatenate(begins), np.concatenate(kinds)
+
+
+def _gaps(begins: Places, numbers: Bytes, lengths: Places, size: int) -> tuple[Places, Places, Places]:
+    """Which messages, or the end, follow bytes that are no message, and where these begin and end."""
+    found, before = [np.empty((3, 0), np.int64)], 0
+    for at in range(0, len(begins), _FEW):
+        tos = begins[at : at + _FEW].astype(np.int64)
+        ends = tos + lengths[numbers[at : at + _FEW]]
+        froms = np.r_[before, ends[:-1]]
+        which = np.flatnonzero(tos > froms)
+        found.append(np.stack([at + which, froms[which], tos[which]]))
+        before = int(ends[-1])
+    if before < size:
+        found.append(np.array([[len(begins)], [before], [size]]))
+    gaps, froms, tos = np.concatenate(found, axis=1)
+    return gaps, froms, tos

@@ -317,3 +317,8 @@ def printable(name: str, longest: int = 60) -> str:
     """A name from a file as it may be shown: no control characters, not too long."""
     plain = name if name.isprintable() else repr(name)[1:-1]
     return plain if len(plain) <= longest else plain[: longest - 3] + "..."
+
+
+def foreign(error: Exception) -> str:
+    """What a package says that a damaged file upset; it may quote the file at any length."""
+    return f"{type(error).__name__}: {printable(str(error), 200)}"

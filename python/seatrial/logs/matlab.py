@@ -19,7 +19,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.logs.clock import TimeScale, scale_of, time_fields
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share
+from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Log, Share, foreign
 from seatrial.logs.matlab5 import arrays
 from seatrial.logs.rows import LONGEST_ARRAY
 
@@ -128,7 +128,7 @@ def _hdf_arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
     except Exception as error:  # a damaged file may raise anything in h5py
         raise TrialError(
             f"{path}: not readable as a MATLAB 7.3 file, which cannot be read in part"
-            f" ({type(error).__name__}: {error}); save or copy it again"
+            f" ({foreign(error)}); save or copy it again"
         ) from None
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from seatrial.base.errors import TrialError
 from seatrial.logs.formats import extra
-from seatrial.logs.log import Log
+from seatrial.logs.log import Log, foreign
 from seatrial.logs.messages import Bag, Message, learnt
 from seatrial.logs.rosbag1 import open_cut
 
@@ -48,7 +48,7 @@ class _Ros(Bag):
                 bag = stack.enter_context(highlevel.AnyReader([self.path], default_typestore=store))
             except Exception as error:  # a damaged bag may raise anything in rosbags
                 raise TrialError(
-                    f"{self.path}: not readable as a bag ({type(error).__name__}: {error}); repair it with"
+                    f"{self.path}: not readable as a bag ({foreign(error)}); repair it with"
                     " `rosbag reindex` or `ros2 bag reindex`"
                 ) from None
             if bag.is2 and not any(connection.msgdef.data for connection in bag.connections):

@@ -23,6 +23,8 @@ _MAGIC = b"#ROSBAG V2.0\n"
 
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
 
+_STAMPED = ("conn", "time")  # fields of a message, of four and eight bytes
+
 _LONGEST_HEADER, _LARGEST_CHUNK = 1 << 20, 1 << 28  # bytes: a recorder writes chunks of 768 KiB
 
 _NOTE = "has no index, as after a recorder that was cut off: read from the front, up to the damaged part"
@@ -74,7 +76,7 @@ class _Cut(Bag):
         for header, data in records:
             if _code(header) == _CONNECTION:
                 self._connect(header, data)
-            elif _code(header) == _MESSAGE and len(header.get("conn", b"")) == 4 == len(header["time"]) - 4:
+            elif _code(header) == _MESSAGE and [len(header.get(name, b"")) for name in _STAMPED] == [4, 8]:
                 topic, kind = self._topics.get(struct.unpack("<I", header["conn"])[0], ("", ""))
                 if not topic or (topics is not None and topic not in topics):
                     continue

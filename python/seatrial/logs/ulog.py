@@ -24,7 +24,7 @@ import numpy as np
 
 from seatrial.base.errors import TrialError
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, Chunk, Event, Log, Share
+from seatrial.logs.log import CHUNK_ROWS, Chunk, Event, Log, Share, foreign
 
 __all__ = ["open_log"]
 
@@ -163,7 +163,7 @@ class _ULog(Log):
                 return package.ULog(source, list(names), True)
         except Exception as error:  # a damaged header may raise anything in pyulog
             raise TrialError(
-                f"{self.path}: not readable as a ULog ({type(error).__name__}: {error}); fetch the file again"
+                f"{self.path}: not readable as a ULog ({foreign(error)}); fetch the file again"
             ) from None
 
 
