@@ -218,6 +218,21 @@ def test_law_a_current_is_the_difference_of_both_velocities() -> None:
     assert np.sqrt(np.mean((current.velocity - known) ** 2)) < 0.01
 
 
+def test_law_a_current_is_told_by_legs_at_a_held_thrust() -> None:
+    t = np.arange(0.0, 480.0)
+    yaw = np.cumsum(np.where(t % 60.0 < 15.0, 0.5 * np.pi / 15.0, 0.0))
+    thrust = np.where(t < 240.0, 40.0, 10.0)  # a quarter of the thrust, half the speed
+    north, east = 0.1, -0.2
+    noise = 3e-3 * np.random.default_rng(1).standard_normal((2, len(t)))
+    u = 0.25 * np.sqrt(thrust) + north * np.cos(yaw) + east * np.sin(yaw) + noise[0]
+    v = -north * np.sin(yaw) + east * np.cos(yaw) + noise[1]
+    motion = {"u": u, "v": v, "yaw": yaw, "pitch": 0.0 * t, "tau.X_n": thrust, "tau.Y_n": 0.0 * t}
+    found = consistency({name: Series(t, value) for name, value in motion.items()}).current
+    assert found is not None
+    assert found.source == "legs and turns at held thrust"
+    assert found.velocity.mean(axis=0) == pytest.approx([north, east], abs=0.02)
+
+
 def test_the_report_says_what_to_paste() -> None:
     text = several().report().text()
     assert "scale.velocity = 0.001" in text

@@ -80,6 +80,14 @@ def test_viewers_find_their_schemas_and_units(trial: st.Trial, tmp_path: Path) -
     first = next(json.loads(message.data) for _, channel, message in messages if channel.topic == "/tf")
     assert first["timestamp"] == {"sec": 3, "nsec": 0}
     assert first["translation"]["z"] == pytest.approx(-2.03)
+    published = {  # required fields of foxglove-sdk, schemas/jsonschema
+        "/tf": {"timestamp", "parent_frame_id", "child_frame_id", "translation", "rotation"},
+        "/pose": {"timestamp", "frame_id", "pose"},
+    }
+    for topic, fields in published.items():
+        schema = json.loads(schemas[topic].data)
+        assert set(schema["required"]) == set(schema["properties"]) == fields
+        assert schema["properties"]["timestamp"]["title"] == "time"
     # A masked sample is left out: JSON has no number for it.
     rows = [json.loads(message.data) for _, channel, message in messages if channel.topic == "/trial"]
     assert sum("u_m_s" not in row for row in rows) == int(trial.table["u_m_s"].null_count()) > 0

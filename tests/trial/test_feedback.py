@@ -65,3 +65,11 @@ def test_a_command_that_never_changes_says_nothing() -> None:
     t = DT * np.arange(1000)
     trial = Trial.read({"t_s": t, "yaw_deg": np.sin(t), "cmd.rudder": np.zeros(1000)}, align=False)
     assert feedback(trial) == []
+
+
+def test_a_wrench_that_follows_measurements_is_seen_like_a_command() -> None:
+    frame = {"t_s": (closed := sailed(True, 1, minutes=4.0)).t, "yaw_deg": np.degrees(closed.channel("yaw"))}
+    trial = Trial.read(frame | {"tau.N_nm": 40.0 * closed.commands["rudder"]}, align=False)
+    (found,) = feedback(trial)
+    assert (found.command, found.channel) == ("tau.N_nm", "yaw")
+    assert found.gain == pytest.approx(-32.0, rel=0.3)

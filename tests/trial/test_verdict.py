@@ -107,3 +107,19 @@ def test_fins_serve_by_their_moment() -> None:
     assert pushed["X"].keys() == {"propeller"}
     assert "Y" not in pushed
     assert pushed["N"]["rudder_upper"] < 0.0
+
+
+def test_an_axis_is_judged_by_the_wrench_where_no_command_is_recorded() -> None:
+    by_command = sailed(3)
+    wrench = {
+        "tau.N_nm": -10.0 * by_command.commands["rudder_upper"],
+        "tau.X_n": np.full(len(by_command), 9.0),
+    }
+    frame = {"t_s": by_command.t, "yaw_deg": np.degrees(by_command.channel("yaw"))}
+    frame |= {"r_deg_s": np.degrees(by_command.channel("r")), "v_m_s": by_command.channel("v")}
+    trial = Trial.read(frame | wrench, align=False)
+    found, other = judge_trial(trial, VEHICLE), yaw(by_command)
+    assert set(found) == {"N"}
+    assert found["N"].commands == ("tau.N_nm",)
+    assert found["N"].kind == other.kind == "feedback-dominated"
+    assert found["N"].told == pytest.approx(other.told, abs=0.05)

@@ -43,7 +43,8 @@ def consistency(series: Mapping[str, Series]) -> Consistency:
     ----------
     series
         By channel: ``x y z u v w p q r roll pitch yaw`` as of a trial, ``u_water v_water w_water`` velocity
-        through the water, ``ax ay az`` specific force in m/s^2, and ``cmd.<actuator>`` in any unit.
+        through the water, ``ax ay az`` specific force in m/s^2, ``cmd.<actuator>`` in any unit, and the
+        wrench ``tau.X_n`` ... ``tau.N_nm``.
 
     Raises
     ------

@@ -1,14 +1,15 @@
 """A slow current from velocity over ground, as a random walk of its north and east components.
 
 With the velocity through the water ``R (v_ground - v_water) = c`` is measured directly. Without it legs and
-turns over several headings tell it: under a held propeller command the hull's motion through the water
-follows the yaw rate alone, ``u = a n + f(r^2) + (1 - k) cos theta (cos psi c_n + sin psi c_e)`` and ``v = b
-+ g(r) - sin psi c_n + cos psi c_e``, with n the propeller's command (one where none is logged), b the
-sensor's own sway, and f and g sums of the yaw rate through first-order lags. The share k of the current that
-the speed over ground does not follow is zero for a propeller alone and towards one under a speed control over
-ground. Current and coefficients are linear least squares with a random walk between knots; its intensity, k
-and the noises of straight and turning parts are those of the greatest marginal likelihood. Held by
-``tests/intake/test_consistency.py``.
+turns over several headings tell it: under a held propeller command, or a held thrust (by its root), the
+hull's motion through the water follows the yaw rate alone,
+``u = a n + f(r^2) + (1 - k) cos theta (cos psi c_n + sin psi c_e)`` and
+``v = b + g(r) - sin psi c_n + cos psi c_e``, with n the propeller's command (one where none is logged), b
+the sensor's own sway, and f and g sums of the yaw rate through first-order lags. The share k of the current
+that the speed over ground does not follow is zero for a propeller alone and towards one under a speed
+control over ground. Current and coefficients are linear least squares with a random walk between knots; its
+intensity, k and the noises of straight and turning parts are those of the greatest marginal likelihood.
+Held by ``tests/intake/test_consistency.py``.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from seatrial.trial.kinematics import Channels, ned_rows
 
 __all__ = ["slow_current"]
 
-_PART_S = 2.0  # samples are averaged over so long
+_PART_S, _MOST_PARTS = 2.0, 10_000  # samples are averaged over so long, longer in a log of many hours
 
-_KNOT_S = 60.0  # the current runs linearly between knots
+_KNOT_S, _MOST_KNOTS = 60.0, 120  # the current runs linearly between knots, further apart in such a log
 
 _SETTLED_S = 15.0  # a leg is straight so long after a turn
 
@@ -120,11 +121,15 @@ def _lagged(x: Array, lag: float, step: float) -> Array:
 
 def _held(channels: Channels, t: Array) -> tuple[Mask, Array, str]:
     """Where the propeller's command is held (n,), the command with median one (n,), and the source."""
-    for name, curve in channels.curves.items():
-        if not name.startswith("cmd."):
-            continue
+    # A thrust holds the square of a speed, a revolution the speed itself.
+    inputs = {
+        name.removeprefix("cmd."): (c, 1.0) for name, c in channels.curves.items() if name[:4] == "cmd."
+    }
+    if "tau.X_n" in channels.curves:
+        inputs["thrust"] = (channels.curves["tau.X_n"], 0.5)
+    for name, (curve, power) in inputs.items():
         index = np.clip(np.searchsorted(curve.t, t, side="right") - 1, 0, len(curve.t) - 1)
-        values = np.abs(curve.values[index])
+        values = np.abs(curve.values[index]) ** power
         level = float(np.median(values))
         if not level > 0.0:
             continue
@@ -132,7 +137,7 @@ def _held(channels: Channels, t: Array) -> tuple[Mask, Array, str]:
         still = ~_recently(changed, t)
         # A propeller is held for most of the time and never near zero; a rudder is not.
         if np.mean(still) > 0.5 and np.std(values) < 0.5 * level:
-            return still, values / level, f"legs and turns at held {name.removeprefix('cmd.')}"
+            return still, values / level, f"legs and turns at held {name}"
     return np.ones(len(t), bool), np.ones(len(t)), "legs and turns, taken to be sailed at one thrust"
 
 
@@ -190,10 +195,11 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
 
 def _averaged(legs: _Legs) -> _Parts | None:
     """Means over parts of time that are known for the most part."""
-    part = ((legs.t - legs.t[0]) / _PART_S).astype(int)
+    part_s = max(_PART_S, float(legs.t[-1] - legs.t[0]) / _MOST_PARTS)
+    part = ((legs.t - legs.t[0]) / part_s).astype(int)
     count = int(part.max()) + 1
     number = np.bincount(part[legs.known], minlength=count)
-    whole = number >= 0.5 * _PART_S / (legs.t[1] - legs.t[0])
+    whole = number >= 0.5 * part_s / (legs.t[1] - legs.t[0])
     if whole.sum() < _FEWEST:
         return None
 
@@ -207,7 +213,8 @@ def _averaged(legs: _Legs) -> _Parts | None:
         )
 
     t = mean(legs.t[:, None])[:, 0]
-    knots = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / _KNOT_S) + 1))
+    places = min(round((t[-1] - t[0]) / _KNOT_S) + 1, _MOST_KNOTS)
+    knots = np.linspace(t[0], t[-1], max(2, places))
     turning = mean(legs.turning[:, None].astype(float))[:, 0] > 0.5
     return _Parts(t, knots, turning, mean(legs.measured), mean(legs.design), mean(legs.own))
 
@@ -216,6 +223,8 @@ class _Parts:
     """Averaged measurements and their linear model in the current's knots and the constants."""
 
     def __init__(self, t: Array, knots: Array, turning: Mask, y: Array, design: Array, own: Array) -> None:
+        from scipy.sparse import csr_array
+
         self.t, self.knots, self.turning, self.y = t, knots, turning, y
         place = np.interp(t, knots, np.arange(len(knots)))
         before = np.minimum(place.astype(int), len(knots) - 2)
@@ -225,6 +234,8 @@ class _Parts:
         # Columns: north at the knots, east at the knots, constants; rows: both velocities of a part.
         self.current = np.concatenate([design[:, :, i, None] * hat[:, None, :] for i in range(2)], axis=2)
         self.own = own
+        # A part is tied to two knots and the constants: the rows of both are mostly zeros.
+        self._rows = csr_array(np.concatenate([self.current, own], axis=2).reshape(2 * len(t), -1))
 
     def solve(self, x: Array) -> tuple[float, Array, Array]:
         """Negative log marginal likelihood, current (m, 2) and deviations (m, 2) for the hyperparameters.
@@ -235,16 +246,17 @@ class _Parts:
         walk = np.exp(np.clip(x[0], -12.0, 0.0))
         noise = np.exp(np.clip(x[1:5], -9.0, 1.0)).reshape(2, 2)
         y, m = self.y, len(self.knots)
-        design = np.concatenate([self.current, self.own], axis=2)
-        design[:, 0, : 2 * m] *= 1.0 - x[5]
+        flat, target = self._rows.copy(), y.ravel()
+        along = np.repeat(np.arange(flat.shape[0]) % 2 == 0, np.diff(flat.indptr))
+        flat.data *= 1.0 - x[5] * (along & (flat.indices < 2 * m))
         sigma = np.where(self.turning[:, None], noise[1], noise[0]).ravel()
-        flat, target = design.reshape(-1, design.shape[2]), y.ravel()
-        prior = self._prior(walk, design.shape[2])
+        prior = self._prior(walk, flat.shape[1])
         weight = 1.0 / sigma**2
         solution = np.zeros(flat.shape[1])
         for _ in range(3):  # Huber's weights: a part with a jerk counts as one three deviations off
-            normal = (flat * weight[:, None]).T @ flat + prior
-            solution = np.linalg.solve(normal, (flat * weight[:, None]).T @ target)
+            weighted = flat.multiply(weight[:, None]).T
+            normal = (weighted @ flat).toarray() + prior
+            solution = np.linalg.solve(normal, weighted @ target)
             error = np.abs(target - flat @ solution) / sigma
             weight = 1.0 / sigma**2 / np.maximum(error / 3.0, 1.0)
         loss = float(np.sum(np.where(error < 3.0, 0.5 * error**2, 3.0 * error - 4.5)))

@@ -38,10 +38,11 @@ def series_of(found: Recording) -> dict[str, Series]:
     signals = to_origin(found.signals, found.positions, RecordingReport(found.file))
     series = {name: Series(t, y) for name, (t, y) in own_samples(signals).items()}
     for name, signal in signals.items():
-        if name == "water velocity" or name.startswith("cmd."):
-            for k, channel in enumerate(signal.channels):
+        for k, channel in enumerate(signal.channels):
+            keys = {"water velocity": channel, "force": f"tau.{channel}_n", "moment": f"tau.{channel}_nm"}
+            key = name if name.startswith("cmd.") else keys.get(name)
+            if key is not None:
                 good = ~signal.bad[:, k]
-                key = channel if name == "water velocity" else name
                 series[key] = Series(signal.t[good], signal.y[good, k])
     return series
 

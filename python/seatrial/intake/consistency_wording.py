@@ -10,6 +10,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.intake.consistency_result import Correction
 from seatrial.intake.consistency_sensors import Found
 from seatrial.trial.kinematic_fit import Fit
+from seatrial.trial.kinematic_series import INPUTS
 from seatrial.trial.kinematics import Channels
 
 __all__ = ["corrections_of", "list_sentence", "offset_sentence"]
@@ -136,7 +137,7 @@ def _start(channels: Channels, group: str) -> float:
     return min(
         float(curve.t[0])
         for name, curve in channels.curves.items()
-        if not name.startswith(("cmd.", "meas.")) and channels.group(name) == group
+        if not name.startswith(INPUTS) and channels.group(name) == group
     )
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -65,7 +66,7 @@ class Drive:
     y: Array
     neutral: float = 0.0
 
-    @property
+    @cached_property
     def range(self) -> float:
         """Distance between the 1 % and the 99 % quantile."""
         low, high = np.quantile(self.y, [0.01, 0.99])

@@ -27,6 +27,7 @@ _MAGIC_BYTES, _TAG_BYTES = 8, 9
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15
 _PACKINGS = (b"\4\0\0\0zstd", b"\3\0\0\0lz4")
 _BEFORE_PACKING = _TAG_BYTES + 28  # bytes of a chunk's record before the name of its packing
+_RELEASED = 1 << 26  # bytes after which the pages of the file are given back
 _MOST_UNPACKED = 100_000_000  # bytes of a chunk, beyond 100 times what it takes in the file
 
 
@@ -96,6 +97,8 @@ class _Mcap(Bag):
                         for record in self._unpacked(kind, data[at + _TAG_BYTES :])[0]:
                             yield record, 1.0
                         break
+                if at // _RELEASED < end // _RELEASED and hasattr(mmap, "MADV_DONTNEED"):
+                    data.madvise(mmap.MADV_DONTNEED)  # pages that were read: a log may outgrow the memory
                 if damaged:
                     first = first if places else at
                     lost, places = lost + damaged, places + 1

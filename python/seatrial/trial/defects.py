@@ -18,6 +18,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.rotation import angle_between, conjugate, continuous, product
+from seatrial.trial.columns import GROUPS
 from seatrial.trial.signals import RecordingReport, Signal
 
 __all__ = ["mark"]
@@ -388,15 +389,16 @@ def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> 
 
 
 def _report_commands(signals: Mapping[str, Signal], report: RecordingReport) -> None:
-    """Actuators that never move, and those that stay at the extremes of what was commanded."""
+    """Actuators that never move, and commands that stay at the extremes of what was commanded."""
     still, limited = [], []
-    for name, signal in signals.items():
-        if not name.startswith("cmd."):
-            continue
-        y = signal.y[:, 0]
-        actuator = name.removeprefix("cmd.")
+    inputs = {n.removeprefix("cmd."): one.y[:, 0] for n, one in signals.items() if n.startswith("cmd.")}
+    for group in (group for group in GROUPS if group.name in ("force", "moment") and group.name in signals):
+        for channel, y in zip(signals[group.name].channels, signals[group.name].y.T, strict=True):
+            inputs[group.columns[group.channels.index(channel)]] = y
+    for actuator, y in inputs.items():
         if np.ptp(y) == 0.0:
-            still.append(actuator)
+            if f"cmd.{actuator}" in signals:  # of a wrench some components are zero in most vehicles
+                still.append(actuator)
             continue
         for extreme in (y.min(), y.max()):
             share = float(np.mean(y == extreme))

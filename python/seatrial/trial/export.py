@@ -1,9 +1,10 @@
 """Tables of trials and flights as files for other programs: CSV and Parquet in any unit, MCAP for Foxglove.
 
-MCAP messages are JSON with JSON schemas. Topic ``/trial`` has every column under its own name, an empty cell
-left out; ``/pose`` (foxglove.PoseInFrame) and ``/tf`` (foxglove.FrameTransform) have the pose in the frames
-of viewers, east-north-up and forward-left-up. Numbers are written with all their digits; stamps are the
-times in whole nanoseconds, moved to begin at zero where the first is negative. Held by
+MCAP messages are JSON with JSON schemas; those of Foxglove have the names, fields and required fields that
+it publishes (foxglove-sdk, schemas/jsonschema). Topic ``/trial`` has every column under its own name, an
+empty cell left out; ``/pose`` (foxglove.PoseInFrame) and ``/tf`` (foxglove.FrameTransform) have the pose in
+the frames of viewers, east-north-up and forward-left-up. Numbers are written with all their digits; stamps
+are the times in whole nanoseconds, moved to begin at zero where the first is negative. Held by
 ``tests/trial/test_export.py``.
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -134,7 +135,7 @@ def _mcap(table: pl.DataFrame, path: Path) -> bytes:
     t = table["t_s"].to_numpy().astype(float)
     stamps = [round(time * 1e9) for time in (t - min(0.0, float(t[0]))).tolist()]
     topics = [_Topic(writer, "/trial", "seatrial.Trial", _trial_schema(numeric))]
-    messages = [_rows(table, ["t_s", *numeric])]
+    messages: list[Iterable[Any]] = [_rows(table, ["t_s", *numeric])]
     pose = _pose(table)
     if pose is not None:
         topics += [
@@ -142,10 +143,10 @@ def _mcap(table: pl.DataFrame, path: Path) -> bytes:
             _Topic(writer, "/pose", "foxglove.PoseInFrame", _POSE),
         ]
         messages += [_transforms(stamps, *pose), _poses(stamps, *pose)]
-    for k, stamp in enumerate(stamps):
-        for topic, parts in zip(topics, messages, strict=True):
-            if parts[k] is not None:
-                topic.write(stamp, parts[k])
+    for stamp, *parts in zip(stamps, *messages, strict=True):
+        for topic, message in zip(topics, parts, strict=True):
+            if message is not None:
+                topic.write(stamp, message)
     writer.finish()
     return content.getvalue()
 
@@ -164,21 +165,19 @@ class _Topic:
         self.writer.add_message(channel_id=self.number, log_time=stamp, publish_time=stamp, data=data)
 
 
-def _rows(table: pl.DataFrame, names: list[str]) -> list[Any]:
+def _rows(table: pl.DataFrame, names: list[str]) -> Iterator[Any]:
     """A message per row: every column by its name, ``cmd.PU`` nested as ``cmd`` and ``PU``."""
-    columns = [np.asarray(table[name].cast(float).to_numpy(), float).tolist() for name in names]
-    result = []
+    columns = [np.asarray(table[name].cast(float).to_numpy(), float) for name in names]
     for row in zip(*columns, strict=True):
         message: dict[str, Any] = {}
         for name, value in zip(names, row, strict=True):
             if np.isfinite(value):
                 group, _, field = name.partition(".")
                 if field:
-                    message.setdefault(group, {})[field] = value
+                    message.setdefault(group, {})[field] = float(value)
                 else:
-                    message[name] = value
-        result.append(message)
-    return result
+                    message[name] = float(value)
+        yield message
 
 
 def _pose(table: pl.DataFrame) -> tuple[Array, Array] | None:
@@ -220,9 +219,9 @@ def _known(place: Array, q: Array) -> Array:
     return np.asarray(np.isfinite(place).all(axis=1) & np.isfinite(q).all(axis=1))
 
 
-def _transforms(stamps: Sequence[int], place: Array, q: Array) -> list[Any]:
+def _transforms(stamps: Sequence[int], place: Array, q: Array) -> Iterator[Any]:
     known = _known(place, q)
-    return [
+    return (
         {
             "timestamp": _stamp(stamps[k]),
             "parent_frame_id": _EARTH,
@@ -233,12 +232,12 @@ def _transforms(stamps: Sequence[int], place: Array, q: Array) -> list[Any]:
         if known[k]
         else None
         for k in range(len(stamps))
-    ]
+    )
 
 
-def _poses(stamps: Sequence[int], place: Array, q: Array) -> list[Any]:
+def _poses(stamps: Sequence[int], place: Array, q: Array) -> Iterator[Any]:
     known = _known(place, q)
-    return [
+    return (
         {
             "timestamp": _stamp(stamps[k]),
             "frame_id": _EARTH,
@@ -247,7 +246,7 @@ def _poses(stamps: Sequence[int], place: Array, q: Array) -> list[Any]:
         if known[k]
         else None
         for k in range(len(stamps))
-    ]
+    )
 
 
 def _trial_schema(columns: list[str]) -> dict[str, Any]:
@@ -264,33 +263,42 @@ def _trial_schema(columns: list[str]) -> dict[str, Any]:
     return {"title": "seatrial.Trial", "type": "object", "properties": fields}
 
 
-def _numbers(names: str) -> dict[str, Any]:
-    return {"type": "object", "properties": {name: {"type": "number"} for name in names}}
+def _object(title: str, **fields: Mapping[str, Any]) -> dict[str, Any]:
+    """JSON schema of an object all of whose fields are required."""
+    return {"title": title, "type": "object", "properties": fields, "required": list(fields)}
 
 
-_TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+def _numbers(title: str, names: str) -> dict[str, Any]:
+    return _object(title, **{name: {"type": "number"} for name in names})
 
-_TRANSFORM = {
-    "title": "foxglove.FrameTransform",
+
+_TIME = {
+    "title": "time",
     "type": "object",
     "properties": {
-        "timestamp": _TIME,
-        "parent_frame_id": {"type": "string"},
-        "child_frame_id": {"type": "string"},
-        "translation": _numbers("xyz"),
-        "rotation": _numbers("xyzw"),
+        "sec": {"type": "integer", "minimum": 0},
+        "nsec": {"type": "integer", "minimum": 0, "maximum": 999_999_999},
     },
 }
 
-_POSE = {
-    "title": "foxglove.PoseInFrame",
-    "type": "object",
-    "properties": {
-        "timestamp": _TIME,
-        "frame_id": {"type": "string"},
-        "pose": {
-            "type": "object",
-            "properties": {"position": _numbers("xyz"), "orientation": _numbers("xyzw")},
-        },
-    },
-}
+_TEXT = {"type": "string"}
+
+_TRANSFORM = _object(
+    "foxglove.FrameTransform",
+    timestamp=_TIME,
+    parent_frame_id=_TEXT,
+    child_frame_id=_TEXT,
+    translation=_numbers("foxglove.Vector3", "xyz"),
+    rotation=_numbers("foxglove.Quaternion", "xyzw"),
+)
+
+_POSE = _object(
+    "foxglove.PoseInFrame",
+    timestamp=_TIME,
+    frame_id=_TEXT,
+    pose=_object(
+        "foxglove.Pose",
+        position=_numbers("foxglove.Vector3", "xyz"),
+        orientation=_numbers("foxglove.Quaternion", "xyzw"),
+    ),
+)

@@ -2,13 +2,15 @@
 
 A command that an autopilot or a pilot makes from measurements can be foretold from them; one of a preset
 manoeuvre only from its own past. Two autoregressions foretell each change of a command, one from its past
-changes, one from those and the past changes of the measurements; the second is better by a part ``1 - s2^2 /
-s1^2`` of the variance, judged on blocks of time outside the fit (Granger 1969). Both see means over 0.4 s and
-what lies behind them: at a log's full rate an autopilot's answer to the noise of its own sensors hides the
-loop, and a measurement at the same time may be the answer to the command. Changes leave out what is
-constant: offsets and set points between their steps; samples at an end of the command's range say nothing
-and are left out. The measurement that alone improves it most is named, with the slope from it to the
-command and the lag at which it explains the command best. Held by ``tests/trial/test_feedback.py``.
+changes, one from those and the past changes of the measurements; the second is better by a part
+``1 - s2^2 / s1^2`` of the variance, judged on blocks of time outside the fit (Granger 1969). Both see means
+over 0.4 s and what lies behind them: at a log's full rate an autopilot's answer to the noise of its own
+sensors hides the loop, and a measurement at the same time may be the answer to the command. Changes leave
+out what is constant: offsets and set points between their steps; samples at an end of the command's range
+say nothing and are left out. A recorded wrench is judged like a command, axis by axis: of a vehicle whose
+allocator spreads one axis over many thrusters it shows the loop most clearly. The measurement that alone
+improves it most is named, with the slope from it to the command and the lag at which it explains the
+command best. Held by ``tests/trial/test_feedback.py``.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
+from seatrial.trial.mixer import WRENCH
 
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
@@ -53,7 +56,7 @@ class Feedback:
     Attributes
     ----------
     command
-        Name of the actuator.
+        Name of the actuator, or column of the wrench (``tau.Z_n``).
     explained
         Part of the command's unpredicted variance that the measurements foretell, on data outside the fit.
     channel
@@ -77,7 +80,7 @@ class Feedback:
 
 
 def feedback(trial: Trial) -> list[Feedback]:
-    """How each command that changes depends on the measurements, in the order of the commands.
+    """How each command and component of a wrench that changes depends on the measurements, in their order.
 
     Parameters
     ----------
@@ -85,7 +88,8 @@ def feedback(trial: Trial) -> list[Feedback]:
         On its uniform time base.
     """
     result = []
-    for name, command in trial.commands.items():
+    wrench = {} if trial.tau is None else dict(zip(WRENCH, trial.tau.T, strict=True))
+    for name, command in (trial.commands | wrench).items():
         found = _judge(name, command, trial)
         if found is not None:
             result.append(found)

@@ -10,7 +10,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, nearest
 
-__all__ = ["CHANNEL_GROUPS", "Series", "checked"]
+__all__ = ["CHANNEL_GROUPS", "INPUTS", "Series", "checked"]
 
 CHANNEL_GROUPS = {
     "position": ("x", "y"),
@@ -22,6 +22,9 @@ CHANNEL_GROUPS = {
     "specific force": ("ax", "ay", "az"),
 }
 """Channels that one instrument gives, by its name: m, m/s, rad/s, rad, m/s^2; earth NED, body FRD."""
+
+INPUTS = ("cmd.", "meas.", "tau.")
+"""Begins of the names of what drives the vehicle: commands, measured actuators, a wrench."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,7 @@ class Series:
 
 
 def checked(series: Mapping[str, Series]) -> dict[str, Series]:
-    """The series without lost samples; commands (``cmd.<actuator>``) keep their names.
+    """The series without lost samples; inputs (`INPUTS`) keep their names.
 
     Raises
     ------
@@ -54,7 +57,7 @@ def checked(series: Mapping[str, Series]) -> dict[str, Series]:
     known = [channel for channels in CHANNEL_GROUPS.values() for channel in channels]
     result = {}
     for name, one in series.items():
-        if name not in known and not name.startswith(("cmd.", "meas.")):
+        if name not in known and not name.startswith(INPUTS):
             raise TrialError(f'"{name}" is no channel{nearest(name, known)}')
         t, value = np.asarray(one.t, float), np.asarray(one.value, float)
         if t.ndim != 1 or t.shape != value.shape:

@@ -15,7 +15,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.trial.kinematic_fit import Curve, Grid
-from seatrial.trial.kinematic_series import CHANNEL_GROUPS
+from seatrial.trial.kinematic_series import CHANNEL_GROUPS, INPUTS
 
 __all__ = ["Channels", "RatesResidual", "VelocityResidual", "attitude_rates", "ned_rows", "pose_velocity"]
 
@@ -48,7 +48,7 @@ class Channels:
 
     def clock(self, group: str) -> str:
         """Name of a group's clock."""
-        first = next(c for c in self.curves if not c.startswith(("cmd.", "meas.")) and self.group(c) == group)
+        first = next(c for c in self.curves if not c.startswith(INPUTS) and self.group(c) == group)
         return self.curves[first].clock
 
     def at(self, channel: str, t: Array, values: Values) -> Array:

@@ -446,7 +446,7 @@ def limits_of(trials: Sequence[Trial], vehicle: Vehicle | None) -> dict[str, Unp
     """By trial what no model can predict; without a vehicle no axis is left out."""
     found = {}
     for one in trials:
-        long = bool(one.commands) and len(one) * one.dt >= LEAST_S
+        long = (bool(one.commands) or one.tau is not None) and len(one) * one.dt >= LEAST_S
         found[one.name] = unpredictable(
             one, judge_trial(one, vehicle) if vehicle is not None and long else {}
         )

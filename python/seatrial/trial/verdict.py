@@ -5,7 +5,8 @@ fit finds the controller's inverse in place of the vehicle (Soderstrom and Ljung
 the vehicle is the part of the command that no measurement foretells: steps of set points, a dither, limits.
 
 The commands that push an axis are one signal ``c = sum_i (dtau / dcommand_i) command_i`` from the vehicle's
-wrench. Two regressions follow (the two-stage method of Van den Hof and Schrama, *Automatica* 29 (1993) 1523):
+wrench; where no command is recorded, its component of the recorded wrench. Two regressions follow (the
+two-stage method of Van den Hof and Schrama, *Automatica* 29 (1993) 1523):
 
 1. each change of c from its own past changes and those of all measurements; what is left, e, is exogenous;
 2. the axis' velocity below wave frequencies from the past 30 s of e.
@@ -32,6 +33,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.trial.feedback import explained, unforetold
+from seatrial.trial.mixer import WRENCH
 from seatrial.trial.waves import waves
 from seatrial.vehicle.actuators import actuator_groups, pushes
 
@@ -97,7 +99,7 @@ class Verdict:
     kind
         "open", "closed and informative" or "feedback-dominated".
     commands
-        Actuators that push the axis.
+        Actuators that push the axis, or the column of the wrench.
     explained
         Part of the command's unpredicted variance that past measurements foretell.
     told
@@ -178,18 +180,22 @@ def best(judged: Iterable[Mapping[str, Verdict]]) -> dict[str, Verdict]:
 
 
 def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
-    """Verdict per axis that recorded commands push and whose velocity was recorded, the worst first."""
+    """Verdict per axis that recorded inputs push and whose velocity was recorded, the worst first."""
     stride = max(1, math.ceil(1.0 / (_RATE_HZ * trial.dt) - 0.01))
     seen = {
         c: _mean(y, stride) for c in _SEEN_CHANNELS if (y := trial.filled(c)) is not None and y.std() > 0.0
     }
     swell = waves(trial)
     found = {}
-    for axis, slopes in pushed_by(vehicle).items():
-        channel = VELOCITIES[AXES.index(axis)]
+    pushed = pushed_by(vehicle)
+    recorded = any(name in trial.commands for name in vehicle.actuators)
+    for index, axis in enumerate(AXES):
+        channel, slopes = VELOCITIES[index], pushed.get(axis, {})
         used = {name: slope for name, slope in slopes.items() if name in trial.commands}
         moving = tuple(name for name in used if np.ptp(trial.commands[name]) > 0.0)
         command = sum((used[name] * trial.commands[name] for name in moving), np.zeros(len(trial)))
+        if trial.tau is not None and not recorded:
+            moving, command = (WRENCH[index],), trial.tau[:, index]
         if channel not in seen or np.ptp(command) <= 1e-9 * np.abs(command).max(initial=0.0):
             continue
         follows = explained(trial, command)
