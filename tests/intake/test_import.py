@@ -14,6 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial as st
+from seatrial.base.channels import CHANNELS
 from seatrial.base.toml_file import tables
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
@@ -276,3 +277,11 @@ def test_only_wanted_fields_are_read_in_chunks(tmp_path: Path, monkeypatch: pyte
     st.import_logs(path)
     assert asked[-1] == {"yaw", "depth", "rpm"}
     assert max(sizes) <= CHUNK_ROWS < len(t)
+
+
+def test_a_channel_all_of_whose_samples_are_masked_compares_nothing(tmp_path: Path) -> None:
+    rows = [f"{0.1 * k:.1f},{10.0 * np.sin(0.1 * k):.3f},{0 if k < 20 else 40}" for k in range(60)]
+    (tmp_path / "nav.csv").write_text("time [s],yaw [deg],depth [m]\n" + "\n".join(rows) + "\n")
+    [made] = st.import_logs(tmp_path / "nav.csv").trials
+    assert not made.trial.valid[:, CHANNELS.index("z")].any()
+    assert made.consistency.corrections == ()

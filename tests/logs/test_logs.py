@@ -10,6 +10,7 @@ import pytest
 
 from seatrial.base.errors import TrialError
 from seatrial.logs.formats import FORMATS, format_of, open_log
+from seatrial.logs.join import Wanted, join
 from tests.logs import log_files
 from tests.logs.fuzz import mutated, survives
 from tests.logs.log_files import UNIX_S, T, U
@@ -191,7 +192,36 @@ def test_lines_of_a_table_with_missing_cells_and_null_bytes_are_said(tmp_path: P
     log = open_log(path)
     a = log.read({"nav": ["a"]})["nav"].fields["a"]
     assert np.flatnonzero(np.isnan(a)).tolist() == [40]
-    assert any("1 lines have more or fewer than 3 cells" in note for note in log.notes)
+    assert any("a line has fewer than 3 cells" in note for note in log.notes)
+
+
+def test_lines_that_a_thousands_separator_cut_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "nav.csv"
+    rows = [f"{0.1 * k:.1f},{k},{2 * k}" for k in range(60)]
+    rows[30], rows[40] = "3.0,1,234.5,60", rows[40] + ",,"  # a trailing separator cuts nothing
+    path.write_text("t,a,b\n" + "\n".join(rows) + "\n")
+    log = open_log(path)
+    a = log.read({"nav": ["a"]})["nav"].fields["a"]
+    assert a.tolist() == [k for k in range(60) if k != 30]
+    assert any("a line has more than 3 cells" in note for note in log.notes)
+
+
+def test_a_clock_that_begins_again_ends_the_recording(tmp_path: Path) -> None:
+    path = tmp_path / "nav.csv"
+    t = np.concatenate([np.arange(0.0, 20.0, 0.1), np.arange(0.0, 50.0, 0.1), np.arange(1.0, 9.0, 0.1)])
+    t[[300, 301]] = t[[301, 300]]  # a row out of order
+    path.write_text("t,a\n" + "".join(f"{x:.1f},{k}\n" for k, x in enumerate(t.tolist())))
+    log = open_log(path)
+    found = join([log], [Wanted("nav", "a")], {})
+    assert found.table["nav.a"].to_list() == [*range(200, 300), 301, 300, *range(302, 700)]
+    assert any("time begins again 2 times, the first in row 201 (from 19.9 to 0 s)" in n for n in found.notes)
+    assert any("runs backwards once" in n for n in found.notes)
+
+
+def test_a_table_of_text_with_the_name_of_a_binary_log_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "nav.ulg"
+    path.write_text("t,a\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(60)))
+    assert open_log(path).format == "csv"
 
 
 def test_a_file_of_no_kind_is_refused(tmp_path: Path) -> None:

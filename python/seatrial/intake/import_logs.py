@@ -240,7 +240,7 @@ def _series(recorded: Recorded) -> dict[str, Series]:
     found = series_of(recording(recorded.table, columns=recorded.columns))
     result = {}
     for channel, one in found.items():
-        stride = -(-len(one.t) // MANY)
+        stride = max(1, -(-len(one.t) // MANY))
         result[channel] = Series(one.t[::stride], one.value[::stride], _clock(channel, recorded))
     return result
 

@@ -171,7 +171,7 @@ class Table(Log):
     def cells(self, share: Share | None = None, rows: int | None = None) -> Iterator[pl.DataFrame]:
         """Rows of text cells, an empty cell null, in tables of bounded size; `rows`: those of the first."""
         size = max(self.path.stat().st_size, 1)
-        odd = 0
+        cut = short = 0
         with unpacked(self.path) as raw:
             rest = ""
             for block in self._blocks(raw, _BLOCK_BYTES if rows is None else 64 * 1024):
@@ -184,7 +184,8 @@ class Table(Log):
                         )
                     continue
                 part, rest = rest + block[: end + 1], block[end + 1 :]
-                odd += self._ragged(part)
+                part, more, fewer = self._whole(part)
+                cut, short = cut + more, short + fewer
                 table = self._table(part)
                 if table.height:
                     yield table if rows is None else table.head(rows)
@@ -194,20 +195,30 @@ class Table(Log):
                     share(min(raw.tell() / size, 1.0))
             if rest.strip():
                 yield from self._last(rest)
-        if odd:
+        if cut:
             self.note(
-                f"{odd:,} lines have more or fewer than {len(self.layout.names)} cells: those beyond are left"
-                " out, missing ones empty"
+                f"{_lines(cut)} more than {len(self.layout.names)} cells, as a thousands separator makes"
+                " them: which cell was cut is not known; left out"
+            )
+        if short:
+            self.note(
+                f"{_lines(short)} fewer than {len(self.layout.names)} cells: the missing ones are empty"
             )
 
-    def _ragged(self, text: str) -> int:
-        """Lines with more or fewer cells than columns; 0 where quotes or comments may hide them."""
+    def _whole(self, text: str) -> tuple[str, int, int]:
+        """The text without its lines of more cells than columns, how many these are, and how many have fewer.
+
+        All of it where quotes or comments may hide a separator.
+        """
         separator, width = self.layout.separator, len(self.layout.names) - 1
         if separator == " " or self.layout.comment or '"' in text:
-            return 0
+            return text, 0, 0
         if text.count(separator) == width * text.count("\n"):
-            return 0
-        return sum(line.count(separator) != width for line in text.split("\n") if line.strip())
+            return text, 0, 0
+        lines = [line for line in text.split("\n") if line.strip()]
+        kept = [line for line in lines if not any(c.strip() for c in line.split(separator)[width + 1 :])]
+        short = sum(line.count(separator) < width for line in kept)
+        return "".join(f"{line}\n" for line in kept), len(lines) - len(kept), short
 
     def _blocks(self, raw: Any, size: int) -> Iterator[str]:
         """Text of about `size` bytes at a time, from the first row on; up to where the file is damaged."""
@@ -304,6 +315,10 @@ class _Time:
 _ALONG = 0.999  # correlation of a column with its rows that makes it a time though steps fall
 
 
+def _lines(count: int) -> str:
+    return "a line has" if count == 1 else f"{count:,} lines have"
+
+
 def _rises(values: Array) -> bool:
     """Whether numbers rise, but for some that came out of order, or many that did within bursts."""
     steps = np.diff(values)
@@ -365,8 +380,8 @@ def layout_of(path: Path) -> Layout:
     first = _first_row(rows, width, decimal_comma)
     if first is None:
         raise TrialError(
-            f"{path}: no row of numbers in the first {len(rows)} rows, cut at {separator!r} into {width}"
-            " cells; expected a row of names and rows of numbers"
+            f"{path}: fewer than two rows of numbers in the first {len(rows)} rows, cut at {separator!r} into"
+            f" {width} cells; expected a row of names and rows of numbers"
         )
     above = [cells for k, cells in rows[:first] if len(cells) == width]
     if not above and comment:  # "# t x y": the names are a comment

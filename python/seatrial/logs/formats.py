@@ -49,6 +49,9 @@ FORMATS: dict[str, Format] = {
 }
 """Formats by name."""
 
+_BINARY = ("dataflash", "mavlink", "ulog", "rosbag", "mcap", "matlab", "imc", "parquet")
+_TEXT = frozenset(b"\t\n\r") | frozenset(range(32, 127))  # a binary log with another name is no such text
+
 _HEAD = 512
 
 
@@ -74,13 +77,14 @@ def format_of(path: Path) -> str:
     for name, entry in FORMATS.items():
         if head.startswith(entry.magic) and entry.magic:
             return name
-    ending = path.name.lower()
-    for name, entry in FORMATS.items():
-        if ending.endswith(entry.endings):
-            return name
     # A telemetry log begins with a stamp in us, then the mark of a MAVLink frame.
     if len(head) > 8 and head[8] in (0xFD, 0xFE) and 9e14 < int.from_bytes(head[:8], "big") < 5e15:
         return "mavlink"
+    ending = path.name.lower()
+    text = all(byte in _TEXT for byte in head)
+    for name, entry in FORMATS.items():
+        if ending.endswith(entry.endings) and not (text and name in _BINARY):
+            return name
     if b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "csv"
     known = ", ".join(f"{entry.description} ({'/'.join(entry.endings)})" for entry in FORMATS.values())

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Clock", "Joined", "Wanted", "find_field", "join"]
 
 _MEET_S = 1e-6
+_RESTART_S, _RESTART, _STAYS = 2.0, 0.1, 20  # s, share of what went before, rows
 """Stamps that differ by less are the same: rounding of a text file's six digits."""
 
 
@@ -159,6 +160,27 @@ def _epoch(logs: Sequence[Log], notes: list[str]) -> float | None:
     return None
 
 
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
+def _parts(t: Array) -> list[tuple[int, int]]:
+    """First row and the one after the last of each stretch of stamps (n,) in which the clock runs on.
+
+    It begins again where it falls by two seconds and by a tenth of what went before, and stays there: a row
+    out of order comes back at once.
+    """
+    parts, begin = [], 0
+    for at in (np.flatnonzero(np.diff(t) < -_RESTART_S) + 1).tolist():
+        before = t[begin:at].max(initial=-np.inf)
+        fall = before - t[at]
+        stays = np.all(t[at : at + _STAYS] < before - 0.5 * fall)
+        if stays and fall > max(_RESTART_S, _RESTART * (before - t[begin])):
+            parts.append((begin, at))
+            begin = at
+    return [*parts, (begin, len(t))]
+
+
 def _ordered(
     topic: str, samples: Samples, columns: Sequence[Wanted], notes: list[str], file: str
 ) -> tuple[Array, dict[str, Array]]:
@@ -172,10 +194,21 @@ def _ordered(
         )
     if not known.all():
         notes.append(f"{topic}: {int((~known).sum())} rows without a time left out")
+    parts = _parts(t[known])
+    if len(parts) > 1:
+        rows, again = np.flatnonzero(known), parts[1][0]
+        begin, end = max(parts, key=lambda part: part[1] - part[0])
+        notes.append(
+            f"{topic}: time begins again {_times(len(parts) - 1)}, the first in row {rows[again] + 1:,}"
+            f" (from {t[rows[again - 1]]:.6g} to {t[rows[again]]:.6g} s), as in recordings one after another;"
+            f" taken: the longest, rows {rows[begin] + 1:,} to {rows[end - 1] + 1:,}; split the file to use"
+            " the others"
+        )
+        known[: rows[begin]] = known[rows[end - 1] + 1 :] = False
     order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]
     moved = int((np.diff(t[known]) < 0.0).sum())
     if moved:
-        notes.append(f"{topic}: time runs backwards {moved} times; rows sorted")
+        notes.append(f"{topic}: time runs backwards {_times(moved)}; rows sorted")
     stamps = t[order]
     if (spread := spread_bursts(stamps)) is not None:
         stamps = spread.t
