@@ -112,6 +112,23 @@ def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
         assert any(line.startswith(f"{name} is not identified") for line in judged.sentences())
 
 
+def test_a_hidden_coefficient_is_estimated_beside_the_others_and_not_told(tmp_path: Path) -> None:
+    campaign = made('method = "innovations"\nrounds = 4\nhorizons_s = []', tmp_path)
+    wrong = campaign.vehicle.with_coefficients({"N_rdot": 1.5 * TRUTH["N_rdot"]})
+    joint = Joint(campaign, wrong, hidden={"N_rdot"})
+    assert [(one.name, one.kind) for one in joint.unknowns] == [
+        ("N_r", "coefficient"),
+        ("N_rdot", "nuisance"),
+    ]
+    assert joint.start[1] == 1.5 * TRUTH["N_rdot"]
+    judged = assess(joint, polish(joint))
+    (hidden,) = judged.nuisances()
+    assert hidden["estimate"] == pytest.approx(TRUTH["N_rdot"], rel=0.1)
+    assert judged.verdicts.keys() == {"N_r"}
+    assert judged.vehicle.coefficients()["N_rdot"] == 1.5 * TRUTH["N_rdot"]
+    assert judged.vehicle.coefficients()["N_r"] == pytest.approx(TRUTH["N_r"], rel=0.1)
+
+
 def test_what_lies_between_the_samples_of_a_slow_sensor_is_no_measurement(tmp_path: Path) -> None:
     """An interpolation knows the sample to come: predictions that may use it bend whatever they explain."""
     keys = 'method = "innovations"\nrounds = 4\nhorizons_s = []'

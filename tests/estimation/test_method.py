@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from seatrial.campaign.campaign import Campaign
@@ -33,7 +35,9 @@ AUTOMATIC = '[joint]\nmethod = "automatic"'
 
 def campaign(*, closed: bool = True, waves: float = 0.02, keys: str = "", joint: str = AUTOMATIC) -> Campaign:
     log = sailed(1, turns=True, closed=closed, waves=waves)
-    return Campaign.from_toml(TEXT.format(keys=keys, joint=joint), source="made.toml", trials={"log": log})
+    return Campaign.from_toml(
+        TEXT.format(keys=keys, joint=joint), source="made.toml", trials={"log": log, "steps": log}
+    )
 
 
 def test_commands_that_answer_waves_call_for_a_filter() -> None:
@@ -43,17 +47,31 @@ def test_commands_that_answer_waves_call_for_a_filter() -> None:
 
 
 @pytest.mark.parametrize(
-    ("closed", "waves", "joint"), [(False, 0.02, AUTOMATIC), (True, 0.0, AUTOMATIC), (True, 0.02, "")]
+    ("closed", "waves", "joint"), [(False, 0.02, AUTOMATIC), (True, 0.0, "[joint]"), (True, 0.02, "")]
 )
-def test_open_loops_calm_water_and_deviations_alone_take_a_simulation(
+def test_open_loops_turns_in_calm_water_and_deviations_alone_take_a_simulation(
     closed: bool, waves: float, joint: str
 ) -> None:
     found = method_of(campaign(closed=closed, waves=waves, joint=joint), ["log"])
     assert (found.method, found.why) == ("output", "")
 
 
+def test_a_calm_loop_calls_for_a_filter_unless_another_trial_is_open() -> None:
+    calm = campaign(waves=0.0, keys='[trials.steps]\nfile = "steps.csv"\ninput = "commands"')
+    told = calm.verdicts("log")["N"]
+    calm._verdicts["log"] = {"N": replace(told, told=0.3)}
+    found = method_of(calm, ["log"])
+    assert found.method == "innovations"
+    assert found.why == (
+        "rudder_upper, rudder_lower answer measurements in every trial, and what none of them foretells"
+        " drives only 30 % of an axis' motion"
+    )
+    calm._verdicts["steps"] = {"N": replace(told, kind="open")}
+    assert method_of(calm, ["log", "steps"]).method == "output"
+
+
 def test_a_campaign_that_asks_has_its_way_and_hears_what_speaks_against_it() -> None:
-    told = method_of(campaign(joint="[joint]"), ["log"])
+    told = method_of(campaign(joint='[joint]\nmethod = "output"'), ["log"])
     assert told.method == "output"
     assert told.why.endswith('which bends gains: compare with method = "innovations"')
     asked = method_of(campaign(closed=False, joint='[joint]\nmethod = "innovations"'), ["log"])

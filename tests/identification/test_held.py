@@ -91,7 +91,7 @@ def test_an_estimate_moves_with_a_held_value_as_least_squares_say(monkeypatch: p
         for name, scale in zip("abc", (1.0, 40.0, 2.0), strict=True)
     ]
     joint, known, polished = (
-        SimpleNamespace(unknowns=unknown),
+        SimpleNamespace(unknowns=unknown, hidden=frozenset()),
         SimpleNamespace(at_bound=(None, None, "upper"), sigma=sigma),
         SimpleNamespace(values=np.zeros(3), initial=None, noise=None),
     )

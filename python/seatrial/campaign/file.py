@@ -243,7 +243,7 @@ class Polish(Section):
     start: Literal["smoothed", "estimated"] = "estimated"
     starts: Count = 1
     rounds: Annotated[int, Field(strict=True, ge=0)] = 20
-    method: Literal["automatic", "output", "innovations"] = "output"
+    method: Literal["automatic", "output", "innovations"] = "automatic"
     horizon_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
     horizons_s: tuple[Positive, ...] = (0.2, 0.5, 2.0)
 

@@ -234,7 +234,7 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
     sigma = dict(zip(found.names, found.sigma.tolist(), strict=True))
     return Assessment(
         vehicle=joint.identified(polished.values),
-        parameters=joint.parameters,
+        parameters=joint.estimated,
         unknowns=joint.unknowns,
         polished=polished,
         uncertainty=found,

@@ -182,7 +182,7 @@ def _fit(joint: Joint, section: Polish, start: Mapping[str, float]) -> _Fit:
     campaign = joint.campaign
     section = section.model_copy(update={"starts": 1})
     other = campaign.with_file(campaign.file.model_copy(update={"polish": section}))
-    grown = Joint(other, joint.vehicle, threads=joint.threads)
+    grown = Joint(other, joint.vehicle, threads=joint.threads, hidden=joint.hidden)
     values = np.array([start[one.name] for one in grown.unknowns])
     polished = polish(grown, start=values, rounds=_ROUNDS)
     if polished.interrupted:

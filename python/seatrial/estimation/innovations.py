@@ -394,7 +394,7 @@ class Innovations:
             refused = tuple(
                 unknown.name
                 for unknown, one, counts in zip(self.joint.unknowns, away, matters, strict=True)
-                if abs(one) > _APART and counts
+                if unknown.kind == "coefficient" and abs(one) > _APART and counts
             )
             found.append(Horizon(steps * self.dt, at, away, refused))
         return tuple(found)

@@ -11,7 +11,7 @@ Tests: ``tests/estimation/test_polish.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,7 +23,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.campaign.file import Axes, Coefficient, Polish, Stage
-from seatrial.campaign.parameters import coefficients, parameters
+from seatrial.campaign.parameters import Parameter, coefficients, parameters
 from seatrial.estimation.criterion import velocity_noise
 from seatrial.estimation.method import ByItself, Method, method_of
 from seatrial.estimation.noise_model import NoiseModel
@@ -134,6 +134,9 @@ def _prior(key: str) -> tuple[float, str, bool]:
     return sd, unit, False
 
 
+_HIDDEN_SD = 0.25
+"""Prior standard deviation of a hidden coefficient, over the width of its bounds."""
+
 VELOCITY_NOISES = 3.0
 """Prior standard deviation of a segment's initial velocities, over that of the sensor's noise."""
 
@@ -223,11 +226,16 @@ class Joint:
     method : "output" or "innovations", optional
         What is compared: a free simulation of segments, or the predictions of a filter; by default what the
         campaign says, or what its trials call for (`seatrial.estimation.method`).
+    hidden : collection of str
+        Coefficients that feedback hides, by their names in the campaign. They are nuisance parameters around
+        the vehicle's values, estimated lest they bend the rest; the identified vehicle keeps its own.
 
     Attributes
     ----------
     unknowns
-        Coefficients first, in the campaign's order, then nuisance parameters.
+        Coefficients first, in the campaign's order, hidden ones last, then nuisance parameters.
+    parameters
+        The coefficients among them, hidden ones too; `estimated` are those that are not.
     start
         Their start values (m,).
     left_out
@@ -252,8 +260,9 @@ class Joint:
         *,
         threads: int | None = None,
         method: Method | None = None,
+        hidden: Collection[str] = (),
     ) -> None:
-        self.campaign, self.threads = campaign, threads
+        self.campaign, self.threads, self.hidden = campaign, threads, frozenset(hidden)
         self.vehicle = campaign.vehicle if vehicle is None else vehicle
         self.polish = campaign.file.polish or Polish()
         self.noise_model: NoiseModel | None = None
@@ -261,14 +270,17 @@ class Joint:
         found = method_of(campaign, self.stage.trials) if method is None else ByItself(method, "")
         self.method, self.method_reason = found.method, found.why
         where = f"{campaign.source}: polish"
-        self.parameters = parameters(self.stage, campaign.vehicle, where)
+        chosen = parameters(self.stage, campaign.vehicle, where)
+        self.parameters = tuple(sorted(chosen, key=lambda one: one.name in self.hidden))
+        self.estimated = tuple(one for one in self.parameters if one.name not in self.hidden)
         self.data = cut(campaign, self.stage)
         self.nuisances = nuisances(self.polish, self.data.names, where)
         self.unknowns = (
             *(
                 Unknown(p.name, "coefficient", p.unit, p.lower, p.upper, p.upper - p.lower, p.start, math.inf)
-                for p in self.parameters
+                for p in self.estimated
             ),
+            *(self._hidden(p) for p in self.parameters[len(self.estimated) :]),
             *(
                 Unknown(n.name, "nuisance", n.unit, -math.inf, math.inf, n.sd, 0.0, n.sd)
                 for n in self.nuisances
@@ -330,8 +342,8 @@ class Joint:
         return coefficients(self.parameters, values[: len(self.parameters)])
 
     def identified(self, values: Array) -> Vehicle:
-        """The vehicle with the values (m,) of the unknowns."""
-        return self.vehicle.with_coefficients(self.coefficients(values))
+        """The vehicle with the values (m,) of the unknowns, without those of hidden coefficients."""
+        return self.vehicle.with_coefficients(coefficients(self.estimated, values[: len(self.estimated)]))
 
     def records(self, values: Array) -> dict[str, dict[str, float]]:
         """Nuisance parameters by trial and name, SI, that the values (m,) of the unknowns set.
@@ -406,16 +418,29 @@ class Joint:
         """The core's rows (trials, 38) of the nuisance parameters among the unknowns' values."""
         return rows(self.nuisances, values[len(self.parameters) :], len(self.data.records))
 
+    def _hidden(self, parameter: Parameter) -> Unknown:
+        """A hidden coefficient as a nuisance parameter around the vehicle's value."""
+        sd = _HIDDEN_SD * (parameter.upper - parameter.lower)
+        value = self._own(parameter)
+        return Unknown(
+            parameter.name, "nuisance", parameter.unit, parameter.lower, parameter.upper, sd, value, sd
+        )
+
+    def _own(self, parameter: Parameter) -> float:
+        """The vehicle's value of a parameter, inside its bounds."""
+        name, factor = parameter.members[0]
+        value = self.vehicle.coefficients().get(name, 0.0) / factor
+        return float(np.clip(value, parameter.lower, parameter.upper))
+
     def _start_coefficients(self) -> list[float]:
         """Values of the vehicle for what a stage estimated, the campaign's start for the rest."""
-        present = self.vehicle.coefficients()
-        staged = {name for stage in self.campaign.stages for name in stage.coefficients}
-        values = []
-        for parameter in self.parameters:
-            name, factor = parameter.members[0]
-            value = present.get(name, 0.0) / factor if parameter.name in staged else parameter.start
-            values.append(float(np.clip(value, parameter.lower, parameter.upper)))
-        return values
+        kept = {name for stage in self.campaign.stages for name in stage.coefficients} | self.hidden
+        return [
+            self._own(parameter)
+            if parameter.name in kept
+            else float(np.clip(parameter.start, parameter.lower, parameter.upper))
+            for parameter in self.parameters
+        ]
 
     def _initial_conditions(self) -> tuple[tuple[str, ...], Array]:
         """Names of the initial conditions that are estimated and their prior standard deviations."""

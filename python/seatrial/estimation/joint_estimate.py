@@ -199,7 +199,7 @@ def _with_noise_model(
     began = time.monotonic()
     innovations = Innovations(joint)
     own = start.copy()
-    open_ = [i for i in range(len(joint.parameters)) if i not in set(fixed)]
+    open_ = [i for i in range(len(joint.estimated)) if i not in set(fixed)]
     own[open_] = [joint.parameters[i].start for i in open_]
     if rounds and not np.array_equal(own, start):
         start = innovations.likelier([start, own])

@@ -2,9 +2,10 @@
 
 Output error takes all that a simulation misses for noise of the sensors. That holds for open loops, where
 waves only widen the intervals. In a closed loop the commands answer the waves, the error is correlated with
-the input, and gains are bent (Ljung 1999, section 13.4): predictions of a filter are compared then, with
-``method = "automatic"``, or recommended. So they are where the vehicle runs away while its controls are held:
-a simulation then leaves the log whatever the coefficients are.
+the input, and gains are bent (Ljung 1999, section 13.4). In calm water the autopilot answers the noise of its
+sensors and what the model lacks. Predictions of a filter are compared then, or recommended where the
+campaign asks for output error. So they are where the vehicle runs away while its controls are held: a
+simulation then leaves the log whatever the coefficients are.
 
 Tests: ``tests/estimation/test_method.py``.
 """
@@ -18,6 +19,7 @@ from typing import Literal
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import Polish
 from seatrial.trial.instability import runs_away
+from seatrial.trial.verdict import REPLAYED, Verdict, best
 from seatrial.trial.waves import waves
 
 __all__ = ["ByItself", "Method", "method_of"]
@@ -51,21 +53,49 @@ def method_of(campaign: Campaign, trials: Sequence[str]) -> ByItself:
         if asked.method == "automatic" and not asked.nuisances:
             return ByItself("innovations", fled)
         return ByItself("output", f"{fled}, so that a simulation leaves the log: {_remedy(asked)}")
-    for name in trials:
-        trial = campaign.trials[name]
-        if campaign.input_of(name) != "commands":  # a measured force is no command
-            continue
-        swell = waves(trial)
-        if swell is None:
-            continue
-        closed = [v for v in campaign.verdicts(name).values() if v.kind != "open"]
-        if closed:
-            commands = ", ".join(dict.fromkeys(command for one in closed for command in one.commands))
-            seen = f"in trial {name} {commands} answer measurements, in waves of {swell.period_s:.1f} s"
-            if asked.method == "automatic" and not asked.nuisances:
-                return ByItself("innovations", seen)
-            return ByItself("output", f"{seen}, which bends gains: {_remedy(asked)}")
+    if seen := _answered_waves(campaign, trials) or _answered(campaign, trials):
+        if asked.method == "automatic" and not asked.nuisances:
+            return ByItself("innovations", seen)
+        return ByItself("output", f"{seen}, which bends gains: {_remedy(asked)}")
     return ByItself("output", "")
+
+
+def _answered_waves(campaign: Campaign, trials: Sequence[str]) -> str:
+    """Which commands answer measurements in a trial with waves; "" where none do."""
+    for name in _commanded(campaign, trials):
+        swell = waves(campaign.trials[name])
+        closed = [one for one in campaign.verdicts(name).values() if one.kind != "open"]
+        if closed and swell is not None:
+            return (
+                f"in trial {name} {_commands(closed)} answer measurements, in waves of {swell.period_s:.1f} s"
+            )
+    return ""
+
+
+def _answered(campaign: Campaign, trials: Sequence[str]) -> str:
+    """Which commands answer measurements in every trial that has them, too much for a replay; "" for none.
+
+    One trial that a replay judges is enough for output error, as it is for the verdict on an axis.
+    """
+    chosen = _commanded(campaign, trials)
+    if len(chosen) < len(trials):
+        return ""
+    verdicts = best(campaign.verdicts(name) for name in chosen)
+    closed = [one for one in verdicts.values() if one.kind != "open" and not one.told >= REPLAYED]
+    if not closed:
+        return ""
+    told = min(one.told for one in closed)
+    share = f", and what none of them foretells drives only {100.0 * max(told, 0.0):.0f} % of an axis' motion"
+    return f"{_commands(closed)} answer measurements in every trial{share if told == told else ''}"
+
+
+def _commanded(campaign: Campaign, trials: Sequence[str]) -> list[str]:
+    """Trials that commands drive: a measured force is none."""
+    return [name for name in trials if campaign.input_of(name) == "commands"]
+
+
+def _commands(closed: Sequence[Verdict]) -> str:
+    return ", ".join(dict.fromkeys(command for one in closed for command in one.commands))
 
 
 def _runs_away(campaign: Campaign, asked: Polish, trials: Sequence[str]) -> str:

@@ -26,10 +26,20 @@ from seatrial.estimation.joint_estimate import Polished, linearise
 from seatrial.trial.verdict import Verdict, best, untold
 
 if TYPE_CHECKING:
+    from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.statistics.uncertainty import Uncertainty
 
-__all__ = ["SHARE", "Conditional", "Held", "comment", "conditional", "hold_untold", "sentences"]
+__all__ = [
+    "SHARE",
+    "Conditional",
+    "Held",
+    "comment",
+    "conditional",
+    "hold_untold",
+    "joint_estimate_of",
+    "sentences",
+]
 
 
 SHARE = 0.2
@@ -91,7 +101,8 @@ def conditional(
 ) -> tuple[Conditional, ...]:
     """Estimates that would move by a standard deviation or more were a held value `SHARE` larger.
 
-    Those that ended at a bound cannot move. To first order, at the estimate.
+    Those that ended at a bound cannot move. To first order, at the estimate. None where the held values are
+    nuisance parameters of the estimate.
 
     Parameters
     ----------
@@ -102,7 +113,7 @@ def conditional(
     known
         Uncertainty of the joint estimate.
     """
-    if not held:
+    if not held or joint.hidden:
         return ()
     lin = linearise(
         joint,
@@ -126,6 +137,29 @@ def conditional(
                 unknown = joint.unknowns[place]
                 found.append(Conditional(unknown.name, unknown.unit, name, change, away))
     return tuple(sorted(found, key=lambda one: -abs(one.deviations)))
+
+
+def joint_estimate_of(
+    campaign: Campaign, whole: Campaign, held: Sequence[Held], vehicle: Vehicle, *, threads: int | None = None
+) -> Joint:
+    """The joint estimate beside held coefficients.
+
+    With a noise model they are nuisance parameters of it: its predictions tell them in part, and held at a
+    wrong value they bend what another axis tells. Output error keeps them as they are.
+
+    Parameters
+    ----------
+    campaign, held
+        Of `hold_untold`.
+    whole
+        The campaign before it.
+    vehicle
+        Gives the start values.
+    """
+    joint = Joint(campaign, vehicle, threads=threads)
+    if not held or joint.method == "output":
+        return joint
+    return Joint(whole, vehicle, threads=threads, hidden={one.parameter for one in held})
 
 
 def hold_untold(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
@@ -165,7 +199,7 @@ def sentences(held: Sequence[Held]) -> tuple[str, ...]:
         kept = ", ".join(dict.fromkeys(one.parameter for one in own))
         found.append(
             f"{own[0].why}. Not identified, the vehicle file's values are kept: {kept}. What else acts on"
-            f" this axis is estimated as if they were right; {own[0].trial}"
+            f" this axis may rest on them; {own[0].trial}"
         )
     return tuple(found)
 

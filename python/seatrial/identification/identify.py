@@ -27,13 +27,12 @@ from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
 from seatrial.diagnosis.assessment import Assessment, assess
-from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.choice import Choice, choose
 from seatrial.identification.fitted import Fitted
-from seatrial.identification.held import Conditional, conditional
+from seatrial.identification.held import Conditional, conditional, joint_estimate_of
 from seatrial.identification.hold_out import part_scores
 from seatrial.identification.identification import Identification, estimates
 from seatrial.identification.preparation import prepare
@@ -365,7 +364,8 @@ def run_identification(
         rests: tuple[Conditional, ...] = ()
         interrupted = order.stop.is_set()
         if not interrupted and not notes:
-            joint, found = Joint(campaign, vehicle, threads=threads), None
+            joint = joint_estimate_of(campaign, ready.whole, ready.held, vehicle, threads=threads)
+            found = None
             if campaign.file.polish is not None and campaign.file.polish.rounds:
                 polished = polish(joint, watch=_watch(order, progress))
                 choice = choose(campaign, joint, polished, stages=stages, threads=threads)

@@ -35,10 +35,10 @@ from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.report import Column, Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
 from seatrial.campaign.campaign import input_hashes
-from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.stage import plan
 from seatrial.identification.choice import choose
+from seatrial.identification.held import joint_estimate_of
 from seatrial.identification.hold_out import left_out_score
 from seatrial.identification.identify import StageOrder
 from seatrial.identification.preparation import identifiable
@@ -300,8 +300,8 @@ def _without(
     """
     lost: tuple[str, ...] = ()
     try:
-        rest, lost = campaign.without_trial(name)
-        rest, _ = identifiable(rest)
+        whole, lost = campaign.without_trial(name)
+        rest, held = identifiable(whole)
         order = StageOrder(
             rest, plan(rest), run, part=f"without {name}, ", progress=progress, threads=threads
         )
@@ -312,7 +312,7 @@ def _without(
         for stage in stages:
             vehicle = vehicle.with_coefficients(stage.coefficients)
         if rest.file.polish is not None and rest.file.polish.rounds:
-            joint = Joint(rest, vehicle, threads=threads)
+            joint = joint_estimate_of(rest, whole, held, vehicle, threads=threads)
             polished = polish(joint, watch=None if progress is None else _polishing(progress, order))
             if polished.interrupted:
                 raise KeyboardInterrupt
@@ -327,7 +327,7 @@ def _without(
     values = vehicle.coefficients()
     freed = {name for stage in stages for name in stage.coefficients}
     if result != "stages":
-        freed |= {member for parameter in joint.parameters for member, _ in parameter.members}
+        freed |= {member for parameter in joint.estimated for member, _ in parameter.members}
     return LeftOut(
         name,
         {c: value for c, value in score.evidence.items() if c in VELOCITIES},

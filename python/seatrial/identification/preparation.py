@@ -27,11 +27,12 @@ __all__ = ["Preparation", "identifiable", "prepare"]
 class Preparation:
     """What an identification runs, and what is known before.
 
-    ``campaign`` frees nothing that is ``held``; ``plans`` are its stages, ``sentences`` say what the data
-    cannot tell, ``no_joint`` why there can be no joint estimate.
+    ``campaign`` frees nothing that is ``held``, ``whole`` does; ``plans`` are its stages, ``sentences`` say
+    what the data cannot tell, ``no_joint`` why there can be no joint estimate.
     """
 
     campaign: Campaign
+    whole: Campaign
     held: tuple[Held, ...]
     plans: tuple[StagePlan, ...]
     sentences: tuple[str, ...]
@@ -52,7 +53,7 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
             " only tunes or verifies an autopilot"
         )
     silent = _actuators_without_column(campaign)
-    campaign, held = identifiable(campaign)
+    whole, (campaign, held) = campaign, identifiable(campaign)
     plans = plan(campaign)
     judge_scale(campaign)
     diverging = tuple(
@@ -65,7 +66,7 @@ def prepare(campaign: Campaign, *, threads: int | None = None) -> Preparation:
     warnings = tuple(f"WARNING: {one}" for one in sentences(held))
     steps = (*step_sentences(plans), *frozen_sentences(plans))
     said = (*warnings, *silent, *diverging, *conditions, *steps)
-    return Preparation(campaign, held, plans, said, no_joint)
+    return Preparation(campaign, whole, held, plans, said, no_joint)
 
 
 def identifiable(campaign: Campaign) -> tuple[Campaign, tuple[Held, ...]]:
