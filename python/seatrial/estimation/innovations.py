@@ -40,6 +40,7 @@ from seatrial.estimation import kalman
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import OneStep, Span
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+from seatrial.trial.trial import Trial
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 __all__ = ["Horizon", "Innovations", "Outcome"]
@@ -120,8 +121,9 @@ class Innovations:
     Parameters
     ----------
     joint : Joint
-    held_out : bool
-        Whether on the data that the campaign holds out, to judge, in place of those that it fits.
+    held_out : bool or None
+        Whether on the data that the campaign holds out, to judge, in place of those that it fits; None: on
+        both.
 
     Attributes
     ----------
@@ -129,7 +131,7 @@ class Innovations:
         The model over one sample, along these data.
     """
 
-    def __init__(self, joint: Joint, *, held_out: bool = False) -> None:
+    def __init__(self, joint: Joint, *, held_out: bool | None = False) -> None:
         self.joint, self.steps = joint, OneStep(joint, held_out=held_out)
         self.dt = joint.data.dt
         self.seen = [self.steps.states.index(name) for name in self.steps.channels]
@@ -244,26 +246,46 @@ class Innovations:
         self.joint.noise_model = None
         self._spans(values, _FIRST)
 
-    def sums(self, values: Array, ahead_s: float) -> dict[str, tuple[float, float]]:
-        """Sums of squares by channel: of prediction errors so far ahead, and of the motion about its mean.
+    def sums(self, values: Array, ahead_s: float) -> dict[str, tuple[float, float, float]]:
+        """Sums of squares by channel: prediction errors so far ahead, the motion about its mean, its change.
+
+        The last is what a prediction misses that holds the measured value from then.
 
         The noise model stays as it is: on held-out data it is that of the training data. The motion that the
         derivatives are taken at is found anew, for these values.
         """
         found = {}
-        errors = self._errors(self._settled(values), self._samples(ahead_s))
+        steps = self._samples(ahead_s)
+        errors = self._errors(self._settled(values), steps)
         for column, channel in enumerate(self.steps.channels):
-            about = []
+            about, changes = [], []
             for one in errors:
-                trial = self.joint.data.records[one.span.record].trial
-                last = one.span.last + 1
-                motion = trial.observed[last - len(one.error) : last, CHANNELS.index(channel)]
-                about.append(motion[one.counted[:, column]])
-            motion = np.concatenate(about) if about else np.zeros(0)
+                record = self.joint.data.records[one.span.record].trial.observed[:, CHANNELS.index(channel)]
+                last, counted = one.span.last + 1, one.counted[:, column]
+                about.append(record[last - len(one.error) : last][counted])
+                changes.append(about[-1] - record[last - len(one.error) - steps : last - steps][counted])
+            motion, change = np.concatenate([np.zeros(0), *about]), np.concatenate([np.zeros(0), *changes])
             if motion.size and motion.std() > 0.0:
                 sse = sum(float((one.error[:, column] ** 2).sum()) for one in errors)
                 sse = sse if math.isfinite(sse) else math.inf
-                found[channel] = (sse, float(((motion - motion.mean()) ** 2).sum()))
+                sst = float(((motion - motion.mean()) ** 2).sum())
+                found[channel] = (sse, sst, float(np.nansum(change**2)))
+        return found
+
+    def followed(self, values: Array, ahead_s: float) -> dict[str, Trial]:
+        """Trials by name with the states that the filter knew, and the current that it knew so long before.
+
+        A simulation that restarts there and runs so far knows nothing of what comes after its start. The
+        current, NED in m/s, is zero until the filter knows it; what was recorded of it is kept.
+        """
+        self._settled(values)
+        late, found = self._samples(ahead_s), {}
+        data = self.joint.data
+        for record, (name, trial) in enumerate(zip(data.names, data.trials, strict=True)):
+            states, water = self.steps.known(record)
+            current = np.zeros_like(water) if trial.current is None else trial.current.copy()
+            current[late:] += water[:-late]
+            found[name] = replace(trial, current=current, states=states)
         return found
 
     def initial(self) -> Array:

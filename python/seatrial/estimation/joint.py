@@ -317,12 +317,17 @@ class Joint:
         ]
 
     def steps(
-        self, *, held_out: bool = False
+        self, *, held_out: bool | None = False
     ) -> tuple[tuple[tuple[int, int, int], ...], tuple[Segment, ...]]:
-        """Record, first and last sample of every span to be fitted or held out, and a segment per sample."""
+        """Record, first and last sample of every span to be fitted or held out, and a segment per sample.
+
+        With None whole trials, whatever of them is held out.
+        """
         spans, segments = [], []
         for index, trial in enumerate(self.data.trials):
             wanted = self.campaign.held_out(self.data.names[index]) == held_out
+            if held_out is None:
+                wanted = np.ones(len(trial), dtype=bool)
             edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted.astype(np.int8), [0]])))
             for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
                 if (end - 1 - first) * trial.dt >= self.stage.segment_s:

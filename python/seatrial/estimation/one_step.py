@@ -13,6 +13,7 @@ Held by ``tests/estimation/test_innovations.py``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -25,6 +26,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.rotation import from_euler, matrix, shorter, to_euler
 from seatrial.campaign.parameters import coefficient_names, expansion_matrix
 from seatrial.estimation.joint import Joint
+from seatrial.estimation.step import RATE_LIMIT
 from seatrial.trial.record import Record, Replay, Segment
 
 __all__ = ["Motion", "OneStep", "Span"]
@@ -32,6 +34,9 @@ __all__ = ["Motion", "OneStep", "Span"]
 _ANGLES = ("roll", "pitch", "yaw")
 _SLOWER = 1.5
 """A sensor with longer intervals than so many rows of the time base is slower than it."""
+
+_RATE_LIMIT = 0.5
+"""Largest h|lambda|: one sample needs fewer steps than a simulation of seconds; derivatives err by 0.3 %."""
 
 _CURRENT = ("current_north", "current_east")
 
@@ -89,7 +94,8 @@ class OneStep:
     Parameters
     ----------
     joint : Joint
-    held_out : bool
+    held_out : bool or None
+        None: along whole trials.
 
     Attributes
     ----------
@@ -104,7 +110,7 @@ class OneStep:
         No axis is simulated whose velocity or angle was measured.
     """
 
-    def __init__(self, joint: Joint, *, held_out: bool = False) -> None:
+    def __init__(self, joint: Joint, *, held_out: bool | None = False) -> None:
         self.joint = joint
         free, data = joint.stage.axes.free, joint.data
         self.velocities = tuple(CHANNELS[AXES.index(letter)] for letter in free)
@@ -124,6 +130,7 @@ class OneStep:
                 ' angle of a simulated axis and found none; use method = "output"'
             )
         self._columns, self._shown = columns, kept
+        self._substeps = max(math.ceil(joint.substeps * RATE_LIMIT / _RATE_LIMIT), 1)
         self._spans, segments = joint.steps(held_out=held_out)
         self._log = _Path(segments, tuple(np.zeros((len(record.trial), 3)) for record in data.records))
         self._readings = readings
@@ -182,6 +189,19 @@ class OneStep:
                 )
             )
         return spans
+
+    def known(self, record: int) -> tuple[tuple[Array, Array, Array], Array]:
+        """What the filter knew at each sample of a record, from those before.
+
+        Position (n, 3), attitude (n, 4) and velocities (n, 6), smoothed where they are no states, and the
+        current (n, 3), NED in m/s, besides what was recorded.
+        """
+        states = tuple(part.copy() for part in self.joint.data.trials[record].state(slice(None)))
+        for one in self._known.segments:
+            if one.record == record:
+                for part, row in zip(states, (one.position, one.attitude, one.nu), strict=True):
+                    part[one.start] = row
+        return (states[0], states[1], states[2]), self._known.water[record]
 
     def follow_log(self) -> None:
         """Linearise along the smoothed log from now on, in still water."""
@@ -262,7 +282,7 @@ class OneStep:
             names=(*coefficient_names(joint.parameters), *extra),
             free=joint.stage.axes.free,
             measured=joint.stage.axes.measured,
-            substeps=joint.substeps,
+            substeps=self._substeps,
             threads=joint.threads,
             starts_count=True,
         )

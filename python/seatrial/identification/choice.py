@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -37,7 +37,7 @@ from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.stage import StageResult, plan, refitted_stage
-from seatrial.identification.hold_out import POOLED, part_scores
+from seatrial.identification.hold_out import AHEAD_S, POOLED, part_scores
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -59,8 +59,6 @@ _SPOILT = 0.1  # of R2: a loss that heads the summary
 _MOST = 1e6  # of SSE / SST: a simulation that diverged
 
 _NOT_PREDICTED = 0.1  # what the logarithm of e counts where the mean predicts better
-
-_AHEAD_S = 10.0
 
 _LONGEST_S = 0.5
 
@@ -87,6 +85,8 @@ class Choice:
         How the joint estimate went, whether or not it is the result.
     ahead_s
         How far ahead was predicted, s.
+    held
+        R2 of the measured value held so long, per channel, where predictions of a filter were judged.
     """
 
     result: Literal["joint estimate", "stages"]
@@ -95,7 +95,13 @@ class Choice:
     joint: Mapping[str, float]
     likelihood: float
     polished: Polished
-    ahead_s: float = _AHEAD_S
+    ahead_s: float = AHEAD_S
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def chosen(self) -> Mapping[str, float]:
+        """R2 per channel of the result."""
+        return self.joint if self.result == "joint estimate" else self.stages
 
     @property
     def fallen(self) -> tuple[str, ...]:
@@ -157,7 +163,7 @@ def choose(
     threads : int, optional
         Threads of the core; the choice does not depend on it.
     """
-    words, first, second = _outside(campaign, joint, polished)
+    words, first, second, held = _outside(campaign, joint, polished)
     if joint.method == "innovations" and not first:
         why = (
             "it was not compared with the stages, for no part of its trials is held out (hold_out_s), and a"
@@ -186,34 +192,36 @@ def choose(
         {c: 1.0 - second[c] for c in judged},
         likelihood,
         polished,
-        _AHEAD_S if joint.method == "output" else _horizon(joint),
+        AHEAD_S if joint.method == "output" else _horizon(joint),
+        {c: 1.0 - held[c] for c in judged if c in held},
     )
 
 
 def _outside(
     campaign: Campaign, joint: Joint, polished: Polished
-) -> tuple[str, dict[str, float], dict[str, float]]:
-    """What the campaign holds out, in words, and the errors of stages and joint estimate on it."""
+) -> tuple[str, dict[str, float], dict[str, float], dict[str, float]]:
+    """What the campaign holds out, in words; errors of stages, joint estimate and held values on it."""
     if joint.method == "output":
         start, end = joint.identified(joint.start), joint.identified(polished.values)
         return (
             "held-out data",
             _errors(campaign, start, None),
             _errors(campaign, end, joint.records(polished.values)),
+            {},
         )
     ahead_s = _horizon(joint)
     words = f"held-out data, {ahead_s:g} s ahead from the state of a filter,"
     if not joint.steps(held_out=True)[0]:
-        return words, {}, {}
+        return words, {}, {}, {}
     judge, found = Innovations(joint, held_out=True), []
     own = joint.noise_model
     for values in (polished.values, joint.start):
         if values is joint.start:
             Innovations(joint).prepare(values)
         sums = judge.sums(values, ahead_s)
-        found.append({channel: min(sse / sst, _MOST) for channel, (sse, sst) in sums.items()})
+        found.append({channel: min(sse / sst, _MOST) for channel, (sse, sst, _) in sums.items()})
     joint.noise_model = own
-    return words, found[1], found[0]
+    return words, found[1], found[0], {channel: held / sst for channel, (_, sst, held) in sums.items()}
 
 
 def _horizon(joint: Joint) -> float:
@@ -237,13 +245,7 @@ def _errors(
 ) -> dict[str, float]:
     """SSE / SST per channel ten seconds ahead on what is held out, pooled over trials."""
     scores = part_scores(
-        campaign,
-        vehicle,
-        nuisances=nuisances,
-        ahead_s=_AHEAD_S,
-        parts=("hold_out",),
-        kinds=("ahead",),
-        baselines=False,
+        campaign, vehicle, nuisances=nuisances, parts=("hold_out",), kinds=("ahead",), baselines=False
     ).scores
     errors: dict[str, list[tuple[float, float]]] = {}
     for trial, score in scores.get("hold_out", {}).get("ahead", {}).items():

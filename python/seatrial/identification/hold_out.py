@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
@@ -20,11 +20,24 @@ from seatrial.trial.baselines import Baselines, fit_baselines
 from seatrial.trial.ceiling import Unpredictable
 from seatrial.trial.score import Score, score
 from seatrial.trial.trial import Trial
+from seatrial.trial.verdict import blind
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-__all__ = ["POOLED", "PartScores", "left_out_score", "likelihood_gain", "part_scores", "replayed"]
+__all__ = [
+    "AHEAD_S",
+    "POOLED",
+    "PartScores",
+    "in_waves",
+    "left_out_score",
+    "likelihood_gain",
+    "part_scores",
+    "replayed",
+]
+
+AHEAD_S = 10.0
+"""How far ahead a result is judged, s, unless its vehicle runs away."""
 
 POOLED = "all"
 """Name under which the scores of all trials together stand."""
@@ -43,10 +56,12 @@ def part_scores(
     vehicle: Vehicle,
     *,
     nuisances: Mapping[str, Mapping[str, float]] | None = None,
-    ahead_s: float = 10.0,
+    followed: Mapping[str, Trial] | None = None,
+    ahead_s: float = AHEAD_S,
     parts: Sequence[str] = ("fit", "hold_out"),
     kinds: Sequence[str] = ("ahead", "free"),
     baselines: bool = True,
+    limits: Mapping[str, Unpredictable] | None = None,
 ) -> PartScores:
     """Scores on the fitted and the held-out part of every trial, some seconds ahead and for a free run.
 
@@ -56,21 +71,31 @@ def part_scores(
     vehicle : Vehicle
     nuisances : mapping, optional
         Nuisance parameters of the trials' records by trial and name, SI (`Assessment.records`).
+    followed : mapping, optional
+        Trials by name with the states from which the simulations restart, and the current that they know
+        (`Innovations.followed`).
     ahead_s : float
         The simulation restarts from the measured state after this time, s.
     parts, kinds : sequence of str
         Those that are wanted.
     baselines : bool
         Whether the baselines are fitted to the training part and judged on the same windows.
+    limits : mapping, optional
+        By trial what no model can predict; by default `Campaign.limits`.
     """
     fitted = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
     missing: list[str] = []
     found: dict[str, dict[str, dict[str, Score]]] = {}
     training = _part(campaign, fitted, "fit") if "fit" in parts or baselines else {}
-    simple = _baselines(campaign, training) if baselines else None
-    limits = campaign.limits()
+    simple = _baselines(campaign, training, ahead_s) if baselines else None
+    limits = campaign.limits() if limits is None else limits
     for part in parts:
         trials = training if part == "fit" else _part(campaign, list(campaign.trials), part)
+        trials = {
+            name: trial if known is None else replace(known, valid=trial.valid)
+            for name, trial in trials.items()
+            for known in ((followed or {}).get(name),)
+        }
         if trials:
             found[part] = {
                 kind: _scores(
@@ -79,6 +104,14 @@ def part_scores(
                 for kind in kinds
             }
     return PartScores(found, tuple(dict.fromkeys(missing)))
+
+
+def in_waves(campaign: Campaign) -> dict[str, Unpredictable]:
+    """What no model can predict of the trials, where a filter found waves that no spectrum shows."""
+    return {
+        name: replace(one, blind=blind(campaign.verdicts(name), waves=True))
+        for name, one in campaign.limits().items()
+    }
 
 
 def likelihood_gain(scores: Mapping[str, Mapping[str, Mapping[str, Score]]]) -> dict[str, tuple[str, float]]:
@@ -185,7 +218,7 @@ def _part(campaign: Campaign, names: Sequence[str], part: str) -> dict[str, Tria
     return {name: trial for name, trial in found.items() if trial is not None}
 
 
-def _baselines(campaign: Campaign, training: Mapping[str, Trial]) -> Baselines:
+def _baselines(campaign: Campaign, training: Mapping[str, Trial], ahead_s: float = AHEAD_S) -> Baselines:
     """Baselines of the training part; forces are those of the vehicle before its identification."""
     inputs = {campaign.input_of(name) for name in training}
     return fit_baselines(
@@ -194,6 +227,7 @@ def _baselines(campaign: Campaign, training: Mapping[str, Trial]) -> Baselines:
         input=inputs.pop() if len(inputs) == 1 else None,
         free=_freed(campaign),
         measured=replayed(campaign),
+        ahead_s=ahead_s,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 from seatrial.identification.held import SHARE, Conditional, Held, comment, sentences
-from seatrial.identification.hold_out import POOLED, likelihood_gain, replayed
+from seatrial.identification.hold_out import AHEAD_S, POOLED, likelihood_gain, replayed
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
 from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.identifiability import Identifiability
     from seatrial.estimation.scale import ScaleReport
     from seatrial.trial.score import Score
+    from seatrial.trial.trial import Trial
 
 __all__ = ["Estimate", "Identification", "advice", "derived", "distinct", "estimates", "plus_minus", "report"]
 
@@ -94,7 +95,7 @@ class Identification(RunResult):
         A `ScaleReport`: what the absolute scale of all forces rests on, and what the anchors say of it.
     scores
         "fit" (the training part of every trial in a stage) and, where something is held out, "hold_out";
-        each holds a `Score` per trial and one pooled under "all", for ten seconds ahead ("ahead") and for a
+        each holds a `Score` per trial and one pooled under "all", for ``ahead_s`` ahead ("ahead") and for a
         free run ("free").
     notes
         Sentences about what could not be scored.
@@ -107,6 +108,11 @@ class Identification(RunResult):
         without a joint estimate.
     conditional
         A `Conditional` per estimate that rests on a held value: how far it would move were that 20 % larger.
+    followed
+        By name the trials with the states and the current that the filter of a joint estimate with a noise
+        model knew: the scores' simulations restart there.
+    ahead_s
+        How far ahead the scores predict, s: ten, less where the vehicle runs away.
     doubt
         Heading where many vehicles drawn from the covariance are physically impossible; empty otherwise.
     """
@@ -127,6 +133,8 @@ class Identification(RunResult):
     choice: Choice | None = None
     doubt: str = ""
     conditional: tuple[Conditional, ...] = ()
+    followed: Mapping[str, Trial] = field(default_factory=dict)
+    ahead_s: float = AHEAD_S
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
         """How good, the worst problem, what to do next; then tables and remarks.
@@ -174,7 +182,7 @@ class Identification(RunResult):
 
     @property
     def baselines(self) -> dict[str, dict[str, float]]:
-        """R2 by baseline and velocity channel, ten seconds ahead on what is held out.
+        """R2 by baseline and velocity channel, ``ahead_s`` ahead on what is held out.
 
         On the windows of the model's own score, after a fit of the baselines to the same training part
         (`seatrial.trial.baselines`); on the training part itself where nothing is held out.
@@ -405,23 +413,25 @@ def _how_good(fit: Identification) -> str:
 
 
 def _judged(fit: Identification) -> Score | None:
-    """The score that heads the summary: ten seconds ahead on what is held out, else on the training part."""
+    """The score that heads the summary: some seconds ahead on what is held out, else on the training part."""
     return _pooled(fit.scores.get("hold_out", {}).get("ahead", {})) or _pooled(
         fit.scores.get("fit", {}).get("ahead", {})
     )
 
 
 def _prediction(fit: Identification) -> str:
-    """R2 of the prediction ten seconds ahead: best and worst channel, on held-out trials if there are any."""
+    """R2 of the prediction some seconds ahead: best and worst channel, on held-out trials if there are."""
     part, words = "hold_out", "Predicts held-out motion"
     if not fit.scores.get(part, {}).get("ahead"):
         part, words = "fit", "Reproduces its own training data (nothing is held out)"
     score = _pooled(fit.scores.get(part, {}).get("ahead", {}))
     r2 = {} if score is None else {name: value for name, value in score.r2.items() if value == value}
     if score is None or not r2:
+        if filtered := _filtered(fit):
+            return filtered
         why = f": {score.blind_words}" if score is not None and score.blind else ""
         return f"{len(fit.coefficients)} coefficients estimated; nothing could be scored{why}"
-    # Positions and angles barely move in ten seconds and score well with any model: velocities tell.
+    # Positions and angles barely move in seconds and score well with any model: velocities tell.
     r2 = {name: value for name, value in r2.items() if name in CHANNELS[:6]} or r2
     best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
     trials = len(score.trials)
@@ -433,6 +443,20 @@ def _prediction(fit: Identification) -> str:
     return (
         f"{words} {score.ahead_s:g} s ahead with R2 {channels}"
         f" ({trials} trial{'s' if trials > 1 else ''}; 1 is perfect, 0 no better than the mean)"
+    )
+
+
+def _filtered(fit: Identification) -> str:
+    """R2 of predictions from the state of a filter, where a replay judges no model; empty without any."""
+    choice = fit.choice
+    if choice is None or not choice.held:
+        return ""
+    r2 = choice.chosen
+    best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
+    figures = ", ".join(f"{_r2(r2[c])} in {c} (held value {_r2(choice.held[c])})" for c in (best, worst))
+    return (
+        f"Predicts held-out motion {choice.ahead_s:g} s ahead from the state of a filter with R2 {figures};"
+        " not scored farther ahead, where commands answer waves"
     )
 
 
@@ -615,7 +639,8 @@ def _held_out_table(fit: Identification) -> Table:
         rows.append((channel, unit, *cells))
     trials = "" if ahead is None else ", ".join(ahead.trials)
     trials += _replayed_words(fit)
-    head = ("channel", "unit", "R2 10 s ahead", *LIMITS, "R2 free run", "mean error 10 s ahead", "samples")
+    words = f"{fit.ahead_s:g} s ahead"
+    head = ("channel", "unit", f"R2 {words}", *LIMITS, "R2 free run", f"mean error {words}", "samples")
     return Table.of(
         f"Held-out data ({trials}; R2 = 1 is perfect, 0 no better than the mean)",
         head,
@@ -626,7 +651,7 @@ def _held_out_table(fit: Identification) -> Table:
 
 
 def _beside_baselines(fit: Identification) -> tuple[Table, ...]:
-    """R2 of the model and of the baselines per velocity, ten seconds ahead."""
+    """R2 of the model and of the baselines per velocity, some seconds ahead."""
     score = _judged(fit)
     held_out = fit.scores.get("hold_out", {}).get("ahead")
     words = ", on held-out data" if held_out else ", on the training data"
@@ -640,12 +665,17 @@ def _choice_table(fit: Identification) -> Table:
     rows = (
         []
         if choice is None
-        else [(c, score_text(choice.stages[c]), score_text(choice.joint[c])) for c in choice.stages]
+        else [
+            (c, *(score_text(one[c]) for one in (choice.stages, choice.joint, choice.held) if one))
+            for c in choice.stages
+        ]
     )
     words = "" if choice is None else f" ({choice.judged_on.rstrip(',')}; the result: {choice.result})"
     words += _replayed_words(fit) if rows else ""
     ahead = "" if choice is None else f"R2 {choice.ahead_s:g} s ahead, "
-    head = ("channel", f"{ahead}stages", f"{ahead}joint estimate")
+    head = ["channel", f"{ahead}stages", f"{ahead}joint estimate"]
+    if choice is not None and choice.held:
+        head.append("held value")
     return Table.of(f"Stages and joint estimate outside the fit{words}", head, rows)
 
 
@@ -688,7 +718,7 @@ def _stage_table(fit: Identification) -> Table:
 
 
 def _score_table(fit: Identification) -> Table:
-    titles = {"ahead": "10 s ahead", "free": "free run"}
+    titles = {"ahead": f"{fit.ahead_s:g} s ahead", "free": "free run"}
     scored = {row["channel"] for row in fit.score_rows()}
     channels = [channel for channel in CHANNELS if channel in scored]
     rows = []

@@ -46,7 +46,7 @@ __all__ = ["BASELINES", "Baselines", "FirstOrder", "Linear", "fit_baselines", "n
 BASELINES = ("hold last", "mean", "first order", "linear")
 """Names of the baselines, the simplest first."""
 
-_AHEAD_S = 10.0  # windows of the fit
+_AHEAD_S = 10.0
 _MOST_SAMPLES = 4000  # of an axis in the search of T and d, evenly taken from all windows
 _LONGEST_LAG_S, _LONGEST_DEAD_TIME_S = 60.0, 3.0
 _LAGS, _DEAD_TIMES = 13, 9  # points of the first grid
@@ -224,6 +224,7 @@ def fit_baselines(
     input: Input | None = None,
     free: str = "XYZKMN",
     measured: str = "",
+    ahead_s: float = _AHEAD_S,
 ) -> Baselines:
     """Baselines fitted to training trials; without any, only "hold last".
 
@@ -237,9 +238,11 @@ def fit_baselines(
         What drives the motion; the first of these that every trial has by default.
     free, measured : str
         Letters of the axes that are predicted, and of those replayed from the trial.
+    ahead_s : float
+        Length of the windows of the fit, s.
     """
     plain = Baselines((), np.full(6, np.nan), {}, None, vehicle, input, free, measured)
-    usable = [(trial, cut) for trial in trials if (cut := _spans(trial))]
+    usable = [(trial, cut) for trial in trials if (cut := _spans(trial, ahead_s))]
     if not usable:
         return plain
     mean = np.full(6, np.nan)
@@ -291,10 +294,10 @@ def _short(value: float) -> str:
     return "diverged" if np.isneginf(value) else f"{value:.2f}" if value < 0.985 else f"{value:.4f}"
 
 
-def _spans(trial: Trial) -> list[tuple[int, int]]:
+def _spans(trial: Trial, ahead_s: float) -> list[tuple[int, int]]:
     """Windows of a training trial; none where none can start."""
     try:
-        return windows(trial, _AHEAD_S)[0]
+        return windows(trial, ahead_s)[0]
     except SeatrialError:
         return []
 

@@ -108,6 +108,9 @@ class Trial:
     samples
         Per channel of a sensor with stamps other than the time base its good samples at them: stamps in s and
         values in SI, (m,) each, corrected as the rest.
+    states
+        Position (n, 3), attitude (n, 4) and velocities (n, 6) from which simulations restart, as a filter
+        knew them; None: the smoothed ones.
     """
 
     name: str
@@ -128,6 +131,7 @@ class Trial:
     g: float | None
     report: RecordingReport
     samples: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    states: tuple[Array, Array, Array] | None = None
 
     @classmethod
     def read(
@@ -307,8 +311,11 @@ class Trial:
     def state(self, i: int | slice) -> tuple[Array, Array, Array]:
         """Smoothed position NED in m (3,), attitude quaternion (4,), nu in m/s, rad/s (6,) at sample `i`.
 
-        A row per sample where `i` is a slice.
+        Those of a filter where the trial has them (``states``). A row per sample where `i` is a slice.
         """
+        if self.states is not None:
+            known = self.states
+            return known[0][i], known[1][i], known[2][i]
         t = self.t[i]
         position, attitude = self._splines[0](t), self._splines[1](t)
         return position, attitude / np.linalg.norm(attitude, axis=-1, keepdims=True), self.smooth_nu(t)[0]

@@ -215,7 +215,7 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
     return {a: found[a] for a in sorted(found, key=lambda a: (_order(found[a]), AXES.index(a)))}
 
 
-def blind(verdicts: Mapping[str, Verdict]) -> str:
+def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
     """Letters of the axes on which a replay of a trial's commands judges no model, for they answer waves.
 
     In waves those that feedback dominates and those that are informative by less than `REPLAYED`: a gain can
@@ -226,11 +226,13 @@ def blind(verdicts: Mapping[str, Verdict]) -> str:
     ----------
     verdicts
         Of `judge_trial`.
+    waves
+        Whether waves were found otherwise, where the spectra show none.
     """
     found = {
         axis
         for axis, one in verdicts.items()
-        if math.isfinite(one.wave_period_s) and (one.dominated or one.told < REPLAYED)
+        if (waves or math.isfinite(one.wave_period_s)) and (one.dominated or one.told < REPLAYED)
     }
     found |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in found and axis not in verdicts}
     return "".join(axis for axis in AXES if axis in found)

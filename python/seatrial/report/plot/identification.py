@@ -300,9 +300,6 @@ def _panel(axes: Axes, stage: StageResult) -> None:
     )
 
 
-AHEAD_S = 10.0
-
-
 def gallery(fit: Identification, folder: str | Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
     """Paths of the figures of an identification after they were written into a folder.
 
@@ -349,7 +346,7 @@ def trial_figure(fit: Identification, name: str) -> Figure:
         No window can start, or an input is missing.
     """
     campaign = fit.campaign
-    trial = campaign.trials[name]
+    trial = fit.followed.get(name, campaign.trials[name])
     free = "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in campaign.stages))
     own = [stage for stage in campaign.stages if name in stage.trials] or list(campaign.stages)
     shown = {CHANNELS[AXES.index(axis)] for stage in own for axis in stage.axes.free}
@@ -359,7 +356,7 @@ def trial_figure(fit: Identification, name: str) -> Figure:
     simulated = score(
         fit.vehicle,
         trial,
-        ahead_s=AHEAD_S,
+        ahead_s=fit.ahead_s,
         training=None,
         channels=channels,
         input=campaign.input_of(name),
@@ -368,13 +365,14 @@ def trial_figure(fit: Identification, name: str) -> Figure:
     )
     held_out = campaign.held_out(name)
     remark = " (held out as a whole)" if held_out.all() else ""
+    whose = "filter's" if name in fit.followed else "measured"
     return measured_against_simulated(
         trial,
         simulated.windows,
         channels=channels,
         titles={channel: _scores(fit, name, channel) for channel in channels},
         held_out=None if held_out.all() else held_out,
-        heading=f"{fit.vehicle.name}, trial {name}{remark}: {AHEAD_S:g} s ahead from the measured state",
+        heading=f"{fit.vehicle.name}, trial {name}{remark}: {fit.ahead_s:g} s ahead from the {whose} state",
     )
 
 
@@ -383,7 +381,7 @@ def _scores(fit: Identification, trial: str, channel: str) -> str:
     words = []
     for part, label in (("hold_out", "held out"), ("fit", "fit")):
         found = []
-        for kind, remark in (("ahead", f"{AHEAD_S:g} s ahead"), ("free", "free run")):
+        for kind, remark in (("ahead", f"{fit.ahead_s:g} s ahead"), ("free", "free run")):
             row = fit.scores.get(part, {}).get(kind, {}).get(trial)
             if row is not None and channel in row and row[channel].blind:
                 found = ["none, commands answer waves"]
