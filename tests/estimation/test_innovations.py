@@ -10,13 +10,16 @@ import polars as pl
 import pytest
 
 from seatrial._core import Vehicle
+from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
 from seatrial.diagnosis.assessment import assess
+from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import Polished, polish
 from seatrial.estimation.one_step import Motion, OneStep
 from seatrial.trial import Recipe
+from seatrial.trial.windows import channel_errors, predict
 
 TRUTH = {"N_rdot": -75.0, "N_r": -60.0}
 STEP_S, INNER = 0.1, 10
@@ -110,6 +113,25 @@ def test_innovations_find_the_gain_that_feedback_bends(tmp_path: Path) -> None:
         assert known is not None
         assert known["verdict"] == "not identifiable"
         assert any(line.startswith(f"{name} is not identified") for line in judged.sentences())
+
+
+def test_predictions_restart_from_what_the_filter_knew(tmp_path: Path) -> None:
+    """In a loop without waves the filter knows the rate better than the smoothed gyro, and its past alone."""
+    campaign = made('method = "innovations"', tmp_path, sailed(waves=0.0))
+    joint = Joint(campaign)
+    judge = Innovations(joint)
+    judge.prepare(joint.start)
+    ahead_s = 5.0
+    trial = Innovations(joint, held_out=None).followed(joint.start, ahead_s)["held"]
+    before, r = campaign.trials["held"], CHANNELS.index("r")
+    assert trial.states is not None
+    assert trial.current is not None
+    np.testing.assert_array_equal(trial.current[: round(ahead_s / STEP_S)], 0.0)
+    spans = [(k, k + round(ahead_s / STEP_S)) for k in range(200, 1700, 50)]
+    known, smoothed = (predict(joint.vehicle, one, spans, free="N") for one in (trial, before))
+    np.testing.assert_allclose([w.simulated[0, r] for w in known], trial.states[2][200:1700:50, 5], atol=1e-9)
+    errors = [np.concatenate(channel_errors("r", windows)[0]) for windows in (known, smoothed)]
+    assert np.mean(errors[0] ** 2) < np.mean(errors[1] ** 2)
 
 
 def test_a_hidden_coefficient_is_estimated_beside_the_others_and_not_told(tmp_path: Path) -> None:

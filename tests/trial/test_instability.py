@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.trial.instability import runs_away
+from seatrial.trial.instability import judged_s, runs_away
 from seatrial.vehicle.stability import growth
 from tests.trial import motion
 
@@ -41,3 +41,13 @@ def test_what_stays_near_its_course_for_a_segment_is_not(
     name: str, speed: float, free: str, segment_s: float
 ) -> None:
     assert runs_away(st.Vehicle.load(name), [ahead(speed)], free, segment_s) == ""
+
+
+def test_what_runs_away_is_judged_until_a_disturbance_has_grown_tenfold() -> None:
+    torpedo, stable = st.Vehicle.load("remus100"), st.Vehicle.load("lauv")
+    trials = [ahead(1.5)]
+    time = math.log(10.0) / growth(torpedo, 1.5, "course")
+    assert judged_s([torpedo, stable], trials, "XYN", 10.0) == pytest.approx(time, abs=0.25)
+    assert judged_s([stable], trials, "XYN", 10.0) == 10.0
+    assert judged_s([torpedo], trials, "XN", 10.0) == 10.0
+    assert judged_s([torpedo], trials, "XYN", 3.0) == 3.0  # grows by less than ten thousand
