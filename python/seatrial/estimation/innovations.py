@@ -59,11 +59,12 @@ _SETTLING_S = 10.0
 
 _HORIZON_ROUNDS = 3
 
-_SETTLING = (1e4, 1e2, 1.0, 1.0)
+_SETTLING, _MISSED = (1e4, 1e2, 1.0, 1.0), 0.3
 """Where values are judged the motion is found anew, from the log in still water: process noise over its own.
 
 Derivatives about the log are far from those about the motion where a current is strong, and a filter that
-trusts them may leave it.
+trusts them may leave it. The deviation of a process noise is therefore at least this share of what one step
+of the model misses along the motion so far.
 """
 
 
@@ -315,8 +316,11 @@ class Innovations:
         assert own is not None
         self.steps.follow_log()
         for factor in _SETTLING:
-            filters = self._filters(self._spans(values, ()))
-            motion = filters.motion(replace(own, process=factor * own.process))
+            spans = self._spans(values, ())
+            missed = np.concatenate([span.missed for span in spans]).std(axis=0)
+            process = factor * own.process
+            process[: len(missed)] = np.maximum(process[: len(missed)], (_MISSED * missed) ** 2)
+            motion = self._filters(spans).motion(replace(own, process=process))
             if not all(np.isfinite(one.states).all() for one in motion):
                 break  # a model that diverges over a step
             self.steps.follow(motion)
@@ -331,7 +335,7 @@ class Innovations:
         assert self.joint.noise_model is not None
         filters, found = self._filters(spans), []
         for span, late in zip(spans, filters.predicted(self.joint.noise_model, ahead), strict=True):
-            counted = span.valid[ahead:].copy()
+            counted = span.valid[ahead:] & np.isfinite(late).all(axis=2)
             counted[: round(_SETTLING_S / self.dt)] = False
             error = np.where(counted, span.measured[ahead:] - late[..., 0], 0.0)
             slope = np.where(counted[..., None], late[..., 1:], 0.0)
