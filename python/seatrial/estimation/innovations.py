@@ -40,6 +40,7 @@ from seatrial.estimation import kalman
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.one_step import OneStep, Span
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+from seatrial.trial.linear_predictor import foretold
 from seatrial.trial.trial import Trial
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
@@ -247,30 +248,33 @@ class Innovations:
         self.joint.noise_model = None
         self._spans(values, _FIRST)
 
-    def sums(self, values: Array, ahead_s: float) -> dict[str, tuple[float, float, float]]:
-        """Sums of squares by channel: prediction errors so far ahead, the motion about its mean, its change.
+    def sums(self, values: Array, ahead_s: float) -> dict[str, dict[str, float]]:
+        """Sums of squares by channel: of the motion about its mean ("mean") and of errors so far ahead.
 
-        The last is what a prediction misses that holds the measured value from then.
+        These are of the predictions ("filter"), of the measured value held from then ("hold last") and of a
+        regression on the past of the training data ("linear"), NaN where these are too few.
 
         The noise model stays as it is: on held-out data it is that of the training data. The motion that the
         derivatives are taken at is found anew, for these values.
         """
-        found = {}
-        steps = self._samples(ahead_s)
+        found: dict[str, dict[str, float]] = {}
+        steps, data = self._samples(ahead_s), self.joint.data
         errors = self._errors(self._settled(values), steps)
+        learnt = [~self.joint.campaign.held_out(name) for name in data.names]
+        linear = foretold(data.trials, learnt, self.steps.channels, steps)
         for column, channel in enumerate(self.steps.channels):
-            about, changes = [], []
+            rows = [np.zeros((0, 4))]
             for one in errors:
-                record = self.joint.data.records[one.span.record].trial.observed[:, CHANNELS.index(channel)]
-                last, counted = one.span.last + 1, one.counted[:, column]
-                about.append(record[last - len(one.error) : last][counted])
-                changes.append(about[-1] - record[last - len(one.error) - steps : last - steps][counted])
-            motion, change = np.concatenate([np.zeros(0), *about]), np.concatenate([np.zeros(0), *changes])
+                counted, record = one.counted[:, column], one.span.record
+                at = one.span.last + 1 - len(one.error) + np.flatnonzero(counted)
+                measured = data.trials[record].observed[:, CHANNELS.index(channel)]
+                rivals = measured[at] - measured[at - steps], measured[at] - linear[record][at, column]
+                rows.append(np.column_stack([measured[at], one.error[counted, column], *rivals]))
+            motion, *missed = np.vstack(rows).T
             if motion.size and motion.std() > 0.0:
-                sse = sum(float((one.error[:, column] ** 2).sum()) for one in errors)
-                sse = sse if math.isfinite(sse) else math.inf
-                sst = float(((motion - motion.mean()) ** 2).sum())
-                found[channel] = (sse, sst, float(np.nansum(change**2)))
+                sums = [float((error**2).sum()) for error in (motion - motion.mean(), *missed)]
+                sums[1] = sums[1] if math.isfinite(sums[1]) else math.inf
+                found[channel] = dict(zip(("mean", "filter", "hold last", "linear"), sums, strict=True))
         return found
 
     def followed(self, values: Array, ahead_s: float) -> dict[str, Trial]:

@@ -85,8 +85,9 @@ class Choice:
         How the joint estimate went, whether or not it is the result.
     ahead_s
         How far ahead was predicted, s.
-    held
-        R2 of the measured value held so long, per channel, where predictions of a filter were judged.
+    rivals
+        Where predictions of a filter were judged: R2 by channel of what knows no vehicle, the measured value
+        held so long ("hold last") and a regression on the past of the log ("linear").
     """
 
     result: Literal["joint estimate", "stages"]
@@ -96,7 +97,7 @@ class Choice:
     likelihood: float
     polished: Polished
     ahead_s: float = AHEAD_S
-    held: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def chosen(self) -> Mapping[str, float]:
@@ -163,7 +164,7 @@ def choose(
     threads : int, optional
         Threads of the core; the choice does not depend on it.
     """
-    words, first, second, held = _outside(campaign, joint, polished)
+    words, first, second, rivals = _outside(campaign, joint, polished)
     if joint.method == "innovations" and not first:
         why = (
             "it was not compared with the stages, for no part of its trials is held out (hold_out_s), and a"
@@ -193,14 +194,14 @@ def choose(
         likelihood,
         polished,
         AHEAD_S if joint.method == "output" else _horizon(joint),
-        {c: 1.0 - held[c] for c in judged if c in held},
+        {name: {c: 1.0 - row[c] for c in judged if c in row} for name, row in rivals.items()},
     )
 
 
 def _outside(
     campaign: Campaign, joint: Joint, polished: Polished
-) -> tuple[str, dict[str, float], dict[str, float], dict[str, float]]:
-    """What the campaign holds out, in words; errors of stages, joint estimate and held values on it."""
+) -> tuple[str, dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
+    """What the campaign holds out, in words; errors of stages, joint estimate and rivals on it."""
     if joint.method == "output":
         start, end = joint.identified(joint.start), joint.identified(polished.values)
         return (
@@ -219,9 +220,13 @@ def _outside(
         if values is joint.start:
             Innovations(joint).prepare(values)
         sums = judge.sums(values, ahead_s)
-        found.append({channel: min(sse / sst, _MOST) for channel, (sse, sst, _) in sums.items()})
+        found.append({channel: min(one["filter"] / one["mean"], _MOST) for channel, one in sums.items()})
     joint.noise_model = own
-    return words, found[1], found[0], {channel: held / sst for channel, (_, sst, held) in sums.items()}
+    rivals = {
+        name: {c: one[name] / one["mean"] for c, one in sums.items() if math.isfinite(one[name])}
+        for name in ("hold last", "linear")
+    }
+    return words, found[1], found[0], rivals
 
 
 def _horizon(joint: Joint) -> float:

@@ -449,14 +449,16 @@ def _prediction(fit: Identification) -> str:
 def _filtered(fit: Identification) -> str:
     """R2 of predictions from the state of a filter, where a replay judges no model; empty without any."""
     choice = fit.choice
-    if choice is None or not choice.held:
+    if choice is None or not choice.rivals:
         return ""
     r2 = choice.chosen
     best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
-    figures = ", ".join(f"{_r2(r2[c])} in {c} (held value {_r2(choice.held[c])})" for c in (best, worst))
+    simpler = not_beaten(r2, choice.rivals)
     return (
-        f"Predicts held-out motion {choice.ahead_s:g} s ahead from the state of a filter with R2 {figures};"
-        " not scored farther ahead, where commands answer waves"
+        f"{f'Does not beat a baseline in {simpler}. ' if simpler else ''}Predicts held-out motion"
+        f" {choice.ahead_s:g} s ahead from the state of a filter with R2 {_r2(r2[best])} in {best}, worst"
+        f" {_r2(r2[worst])} in {worst} (1 is perfect, 0 no better than the mean); not scored farther ahead,"
+        " where commands answer waves"
     )
 
 
@@ -666,7 +668,11 @@ def _choice_table(fit: Identification) -> Table:
         []
         if choice is None
         else [
-            (c, *(score_text(one[c]) for one in (choice.stages, choice.joint, choice.held) if one))
+            (
+                c,
+                *(score_text(one[c]) for one in (choice.stages, choice.joint)),
+                *(score_text(row[c]) if c in row else "" for row in choice.rivals.values()),
+            )
             for c in choice.stages
         ]
     )
@@ -674,8 +680,7 @@ def _choice_table(fit: Identification) -> Table:
     words += _replayed_words(fit) if rows else ""
     ahead = "" if choice is None else f"R2 {choice.ahead_s:g} s ahead, "
     head = ["channel", f"{ahead}stages", f"{ahead}joint estimate"]
-    if choice is not None and choice.held:
-        head.append("held value")
+    head += [] if choice is None else list(choice.rivals)
     return Table.of(f"Stages and joint estimate outside the fit{words}", head, rows)
 
 
