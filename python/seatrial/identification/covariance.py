@@ -185,13 +185,15 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     places = [uncertainty.names.index(name) for name in known]
     width = np.array([parameter.upper - parameter.lower for parameter in assessment.parameters])
     scaled = uncertainty.covariance[np.ix_(places, places)] / np.outer(width, width)
-    # An actuator's gain at its bound is not known, however stiff the fit without bounds is there; damping
-    # that is zero at its bound is.
-    ended = [
-        uncertainty.at_bound[place] is not None and "." in name
-        for place, name in zip(places, known, strict=True)
-    ]
-    absent = ~np.isfinite(uncertainty.sigma[places]) | np.array(ended, dtype=bool)
+    # An actuator's gain at its bound is not known, however stiff the fit without bounds is there. What else
+    # ended there, damping that would add energy, stays there, and the rest is known as well as with it fixed.
+    ended = np.array([uncertainty.at_bound[place] is not None for place in places], dtype=bool)
+    gains = np.array(["." in name for name in known], dtype=bool)
+    absent = ~np.isfinite(uncertainty.sigma[places]) | (ended & gains)
+    stays = ended & ~gains & ~absent
+    scaled = _with_fixed(scaled, stays)
+    kept = [name for name, one in zip(known, stays, strict=True) if one]
+    said = [f"{', '.join(kept)}: ended at a bound, and draws keep it there."] if kept else []
     silent = _silent(
         told.singular_values, told.vectors[:, [told.names.index(name) for name in known]], absent
     )
@@ -199,16 +201,29 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     values, vectors = np.linalg.eigh(rest @ scaled @ rest)
     cut = values > _UNIFORM
     if not cut.any() and not silent.shape[1]:
-        return width[:, None] * scaled * width, []
+        return width[:, None] * scaled * width, said
     bounded = (vectors * np.clip(values, 0.0, _UNIFORM)) @ vectors.T + _UNIFORM * silent @ silent.T
     along = absent | (np.abs(vectors[:, cut]).max(axis=1, initial=0.0) > 0.5)
     weak = [name for name, one in zip(known, along, strict=True) if one]
-    said = [
-        f"{', '.join(weak)}: the data tell less than the campaign's bounds, and draws vary as a number"
-        " anywhere inside them (standard deviation 0.29 of their width); what hangs on that varies less"
-        " with it."
-    ]
-    return width[:, None] * bounded * width, said if weak else []
+    if weak:
+        said.append(
+            f"{', '.join(weak)}: the data tell less than the campaign's bounds, and draws vary as a number"
+            " anywhere inside them (standard deviation 0.29 of their width); what hangs on that varies less"
+            " with it."
+        )
+    return width[:, None] * bounded * width, said
+
+
+def _with_fixed(covariance: Array, fixed: NDArray[np.bool_]) -> Array:
+    """Covariance (p, p) of the rest given that some parameters stay at their estimate, zero for these."""
+    if not fixed.any():
+        return covariance
+    found = np.zeros_like(covariance)
+    rest = np.ix_(~fixed, ~fixed)
+    across = covariance[np.ix_(~fixed, fixed)]
+    inside = np.linalg.pinv(covariance[np.ix_(fixed, fixed)], hermitian=True)
+    found[rest] = covariance[rest] - across @ inside @ across.T
+    return found
 
 
 def _silent(singular: Array, vectors: Array, absent: NDArray[np.bool_]) -> Array:
