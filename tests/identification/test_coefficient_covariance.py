@@ -78,13 +78,13 @@ def test_a_gain_at_its_bound_varies_inside_its_bounds_and_damping_at_zero_does_n
         joint([[4.0, 0.0], [0.0, 1.0]], names=("X_u", "SbL.gain"), at_bound=("upper", "lower"))
     )
     np.testing.assert_allclose(np.diag(known.matrix), [0.0, 400.0**2 / 12.0], rtol=1e-12)
+    assert "SbL.gain: the data tell less than the campaign's bounds" in known.notes[0]
 
 
 def test_what_ended_at_a_bound_stays_there_and_the_rest_is_known_as_beside_a_fixed_value() -> None:
     known = covariance_of(joint([[4.0, 3.0], [3.0, 100.0]], at_bound=("upper", None)))
     np.testing.assert_allclose(known.matrix, [[0.0, 0.0], [0.0, 100.0 - 3.0**2 / 4.0]], rtol=1e-12)
     assert known.notes == ("X_uu: ended at a bound, and draws keep it there.",)
-    assert "SbL.gain: the data tell less than the campaign's bounds" in known.notes[0]
 
 
 def test_notes_say_what_no_draw_contains() -> None:

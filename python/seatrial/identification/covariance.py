@@ -206,10 +206,11 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     along = absent | (np.abs(vectors[:, cut]).max(axis=1, initial=0.0) > 0.5)
     weak = [name for name, one in zip(known, along, strict=True) if one]
     if weak:
-        said.append(
+        said.insert(
+            0,
             f"{', '.join(weak)}: the data tell less than the campaign's bounds, and draws vary as a number"
             " anywhere inside them (standard deviation 0.29 of their width); what hangs on that varies less"
-            " with it."
+            " with it.",
         )
     return width[:, None] * bounded * width, said
 
