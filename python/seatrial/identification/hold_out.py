@@ -10,14 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import TrialError
 from seatrial.campaign.campaign import Campaign
+from seatrial.estimation.innovations import Innovations
+from seatrial.estimation.joint import Joint
 from seatrial.trial.baselines import Baselines, fit_baselines
 from seatrial.trial.ceiling import Unpredictable
+from seatrial.trial.instability import judged_s
 from seatrial.trial.score import Score, score
 from seatrial.trial.trial import Trial
 from seatrial.trial.verdict import blind
@@ -29,7 +33,7 @@ __all__ = [
     "AHEAD_S",
     "POOLED",
     "PartScores",
-    "in_waves",
+    "Restarts",
     "left_out_score",
     "likelihood_gain",
     "part_scores",
@@ -51,17 +55,73 @@ class PartScores:
     missing: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Restarts:
+    """Where the simulations of scores restart, how far they run, and what they cannot judge.
+
+    Attributes
+    ----------
+    trials
+        By name, with the states and the current that a filter knew (`Innovations.followed`); others restart
+        from their smoothed log.
+    ahead_s
+        How far a simulation runs, s.
+    limits
+        By trial what no model can predict; None: `Campaign.limits`.
+    """
+
+    trials: Mapping[str, Trial] = field(default_factory=dict)
+    ahead_s: float = AHEAD_S
+    limits: Mapping[str, Unpredictable] | None = None
+
+    @classmethod
+    def of(cls, campaign: Campaign, joint: Joint, values: Array, vehicle: Vehicle) -> Restarts:
+        """Restarts after a joint estimate: from its filter, if it has a noise model.
+
+        Waves that no spectrum shows but the filter found leave the axes whose commands answer them without a
+        score.
+
+        Parameters
+        ----------
+        campaign, joint
+        values
+            Of the joint estimate's unknowns (m,).
+        vehicle
+            The result.
+        """
+        if joint.method == "output" or joint.noise_model is None:
+            return cls()
+        begun, free = campaign.vehicle, joint.stage.axes.free
+        ahead_s = judged_s((begun, vehicle), joint.data.trials, free, AHEAD_S)
+        limits = None
+        if joint.noise_model.wave_hz is not None:
+            limits = {
+                name: replace(one, blind=blind(campaign.verdicts(name), waves=True))
+                for name, one in campaign.limits().items()
+            }
+        return cls(Innovations(joint, held_out=None).followed(values, ahead_s), ahead_s, limits)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Why the simulations are shorter than usual; none where they are not."""
+        if self.ahead_s >= AHEAD_S:
+            return ()
+        return (
+            f"predictions are judged {self.ahead_s:g} s ahead: while its controls are held the vehicle leaves"
+            " a straight course, or level trim, tenfold in that time, and what a simulation shows later is"
+            " the error of its first state",
+        )
+
+
 def part_scores(
     campaign: Campaign,
     vehicle: Vehicle,
     *,
     nuisances: Mapping[str, Mapping[str, float]] | None = None,
-    followed: Mapping[str, Trial] | None = None,
-    ahead_s: float = AHEAD_S,
+    restarts: Restarts | None = None,
     parts: Sequence[str] = ("fit", "hold_out"),
     kinds: Sequence[str] = ("ahead", "free"),
     baselines: bool = True,
-    limits: Mapping[str, Unpredictable] | None = None,
 ) -> PartScores:
     """Scores on the fitted and the held-out part of every trial, some seconds ahead and for a free run.
 
@@ -71,30 +131,27 @@ def part_scores(
     vehicle : Vehicle
     nuisances : mapping, optional
         Nuisance parameters of the trials' records by trial and name, SI (`Assessment.records`).
-    followed : mapping, optional
-        Trials by name with the states from which the simulations restart, and the current that they know
-        (`Innovations.followed`).
-    ahead_s : float
-        The simulation restarts from the measured state after this time, s.
+    restarts : Restarts, optional
+        By default every ten seconds from the smoothed log.
     parts, kinds : sequence of str
         Those that are wanted.
     baselines : bool
         Whether the baselines are fitted to the training part and judged on the same windows.
-    limits : mapping, optional
-        By trial what no model can predict; by default `Campaign.limits`.
     """
     fitted = list(dict.fromkeys(name for stage in campaign.stages for name in stage.trials))
     missing: list[str] = []
     found: dict[str, dict[str, dict[str, Score]]] = {}
     training = _part(campaign, fitted, "fit") if "fit" in parts or baselines else {}
+    restarts = restarts or Restarts()
+    ahead_s = restarts.ahead_s
     simple = _baselines(campaign, training, ahead_s) if baselines else None
-    limits = campaign.limits() if limits is None else limits
+    limits = campaign.limits() if restarts.limits is None else restarts.limits
     for part in parts:
         trials = training if part == "fit" else _part(campaign, list(campaign.trials), part)
         trials = {
             name: trial if known is None else replace(known, valid=trial.valid)
             for name, trial in trials.items()
-            for known in ((followed or {}).get(name),)
+            for known in (restarts.trials.get(name),)
         }
         if trials:
             found[part] = {
@@ -104,14 +161,6 @@ def part_scores(
                 for kind in kinds
             }
     return PartScores(found, tuple(dict.fromkeys(missing)))
-
-
-def in_waves(campaign: Campaign) -> dict[str, Unpredictable]:
-    """What no model can predict of the trials, where a filter found waves that no spectrum shows."""
-    return {
-        name: replace(one, blind=blind(campaign.verdicts(name), waves=True))
-        for name, one in campaign.limits().items()
-    }
 
 
 def likelihood_gain(scores: Mapping[str, Mapping[str, Mapping[str, Score]]]) -> dict[str, tuple[str, float]]:

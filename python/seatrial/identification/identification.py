@@ -17,7 +17,7 @@ from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
 from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
 from seatrial.identification.held import SHARE, Conditional, Held, comment, sentences
-from seatrial.identification.hold_out import AHEAD_S, POOLED, likelihood_gain, replayed
+from seatrial.identification.hold_out import POOLED, Restarts, likelihood_gain, replayed
 from seatrial.trial.baselines import not_beaten
 from seatrial.trial.score import LIMITS, baseline_table, limit_text, score_text
 from seatrial.vehicle.actuators import actuator_groups, fins_and_groups
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.identifiability import Identifiability
     from seatrial.estimation.scale import ScaleReport
     from seatrial.trial.score import Score
-    from seatrial.trial.trial import Trial
 
 __all__ = ["Estimate", "Identification", "advice", "derived", "distinct", "estimates", "plus_minus", "report"]
 
@@ -95,8 +94,8 @@ class Identification(RunResult):
         A `ScaleReport`: what the absolute scale of all forces rests on, and what the anchors say of it.
     scores
         "fit" (the training part of every trial in a stage) and, where something is held out, "hold_out";
-        each holds a `Score` per trial and one pooled under "all", for ``ahead_s`` ahead ("ahead") and for a
-        free run ("free").
+        each holds a `Score` per trial and one pooled under "all", for ``restarts.ahead_s`` ahead ("ahead")
+        and for a free run ("free").
     notes
         Sentences about what could not be scored.
     facts
@@ -108,11 +107,9 @@ class Identification(RunResult):
         without a joint estimate.
     conditional
         A `Conditional` per estimate that rests on a held value: how far it would move were that 20 % larger.
-    followed
-        By name the trials with the states and the current that the filter of a joint estimate with a noise
-        model knew: the scores' simulations restart there.
-    ahead_s
-        How far ahead the scores predict, s: ten, less where the vehicle runs away.
+    restarts
+        Where the simulations of the scores restart and how far they run (`Restarts`): the state that the
+        filter of a joint estimate knew, less than ten seconds where the vehicle runs away.
     doubt
         Heading where many vehicles drawn from the covariance are physically impossible; empty otherwise.
     """
@@ -133,8 +130,7 @@ class Identification(RunResult):
     choice: Choice | None = None
     doubt: str = ""
     conditional: tuple[Conditional, ...] = ()
-    followed: Mapping[str, Trial] = field(default_factory=dict)
-    ahead_s: float = AHEAD_S
+    restarts: Restarts = field(default_factory=Restarts)
 
     def report(self, *, truth: Mapping[str, float] | None = None) -> Report:
         """How good, the worst problem, what to do next; then tables and remarks.
@@ -182,7 +178,7 @@ class Identification(RunResult):
 
     @property
     def baselines(self) -> dict[str, dict[str, float]]:
-        """R2 by baseline and velocity channel, ``ahead_s`` ahead on what is held out.
+        """R2 by baseline and velocity channel, ``restarts.ahead_s`` ahead on what is held out.
 
         On the windows of the model's own score, after a fit of the baselines to the same training part
         (`seatrial.trial.baselines`); on the training part itself where nothing is held out.
@@ -641,7 +637,7 @@ def _held_out_table(fit: Identification) -> Table:
         rows.append((channel, unit, *cells))
     trials = "" if ahead is None else ", ".join(ahead.trials)
     trials += _replayed_words(fit)
-    words = f"{fit.ahead_s:g} s ahead"
+    words = f"{fit.restarts.ahead_s:g} s ahead"
     head = ("channel", "unit", f"R2 {words}", *LIMITS, "R2 free run", f"mean error {words}", "samples")
     return Table.of(
         f"Held-out data ({trials}; R2 = 1 is perfect, 0 no better than the mean)",
@@ -723,7 +719,7 @@ def _stage_table(fit: Identification) -> Table:
 
 
 def _score_table(fit: Identification) -> Table:
-    titles = {"ahead": f"{fit.ahead_s:g} s ahead", "free": "free run"}
+    titles = {"ahead": f"{fit.restarts.ahead_s:g} s ahead", "free": "free run"}
     scored = {row["channel"] for row in fit.score_rows()}
     channels = [channel for channel in CHANNELS if channel in scored]
     rows = []

@@ -27,23 +27,20 @@ from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
 from seatrial.campaign.from_trials import Bounds, Trials, campaign_from_trials
 from seatrial.diagnosis.assessment import Assessment, assess
-from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
 from seatrial.identification.choice import Choice, choose
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of
-from seatrial.identification.hold_out import AHEAD_S, in_waves, part_scores
+from seatrial.identification.hold_out import Restarts, part_scores
 from seatrial.identification.identification import Identification, estimates
 from seatrial.identification.preparation import prepare
-from seatrial.trial.instability import judged_s
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.bench_test.result import BenchTest
-    from seatrial.trial.ceiling import Unpredictable
-    from seatrial.trial.trial import Input, Trial
+    from seatrial.trial.trial import Input
 
 __all__ = ["StageOrder", "identify", "run_identification"]
 
@@ -365,9 +362,7 @@ def run_identification(
         choice: Choice | None = None
         nuisances: Mapping[str, Mapping[str, float]] = {}
         rests: tuple[Conditional, ...] = ()
-        followed: Mapping[str, Trial] = {}
-        limits: Mapping[str, Unpredictable] | None = None
-        ahead_s, interrupted = AHEAD_S, order.stop.is_set()
+        restarts, interrupted = Restarts(), order.stop.is_set()
         if not interrupted and not notes:
             joint = joint_estimate_of(campaign, ready.whole, ready.held, vehicle, threads=threads)
             found = None
@@ -381,21 +376,8 @@ def run_identification(
             found = polish(joint, rounds=0) if found is None else found
             sure = assess(joint, found)
             vehicle, rests = sure.vehicle, conditional(joint, found, ready.held, sure.uncertainty)
-            if joint.method == "innovations":
-                begun, free = campaign.vehicle, joint.stage.axes.free
-                ahead_s = judged_s((begun, vehicle), joint.data.trials, free, AHEAD_S)
-                followed = Innovations(joint, held_out=None).followed(found.values, ahead_s)
-                limits = in_waves(campaign) if joint.noise_model and joint.noise_model.wave_hz else None
-                if ahead_s < AHEAD_S:
-                    notes = (
-                        *notes,
-                        f"predictions are judged {ahead_s:g} s ahead: while its controls are held the vehicle"
-                        " leaves a straight course, or level trim, tenfold in that time, and what a"
-                        " simulation shows later is the error of its first state",
-                    )
-        judged = part_scores(
-            campaign, vehicle, nuisances=nuisances, followed=followed, ahead_s=ahead_s, limits=limits
-        )
+            restarts = Restarts.of(campaign, joint, found.values, vehicle)
+        judged = part_scores(campaign, vehicle, nuisances=nuisances, restarts=restarts)
         fit = Identification(
             campaign=campaign,
             vehicle=vehicle,
@@ -407,7 +389,7 @@ def run_identification(
             held=ready.held,
             conditional=rests,
             scale=judge_scale(campaign, vehicle),
-            notes=(*notes, *judged.missing),
+            notes=(*notes, *restarts.sentences, *judged.missing),
             facts=run_facts(
                 "identification",
                 campaign.name,
@@ -419,8 +401,7 @@ def run_identification(
             interrupted=interrupted,
             not_run=tuple(s.name for s in campaign.stages if s.name not in {stage.name for stage in stages}),
             choice=choice,
-            followed=followed,
-            ahead_s=ahead_s,
+            restarts=restarts,
         )
         fit = replace(fit, doubt=Fitted.of(fit).doubt())
         if run_dir is not None:

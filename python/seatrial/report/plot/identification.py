@@ -346,7 +346,7 @@ def trial_figure(fit: Identification, name: str) -> Figure:
         No window can start, or an input is missing.
     """
     campaign = fit.campaign
-    trial = fit.followed.get(name, campaign.trials[name])
+    trial = fit.restarts.trials.get(name, campaign.trials[name])
     free = "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in campaign.stages))
     own = [stage for stage in campaign.stages if name in stage.trials] or list(campaign.stages)
     shown = {CHANNELS[AXES.index(axis)] for stage in own for axis in stage.axes.free}
@@ -356,7 +356,7 @@ def trial_figure(fit: Identification, name: str) -> Figure:
     simulated = score(
         fit.vehicle,
         trial,
-        ahead_s=fit.ahead_s,
+        ahead_s=fit.restarts.ahead_s,
         training=None,
         channels=channels,
         input=campaign.input_of(name),
@@ -365,14 +365,15 @@ def trial_figure(fit: Identification, name: str) -> Figure:
     )
     held_out = campaign.held_out(name)
     remark = " (held out as a whole)" if held_out.all() else ""
-    whose = "filter's" if name in fit.followed else "measured"
+    restart = f"{fit.restarts.ahead_s:g} s ahead from the"
+    restart += " filter's state" if name in fit.restarts.trials else " measured state"
     return measured_against_simulated(
         trial,
         simulated.windows,
         channels=channels,
         titles={channel: _scores(fit, name, channel) for channel in channels},
         held_out=None if held_out.all() else held_out,
-        heading=f"{fit.vehicle.name}, trial {name}{remark}: {fit.ahead_s:g} s ahead from the {whose} state",
+        heading=f"{fit.vehicle.name}, trial {name}{remark}: {restart}",
     )
 
 
@@ -381,7 +382,7 @@ def _scores(fit: Identification, trial: str, channel: str) -> str:
     words = []
     for part, label in (("hold_out", "held out"), ("fit", "fit")):
         found = []
-        for kind, remark in (("ahead", f"{fit.ahead_s:g} s ahead"), ("free", "free run")):
+        for kind, remark in (("ahead", f"{fit.restarts.ahead_s:g} s ahead"), ("free", "free run")):
             row = fit.scores.get(part, {}).get(kind, {}).get(trial)
             if row is not None and channel in row and row[channel].blind:
                 found = ["none, commands answer waves"]
