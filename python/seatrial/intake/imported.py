@@ -171,6 +171,9 @@ def _report(made: Imported) -> Report:
     count = len(made.trials)
     partial = any(log.notes for log in made.survey.logs) or bool(made.refused)
     actuators = sum(name.startswith("cmd.") for name in made.columns)
+    reports = {one.name: one.trial.report for one in made.trials}
+    proposed = proposals({one.name: one.consistency for one in made.trials}, reports)
+    applied = "none applied" + (" but by reading where it says so" if any(p.done for p in proposed) else "")
     return Report(
         title=", ".join(printable(log.path.name, 40) for log in made.survey.logs[:4])
         + (f" and {len(made.survey.logs) - 4} more" if len(made.survey.logs) > 4 else ""),
@@ -187,8 +190,8 @@ def _report(made: Imported) -> Report:
             Section("Columns", tables=(_columns(made),)),
             Section("Trials", tuple(_done(made)), (_trials(made), _modes(made))),
             Section(
-                "Proposed corrections, none applied: comments in campaign.toml and map.toml",
-                tuple(_corrections(made)),
+                f"Proposed corrections, {applied}: comments in campaign.toml and map.toml",
+                tuple(one.text for one in proposed),
             ),
             Section("Missing, and what that costs", tuple(_missing(made))),
             Section("Look at this, too", tuple(problems[_SHOWN:]), details=True),
@@ -260,7 +263,10 @@ def _problems(made: Imported) -> Iterator[str]:
         yield from (f"trial {one.name}: {warning}" for warning in one.kind.warnings)
     for one in made.trials:
         if one.absent:
-            yield f"trial {one.name}: its logs have no {', '.join(one.absent)}"
+            apart = 2 * len(one.absent) > len(made.columns) and len(made.trials) > 1
+            yield f"trial {one.name}: its logs have no {', '.join(one.absent)}" + (
+                "; they name most channels otherwise: import them apart" if apart else ""
+            )
         known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]
         yield from (f"trial {one.name}: {note}" for note in one.notes if note not in known)
     if made.kept:
@@ -337,12 +343,6 @@ def _modes(made: Imported) -> Table:
             for (t, mode), end in zip(one.modes, ends, strict=True)
         ]
     return Table.of("Modes of the autopilot", ("trial", "mode", "from, s", "to, s"), rows, left=2)
-
-
-def _corrections(made: Imported) -> Iterator[str]:
-    found = {one.name: one.consistency for one in made.trials}
-    for proposal in proposals(found, {one.name: one.trial.report for one in made.trials}):
-        yield proposal.text
 
 
 def _missing(made: Imported) -> Iterator[str]:
