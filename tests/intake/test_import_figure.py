@@ -27,3 +27,13 @@ def test_recording_shows_channels_commands_modes_and_hold_out() -> None:
     texts = [text.get_text() for text in figure.axes[0].texts]
     assert texts == ["MANUAL", "GUIDED"]
     assert SHADE
+
+
+def test_a_recording_shows_stated_units_and_both_parts_of_a_wrench() -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    table = {"t_s": t, "u_m_s": np.sin(t), "cmd.port": 1150.0 + t, "cmd.pump": 1500.0 + t}
+    trial = st.Trial.read(table | {"tau.X_n": t, "tau.N_nm": -t}, align=False)
+    many = [(0.1 * k, "MANUAL") for k in range(200)]
+    figure = recording(trial, marks=many, units={"port": "rpm", "pump": "us"})
+    panels = {axes.get_ylabel(): [line.get_label() for line in axes.get_lines()] for axes in figure.axes}
+    assert panels == {"m/s": ["u"], "µs": ["pump"], "rpm": ["port"], "N": ["X"], "N m": ["N"]}

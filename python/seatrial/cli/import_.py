@@ -79,10 +79,11 @@ def _draw(made: Imported, folder: Path, endings: tuple[str, ...]) -> list[Path]:
 
     drawn: list[Path] = []
     taken: list[str] = []
+    units = {name.removeprefix("cmd."): column.unit for name, column in made.columns.items()}
     for one in made.trials:
         name = "log" if len(made.trials) == 1 else f"log_{file_name(one.name)}"
         taken.append(free_name(name, taken))
         held = () if one.hold_out_s is None else (one.hold_out_s,)
-        figure = recording(one.trial, held_out=held, marks=one.modes, heading=one.name)
+        figure = recording(one.trial, held_out=held, marks=one.modes, units=units, heading=one.name)
         drawn += save(figure, folder / "figures" / taken[-1], formats=endings)
     return drawn

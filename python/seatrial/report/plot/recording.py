@@ -6,7 +6,7 @@ the top. Held by ``tests/intake/test_import_figure.py``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +38,9 @@ _PANEL_IN, _EDGES_IN = 1.05, 0.95
 
 _MOST_POINTS = 4000  # per line: more are thinner than a pixel
 
-_MOST_NAMED = 8  # marks with names; more would cover each other
+_MOST_NAMED, _MOST_MARKED = 8, 60  # marks with names, and with lines; more would cover each other
+
+_UNITS = {"us": "\N{MICRO SIGN}s", "rpm": "rpm"}
 
 
 def recording(
@@ -47,6 +49,7 @@ def recording(
     held_out: Sequence[tuple[float, float]] = (),
     windows: Sequence[tuple[float, float]] = (),
     marks: Sequence[tuple[float, str]] = (),
+    units: Mapping[str, str] | None = None,
     heading: str = "",
 ) -> Figure:
     """Figure of the channels and commands of a trial over time.
@@ -59,13 +62,16 @@ def recording(
     windows
         Parts (start, stop) in s that are used, shaded faintly.
     marks
-        Times in s and names, as changes of mode.
+        Times in s and names, as changes of mode; very many are left out.
+    units
+        Unit by actuator, ``us`` or ``rpm``, where the log states it; by size otherwise.
     heading
         Title of the whole figure.
     """
     shown = [(title, unit, [c for c in channels if c in trial.channels]) for title, unit, channels in _PANELS]
     shown = [(title, unit, channels) for title, unit, channels in shown if channels]
-    kinds = _command_panels(trial)
+    kinds = _command_panels(trial, units or {})
+    marks = marks if len(marks) <= _MOST_MARKED else ()
     with house_style():
         count = len(shown) + len(kinds)
         figure = new_figure(_EDGES_IN + _PANEL_IN * max(count, 1))
@@ -129,19 +135,27 @@ def _thinned(t: Array, y: Array) -> tuple[Array, Array]:
     return np.repeat(t[: count * width : width], 2), pair.reshape(-1)
 
 
-def _command_panels(trial: Trial) -> list[tuple[str, str, dict[str, Array]]]:
-    """Commands by size: pulse widths, revolutions and angles have a panel each; then voltage and wrench."""
-    small = {name: y for name, y in trial.commands.items() if np.nanmax(np.abs(y), initial=0.0) < 10.0}
-    large = {name: y for name, y in trial.commands.items() if name not in small}
+def _command_panels(trial: Trial, units: Mapping[str, str]) -> list[tuple[str, str, dict[str, Array]]]:
+    """Commands by unit: pulse widths, revolutions and angles have a panel each; then wrench and voltage."""
+    stated = {name: _UNITS[units[name]] for name in trial.commands if units.get(name) in _UNITS}
+    other = {name: y for name, y in trial.commands.items() if name not in stated}
+    small = {name: y for name, y in other.items() if np.nanmax(np.abs(y), initial=0.0) < 10.0}
+    large = {name: y for name, y in other.items() if name not in small}
+    guess = _UNITS["us" if all(y.min() > 700.0 for y in large.values()) else "rpm"]
     panels: list[tuple[str, str, dict[str, Array]]] = []
-    if large:
-        pulses = all(y.min() > 700.0 for y in large.values())
-        panels.append(("commands", "\N{MICRO SIGN}s" if pulses else "rpm", large))
+    for unit in _UNITS.values():
+        shown = {
+            n: y for n, y in trial.commands.items() if stated.get(n, guess if n in large else "") == unit
+        }
+        if shown:
+            panels.append(("commands", unit, shown))
     if small:
         panels.append(("commands", "deg", {name: y / DEGREE for name, y in small.items()}))
     if trial.tau is not None:
-        labels = ("X", "Y", "Z")
-        panels.append(("wrench", "N", {name: trial.tau[:, k] for k, name in enumerate(labels)}))
+        for title, unit, first in (("force", "N", 0), ("moment", "N m", 3)):
+            parts = {"XYZKMN"[k]: trial.tau[:, k] for k in range(first, first + 3) if trial.tau[:, k].any()}
+            if parts:
+                panels.append((title, unit, parts))
     if trial.voltage_v is not None:
         panels.append(("supply", "V", {"voltage": trial.voltage_v}))
     return panels
