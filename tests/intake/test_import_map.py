@@ -52,6 +52,14 @@ def test_columns_actuators_clocks_and_trials_are_read() -> None:
             "key yaw_deg: sign: expected 1 or -1",
         ),
         ('format = 1\ncolumns = { yaw_deg = { from = "a.b", why = 3 } }', "key yaw_deg: why"),
+        (
+            'format = 1\ncolumns = { yaw_deg = { from = "a.b", unit = "kg" } }',
+            'key yaw_deg: unit "kg" has the dimension',
+        ),
+        (
+            'format = 1\ncolumns = { z_m = "a.b" }\nactuators = { port = { from = "a.c", unit = "furlng" } }',
+            'actuators, key port: unknown unit "furlng"',
+        ),
         ('format = 1\ncolumns = { z_m = { from = "a.b", convert = "presure" } }', "convert.*pressure"),
         ('format = 1\ncolumns = { yaw_deg = { from = "a.b", convert = "pressure" } }', "gives z_m"),
         (

@@ -14,10 +14,11 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from seatrial.base import units
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.toml_file import Name, Number, Section, checked, tables, text_of
 from seatrial.logs.join import Clock
-from seatrial.trial.columns import check_canonical, source_of
+from seatrial.trial.columns import GROUPS, check_canonical, source_of
 
 __all__ = ["CONVERSIONS", "Column", "ImportMap", "MapFile", "MapTrial", "load_map", "parse_map"]
 
@@ -163,4 +164,8 @@ def _column(canonical: str, entry: Any, where: str, source: str) -> Column:
     if convert and CONVERSIONS[convert] != canonical:
         raise TrialError(f'{where}: convert: "{convert}" gives {CONVERSIONS[convert]}, not {canonical}')
     one = source_of(given, where)
+    if one.unit and not convert:
+        group = next((group for group in GROUPS if canonical in group.columns), None)
+        own = units.ACTUATOR_UNITS if group is None else (group.unit or "dimensionless",)
+        units.factor(one.unit, own, where)
     return Column(one.column, one.unit or "", one.frame or "", int(one.sign), convert, why)
