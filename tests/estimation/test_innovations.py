@@ -134,6 +134,18 @@ def test_predictions_restart_from_what_the_filter_knew(tmp_path: Path) -> None:
     assert np.mean(errors[0] ** 2) < np.mean(errors[1] ** 2)
 
 
+def test_a_rate_that_no_gyro_gave_is_judged_by_the_change_of_its_angle(tmp_path: Path) -> None:
+    joint = Joint(made('method = "innovations"', tmp_path, sailed().drop("r_deg_s")))
+    judge = Innovations(joint)
+    judge.prepare(joint.start)
+    found = judge.sums(joint.start, 0.5)
+    assert found.keys() == {"yaw", "r"}
+    assert found["r"]["filter"] == pytest.approx(found["yaw"]["filter"] / 0.5**2, rel=1e-9)
+    # Held, the yaw misses the whole rate, and the rate its change only.
+    assert found["r"]["mean"] < found["yaw"]["hold last"] / 0.5**2
+    assert found["r"]["filter"] < 0.5 * found["r"]["hold last"]
+
+
 def test_a_hidden_coefficient_is_estimated_beside_the_others_and_not_told(tmp_path: Path) -> None:
     campaign = made('method = "innovations"\nrounds = 4\nhorizons_s = []', tmp_path)
     wrong = campaign.vehicle.with_coefficients({"N_rdot": 1.5 * TRUTH["N_rdot"]})

@@ -60,6 +60,10 @@ _SETTLING_S = 10.0
 
 _HORIZON_ROUNDS = 3
 
+_SUMS = ("mean", "filter", "hold last", "linear")
+
+_RATES = {"roll": "p", "pitch": "q", "yaw": "r"}
+
 _SETTLING, _MISSED = (1e4, 1e2, 1.0, 1.0), 0.3
 """Where values are judged the motion is found anew, from the log in still water: process noise over its own.
 
@@ -252,7 +256,8 @@ class Innovations:
         """Sums of squares by channel: of the motion about its mean ("mean") and of errors so far ahead.
 
         These are of the predictions ("filter"), of the measured value held from then ("hold last") and of a
-        regression on the past of the training data ("linear"), NaN where these are too few.
+        regression on the past of the training data ("linear"), NaN where these are too few. Where an angle
+        was measured and its rate was not, the rate is the change of the angle over that time.
 
         The noise model stays as it is: on held-out data it is that of the training data. The motion that the
         derivatives are taken at is found anew, for these values.
@@ -274,8 +279,29 @@ class Innovations:
             if motion.size and motion.std() > 0.0:
                 sums = [float((error**2).sum()) for error in (motion - motion.mean(), *missed)]
                 sums[1] = sums[1] if math.isfinite(sums[1]) else math.inf
-                found[channel] = dict(zip(("mean", "filter", "hold last", "linear"), sums, strict=True))
+                found[channel] = dict(zip(_SUMS, sums, strict=True))
+        for angle, rate in _RATES.items():
+            if angle in self.steps.channels and rate not in self.steps.channels:
+                turned = self._turned(errors, angle, steps)
+                if turned[0] > 0.0:
+                    found[rate] = dict(zip(_SUMS, turned, strict=True))
         return found
+
+    def _turned(self, errors: Sequence[_Errors], angle: str, steps: int) -> tuple[float, ...]:
+        """The sums of squares of an angle's rate, as its change over a horizon."""
+        column, rows = self.steps.channels.index(angle), [np.zeros((0, 3))]
+        for one in errors:
+            trial, counted = self.joint.data.trials[one.span.record], one.counted[:, column]
+            at = one.span.last + 1 - len(one.error) + np.flatnonzero(counted)
+            turned = trial.filled(angle)
+            if turned is None or not at.size:
+                continue
+            change = turned[at] - turned[at - steps]
+            before = turned[at - steps] - turned[np.maximum(at - 2 * steps, 0)]
+            rows.append(np.column_stack([change, one.error[counted, column], change - before]))
+        change, error, held = np.vstack(rows).T / (steps * self.dt)
+        about = change - change.mean() if change.size else change
+        return (*(float((one**2).sum()) for one in (about, error, held)), math.nan)
 
     def followed(self, values: Array, ahead_s: float) -> dict[str, Trial]:
         """Trials by name with the states that the filter knew, and the current that it knew so long before.
