@@ -21,7 +21,7 @@
 
 use super::error_state::Row;
 use super::estimate::{ATTITUDE, CURRENT, Estimate, GYRO_BIAS, POSITION, VELOCITY};
-use crate::model::kinematics::{Quaternion, quaternion_product, rotation, to_euler};
+use crate::model::kinematics::{Quaternion, cosine_of_pitch, euler_angle, quaternion_product, rotation};
 use crate::number::algebra::{Vec3, cross, dot, product, transposed_product};
 use crate::number::real::Real;
 
@@ -129,18 +129,19 @@ impl Observation {
                 Some((through + dot(&along, &flow), row))
             }
             Self::Angle { axis, mount } => {
-                let attitude = quaternion_product(&at.motion.attitude, &mount);
-                let angles = to_euler(&attitude);
-                let [(sr, cr), (sp, cp), _] = angles.map(Real::sin_cos);
+                let seen = rotation(&quaternion_product(&at.motion.attitude, &mount));
+                let cp = cosine_of_pitch(&seen);
                 if axis != 1 && cp < GRAZING {
                     return None;
                 }
+                let sp = -seen[2][0];
+                let (sr, cr) = if cp > 0.0 { (seen[2][1] / cp, seen[2][2] / cp) } else { (0.0, 1.0) };
                 let rates = match axis {
                     0 => [1.0, sr * sp / cp, cr * sp / cp],
                     1 => [0.0, cr, -sr],
                     _ => [0.0, sr / cp, cr / cp],
                 };
-                Some((angles[axis], Row::of([(ATTITUDE, product(&rotation(&mount), &rates))])))
+                Some((euler_angle(&seen, axis), Row::of([(ATTITUDE, product(&rotation(&mount), &rates))])))
             }
             Self::Rate { about } => {
                 let [bp, bq, br] = at.gyro_bias;

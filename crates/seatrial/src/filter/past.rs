@@ -1,8 +1,8 @@
 //! Samples that come late: compared with the estimate of their own time, told of as errors of now.
 //!
-//! Kept for every step are the estimate x̂ after its samples, the transition F that led to it, and c, the sum of all
-//! corrections since, carried on to now. A sample z of that time has the residual `z − h(x̂) − y c`, where y is its row of
-//! now, `y F_k … F_1 = h`: every correction that the estimate has had since is accounted for. Left out is the noise of the
+//! Kept for every step are the estimate x̂ after its samples, the transition F that led to it, and the correction c that
+//! its samples made. The row h of a sample z is carried through the steps since, `y_k F_k … F_1 = h`, and meets on the way
+//! every correction that the estimate has had: the residual is `z − h(x̂) − Σ y_k c_k`. Left out is the noise of the
 //! process over the latency, which is small against that of a sensor whose latency is a few steps.
 //!
 //! Source: Larsen et al., *Incorporation of time delayed measurements in a discrete-time Kalman filter* (1998), with the
@@ -19,7 +19,7 @@ struct Moment {
     estimate: Estimate,
     /// From the moment before to this one.
     step: Transition<STATES>,
-    /// Corrections since, as errors of now.
+    /// The correction that its samples made.
     moved: [f64; STATES],
 }
 
@@ -52,16 +52,7 @@ impl Past {
         &self.ring[(self.newest + self.ring.len() - back) % self.ring.len()]
     }
 
-    /// Carries the corrections on over a step.
-    #[inline(always)]
-    pub(super) fn carry(&mut self, step: &Transition<STATES>) {
-        let columns = step.columns();
-        for moment in &mut self.ring {
-            moment.moved = step.times(&columns, &moment.moved);
-        }
-    }
-
-    /// Keeps the end of a step, after the correction `moved` of this moment; earlier ones are told of it.
+    /// Keeps the end of a step, after the correction `moved` of this moment.
     #[inline(always)]
     pub(super) fn keep(
         &mut self,
@@ -73,15 +64,11 @@ impl Past {
         if self.ring.is_empty() {
             return;
         }
-        for moment in &mut self.ring {
-            for i in 0..STATES {
-                moment.moved[i] += moved[i];
-            }
-        }
         self.newest = (self.newest + 1) % self.ring.len();
         self.count = (self.count + 1).min(self.ring.len());
-        self.ring[self.newest] =
-            Moment { time, estimate: *estimate, step: step.clone(), moved: [0.0; STATES] };
+        let moment = &mut self.ring[self.newest];
+        (moment.time, moment.estimate, moment.moved) = (time, *estimate, *moved);
+        moment.step.clone_from(step);
     }
 
     /// Row and residual, of `now`, of what was measured at a time, while `step` leads from the newest moment to now;
@@ -96,30 +83,44 @@ impl Past {
         // The newest moment that is not later than the sample, and what comes after it.
         let back = (0..self.count).find(|&back| self.at(back).time <= time + 1e-9)?;
         let before = self.at(back);
-        let (then, after, none) = match back {
-            0 => (now, present, [0.0; STATES]),
-            _ => (self.at(back - 1).time, &self.at(back - 1).estimate, self.at(back - 1).moved),
+        let (then, after) = match back {
+            0 => (now, present),
+            _ => (self.at(back - 1).time, &self.at(back - 1).estimate),
         };
         let share = (time - before.time) / (then - before.time);
-        let (mut estimate, mut moved) = (before.estimate, before.moved);
-        estimate.inject(&before.estimate.error_of(after).map(|e| e * share));
-        for i in 0..STATES {
-            moved[i] += share * (none[i] - moved[i]);
+        let mut estimate = before.estimate;
+        let mut apart = before.estimate.error_of(after);
+        for e in &mut apart {
+            *e *= share;
         }
+        estimate.inject(&apart);
         let (expected, row) = observation.expect(&estimate)?;
+        let residual = observation.residual(measured, expected);
+        // Told of as an error of the nearer end of the interval, and from there through whole steps.
+        let nearest = if share < 0.5 { back + 1 } else { back };
+        if nearest == 0 {
+            return Some((row, residual));
+        }
         let mut h = [0.0; STATES];
         for &(i, derivative) in row.entries() {
             h[i] += derivative;
         }
-        // Told of as an error of the nearer end of the interval, and from there through whole steps.
-        let nearest = if share < 0.5 { back + 1 } else { back };
+        // The estimate between two moments has its share of the later one's correction.
+        let mut corrected = 0.0;
+        let mut meet = |h: &[f64; STATES], moment: usize| {
+            let weight = if moment + 1 == back { 1.0 - share } else { 1.0 };
+            for i in 0..STATES {
+                corrected += weight * h[i] * self.at(moment).moved[i];
+            }
+        };
+        if nearest == back {
+            meet(&h, back - 1);
+        }
         for later in (1..nearest).rev() {
             h = self.at(later - 1).step.back(&h);
+            meet(&h, later - 1);
         }
-        if nearest > 0 {
-            h = step.back(&h);
-        }
-        let row = Row::of_all(&h);
-        Some((row, observation.residual(measured, expected) - row.times(&moved)))
+        h = step.back(&h);
+        Some((Row::of_all(&h), residual - corrected))
     }
 }

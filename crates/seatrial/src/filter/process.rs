@@ -10,15 +10,15 @@
 //! Source: Fossen (2011), section 8.3 and equation 7.9; Solà (2017), section 5.4.
 //! Tests: `tests/filter/process.rs` (difference quotients of the plain step; a current changes nothing but the track).
 
-use super::error_state::{Block, COLUMNS, MOTION};
-use super::estimate::{ATTITUDE, Estimate, FORCE};
+use super::error_state::{Block, COLUMNS, ErrorState, MOTION, Transition};
+use super::estimate::{ATTITUDE, Estimate, FORCE, STATES};
 use crate::actuator::characteristic::Thrust;
 use crate::description::Description;
 use crate::error::Error;
 use crate::model::integrate::{STAGES, State};
 use crate::model::kinematics::{Quaternion, quaternion_product, quaternion_rate, renormalised, rotation};
 use crate::model::vehicle::{Instant, Vehicle};
-use crate::number::algebra::{Mat6, Vec3, Vec6, product, restricted_inverse};
+use crate::number::algebra::{Mat3, Mat6, Vec3, Vec6, each, product, restricted_inverse};
 use crate::number::dual::Dual;
 use crate::number::lanes::{LANES, Lanes, level};
 use crate::number::real::Real;
@@ -26,7 +26,7 @@ use crate::number::real::Real;
 use fearless_simd::Neon;
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 use fearless_simd::x86::{Avx2, Avx512};
-use fearless_simd::{Simd, SimdBase, f64x8};
+use fearless_simd::{Fallback, Simd, SimdBase, f64x8};
 
 /// The vehicle as the filter's process model.
 pub struct Process(Carriers);
@@ -106,6 +106,28 @@ impl Process {
 }
 
 impl Process {
+    /// The covariance after a step, on the instruction set in use.
+    pub fn spread(&self, state: &mut ErrorState<STATES>, step: &Transition<STATES>) {
+        match &self.0 {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Carriers::Avx512(simd, _) => simd.vectorize(
+                #[inline(always)]
+                || state.predict(*simd, step),
+            ),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Carriers::Avx2(simd, _) => simd.vectorize(
+                #[inline(always)]
+                || state.predict(*simd, step),
+            ),
+            #[cfg(target_arch = "aarch64")]
+            Carriers::Neon(simd, _) => simd.vectorize(
+                #[inline(always)]
+                || state.predict(*simd, step),
+            ),
+            Carriers::Plain(_) => state.predict(Fallback::new(), step),
+        }
+    }
+
     /// The result of `work`, compiled for the instruction set in use.
     #[inline(always)]
     pub fn wide<R>(&self, work: impl FnOnce() -> R) -> R {
@@ -177,13 +199,12 @@ impl<P: Real> Carrier<P> {
         (none, unit): (P, impl Fn(usize, usize) -> P),
         read: impl Fn(P) -> [f64; L],
     ) -> Block {
-        let mut groups = [seeded(&estimate.motion, none, |column| unit(0, column)); G];
+        let mut motion = estimate.motion.row();
+        let mut groups = [[none; 13]; G];
         // What a force adds to the derivatives of the acceleration, the same at every stage.
         let mut pushed = [[none; 6]; G];
         for g in 0..G {
-            if g > 0 {
-                groups[g] = seeded(&estimate.motion, none, |column| unit(L * g, column));
-            }
+            groups[g] = seeded(&estimate.motion.attitude, none, |column| unit(L * g, column));
             for i in 0..6 {
                 for j in 0..6 {
                     pushed[g][i] += unit(L * g, FORCE - ATTITUDE + j) * self.by_force[i][j];
@@ -194,33 +215,26 @@ impl<P: Real> Carrier<P> {
             for k in 0..3 {
                 self.lift(k, &three[k], &estimate.force, none);
             }
-            self.step(&mut groups, &pushed, h, (&unit, &read));
+            self.step((&mut motion, &mut groups), &pushed, (h, none), (&unit, &read));
         }
+        let [x, y, z, a, b, c, d, nu @ ..] = motion;
         let mut block = [[0.0; COLUMNS]; MOTION];
-        let mut after = estimate.motion;
         for g in 0..G {
             let (first, end) = (L * g, &groups[g]);
             for i in 0..3 {
-                after.position[i] = end[i].value;
-                block[i][first..first + L].copy_from_slice(&read(end[i].partials));
+                block[i][first..first + L].copy_from_slice(&read(end[i]));
             }
-            let [mut back, mut turned] = [[none; 4]; 2];
-            for i in 0..4 {
-                after.attitude[i] = end[3 + i].value;
-                back[i] = none.splat(if i == 0 { end[3].value } else { -end[3 + i].value });
-                turned[i] = end[3 + i].partials;
-            }
-            turned = quaternion_product(&back, &turned);
+            let back = [none.splat(a), none.splat(-b), none.splat(-c), none.splat(-d)];
+            let turned = quaternion_product(&back, &[end[3], end[4], end[5], end[6]]);
             for i in 0..3 {
                 block[3 + i][first..first + L].copy_from_slice(&read(turned[1 + i] * 2.0));
             }
             for i in 0..6 {
-                after.nu[i] = end[7 + i].value;
-                block[6 + i][first..first + L].copy_from_slice(&read(end[7 + i].partials));
+                block[6 + i][first..first + L].copy_from_slice(&read(end[7 + i]));
             }
         }
         let time = h * (nodes.len() / 2) as f64;
-        estimate.motion = after;
+        estimate.motion = State { position: [x, y, z], attitude: [a, b, c, d], nu };
         for i in 0..3 {
             estimate.motion.position[i] += estimate.current[i] * time;
         }
@@ -253,83 +267,101 @@ impl<P: Real> Carrier<P> {
         }
     }
 
-    /// A step of all groups, which stand at one motion: rows as [`State::row`] has them.
+    /// A step of the motion and of its derivatives in all groups: rows as [`State::row`] has them. The kinematics are
+    /// differentiated by hand, because the derivatives of R itself, nine vectors, are not asked for.
     #[inline(always)]
     fn step<const L: usize, const G: usize>(
         &self,
-        groups: &mut [[Dual<P>; 13]; G],
+        (motion, groups): (&mut [f64; 13], &mut [[P; 13]; G]),
         pushed: &[Vec6<P>; G],
-        h: f64,
+        (h, none): (f64, P),
         (unit, read): (&impl Fn(usize, usize) -> P, &impl Fn(P) -> [f64; L]),
     ) {
-        let start = *groups;
-        let mut slope = start;
-        for (stage, (node, weight, instant)) in STAGES.into_iter().enumerate() {
-            let mut acceleration = [0.0; 6];
-            let mut by_velocity = [[0.0; LANES]; 6];
+        let (start, begun) = (*motion, *groups);
+        let (mut slope, mut slopes) = ([0.0; 13], [[none; 13]; G]);
+        for (node, weight, instant) in STAGES {
+            let mut at = start;
+            for i in 0..13 {
+                at[i] += slope[i] * (node * h);
+            }
+            let [_, _, _, a, b, c, d, nu @ ..] = at;
+            let (attitude, [u, v, w, p, q, s]) = ([a, b, c, d], nu);
+            let r = rotation(&attitude);
+            let (acceleration, by_velocity) = self.accelerate(&r, &nu, (instant, none), (unit, read));
+            slope[..3].copy_from_slice(&product(&r, &[u, v, w]));
+            slope[3..7].copy_from_slice(&quaternion_rate(&attitude, &[p, q, s]));
+            slope[7..].copy_from_slice(&acceleration);
+            let track = track_by_attitude(&attitude, &[u, v, w]);
+            let vertical = vertical_by_attitude(&attitude);
+            let turning = [none.splat(p), none.splat(q), none.splat(s)];
             for g in 0..G {
-                let mut at = start[g];
-                if stage > 0 {
-                    for i in 0..13 {
-                        at[i] = ahead(slope[g][i], node * h, at[i]);
-                    }
-                }
-                let [_, _, _, a, b, c, d, u, v, w, p, q, s] = at;
-                if g == 0 {
-                    (acceleration, by_velocity) =
-                        self.accelerate(&[a, b, c, d], &[u, v, w, p, q, s], instant, (unit, read));
-                }
-                let r = rotation(&[a, b, c, d]);
-                let position = product(&r, &[u, v, w]);
-                let attitude = quaternion_rate(&[a, b, c, d], &[p, q, s]);
-                slope[g][..3].copy_from_slice(&position);
-                slope[g][3..7].copy_from_slice(&attitude);
-                for i in 0..6 {
-                    let mut partials = pushed[g][i];
-                    for j in 0..6 {
-                        partials = at[7 + j].partials.mul_add(partials.splat(by_velocity[i][j]), partials);
-                    }
-                    for j in 0..3 {
-                        partials = r[2][j].partials.mul_add(partials.splat(self.by_vertical[i][j]), partials);
-                    }
-                    slope[g][7 + i] = Dual { value: acceleration[i], partials };
-                }
+                let mut near = begun[g];
                 for i in 0..13 {
-                    groups[g][i] = ahead(slope[g][i], weight * h, groups[g][i]);
+                    near[i] = ahead(slopes[g][i], node * h, near[i]);
+                }
+                let [_, _, _, dw, dx, dy, dz, du, dv, dr, dp, dq, ds] = near;
+                let turned = [dw, dx, dy, dz];
+                let along = weighed(&r, &[du, dv, dr], &[none; 3]);
+                slopes[g][..3].copy_from_slice(&weighed(&track, &turned, &along));
+                let spun = quaternion_rate(&turned, &turning);
+                let quarter = spin_by_rate(&attitude);
+                slopes[g][3..7].copy_from_slice(&weighed(&quarter, &[dp, dq, ds], &spun));
+                let tilted = weighed(&vertical, &turned, &[none; 3]);
+                let heavy = weighed(&self.by_vertical, &tilted, &pushed[g]);
+                slopes[g][7..].copy_from_slice(&weighed(&by_velocity, &[du, dv, dr, dp, dq, ds], &heavy));
+                for i in 0..13 {
+                    groups[g][i] = ahead(slopes[g][i], weight * h, groups[g][i]);
                 }
             }
+            for i in 0..13 {
+                motion[i] += slope[i] * (weight * h);
+            }
         }
+        for x in motion.iter_mut() {
+            *x = x.flush();
+        }
+        let mut value = [0.0; 4];
         for g in 0..G {
+            let unit_length = |i: usize| Dual { value: motion[3 + i], partials: groups[g][3 + i].flush() };
+            let attitude = renormalised(&[unit_length(0), unit_length(1), unit_length(2), unit_length(3)]);
             for i in 0..13 {
                 groups[g][i] = groups[g][i].flush();
             }
-            let [_, _, _, a, b, c, d, ..] = groups[g];
-            groups[g][3..7].copy_from_slice(&renormalised(&[a, b, c, d]));
+            for i in 0..4 {
+                (value[i], groups[g][3 + i]) = (attitude[i].value, attitude[i].partials);
+            }
         }
+        motion[3..7].copy_from_slice(&value);
     }
 
     /// The acceleration at an instant, and its derivatives by the velocity.
     #[inline(always)]
     fn accelerate<const L: usize>(
         &self,
-        attitude: &Quaternion<Dual<P>>,
-        nu: &Vec6<Dual<P>>,
-        instant: usize,
+        r: &Mat3<f64>,
+        nu: &Vec6<f64>,
+        (instant, none): (usize, P),
         (unit, read): (&impl Fn(usize, usize) -> P, &impl Fn(P) -> [f64; L]),
     ) -> (Vec6<f64>, [[f64; LANES]; 6]) {
         // Keeps the compiler from lifting a hundred constants out of the loop over the stages, only to spill them.
         let vehicle = std::hint::black_box(&self.vehicle);
-        let (mut attitude, mut nu) = (*attitude, *nu);
-        for i in 0..4 {
-            attitude[i].partials = attitude[i].partials.zero();
+        let constant = |value: f64| Dual { value, partials: none };
+        let mut turned = [[constant(0.0); 3]; 3];
+        for i in 0..3 {
+            for j in 0..3 {
+                turned[i][j].value = r[i][j];
+            }
         }
-        let r = rotation(&attitude);
+        let mut moving = [constant(0.0); 6];
+        for i in 0..6 {
+            moving[i].value = nu[i];
+        }
         let (mut value, mut slopes) = ([0.0; 6], [[0.0; LANES]; 6]);
         for first in (0..6).step_by(L) {
             for i in 0..6 {
-                nu[i].partials = unit(first, i);
+                moving[i].partials = unit(first, i);
             }
-            let found = vehicle.acceleration(&r, &nu, &self.instants[instant]);
+            let found = vehicle.acceleration(&turned, &moving, &self.instants[instant]);
             for i in 0..6 {
                 value[i] = found[i].value;
                 slopes[i][first..first + L].copy_from_slice(&read(found[i].partials));
@@ -339,29 +371,62 @@ impl<P: Real> Carrier<P> {
     }
 }
 
-/// `x h + y`, with the derivatives.
+/// `x h + y`.
 #[inline(always)]
-fn ahead<P: Real>(x: Dual<P>, h: f64, y: Dual<P>) -> Dual<P> {
-    Dual { value: x.value * h + y.value, partials: x.partials.mul_add(x.partials.splat(h), y.partials) }
+fn ahead<P: Real>(x: P, h: f64, y: P) -> P {
+    x.mul_add(x.splat(h), y)
 }
 
-/// A motion with the derivatives by a small turn in the body frame and by the velocity that `unit` has, in one row.
+/// `A x + y`, the first columns of A by as many numbers.
 #[inline(always)]
-fn seeded<P: Real>(motion: &State<f64>, none: P, unit: impl Fn(usize) -> P) -> [Dual<P>; 13] {
-    let values = motion.row();
-    let mut row = [Dual { value: 0.0, partials: none }; 13];
-    for i in 0..13 {
-        row[i].value = values[i];
+fn weighed<P: Real, const N: usize, const M: usize, const K: usize>(
+    a: &[[f64; M]; N],
+    x: &[P; K],
+    y: &[P; N],
+) -> [P; N] {
+    let mut sum = *y;
+    for i in 0..N {
+        for j in 0..K {
+            sum[i] = x[j].mul_add(x[j].splat(a[i][j]), sum[i]);
+        }
     }
-    let [_, _, _, a, b, c, d, ..] = row;
-    let mut small = [row[0]; 4];
-    for i in 0..4 {
-        small[i].value = if i == 0 { 1.0 } else { 0.0 };
-        small[i].partials = if i == 0 { none } else { unit(i - 1) * 0.5 };
-    }
-    row[3..7].copy_from_slice(&quaternion_product(&[a, b, c, d], &small));
+    sum
+}
+
+/// `∂(R(q) v)/∂q`.
+#[inline(always)]
+fn track_by_attitude(q: &Quaternion<f64>, v: &Vec3<f64>) -> [[f64; 4]; 3] {
+    let ([w, x, y, z], [a, b, c]) = (each(q, |part| 2.0 * part), *v);
+    [
+        [y * c - z * b, y * b + z * c, x * b + w * c - 2.0 * y * a, x * c - w * b - 2.0 * z * a],
+        [z * a - x * c, y * a - w * c - 2.0 * x * b, x * a + z * c, w * a + y * c - 2.0 * z * b],
+        [x * b - y * a, z * a + w * b - 2.0 * x * c, z * b - w * a - 2.0 * y * c, x * a + y * b],
+    ]
+}
+
+/// `∂e/∂q` of the vertical in the body frame, `e = R(q)ᵀ e_z`.
+#[inline(always)]
+fn vertical_by_attitude(q: &Quaternion<f64>) -> [[f64; 4]; 3] {
+    let [w, x, y, z] = each(q, |part| 2.0 * part);
+    [[-y, z, -w, x], [x, w, z, y], [0.0, -2.0 * x, -2.0 * y, 0.0]]
+}
+
+/// `∂q'/∂ω`, `q' = ½ q ⊗ [0, ω]`.
+#[inline(always)]
+fn spin_by_rate(q: &Quaternion<f64>) -> [Vec3<f64>; 4] {
+    let [w, x, y, z] = each(q, |part| 0.5 * part);
+    [[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]
+}
+
+/// The derivatives of a motion by a small turn in the body frame and by the velocity that `unit` has, in one row.
+#[inline(always)]
+fn seeded<P: Real>(attitude: &Quaternion<f64>, none: P, unit: impl Fn(usize) -> P) -> [P; 13] {
+    let mut row = [none; 13];
+    // The turn [1, ½ δ].
+    let turned = weighed(&spin_by_rate(attitude), &[unit(0), unit(1), unit(2)], &[none; 4]);
+    row[3..7].copy_from_slice(&turned);
     for i in 0..6 {
-        row[7 + i].partials = unit(3 + i);
+        row[7 + i] = unit(3 + i);
     }
     row
 }

@@ -121,9 +121,9 @@ impl Tracker {
         let [u, v, w] = self.estimate.over_ground();
         let carried = turned * turned * (u * u + v * v + w * w) + shifted * shifted;
         self.step.noise[POSITION..POSITION + 3].fill(carried * dt);
-        let [p, q, r] = [3, 4, 5].map(|i| self.estimate.motion.nu[i] * turned);
-        for (i, rate) in [q.hypot(r), r.hypot(p), p.hypot(q)].into_iter().enumerate() {
-            self.step.noise[ATTITUDE + i] = rate * rate * dt;
+        let [p, q, r] = [3, 4, 5].map(|i| (self.estimate.motion.nu[i] * turned).powi(2));
+        for (i, square) in [q + r, r + p, p + q].into_iter().enumerate() {
+            self.step.noise[ATTITUDE + i] = square * dt;
         }
         for i in 0..6 {
             self.step.noise[VELOCITY + i] = noise.acceleration[i].powi(2) * dt;
@@ -138,14 +138,7 @@ impl Tracker {
             self.estimate.current[i] *= slow;
             self.step.noise[GYRO_BIAS + i] = noise.gyro_walk.powi(2) * dt;
         }
-        let Self { process, state, step, past, .. } = self;
-        process.wide(
-            #[inline(always)]
-            || {
-                state.predict(step);
-                past.carry(step);
-            },
-        );
+        self.process.spread(&mut self.state, &self.step);
     }
 
     /// Takes or refuses a sample; nothing where its sensor shows nothing at the estimate.

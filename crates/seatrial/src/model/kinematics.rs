@@ -90,8 +90,23 @@ pub fn from_euler<T: Real>(euler: &Vec3<T>) -> Quaternion<T> {
 #[inline(always)]
 pub fn to_euler<T: Real>(q: &Quaternion<T>) -> Vec3<T> {
     let r = rotation(q);
-    let cosine_of_pitch = r[2][1].mul_add(r[2][1], r[2][2] * r[2][2]).sqrt();
-    [r[2][1].atan2(r[2][2]), (-r[2][0]).atan2(cosine_of_pitch), r[1][0].atan2(r[0][0])]
+    [euler_angle(&r, 0), euler_angle(&r, 1), euler_angle(&r, 2)]
+}
+
+/// Roll (0), pitch (1) or yaw (2) of a rotation, rad.
+#[inline(always)]
+pub fn euler_angle<T: Real>(r: &Mat3<T>, axis: usize) -> T {
+    match axis {
+        0 => r[2][1].atan2(r[2][2]),
+        1 => (-r[2][0]).atan2(cosine_of_pitch(r)),
+        _ => r[1][0].atan2(r[0][0]),
+    }
+}
+
+/// The cosine of the pitch of a rotation.
+#[inline(always)]
+pub fn cosine_of_pitch<T: Real>(r: &Mat3<T>) -> T {
+    r[2][1].mul_add(r[2][1], r[2][2] * r[2][2]).sqrt()
 }
 
 /// `η' = J(η) ν` in Euler angles: NED velocity and the rates of roll, pitch and yaw.

@@ -1,6 +1,7 @@
 //! What the covariance says against what the errors are: NEES and NIS over fifty runs of a vehicle that obeys the model.
 
 use crate::vehicles::load;
+use fearless_simd::Fallback;
 use seatrial::description::Description;
 use seatrial::filter::error_state::{ErrorState, Transition};
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
@@ -76,7 +77,7 @@ fn run(description: &Description) -> (f64, f64) {
             step.block = model.advance(&mut estimate, &nodes, DT);
             step.drift = DT;
             step.noise = noise.map(|x| x * x);
-            state.predict(&step);
+            state.predict(Fallback::new(), &step);
             for (place, (sensor, deviation, every)) in sensors().into_iter().enumerate() {
                 if k % every != 0 {
                     continue;

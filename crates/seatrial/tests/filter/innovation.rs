@@ -1,5 +1,6 @@
 //! Wild samples are refused, and a filter that is wrong finds back.
 
+use fearless_simd::Fallback;
 use seatrial::filter::error_state::{ErrorState, Row, Transition};
 use seatrial::filter::estimate::{POSITION, STATES};
 use seatrial::filter::innovation::{Gate, Verdict, Watch};
@@ -29,7 +30,7 @@ fn a_sensor_that_is_refused_for_long_is_believed_again() {
         let residual = 30.0 - state.error[POSITION];
         // The error stays in `state.error`, so that the residual is against the first estimate.
         let residual = residual + state.error[POSITION];
-        state.predict(&Transition::identity());
+        state.predict(Fallback::new(), &Transition::identity());
         verdicts.push(watch.judge(&mut state, &gate, (&row, residual, 0.01), time));
     }
     let recovered = verdicts.iter().position(|v| *v == Verdict::Recovered).expect("it recovers");
