@@ -392,10 +392,8 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
 
 
 def _how_good(fit: Identification) -> str:
-    """What failed before all else, then how well it predicts."""
+    """What failed before all else, how well it predicts, what its deviations are worth."""
     said = [_prediction(fit)]
-    if fit.doubt:
-        said.insert(0, f"{fit.doubt}.")
     score = _judged(fit)
     if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
         said.insert(0, f"Does not beat a baseline in {simpler}.")
@@ -405,6 +403,8 @@ def _how_good(fit: Identification) -> str:
     if choice is not None and not (choice.polished.converged or choice.polished.interrupted):
         count = choice.polished.rounds
         said.insert(0, f"The joint estimate did not converge in {count} round{'s' if count > 1 else ''}.")
+    if fit.doubt:
+        said[-1] = f"{said[-1].rstrip('.')}. {fit.doubt[0].upper()}{fit.doubt[1:]}"
     return " ".join(said)
 
 

@@ -270,7 +270,9 @@ def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehic
             if name in _DRAG and name[0] in verdicts and verdicts[name[0]].under_way:
                 continue
         if drives and drives <= set(dominated):
-            found.setdefault(next(axis for axis in dominated if axis in drives), []).append(name)
+            # Fins and propellers that turn the vehicle roll it, too, and roll is no reason to name them.
+            axis = min(drives, key=lambda one: (one == "K", dominated.index(one)))
+            found.setdefault(axis, []).append(name)
     return found
 
 
