@@ -30,28 +30,28 @@ pub type Block = [[f64; COLUMNS]; MOTION];
 /// The columns in use: attitude, velocity and force lie side by side.
 pub const USED: usize = CURRENT - ATTITUDE;
 
-/// The largest number of components that a row touches.
-const MOST: usize = STATES;
+/// Components come in parts of three.
+const PART: usize = 3;
 
-/// One row of the Jacobian of an observation: few components, each with its derivative.
+/// One row of the Jacobian of an observation, and which parts of it are not zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    entries: [(usize, f64); MOST],
-    count: usize,
+    derivatives: [f64; STATES],
+    parts: u32,
 }
 
 impl Row {
-    /// Derivatives of consecutive components, each part from its first one on.
+    /// Derivatives of parts, each from its first component on; other components have none.
     ///
     /// # Panics
-    /// More than [`STATES`] in all.
+    /// A part that begins at no multiple of three below [`STATES`].
     #[inline(always)]
-    pub fn of<const K: usize>(parts: [(usize, [f64; 3]); K]) -> Self {
-        let mut row = Self { entries: [(0, 0.0); MOST], count: 3 * K };
-        for (k, (first, derivatives)) in parts.iter().enumerate() {
-            for i in 0..3 {
-                row.entries[3 * k + i] = (first + i, derivatives[i]);
-            }
+    pub fn of<const K: usize>(parts: [(usize, [f64; PART]); K]) -> Self {
+        let mut row = Self { derivatives: [0.0; STATES], parts: 0 };
+        for &(first, derivatives) in &parts {
+            assert!(first % PART == 0, "a part begins at a multiple of {PART}, not at {first}");
+            row.derivatives[first..first + PART].copy_from_slice(&derivatives);
+            row.parts |= 1 << (first / PART);
         }
         row
     }
@@ -59,25 +59,25 @@ impl Row {
     /// Derivatives of all components.
     #[inline(always)]
     pub fn of_all(derivatives: &[f64; STATES]) -> Self {
-        let mut row = Self { entries: [(0, 0.0); MOST], count: STATES };
-        for i in 0..STATES {
-            row.entries[i] = (i, derivatives[i]);
-        }
-        row
+        Self { derivatives: *derivatives, parts: (1 << (STATES / PART)) - 1 }
     }
 
-    /// The components and their derivatives.
+    /// The derivatives by all components.
     #[inline(always)]
-    pub fn entries(&self) -> &[(usize, f64)] {
-        &self.entries[..self.count]
+    pub fn derivatives(&self) -> &[f64; STATES] {
+        &self.derivatives
     }
 
     /// `h x`.
     #[inline(always)]
-    pub fn times(&self, x: &[f64]) -> f64 {
+    pub fn times<const N: usize>(&self, x: &[f64; N]) -> f64 {
         let mut sum = 0.0;
-        for &(i, h) in self.entries() {
-            sum += h * x[i];
+        for part in 0..STATES / PART {
+            if self.parts >> part & 1 == 1 {
+                let k = PART * part;
+                let h = &self.derivatives;
+                sum += h[k] * x[k] + h[k + 1] * x[k + 1] + h[k + 2] * x[k + 2];
+            }
         }
         sum
     }
@@ -85,11 +85,7 @@ impl Row {
     /// `h hᵀ`.
     #[inline(always)]
     fn square(&self) -> f64 {
-        let mut sum = 0.0;
-        for &(_, h) in self.entries() {
-            sum += h * h;
-        }
-        sum
+        self.times(&self.derivatives)
     }
 }
 
@@ -149,26 +145,35 @@ impl<const N: usize> Transition<N> {
 const CORRECTIONS: usize = 6;
 
 impl Transition<STATES> {
+    /// What `h` has beyond `y` times the block, in its columns.
+    #[inline(always)]
+    fn beyond(&self, y: &[f64; STATES], h: &[f64; STATES]) -> [f64; COLUMNS] {
+        let mut rest = [0.0; COLUMNS];
+        for k in 0..COLUMNS {
+            rest[k] = h[ATTITUDE + k];
+        }
+        for i in 0..MOTION {
+            // Vectors run along the rows, see `update`.
+            let share = std::hint::black_box(y[i]);
+            for k in 0..COLUMNS {
+                rest[k] -= share * self.block[i][k];
+            }
+        }
+        rest
+    }
+
     /// The row `y` with `y F = h`: what a row of before the step is after it.
     #[inline(always)]
     pub fn back(&self, h: &[f64; STATES]) -> [f64; STATES] {
         let mut y = *h;
         for _ in 0..CORRECTIONS {
-            let mut next = *h;
-            for i in 0..MOTION {
-                for j in ATTITUDE..MOTION {
-                    next[j] -= y[i] * self.block[i][j - ATTITUDE];
-                }
-            }
-            for j in ATTITUDE..MOTION {
-                y[j] += next[j];
+            let rest = self.beyond(&y, h);
+            for k in 0..MOTION - ATTITUDE {
+                y[ATTITUDE + k] += rest[k];
             }
         }
-        for i in 0..MOTION {
-            for j in FORCE..CURRENT {
-                y[j] -= y[i] * self.block[i][j - ATTITUDE];
-            }
-        }
+        let rest = self.beyond(&y, h);
+        y[FORCE..CURRENT].copy_from_slice(&rest[FORCE - ATTITUDE..USED]);
         for i in 0..3 {
             y[CURRENT + i] -= self.drift * y[POSITION + i];
         }
@@ -287,10 +292,15 @@ impl<const N: usize> ErrorState<N> {
     pub fn innovation(&self, row: &Row, residual: f64, variance: f64) -> Innovation<N> {
         // P hᵀ = (h P)ᵀ, along rows.
         let mut cross = [0.0; N];
-        for &(k, h) in row.entries() {
-            let p = &self.covariance[k];
-            for j in 0..N {
-                cross[j] += h * p[j];
+        for part in 0..STATES / PART {
+            if row.parts >> part & 1 == 0 {
+                continue;
+            }
+            for k in PART * part..PART * (part + 1) {
+                let (h, p) = (row.derivatives[k], &self.covariance[k]);
+                for j in 0..N {
+                    cross[j] += h * p[j];
+                }
             }
         }
         Innovation { value: residual - row.times(&self.error), variance: row.times(&cross) + variance, cross }
@@ -309,10 +319,13 @@ impl<const N: usize> ErrorState<N> {
         // B = (I − K h) P; then B (I − K h)ᵀ + K r Kᵀ = B − (B hᵀ − r K) Kᵀ, where B hᵀ = P hᵀ − K (h P hᵀ). All of it
         // is a multiple of P hᵀ in every row.
         let seen = row.times(c) + variance;
+        let mut parts = [0.0; N];
+        for i in 0..N {
+            parts[i] = gain[i] + (c[i] - gain[i] * seen) * scale;
+        }
         for i in 0..N {
             // Keeps the compiler from running vectors down the columns, where it would gather and scatter.
-            let k = std::hint::black_box(gain[i]);
-            let taken = k + (c[i] - k * seen) * scale;
+            let taken = std::hint::black_box(parts[i]);
             for j in 0..N {
                 p[i][j] -= taken * c[j];
             }
@@ -322,8 +335,8 @@ impl<const N: usize> ErrorState<N> {
     /// Forgets so much of the components that a scalar shows that the scalar's variance grows by `variance`.
     pub fn forget(&mut self, row: &Row, variance: f64) {
         let scale = variance / row.square().powi(2).max(f64::MIN_POSITIVE);
-        for &(i, a) in row.entries() {
-            for &(j, b) in row.entries() {
+        for (i, a) in row.derivatives.iter().enumerate() {
+            for (j, b) in row.derivatives.iter().enumerate() {
                 self.covariance[i][j] += a * b * scale;
             }
         }

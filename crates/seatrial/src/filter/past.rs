@@ -101,10 +101,7 @@ impl Past {
         if nearest == 0 {
             return Some((row, residual));
         }
-        let mut h = [0.0; STATES];
-        for &(i, derivative) in row.entries() {
-            h[i] += derivative;
-        }
+        let mut h = *row.derivatives();
         // The estimate between two moments has its share of the later one's correction.
         let mut corrected = 0.0;
         let mut meet = |h: &[f64; STATES], moment: usize| {

@@ -80,10 +80,7 @@ fn law_an_update_is_the_dense_joseph_form() {
         (VELOCITY + 3, [0.2, 0.0, 0.1]),
         (CURRENT, [0.5, 0.5, 0.1]),
     ]);
-    let mut dense = vec![vec![0.0; STATES]];
-    for &(i, h) in row.entries() {
-        dense[0][i] = h;
-    }
+    let dense = vec![row.derivatives().to_vec()];
     for seed in [3, 77] {
         let mut state = ErrorState::<STATES>::new(&[0.0; STATES]);
         state.covariance = full(seed);
@@ -122,7 +119,8 @@ fn law_scalars_of_one_vector_add_up_to_its_normalised_innovation() {
     let (residual, variance) = ([0.8, -0.4], [0.2, 0.3]);
     let mut state = ErrorState::<STATES>::new(&[0.0; STATES]);
     state.covariance = full(11);
-    let spread = |a: &Row, b: &Row| a.entries().iter().map(|&(i, h)| h * b.times(&state.covariance[i])).sum();
+    let spread =
+        |a: &Row, b: &Row| (0..STATES).map(|i| a.derivatives()[i] * b.times(&state.covariance[i])).sum();
     let s: [[f64; 2]; 2] = std::array::from_fn(|i| std::array::from_fn(|j| spread(&rows[i], &rows[j])));
     let (a, b, d) = (s[0][0] + variance[0], s[0][1], s[1][1] + variance[1]);
     let [x, y] = residual;

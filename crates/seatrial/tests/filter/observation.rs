@@ -49,10 +49,7 @@ fn law_every_row_is_the_derivative_of_what_is_expected() {
         for seed in 0..40 {
             let at = somewhere(100 * seed);
             let Some((_, row)) = observation.expect(&at) else { continue };
-            let mut dense = [0.0; STATES];
-            for &(i, h) in row.entries() {
-                dense[i] += h;
-            }
+            let dense = row.derivatives();
             let (size, mut whole) = (1e-6, true);
             let quotients: Vec<f64> = (0..STATES)
                 .map(|i| {
