@@ -149,9 +149,7 @@ impl Transition<STATES> {
     #[inline(always)]
     fn beyond(&self, y: &[f64; STATES], h: &[f64; STATES]) -> [f64; COLUMNS] {
         let mut rest = [0.0; COLUMNS];
-        for k in 0..COLUMNS {
-            rest[k] = h[ATTITUDE + k];
-        }
+        rest.copy_from_slice(&h[ATTITUDE..ATTITUDE + COLUMNS]);
         for i in 0..MOTION {
             // Vectors run along the rows, see `update`.
             let share = std::hint::black_box(y[i]);
@@ -266,9 +264,7 @@ impl<const N: usize> ErrorState<N> {
             for j in 0..ATTITUDE {
                 motion[j] += row[j] + step.drift * row[CURRENT + j];
             }
-            for j in 0..MOTION {
-                p[i][j] = motion[j];
-            }
+            p[i][..MOTION].copy_from_slice(&motion[..MOTION]);
             for j in MOTION..N {
                 p[i][j] = row[j] * step.decay[j];
             }
