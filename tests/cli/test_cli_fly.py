@@ -39,7 +39,7 @@ def test_a_flight_leaves_a_run_directory_that_tells_all() -> None:
     assert result.exit_code == 0, result.output
     run = Path("runs/fly-cwolf-out")
     names = {"run.json", "vehicle.toml", "autopilot.toml", "mission.toml", "flight.json", "flight.parquet"}
-    assert {path.name for path in run.iterdir()} == names | {"summary.txt", "figures"}
+    assert {path.name for path in run.iterdir()} == names | {"summary.txt", "report.json", "figures"}
     drawn = {"track", "loops", "actuators", "errors"}
     assert {path.name for path in (run / "figures").iterdir()} == {f"{name}.png" for name in drawn}
     facts = json.loads((run / "run.json").read_text())

@@ -214,7 +214,8 @@ def test_a_published_run_is_reused_unless_told_otherwise(
 
 def test_a_coverage_is_saved_as_a_run_and_survives_pickling(found: Coverage, tmp_path: Path) -> None:
     run = found.save(tmp_path / "run")
-    assert sorted(path.name for path in run.iterdir()) == ["coverage.json", "run.json", "summary.txt"]
+    names = sorted(path.name for path in run.iterdir())
+    assert names == ["coverage.json", "report.json", "run.json", "summary.txt"]
     facts = json.loads((run / "run.json").read_text())
     assert (facts["kind"], facts["name"], facts["seed"]) == ("coverage", found.campaign, 1)
     assert (run / "summary.txt").read_text() == f"{found.summary()}\n"

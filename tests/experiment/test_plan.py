@@ -292,7 +292,8 @@ def test_a_plan_can_be_interrupted() -> None:
 def test_a_plan_is_saved_as_a_run_and_survives_pickling(tmp_path: Path) -> None:
     found = plan(CWOLF, candidates=paper(60.0)[:2], budget_s=60.0, count=2)
     run = found.save(tmp_path / "run")
-    names = ["plan.json", "run.json", "summary.txt", "trial-2.csv", "trial-2.toml", "trial.csv", "trial.toml"]
+    names = ["plan.json", "report.json", "run.json", "summary.txt"]
+    names += ["trial-2.csv", "trial-2.toml", "trial.csv", "trial.toml"]
     assert sorted(path.name for path in run.iterdir()) == names
     assert json.loads((run / "plan.json").read_text())["score_after"] == pytest.approx(found.score_after)
     facts = json.loads((run / "run.json").read_text())

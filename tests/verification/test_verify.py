@@ -443,7 +443,7 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     assert names == {
         "run.json", "campaign.toml", "vehicle.toml", "autopilot.toml", "missions/out.toml",
         "verification.json",
-        "summary.txt", "junit.xml", "worst_runs.json", "missions.parquet",
+        "summary.txt", "report.json", "junit.xml", "worst_runs.json", "missions.parquet",
     }  # fmt: skip
     data = json.loads((run / "verification.json").read_text())
     assert data["outcome"] == found.outcome

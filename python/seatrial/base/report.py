@@ -6,11 +6,15 @@ line shows the same report with rich (`seatrial.report.terminal`). Held by tests
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
 
-__all__ = ["Column", "Report", "Section", "Table", "text_table"]
+__all__ = ["REPORT_FILE", "Column", "Report", "Section", "Table", "text_table"]
+
+REPORT_FILE = "report.json"
+"""Name of the report as plain data in a run directory; a page is rendered from it."""
 
 
 @dataclass(frozen=True)
@@ -152,6 +156,52 @@ class Report:
                 body[0] = f"{section.title}\n{body[0]}"
             parts += body
         return "\n\n".join(parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as plain data, for `of_dict`."""
+        return asdict(self)
+
+    @classmethod
+    def of_dict(cls, data: Mapping[str, Any]) -> Report:
+        """Report of plain data.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            The data are not those of a report.
+
+        Examples
+        --------
+        >>> report = Report("cwolf", "flown", "complete", "nothing", "fly on")
+        >>> Report.of_dict(report.to_dict()) == report
+        True
+        """
+        sections = tuple(_section_of(one) for one in data["sections"])
+        words = {key: str(data[key]) for key in ("title", "outcome", "good", "worst", "next_step")}
+        return cls(**words, sections=sections)
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of a run directory by name: the report as text, and as plain data."""
+        data = json.dumps(self.to_dict(), ensure_ascii=False, indent=1)
+        return {"summary.txt": self.text() + "\n", REPORT_FILE: data + "\n"}
+
+
+def _section_of(data: Mapping[str, Any]) -> Section:
+    """Section of plain data."""
+    tables = tuple(_table_of(one) for one in data["tables"])
+    return Section(str(data["title"]), tuple(map(str, data["sentences"])), tables, bool(data["details"]))
+
+
+def _table_of(data: Mapping[str, Any]) -> Table:
+    """Table of plain data; every row has a cell per column."""
+    sides: dict[str, Literal["left", "right"]] = {"left": "left", "right": "right"}
+    columns = tuple(
+        Column(str(one["name"]), str(one["unit"]), sides[one["align"]]) for one in data["columns"]
+    )
+    rows = tuple(tuple(map(str, row)) for row in data["rows"])
+    if any(len(row) != len(columns) for row in rows):
+        raise ValueError(f"table {data['title']!r}: expected {len(columns)} cells in every row")
+    return Table(str(data["title"]), columns, rows, str(data["note"]))
 
 
 def text_table(

@@ -238,7 +238,7 @@ class BenchTest:
             "bench.toml": self.text,
             "bench.json": to_json(self.to_dict()),
             "vehicle.toml": self.vehicle_text,
-            "summary.txt": self.summary() + "\n",
+            **self.report().files(),
             "points.csv": self.points_csv(),
         }
         with RunDirectory(run_dir) as run:

@@ -26,6 +26,7 @@ from seatrial.cli import (
     import_,
     new,
     plan,
+    report,
     score,
     simulate,
     streams,
@@ -86,6 +87,7 @@ _VERBS: tuple[Callable[..., None], ...] = (
     tune.tune,
     verify.verify,
     coverage.coverage,
+    report.report,
     export.export,
 )
 

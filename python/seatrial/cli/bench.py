@@ -9,6 +9,7 @@ import typer
 
 from seatrial.base.file_names import file_name, free_name
 from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest
@@ -30,6 +31,7 @@ def bench(
     ] = False,
     figures: Figures = True,
     pdf: Pdf = False,
+    page: Page = None,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -61,11 +63,12 @@ def bench(
         written = found.save_vehicle(found.vehicle_path, replace=True)
 
     def drawn() -> list[Path]:
-        return _draw(found, folder, formats(pdf)) if figures else []
+        return _draw(found, folder, formats(pdf, page)) if figures else []
 
     if json:
         files = {"figures": [str(path) for path in drawn()], "vehicle_file": written and str(written)}
         print_json(found.to_dict() | {"run_directory": str(folder)} | files)
+        reported(page, [folder], quiet=True)
         return
     results = f"Results in {folder}: bench.json, summary.txt, points.csv, vehicle.toml"
     if written is not None:
@@ -73,6 +76,7 @@ def bench(
     elif found.notes:
         results += "\nNothing was written into a vehicle file: give --write FILE or --in-place"
     answer(found.report(), verbose=verbose, results=results, draw=drawn)
+    reported(page, [folder])
 
 
 def _draw(found: BenchTest, folder: Path, endings: tuple[str, ...]) -> list[Path]:

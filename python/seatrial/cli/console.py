@@ -146,9 +146,9 @@ def say(line: str) -> None:
         output().print(line, soft_wrap=True, markup=False)
 
 
-def formats(pdf: bool) -> tuple[str, ...]:
-    """Endings of figures: PNG, and PDF on request."""
-    return ("png", "pdf") if pdf else ("png",)
+def formats(pdf: bool, page: Path | None = None) -> tuple[str, ...]:
+    """Endings of figures: PNG, PDF on request, and SVG for a page."""
+    return ("png", *(("pdf",) if pdf else ()), *(() if page is None else ("svg",)))
 
 
 def check_axes(free: str, option: str) -> None:

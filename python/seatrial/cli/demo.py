@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.base.run import RUN_FILE
 from seatrial.cli.console import Threads
 from seatrial.cli.new import EXAMPLES
+from seatrial.cli.report import reported
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from seatrial.tuning.result import Tuning
 
 __all__ = ["Chain", "demo", "demonstrate"]
+
+_FOLDERS = ("cwolf", "cwolf-tuned", "cwolf-verified", "beluga")
 
 
 def demo(
@@ -62,6 +66,8 @@ def demo(
         print_json(results)
     if interrupted:
         raise typer.Exit(130)
+    runs = [out / name for name in _FOLDERS if (out / name / RUN_FILE).is_file()]
+    reported(out / "report.html", runs, title="CWolf, from trials to a verdict", quiet=json)
     if not held:
         raise typer.Exit(1)
 
@@ -130,7 +136,7 @@ def _identified(
     took = time.monotonic() - began
 
     def drawn() -> list[Path]:
-        return [] if fit.interrupted else draw(fit, folder)
+        return [] if fit.interrupted else draw(fit, folder, _ENDINGS)
 
     if quiet:
         drawn()
@@ -141,6 +147,8 @@ def _identified(
 
 
 _RUNS, _ON_TRUTH = 1000, 400
+
+_ENDINGS = ("png", "svg")
 
 _DRAWN = ("pitch", "depth")  # the others are drawn by `seatrial tune`
 
@@ -195,7 +203,7 @@ def demonstrate(
         return chain
 
     def drawn() -> list[Path]:
-        return draw(found, out / "cwolf-tuned", loops=_DRAWN)
+        return draw(found, out / "cwolf-tuned", loops=_DRAWN, formats=_ENDINGS)
 
     if quiet:
         drawn()
@@ -248,7 +256,7 @@ def _verify(
         return
 
     def drawn() -> list[Path]:
-        return draw(verdict, folder)
+        return draw(verdict, folder, formats=_ENDINGS)
 
     if quiet:
         drawn()

@@ -10,6 +10,7 @@ import typer
 
 from seatrial.base.file_names import file_name
 from seatrial.cli.console import Figures, Json, Pdf, Verbose
+from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
     from seatrial.flight.flight import Flight
@@ -109,6 +110,7 @@ def fly(
     ] = None,
     figures: Figures = True,
     pdf: Pdf = False,
+    page: Page = None,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -157,7 +159,7 @@ def fly(
         if not figures:
             return []
         with only_user(folder):  # another flight would replace the folder under the figures
-            return draw_flight(flight, folder, formats(pdf))
+            return draw_flight(flight, folder, formats(pdf, page))
 
     if json:
         saved()
@@ -168,6 +170,7 @@ def fly(
         if many is not None and many.excesses:
             report = replace(report, worst="; ".join((*many.excesses, report.worst)))
         answer(report, verbose=verbose, results=saved, draw=drawn)
+    reported(page, [folder], quiet=json)
     if not flight.complete or (many is not None and not many.all_complete):
         raise typer.Exit(1)
 

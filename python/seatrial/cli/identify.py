@@ -9,6 +9,7 @@ import typer
 
 from seatrial.base.file_names import no_file
 from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -35,6 +36,7 @@ def identify(
     ] = None,
     figures: Figures = True,
     pdf: Pdf = False,
+    page: Page = None,
     locked_axes: Annotated[
         str | None,
         typer.Option(
@@ -85,11 +87,11 @@ def identify(
     left_out: LeaveOneOut | None = None
 
     def drawn() -> list[Path]:
-        return draw(fit, folder, formats(pdf)) if figures and not fit.interrupted else []
+        return draw(fit, folder, formats(pdf, page)) if figures and not fit.interrupted else []
 
     def drawn_starts() -> list[Path]:
         wanted = figures and again is not None and not again.interrupted
-        return _draw_starts(again, beside, formats(pdf)) if again is not None and wanted else []
+        return _draw_starts(again, beside, formats(pdf, page)) if again is not None and wanted else []
 
     if not json:
         files = "vehicle.toml, identification.json, summary.txt, Parquet tables"
@@ -115,6 +117,11 @@ def identify(
         if left_out is not None:
             result["leave_one_out"] = left_out.to_dict()
         print_json(result)
+    if not fit.interrupted:
+        runs = [
+            run for run, made in ((folder, fit), (beside, again), (without, left_out)) if made is not None
+        ]
+        reported(page, [run for run in runs if run.is_dir()], quiet=json)
     if fit.interrupted or any(one is not None and one.interrupted for one in (again, left_out)):
         raise typer.Exit(130)
 

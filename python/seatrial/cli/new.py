@@ -31,8 +31,22 @@ _STEPS = (
 
 def new(
     folder: Annotated[Path, typer.Argument(help="Folder to make; it must be empty or not exist.")],
+    from_report: Annotated[
+        Path | None,
+        typer.Option(
+            "--from-report",
+            metavar="FILE.html",
+            help="Take the files out of a page that seatrial report wrote, instead of the starter's.",
+        ),
+    ] = None,
 ) -> None:
-    """Write a starter project: vehicle, bench, campaign and mission file, generated example records."""
+    """Write a starter project: vehicle, bench, campaign and mission file, generated example records.
+
+    With --from-report: the vehicle, autopilot, mission and campaign files that a page carries, as they were.
+    """
+    if from_report is not None:
+        _from_report(from_report, folder)
+        return
     from seatrial.base.errors import SeatrialError
     from seatrial.base.report import Report, Section
     from seatrial.cli.console import answer
@@ -64,3 +78,26 @@ def new(
         sections=(Section("Then", tuple(f"seatrial {step.format(folder)}" for step in _STEPS)),),
     )
     answer(report)
+
+
+def _from_report(page: Path, folder: Path) -> None:
+    """Write the files of a page into a folder, and say what can be done with them."""
+    from seatrial.base.report import Report
+    from seatrial.cli.console import answer
+    from seatrial.report.page.embedded import unpack
+
+    written = unpack(page, folder)
+    names = [path.relative_to(folder).as_posix() for path in written]
+    campaigns = [name for name in names if name.endswith("campaign.toml")]
+    vehicle = next((name for name in names if name.endswith("vehicle.toml")), None)
+    answer(
+        Report(
+            title=str(folder),
+            outcome="files written",
+            good=f"{len(names)} files of {page.name}, each with the hash that it had: {', '.join(names)}",
+            worst="a campaign names recordings that are not in a page; put them where it expects them"
+            if campaigns
+            else "recordings and results are not in a page",
+            next_step=f"seatrial check {folder}/{vehicle or names[0]}",
+        )
+    )

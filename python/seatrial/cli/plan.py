@@ -9,12 +9,15 @@ import typer
 
 from seatrial.base.file_names import file_name
 from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.report import Page, reported
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.campaign.campaign import Campaign
     from seatrial.experiment.fisher import Instruments
+    from seatrial.experiment.plan_result import Plan
+    from seatrial.report.page.run_folder import RunFolder
 
 __all__ = ["plan"]
 
@@ -60,6 +63,7 @@ def plan(
     ] = None,
     figures: Figures = True,
     pdf: Pdf = False,
+    page: Page = None,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -112,18 +116,36 @@ def plan(
             return [
                 figure
                 for drawing, path in zip(figures_of, paths, strict=True)
-                for figure in save(drawing, path.with_suffix(""), formats=formats(pdf))
+                for figure in save(drawing, path.with_suffix(""), formats=formats(pdf, page))
             ]
 
         if json:
             shown = [str(path) for path in drawn()] if figures else []
             print_json(found.to_dict() | {"files": [str(path) for path in written], "figures": shown})
+            if page is not None:
+                reported(page, [_as_run(found, vehicle, first)], quiet=True)
             return
         names = ", ".join(path.name for path in written)
         results = f"Commands and sheets in {first.parent}: {names}"
         answer(found.report(), verbose=verbose, results=results, draw=drawn if figures else None)
+        if page is not None:
+            reported(page, [_as_run(found, vehicle, first)])
         if loaded is vehicle and found.sequence[0].manoeuvre.kind != "free decay":
             say(f"Try it:  seatrial simulate {target} {first}")
+
+
+def _as_run(found: Plan, vehicle: Vehicle, first: Path) -> RunFolder:
+    """The plan as a page shows it: command files and figures need no run directory."""
+    from seatrial.report.page.run_folder import RunFolder, figures_of
+
+    return RunFolder(
+        name=first.parent.name,
+        facts=found.facts,
+        report=found.report(),
+        results=found.to_dict(),
+        files={"vehicle.toml": vehicle.to_toml()},
+        figures=tuple(one for one in figures_of(first.parent) if one.name.startswith(first.stem)),
+    )
 
 
 def _load(target: str) -> tuple[Vehicle | Campaign, Vehicle]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -39,6 +40,7 @@ def tune(
     threads: Threads = None,
     figures: Figures = True,
     pdf: Pdf = False,
+    page: Page = None,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -59,7 +61,7 @@ def tune(
     found = tuned(loaded, source, folder, relay=relay, resume=resume, threads=threads, quiet=json)
 
     def drawn() -> list[Path]:
-        return draw(found, folder, formats=formats(pdf)) if figures and not found.interrupted else []
+        return draw(found, folder, formats=formats(pdf, page)) if figures and not found.interrupted else []
 
     if json:
         print_json(found.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})
@@ -69,6 +71,7 @@ def tune(
         answer(found.report(), verbose=verbose, results=results, draw=drawn)
     if found.interrupted:
         raise typer.Exit(130)
+    reported(page, [folder], quiet=json)
     if not found.held:
         raise typer.Exit(1)
 

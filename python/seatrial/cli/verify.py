@@ -9,6 +9,7 @@ import typer
 
 from seatrial.base.errors import CampaignError
 from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -79,6 +80,7 @@ def verify(
     threads: Threads = None,
     figures: Figures = True,
     pdf: Pdf = False,
+    page: Page = None,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -99,7 +101,7 @@ def verify(
     from seatrial.verification.campaign import verified_campaign
 
     loaded = Campaign.load(campaign, progress=reading_progress(quiet=json))
-    drawing = formats(pdf) if figures else ()
+    drawing = formats(pdf, page) if figures else ()
     if log is not None:
         refuse_beside({"--runs": runs, "--compare": compare, "--replay": replay, "--junit": junit})
         verify_log(
@@ -111,6 +113,7 @@ def verify(
             references=reference or [],
             out=out,
             drawing=drawing,
+            page=page,
             verbose=verbose,
             json=json,
         )
@@ -123,7 +126,7 @@ def verify(
         flies, steers = source or loaded.vehicle.name, gains or prepared.flights.autopilot.name
         note(f"Vehicle: {flies}. Autopilot: {steers}.")
     if replay is not None:
-        _replay(prepared, replay, out, drawing=drawing, verbose=verbose, json=json)
+        _replay(prepared, replay, out, drawing=drawing, page=page, verbose=verbose, json=json)
         return
     folder = out or Path("runs") / f"{loaded.name}-verified"
     check_writable(folder)
@@ -143,6 +146,7 @@ def verify(
         answer(found.report(), verbose=verbose, results=f"Results in {folder}: {files}", draw=drawn)
     if found.interrupted:
         raise typer.Exit(130)
+    reported(page, [folder], quiet=json)
     if not found.held:
         raise typer.Exit(1)
 
@@ -184,6 +188,7 @@ def _replay(
     out: Path | None,
     *,
     drawing: tuple[str, ...],
+    page: Path | None,
     verbose: bool,
     json: bool,
 ) -> None:
@@ -201,6 +206,7 @@ def _replay(
 
     if json:
         print_json(flight.to_dict() | {"run_directory": str(folder), "figures": [str(p) for p in drawn()]})
+        reported(page, [folder], quiet=True)
         return
     metrics = prepared.flights.fly([number]).metrics
     said = []
@@ -212,6 +218,7 @@ def _replay(
     results = f"Mission {number} in {folder}: flight.json, flight.parquet, summary.txt and the inputs"
     report = flight.report(sections=(Section("Requirements", tuple(said)),))
     answer(report, verbose=verbose, results=results, draw=drawn)
+    reported(page, [folder])
 
 
 def _refuse_place(path: Path) -> None:

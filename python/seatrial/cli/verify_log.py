@@ -13,6 +13,7 @@ import typer
 
 from seatrial.base.errors import CampaignError
 from seatrial.base.file_names import file_name
+from seatrial.cli.report import reported
 
 if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
@@ -39,6 +40,7 @@ def verify_log(
     references: Sequence[Path],
     out: Path | None,
     drawing: tuple[str, ...],
+    page: Path | None,
     verbose: bool,
     json: bool,
 ) -> None:
@@ -79,6 +81,7 @@ def verify_log(
         note(f"Vehicle: {fit or campaign.vehicle.name}. Log: {log}{part}.")
         results = f"Results in {folder}: verdict.json, summary.txt and the inputs"
         answer(found.report(), verbose=verbose, results=results, draw=drawn)
+    reported(page, [folder], quiet=json)
     if not found.held:
         raise typer.Exit(1)
 

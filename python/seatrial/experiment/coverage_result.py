@@ -180,7 +180,7 @@ class Coverage(RunResult):
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
-        return {"coverage.json": to_json(self.to_dict()), "summary.txt": self.summary() + "\n"}
+        return {"coverage.json": to_json(self.to_dict()), **self.report().files()}
 
     def report(self) -> Report:
         """How many intervals hold the truth, what fails, what to do; then the unknowns and the hold-out."""

@@ -166,10 +166,7 @@ class Plan(RunResult):
 
     def files(self) -> dict[str, str | bytes]:
         """Files of the run directory by name, see `save`."""
-        files: dict[str, str | bytes] = {
-            "plan.json": to_json(self.to_dict()),
-            "summary.txt": self.summary() + "\n",
-        }
+        files: dict[str, str | bytes] = {"plan.json": to_json(self.to_dict()), **self.report().files()}
         for number, ranked in enumerate(self.sequence, 1):
             name = "trial" if number == 1 else f"trial-{number}"
             files[f"{name}.csv"] = ranked.manoeuvre.table().write_csv()

@@ -216,7 +216,7 @@ class Flight(FlightLog):
         files: dict[str, str | bytes] = {
             **{f"{name}.toml": text for name, text in _inputs(self).items()},
             "flight.json": to_json(self.to_dict()),
-            "summary.txt": self.summary() + "\n",
+            **self.report().files(),
             "flight.parquet": parquet(self.table()),
             **_sampled(self),
             **(beside or {}),

@@ -254,7 +254,7 @@ class Identification(RunResult):
             "vehicle.toml": comment(self.held) + self.vehicle.to_toml(),
             "vehicle_stages.toml": comment(self.held) + self.stages_vehicle.to_toml(),
             "identification.json": to_json(self.to_dict()),
-            "summary.txt": self.summary() + "\n",
+            **self.report().files(),
             "coefficients.parquet": parquet(coefficients),
             "history.parquet": parquet(history),
             "scores.parquet": parquet(scores),

@@ -185,7 +185,7 @@ class LeaveOneOut(RunResult):
             "coefficients.parquet": parquet(
                 pl.DataFrame(list(self.coefficients()), infer_schema_length=None)
             ),
-            "summary.txt": self.summary() + "\n",
+            **self.report().files(),
             "campaign.toml": self.text,
         }
 

@@ -290,7 +290,7 @@ class Restarts(RunResult):
             "random_starts.json": to_json(self.to_dict()),
             "random_starts.parquet": parquet(pl.DataFrame(list(self._ends()), infer_schema_length=None)),
             "history.parquet": parquet(pl.DataFrame(list(self._steps()), infer_schema_length=None)),
-            "summary.txt": self.summary() + "\n",
+            **self.report().files(),
             "campaign.toml": self.text,
         }
 

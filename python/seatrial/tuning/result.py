@@ -239,7 +239,7 @@ class Tuning(RunResult):
             "start_autopilot.toml": self.start.to_toml(),
             "vehicle.toml": self.plan.vehicle.to_toml(),
             "tuning.json": to_json(self.to_dict()),
-            "summary.txt": self.summary() + "\n",
+            **self.report().files(),
             "history.parquet": parquet(pl.DataFrame(history, infer_schema_length=None)),
             "trials.parquet": parquet(pl.DataFrame(trials, infer_schema_length=None)),
         }

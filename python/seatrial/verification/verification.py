@@ -163,7 +163,7 @@ class Verification(RunResult):
         return {
             **input_files(self.campaign, self.flights),
             "verification.json": to_json(self.to_dict()),
-            "summary.txt": self.summary() + "\n",
+            **self.report().files(),
             "junit.xml": junit(self),
             "worst_runs.json": to_json(worst),
             "missions.parquet": parquet(self.table()),

@@ -436,11 +436,7 @@ def _mission(verdict: LogVerdict) -> tuple[list[str], Table]:
 
 def _files(found: LogVerdict, campaign: Campaign | None) -> dict[str, str | bytes]:
     """Files of a run directory by name."""
-    return {
-        **_inputs(found, campaign),
-        "verdict.json": to_json(found.to_dict()),
-        "summary.txt": found.summary() + "\n",
-    }
+    return {**_inputs(found, campaign), "verdict.json": to_json(found.to_dict()), **found.report().files()}
 
 
 def _facts(found: LogVerdict, campaign: Campaign | None, source: str | Path) -> dict[str, Any]:

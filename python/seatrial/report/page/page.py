@@ -1,0 +1,286 @@
+"""Runs as one HTML file: the first screen, the evidence, what all of it rests on, and the files themselves.
+
+The page needs no network and, to be read, no script. Figures are SVG where the run has them, else PNG.
+Held by ``tests/report/test_page.py``.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files as resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seatrial.base.atomic_write import write_atomic
+from seatrial.base.errors import SeatrialError, reason
+from seatrial.base.file_names import file_name, free_name
+from seatrial.base.run import sha256, to_json, version
+from seatrial.report.page.embedded import ELEMENT, as_embedded, script_json
+from seatrial.report.page.run_folder import Figure, RunFolder
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["LARGEST_BYTES", "check_place", "page", "write_page"]
+
+LARGEST_BYTES = 8_000_000
+"""Bytes of a page that mail still takes; a larger one is written all the same and named by the command."""
+
+_FIGURES = {
+    "vehicle": "The vehicle in three views, its centres, and its actuators with arrows of positive force",
+    "characteristic": "Thrust against the command of every actuator",
+    "convergence": "Cost of each stage's search above its best, over the candidates tried",
+    "intervals": "Standard deviations of the coefficients and how they depend on one another",
+    "residual_analysis": "What the model leaves unexplained, and which missing term would help",
+    "track": "Track of the mission, flown and planned",
+    "errors": "Errors along the mission",
+    "loops": "Set points and responses of the control loops",
+    "actuators": "Commands and signals of the actuators",
+    "margins": "Stability margins of the loops",
+    "speeds": "Speeds at which the loops were tuned",
+    "relay": "Relay experiments",
+    "requirements": "Requirements and how surely they are held",
+    "cross_track": "Cross-track error over all missions",
+    "bollard_test": "Thrust measured on the bench and fitted",
+}
+
+_BEGINNINGS = {
+    "trial_": "Measured against simulated, ten seconds ahead again and again, in the trial",
+    "corridor_": "Corridor and responses of the loop",
+    "responses_": "Step responses over the set points of the loop",
+    "causes_": "What the missions have in common that miss the requirement",
+    "worst_": "The worst mission for the requirement",
+    "motor_": "Step of the motor",
+}
+
+_NUMBER = re.compile(rb"(\d+\.\d\d)\d+")
+
+
+def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
+    """HTML of a page with these runs.
+
+    Parameters
+    ----------
+    runs : sequence of RunFolder
+        In the order in which they are told; at least one.
+    title : str, optional
+        By default the names of the runs.
+    """
+    parts = [_part(run, number) for number, run in enumerate(runs, 1)]
+    files = _files(runs)
+    return (
+        _environment()
+        .get_template("page.html.j2")
+        .render(
+            title=title or _title(runs),
+            version=version("seatrial"),
+            parts=parts,
+            views=_views(runs),
+            files=as_embedded(files),
+            files_id=ELEMENT,
+            files_json=script_json(as_embedded(files)),
+            style=_resource("page.css"),
+            flies=False,
+            flying="",
+            scripts="",
+        )
+    )
+
+
+def write_page(folders: Sequence[str | Path | RunFolder], out: str | Path, *, title: str = "") -> Path:
+    """Path of the page after it was written, whole or not at all.
+
+    Parameters
+    ----------
+    folders : sequence of str, Path or RunFolder
+        Run directories, or runs that were read.
+    out : str or Path
+        The HTML file; an earlier one is replaced.
+    title : str, optional
+
+    Raises
+    ------
+    SeatrialError
+        A folder is no run directory, or the page cannot be written.
+    """
+    target = check_place(out)
+    runs = [one if isinstance(one, RunFolder) else RunFolder.read(one) for one in folders]
+    text = page(runs, title=title)
+    try:
+        write_atomic(target, text.encode())
+    except OSError as error:
+        raise SeatrialError(
+            f"{target}: the page cannot be written ({reason(error)}); choose a place that you may write to"
+        ) from None
+    return target
+
+
+def check_place(out: str | Path) -> Path:
+    """Path of a page to be, refused where it cannot be written.
+
+    Raises
+    ------
+    SeatrialError
+        The ending is not that of a page, the folder does not exist, or something else is there.
+    """
+    target = Path(out)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise SeatrialError(f'{target}: expected a page ending in .html, found "{target.suffix}"; rename it')
+    if target.is_dir():
+        raise SeatrialError(f"{target}: expected the name of a page, found a folder; give another name")
+    if not target.absolute().parent.is_dir():
+        raise SeatrialError(f"{target}: there is no folder {target.parent}; make it or give another name")
+    return target
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("seatrial.report.page", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _resource(name: str) -> str:
+    return resources("seatrial.report.page").joinpath(name).read_text(encoding="utf-8")
+
+
+def _title(runs: Sequence[RunFolder]) -> str:
+    return ", ".join(dict.fromkeys(run.report.title for run in runs))
+
+
+def _part(run: RunFolder, number: int) -> dict[str, Any]:
+    """What the template shows of a run."""
+    lines = [line.partition(": ")[2] for line in run.report.lines()]
+    good = lines[0].removeprefix(f"{run.report.outcome}. ")
+    sections = list(run.report.shown())
+    facts = {
+        key: run.facts.get(key)
+        for key in ("kind", "name", "seed", "started_utc", "finished_utc", "simd", "platform")
+    }
+    facts["wall time, s"] = f"{float(run.facts.get('wall_s') or 0.0):.1f}"
+    return {
+        "id": f"run-{number}",
+        "kind": run.kind,
+        "name": run.name,
+        "report": run.report,
+        "good": good,
+        "worst": lines[1],
+        "next_step": lines[2],
+        "held": run.held,
+        "baselines": _baselines(run),
+        "sections": [one for one in sections if not one.details],
+        "details": [one for one in sections if one.details],
+        "evidence": False,
+        "figures": [_shown(figure, run.name) for figure in run.figures],
+        "facts": {key: value for key, value in facts.items() if value not in (None, "")},
+        "versions": dict(run.facts.get("versions") or {}),
+        "sha256": dict(run.facts.get("sha256") or {}),
+        "options": to_json(run.facts.get("options") or {}).strip(),
+    }
+
+
+def _baselines(run: RunFolder) -> list[dict[str, Any]]:
+    """Per channel R2 on held-out data of the model and of the best simple predictor."""
+    try:
+        rivals = run.results["baselines"]
+        ahead = run.results["scores"]["hold_out"]["ahead"]
+        scores = (ahead["all"] if "all" in ahead else next(iter(ahead.values())))["channels"]
+        rows = []
+        for channel, score in scores.items():
+            given = {name: one[channel] for name, one in rivals.items() if one.get(channel) is not None}
+            if not given or not isinstance(score, dict) or score.get("r2") is None:
+                continue
+            best = max(given, key=lambda name: float(given[name]))
+            rows.append({"channel": channel, "model": score["r2"], "rival": best, "r2": given[best]})
+    except (KeyError, TypeError, AttributeError):
+        return []
+    return rows
+
+
+def _views(runs: Sequence[RunFolder]) -> str:
+    """Three views of the vehicle of the last run that has one, as the source of an image; empty without."""
+    for run in reversed(runs):
+        drawn = next((one for one in run.figures if one.name == "vehicle"), None)
+        if drawn is not None:
+            return _source(drawn)
+    for run in reversed(runs):
+        text = run.files.get("vehicle.toml")
+        if text is not None and (drawn := _three_views(text)) is not None:
+            return _source(drawn)
+    return ""
+
+
+def _three_views(text: str) -> Figure | None:
+    from seatrial._core import Vehicle
+    from seatrial.base.errors import VehicleError
+    from seatrial.report.plot.style import house_style
+    from seatrial.report.plot.vehicle import three_views
+
+    try:
+        vehicle = Vehicle.from_toml(text)
+    except VehicleError:  # of another version; the page still tells the rest
+        return None
+    content = io.BytesIO()
+    with house_style():
+        three_views(vehicle).savefig(content, format="svg", metadata={"Date": None})
+    return Figure("vehicle", "svg", content.getvalue())
+
+
+def _shown(figure: Figure, run: str) -> dict[str, str]:
+    """Source, title and text instead of a figure."""
+    words = _FIGURES.get(figure.name, "")
+    for beginning, text in _BEGINNINGS.items():
+        if not words and figure.name.startswith(beginning):
+            words = f"{text} {figure.name.removeprefix(beginning).replace('_', ' ')}"
+    name = figure.name.replace("_", " ")
+    return {
+        "source": _source(figure),
+        "id": file_name(f"{run}-{figure.name}"),
+        "title": name[:1].upper() + name[1:],
+        "words": words or name[:1].upper() + name[1:],
+    }
+
+
+def _source(figure: Figure) -> str:
+    """A figure as the source of an image element; numbers of an SVG with two decimals, which none can see."""
+    if figure.ending == "png":
+        return "data:image/png;base64," + base64.b64encode(figure.content).decode()
+    begin = max(figure.content.find(b"<svg"), 0)
+    text = _NUMBER.sub(rb"\1", figure.content[begin:]).decode()
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r"\s+", " ", text).replace("> <", "><")
+    for sign, code in (("%", "%25"), ("#", "%23"), ('"', "'")):
+        text = text.replace(sign, code)
+    return "data:image/svg+xml," + text
+
+
+def _files(runs: Sequence[RunFolder]) -> dict[str, str]:
+    """Files of all runs by path, in a folder per run where there are several; equal ones once."""
+    found: dict[str, str] = {}
+    seen: set[str] = set()
+    for run in runs:
+        above = [] if len(runs) == 1 else [_plain(run.name)]
+        for path, text in run.files.items():
+            digest = sha256(f"{Path(path).name}\0{text}")
+            if digest in seen:
+                continue
+            seen.add(digest)
+            *folders, name = path.removesuffix(".toml").split("/")
+            inside = "/".join([*above, *map(_plain, folders), _plain(name)])
+            found[free_name(inside, [one.removesuffix(".toml") for one in found]) + ".toml"] = text
+    return found
+
+
+def _plain(name: str) -> str:
+    """A name of ASCII letters, digits, - and _ that a page may carry."""
+    return file_name(name.encode("ascii", "replace").decode())

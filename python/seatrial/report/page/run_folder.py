@@ -1,0 +1,193 @@
+"""What a run directory says, read for a page: its report, what it rests on, its files and its figures.
+
+Held by ``tests/report/test_page.py``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from seatrial.base.errors import SeatrialError, reason
+from seatrial.base.report import REPORT_FILE, Report, Section
+from seatrial.base.run import RUN_FILE
+
+__all__ = ["Figure", "RunFolder"]
+
+INPUTS = ("vehicle.toml", "autopilot.toml", "mission.toml", "campaign.toml", "bench.toml", "tuning.toml")
+"""Files of a run that a page carries as they are, beside those in ``missions/`` and others that end so."""
+
+_RESULTS = {
+    "identification": "identification.json",
+    "tuning": "tuning.json",
+    "verification": "verification.json",
+    "log verdict": "verdict.json",
+    "flight": "flight.json",
+    "bench test": "bench.json",
+    "plan": "plan.json",
+    "coverage": "coverage.json",
+    "random starts": "random_starts.json",
+    "leave one out": "leave_one_out.json",
+}
+
+_VERDICTS = ("held", "complete")
+
+_LARGEST_FILE = 2**20
+"""Bytes of an input file that a page carries."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a run: the stem of its file, its ending ("svg" or "png") and its content."""
+
+    name: str
+    ending: str
+    content: bytes
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """One run as a page shows it.
+
+    Attributes
+    ----------
+    name
+        Of the folder.
+    facts
+        Content of ``run.json``, see `seatrial.base.run.run_facts`.
+    report
+        How good, the worst problem, what next, tables and sentences.
+    results
+        Results as plain data; empty where there are none.
+    files
+        Input files by path inside the folder, as they are.
+    figures
+        By the time at which they were drawn.
+    path
+        The folder; None for a run that was not written.
+    """
+
+    name: str
+    facts: Mapping[str, Any]
+    report: Report
+    results: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict)
+    figures: tuple[Figure, ...] = ()
+    path: Path | None = None
+
+    @classmethod
+    def read(cls, folder: str | Path) -> RunFolder:
+        """Run of a run directory.
+
+        Raises
+        ------
+        SeatrialError
+            The folder is none, or a file in it is broken.
+        """
+        path = Path(folder)
+        if not path.is_dir():
+            what = "a file" if path.exists() else "nothing"
+            raise SeatrialError(
+                f"{path}: expected a run directory, found {what}; give the folder that a command named"
+                " after 'Results in'"
+            )
+        if not (path / RUN_FILE).is_file():
+            inside = [one.parent.name for one in sorted(path.glob(f"*/{RUN_FILE}"))]
+            there = (
+                f"; there are runs in it: {', '.join(str(path / name) for name in inside)}" if inside else ""
+            )
+            raise SeatrialError(f"{path}: expected a run directory, found no {RUN_FILE} in it{there}")
+        facts = _read_json(path / RUN_FILE)
+        kind = str(facts.get("kind", ""))
+        results = path / _RESULTS.get(kind, "")
+        return cls(
+            name=path.resolve().name,
+            facts=facts,
+            report=_report(path, facts),
+            results=_read_json(results) if results.is_file() else {},
+            files=_inputs(path),
+            figures=figures_of(path),
+            path=path,
+        )
+
+    @property
+    def kind(self) -> str:
+        """What kind of run: "identification", "flight" and so on."""
+        return str(self.facts.get("kind", "run"))
+
+    @property
+    def held(self) -> bool | None:
+        """The verdict, where the run has one."""
+        told = [self.results[key] for key in _VERDICTS if isinstance(self.results.get(key), bool)]
+        if self.kind == "verification":  # its outcome is a word: held, failed or undecided
+            told = [self.results.get("outcome", self.report.outcome) == "held"]
+        return bool(told[0]) if told else None
+
+
+def figures_of(folder: Path) -> tuple[Figure, ...]:
+    """Figures of a run directory: of each name the SVG where there is one, else the PNG."""
+    best: dict[str, Path] = {}
+    for place in (folder / "figures", folder):
+        for ending in ("svg", "png"):
+            for path in sorted(place.glob(f"*.{ending}"), key=lambda one: (one.stat().st_mtime, one.name)):
+                best.setdefault(path.stem, path)
+    ordered = sorted(best.values(), key=lambda one: (one.stat().st_mtime, one.name))
+    try:
+        return tuple(Figure(path.stem, path.suffix[1:], path.read_bytes()) for path in ordered)
+    except OSError as error:
+        raise SeatrialError(f"{folder}: a figure cannot be read ({reason(error)})") from None
+
+
+def _inputs(folder: Path) -> dict[str, str]:
+    found = [path for name in INPUTS if (path := folder / name).is_file()]
+    more = [*sorted((folder / "missions").glob("*.toml")), *sorted(folder.glob("*.toml"))]
+    files: dict[str, str] = {}
+    for path in [*found, *(path for path in more if path not in found)]:
+        try:
+            if path.stat().st_size <= _LARGEST_FILE:
+                files[path.relative_to(folder).as_posix()] = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise SeatrialError(f"{path}: cannot be read ({reason(error)})") from None
+    return files
+
+
+def _report(folder: Path, facts: Mapping[str, Any]) -> Report:
+    """Report of a run; of one from before reports were kept as data, the three lines of its summary."""
+    path = folder / REPORT_FILE
+    if path.is_file():
+        try:
+            return Report.of_dict(_read_json(path))
+        except (KeyError, TypeError, ValueError) as error:
+            raise SeatrialError(
+                f"{path}: expected a report as seatrial writes it, found {error!r}; repeat the run"
+            ) from None
+    try:
+        lines = (folder / "summary.txt").read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SeatrialError(
+            f"{folder}: expected {REPORT_FILE} or summary.txt, found neither ({reason(error)}); repeat the"
+            " run"
+        ) from None
+    first, worst, next_step = (*(line.partition(": ")[2] for line in lines[:3]), "", "", "")[:3]
+    outcome, _, good = first.partition(". ")
+    return Report(
+        title=str(facts.get("name", folder.name)),
+        outcome=outcome or str(facts.get("kind", "run")),
+        good=good,
+        worst=worst,
+        next_step=next_step,
+        sections=(Section("Summary", tuple(line for line in lines[3:] if line.strip()), details=True),),
+    )
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise SeatrialError(f"{path}: expected JSON, found none ({error}); repeat the run") from None
+    if not isinstance(found, dict):
+        raise SeatrialError(f"{path}: expected a JSON object, found {type(found).__name__}; repeat the run")
+    return found
