@@ -18,13 +18,16 @@ SHELL       := bash
 # A change to any of these calls for a build; Python files are read in place.
 CORE := Cargo.toml Cargo.lock rust-toolchain.toml pyproject.toml \
         $(shell find crates -name '*.rs' -o -name '*.toml')
-PACKAGE := README.md LICENSE $(shell find python -type f ! -name '*.so' ! -name '*.pyc')
+PACKAGE := README.md LICENSE $(shell find python -type f ! -name '*.so' ! -name '*.pyc' ! -name '*.wasm.gz')
+
+# The core as WebAssembly, which flies in the page of a report.
+PAGE := python/seatrial/report/page/core.wasm.gz
 
 SET_UP := $(VENV)/.set-up
 BUILT  := $(VENV)/.built
 WHEEL  := dist/.built
 
-.PHONY: help setup build demo test test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel clean
+.PHONY: help setup build page demo test test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel clean
 
 help: ## list the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -37,10 +40,16 @@ $(SET_UP): constraints.txt
 	$(BIN)/python -m pip install --no-compile --requirement constraints.txt
 	@touch $@
 
-build: $(BUILT) ## the Rust core, optimised, importable from .venv
-$(BUILT): $(SET_UP) $(CORE)
+build: $(BUILT) ## the Rust core, optimised, importable from .venv, and the one of a report's page
+$(BUILT): $(SET_UP) $(CORE) $(PAGE)
 	env -u MAKEFLAGS -u MFLAGS PIP_CONSTRAINT=constraints.txt $(BIN)/maturin develop --release --locked
 	@touch $@
+
+page: $(PAGE) ## the core as WebAssembly, for the page of a report
+$(PAGE): $(CORE)
+	rustup target list --installed | grep -qx wasm32-unknown-unknown || rustup target add wasm32-unknown-unknown
+	env -u MAKEFLAGS -u MFLAGS cargo build --locked --quiet --profile page --target wasm32-unknown-unknown --package seatrial-wasm
+	gzip -9 --no-name --stdout target/wasm32-unknown-unknown/page/seatrial_wasm.wasm > $@
 
 demo: build ## from trials to a verdict in under two minutes: identify, tune, verify
 	$(BIN)/seatrial demo
@@ -102,5 +111,5 @@ $(WHEEL): $(BUILT) $(PACKAGE)
 
 clean: ## remove everything that was built, and the environment
 	rm -rf target dist $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
-	rm -f python/seatrial/*.so
+	rm -f python/seatrial/*.so $(PAGE)
 	find . -name __pycache__ -prune -exec rm -rf {} +

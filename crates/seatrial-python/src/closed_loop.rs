@@ -4,7 +4,7 @@ use crate::autopilot::Autopilot;
 use crate::convert::{Array, Named, Numbers};
 use crate::error::{raised, refused};
 use crate::log_store::LogStore;
-use crate::mission::{Mission, with_cylinders};
+use crate::mission::Mission;
 use crate::navigation_filter::Filter;
 use crate::pickle::{self, Parts, parts, restorer};
 use crate::trial::{CorridorRow, Trials, dither as dither_of};
@@ -12,16 +12,16 @@ use crate::vehicle::Vehicle;
 use crate::work::{Threads, parallel};
 use pyo3::prelude::*;
 use seatrial::control::autopilot::settings::{tunable_index, tunable_names};
-use seatrial::control::navigation::{CHANNELS, ChannelErrors, GROUPS, GroupTiming, Outage, Sensors};
+use seatrial::control::navigation::{CHANNELS, GROUPS, Outage, Sensors};
 use seatrial::description::{ActuatorDescription, Description};
 use seatrial::fit::inputs::actuator_index;
-use seatrial::flight::Flight;
 use seatrial::flight::batch::{Case, Cases, Outcome};
 use seatrial::flight::exceedance::{EDGES, edges};
 use seatrial::flight::faults::ActuatorFault;
 use seatrial::flight::log::{self, Log};
-use seatrial::flight::summary::Summary;
+use seatrial::flight::summary::{FIGURES, Summary};
 use seatrial::flight::waves::Sea;
+use seatrial::flight::{Flight, whole_steps};
 use seatrial::model::integrate;
 use seatrial::number::lanes::LANES;
 use std::collections::{BTreeMap, HashSet};
@@ -64,23 +64,15 @@ impl Flights {
     /// Names of the columns of a log; cmd.<actuator> and act.<actuator> are in the unit of the command.
     #[getter]
     fn columns(&self) -> Vec<String> {
-        let names = || self.description.actuators.iter().map(|a| &a.name);
-        let own = log::columns().into_iter();
-        own.chain(names().map(|n| format!("cmd.{n}"))).chain(names().map(|n| format!("act.{n}"))).collect()
+        log::columns_with(&self.description.actuators)
     }
 
     /// The log of a case, shape (n, columns), one row per control period; SI and rad.
     fn log(&self, case: usize) -> PyResult<Array> {
         self.check_case(case)?;
-        let actuators = &self.description.actuators;
-        let Log { mut values, rows } = self.logs.get(case).map_err(raised)?.into_owned();
+        let log = self.logs.get(case).map_err(raised)?.into_owned();
+        let Log { values, rows } = log.in_commands(&self.description.actuators);
         let width = self.columns().len();
-        let first = width - 2 * actuators.len();
-        for row in values.chunks_exact_mut(width) {
-            for (i, value) in row[first..].iter_mut().enumerate() {
-                *value = actuators[i % actuators.len()].command(*value);
-            }
-        }
         Ok(Array::new(&[rows, width], values))
     }
 
@@ -97,37 +89,7 @@ impl Flights {
         let column = |read: fn(&Summary<f64>) -> f64| {
             Array::new(&[self.summaries.len()], self.summaries.iter().map(read).collect())
         };
-        let mut figures = BTreeMap::from([
-            ("ending", column(|s| s.ending)),
-            ("duration", column(|s| s.duration)),
-            ("distance", column(|s| s.distance)),
-            ("energy", column(|s| s.energy)),
-            ("cross_track_largest", column(|s| s.cross_track[0])),
-            ("cross_track_rms", column(|s| s.cross_track[1])),
-            ("true_cross_track_largest", column(|s| s.true_cross_track[0])),
-            ("true_cross_track_rms", column(|s| s.true_cross_track[1])),
-            ("vertical_largest", column(|s| s.vertical[0])),
-            ("vertical_rms", column(|s| s.vertical[1])),
-            ("excursion", column(|s| s.excursion)),
-            ("depth_largest", column(|s| s.depth)),
-            ("altitude_smallest", column(|s| s.altitude)),
-            ("waypoints", column(|s| s.waypoints)),
-            ("missed_by", column(|s| s.missed_by)),
-            ("switches", column(|s| s.switches)),
-            ("alert", column(|s| s.alert[0])),
-            ("alert_cause", column(|s| s.alert[1])),
-            ("alert_time", column(|s| s.alert[2])),
-            ("roll_largest", column(|s| s.tilt[0])),
-            ("pitch_largest", column(|s| s.tilt[1])),
-            ("clearance", column(|s| s.clearance[0])),
-            ("clearance_time", column(|s| s.clearance[1])),
-            ("clearance_reserve", column(|s| s.clearance[2])),
-            ("depth_smallest", column(|s| s.shallowest[0])),
-            ("depth_smallest_time", column(|s| s.shallowest[1])),
-            ("roll_time", column(|s| s.tilt_time[0])),
-            ("pitch_time", column(|s| s.tilt_time[1])),
-            ("travel", column(|s| s.travel)),
-        ]);
+        let mut figures: BTreeMap<_, _> = FIGURES.iter().map(|(name, read)| (*name, column(*read))).collect();
         if self.summaries.iter().any(|s| !s.consistency[1].is_nan()) {
             figures.insert("navigation_nis", column(|s| s.consistency[0]));
             figures.insert("navigation_samples", column(|s| s.consistency[1]));
@@ -373,7 +335,7 @@ pub fn fly(
             }
         }
     }
-    let obstacles = with_cylinders(&mission.core, obstacles);
+    let obstacles = mission.core.with_cylinders(&obstacles);
     let sensors = sensors(&errors, &timing, outages)?;
     let model = model.as_ref().map_or(description, |m| &m.description);
     let same = |(a, b): (&ActuatorDescription, &ActuatorDescription)| a.name == b.name && a.unit == b.unit;
@@ -401,8 +363,8 @@ pub fn fly(
         navigation: fitting.as_ref(),
         environment: own.with(rho, g).map_err(raised)?,
         voltage: voltage_v,
-        substeps: whole(dt / max_step_s),
-        periods: whole(max_time_s / dt),
+        substeps: whole_steps(dt / max_step_s),
+        periods: whole_steps(max_time_s / dt),
     };
     let (summaries, logs) = parallel(py, threads, |stop| {
         let (mut summaries, mut kept) = (Vec::with_capacity(k), LogStore::default());
@@ -430,11 +392,6 @@ fn at_once(kept: &LogStore) -> usize {
         0 => least,
         bytes => (TOGETHER / bytes).clamp(least, 64 * least).next_multiple_of(LANES),
     }
-}
-
-/// The smallest whole number, at least 1, that is not below a ratio of times but for rounding: 2.1 s are 7 periods of 0.3 s.
-fn whole(ratio: f64) -> usize {
-    (ratio - ratio.max(1.0) * 1e-9).ceil().max(1.0) as usize
 }
 
 /// Where the cases begin.
@@ -502,17 +459,10 @@ fn sensors(errors: &Numbers, timing: &Numbers, outages: Vec<(usize, f64, f64)>) 
     if let Some((group, ..)) = outages.iter().find(|row| row.0 >= GROUPS) {
         return Err(refused(format!("outages: expected a group below {GROUPS}, found {group}")));
     }
-    let of = |[noise, bias, drift, quantum]: [f64; 4]| ChannelErrors { noise, bias, drift, quantum };
-    let when = |[present, every, latency, dropout_every, dropout]: [f64; 5]| GroupTiming {
-        present: present > 0.5,
-        every: every.max(1.0) as usize,
-        latency: latency.max(0.0) as usize,
-        dropout_every,
-        dropout,
-    };
-    Ok(Sensors {
-        errors: std::array::from_fn(|c| of(errors[c])),
-        timing: std::array::from_fn(|g| when(timing[g])),
-        outages: outages.into_iter().map(|(group, from, until)| Outage { group, from, until }).collect(),
-    })
+    let outages = outages.into_iter().map(|(group, from, until)| Outage { group, from, until });
+    Ok(Sensors::of_rows(
+        std::array::from_fn(|c| errors[c]),
+        std::array::from_fn(|g| timing[g]),
+        outages.collect(),
+    ))
 }

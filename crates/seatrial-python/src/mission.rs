@@ -111,7 +111,7 @@ impl Mission {
                 euler.len()
             )));
         }
-        let standing = with_cylinders(&self.core, obstacles);
+        let standing = self.core.with_cylinders(&obstacles);
         let hull = vehicle.map_or(Hull::default(), |vehicle| Hull::of(&vehicle.description));
         let rows = position.iter().zip(&euler).map(|([x, y, z], [roll, pitch, yaw])| {
             clearance(&standing, hull, &[*x, *y, *z, *roll, *pitch, *yaw])
@@ -252,14 +252,4 @@ impl Mission {
 #[pyo3(name = "_restored_mission")]
 pub fn restored_mission(text: &str) -> PyResult<Mission> {
     Mission::from_toml(text, "<pickle>")
-}
-
-/// What stands in the water of a mission, and further cylinders: north, east and radius, m.
-pub fn with_cylinders(mission: &Core, cylinders: Vec<(f64, f64, f64)>) -> Vec<Obstacle> {
-    let cylinder = |(north, east, radius)| Obstacle {
-        shape: Farm::Circle { centre: [north, east], radius },
-        distance: 0.0,
-        leg: None,
-    };
-    mission.obstacles.iter().cloned().chain(cylinders.into_iter().map(cylinder)).collect()
 }

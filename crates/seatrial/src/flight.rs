@@ -38,7 +38,7 @@ use crate::model::integrate::step;
 use crate::model::vehicle::{Instant, Vehicle};
 use crate::number::real::Real;
 use aboard::{Aboard, Split};
-pub use case::{Flight, Setting};
+pub use case::{Flight, Setting, whole_steps};
 use energy::Energy;
 use faults::Faults;
 use log::{Log, Row};

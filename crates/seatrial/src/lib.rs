@@ -21,6 +21,9 @@
 //! | [`control`] | the autopilot: navigation, guidance, control laws, allocation, safety |
 //! | [`flight`] | the loop closed: vehicle, sensors and autopilot fly missions, alone or in batches |
 
+// Lanes are not compiled there, and much of what feeds them is then unused.
+#![cfg_attr(target_arch = "wasm32", allow(dead_code, unused_variables))]
+
 pub mod actuator;
 pub mod control;
 pub mod description;

@@ -82,6 +82,33 @@ impl Mission {
         }
     }
 
+    /// What stands in the water of the mission, and further cylinders: north, east and radius, m.
+    pub fn with_cylinders(&self, cylinders: &[(f64, f64, f64)]) -> Vec<Obstacle> {
+        let cylinder = |&(north, east, radius): &(f64, f64, f64)| Obstacle {
+            shape: farm::Farm::Circle { centre: [north, east], radius },
+            distance: 0.0,
+            leg: None,
+        };
+        self.obstacles.iter().cloned().chain(cylinders.iter().map(cylinder)).collect()
+    }
+
+    /// The mission with one waypoint elsewhere, north and east in m, every pattern as waypoints.
+    ///
+    /// # Errors
+    /// There is no such waypoint, or the mission is none with it there.
+    pub fn with_waypoint_at(&self, waypoint: usize, [north, east]: [f64; 2]) -> Result<Self, Error> {
+        let mut moved = self.clone();
+        let count = moved.waypoints.len();
+        let Some(place) = moved.waypoints.get_mut(waypoint) else {
+            return Err(Error::vehicle(
+                &self.file.name,
+                format!("waypoint {}: expected one of {count}", waypoint + 1),
+            ));
+        };
+        place.position[..2].copy_from_slice(&[north, east]);
+        Self::from_toml(&moved.to_expanded_toml(), &self.file.name)
+    }
+
     /// The mission file as written, TOML.
     pub fn to_toml(&self) -> String {
         self.file.to_toml()

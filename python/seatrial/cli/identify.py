@@ -141,6 +141,10 @@ def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",))
     """Paths of the figures of an identification in its run directory."""
     from seatrial.report.plot.identification import gallery
 
+    if "svg" in endings:  # a page is asked for, which draws the trials itself
+        from seatrial.report.page.evidence import save_trials
+
+        save_trials(fit, folder)
     return gallery(fit, folder / "figures", formats=endings)
 
 

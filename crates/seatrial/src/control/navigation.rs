@@ -13,7 +13,7 @@ use crate::model::current::Current;
 use crate::model::integrate::State;
 use crate::model::kinematics::{rotation, to_euler};
 use crate::number::algebra::{Vec3, Vec6, each, transposed_product};
-use crate::number::random::{Noise, Seed};
+use crate::number::random::{Noise, ONCE, Seed};
 use crate::number::real::Real;
 
 /// The number of channels.
@@ -201,6 +201,20 @@ pub struct Sensors {
 }
 
 impl Sensors {
+    /// Sensors of rows of numbers: noise, bias, drift and quantum per channel; present, every, latency, drop-outs
+    /// every s, for s, per group.
+    pub fn of_rows(errors: [[f64; 4]; CHANNELS], timing: [[f64; 5]; GROUPS], outages: Vec<Outage>) -> Self {
+        let of = |[noise, bias, drift, quantum]: [f64; 4]| ChannelErrors { noise, bias, drift, quantum };
+        let when = |[present, every, latency, dropout_every, dropout]: [f64; 5]| GroupTiming {
+            present: present > 0.5,
+            every: every.max(1.0) as usize,
+            latency: latency.max(0.0) as usize,
+            dropout_every,
+            dropout,
+        };
+        Self { errors: errors.map(of), timing: timing.map(when), outages }
+    }
+
     /// The longest latency, in control periods.
     fn longest(&self) -> usize {
         self.timing.iter().map(|t| t.latency).max().unwrap_or(0)
@@ -242,7 +256,7 @@ impl<'a, T: Real> Navigation<'a, T> {
             noise: Noise::new(seed, 0),
             steps: Noise::new(seed, CHANNELS),
             bias: std::array::from_fn(|c| match sensors.errors[c].bias {
-                size if size > 0.0 => drawn.gaussians(usize::MAX, c).0 * size,
+                size if size > 0.0 => drawn.gaussians(ONCE, c).0 * size,
                 _ => zero,
             }),
             walk: [zero; CHANNELS],

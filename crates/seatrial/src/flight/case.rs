@@ -54,6 +54,11 @@ impl Flight<'_> {
     }
 }
 
+/// The smallest whole number, at least 1, that is not below a ratio of times but for rounding: 2.1 s are 7 periods of 0.3 s.
+pub fn whole_steps(ratio: f64) -> usize {
+    (ratio - ratio.max(1.0) * 1e-9).ceil().max(1.0) as usize
+}
+
 /// One case of a flight, in the number type of the run.
 #[derive(Clone)]
 pub struct Setting<T> {

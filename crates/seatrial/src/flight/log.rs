@@ -4,6 +4,7 @@
 
 use crate::control::autopilot::Thought;
 use crate::control::navigation::{ALTITUDE, CHANNEL_NAMES, CHANNELS, Measurement};
+use crate::description::ActuatorDescription;
 use crate::number::real::Real;
 
 /// The columns of a flight besides its channels, true and measured, and its actuators.
@@ -45,6 +46,12 @@ pub fn columns() -> Vec<String> {
     let truth = CHANNEL_NAMES.iter().map(|name| (*name).to_owned());
     let measured = CHANNEL_NAMES.iter().map(|name| format!("measured_{name}"));
     truth.chain(measured).chain(THOUGHTS.iter().map(|name| (*name).to_owned())).collect()
+}
+
+/// The names of all columns: those of [`columns`], then commands and signals of these actuators.
+pub fn columns_with(actuators: &[ActuatorDescription]) -> Vec<String> {
+    let of = |kind: &'static str| actuators.iter().map(move |a| format!("{kind}.{}", a.name));
+    columns().into_iter().chain(of("cmd")).chain(of("act")).collect()
 }
 
 /// One moment of a flight.
@@ -102,6 +109,17 @@ impl<T: Real> Log<T> {
 }
 
 impl Log<f64> {
+    /// The log with commands and signals in the unit of each actuator's command.
+    pub fn in_commands(mut self, actuators: &[ActuatorDescription]) -> Self {
+        let width = self.values.len() / self.rows.max(1);
+        for row in self.values.chunks_exact_mut(width.max(1)) {
+            for (i, value) in row[width - 2 * actuators.len()..].iter_mut().enumerate() {
+                *value = actuators[i % actuators.len()].command(*value);
+            }
+        }
+        self
+    }
+
     /// At most so many first rows, all of them sound: what diverged ends with its last sound row.
     pub fn first(mut self, most: usize) -> Self {
         if self.rows == 0 {

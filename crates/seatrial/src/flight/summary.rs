@@ -14,6 +14,42 @@ use std::cell::RefCell;
 /// How a flight ended.
 pub const ENDINGS: [&str; 4] = ["out of time", "complete", "surfaced", "aborted"];
 
+/// Reads a figure of a flight.
+pub type Figure = fn(&Summary<f64>) -> f64;
+
+/// The figures of every flight by name, SI and rad.
+pub const FIGURES: [(&str, Figure); 29] = [
+    ("ending", |s| s.ending),
+    ("duration", |s| s.duration),
+    ("distance", |s| s.distance),
+    ("energy", |s| s.energy),
+    ("cross_track_largest", |s| s.cross_track[0]),
+    ("cross_track_rms", |s| s.cross_track[1]),
+    ("true_cross_track_largest", |s| s.true_cross_track[0]),
+    ("true_cross_track_rms", |s| s.true_cross_track[1]),
+    ("vertical_largest", |s| s.vertical[0]),
+    ("vertical_rms", |s| s.vertical[1]),
+    ("excursion", |s| s.excursion),
+    ("depth_largest", |s| s.depth),
+    ("altitude_smallest", |s| s.altitude),
+    ("waypoints", |s| s.waypoints),
+    ("missed_by", |s| s.missed_by),
+    ("switches", |s| s.switches),
+    ("alert", |s| s.alert[0]),
+    ("alert_cause", |s| s.alert[1]),
+    ("alert_time", |s| s.alert[2]),
+    ("roll_largest", |s| s.tilt[0]),
+    ("pitch_largest", |s| s.tilt[1]),
+    ("clearance", |s| s.clearance[0]),
+    ("clearance_time", |s| s.clearance[1]),
+    ("clearance_reserve", |s| s.clearance[2]),
+    ("depth_smallest", |s| s.shallowest[0]),
+    ("depth_smallest_time", |s| s.shallowest[1]),
+    ("roll_time", |s| s.tilt_time[0]),
+    ("pitch_time", |s| s.tilt_time[1]),
+    ("travel", |s| s.travel),
+];
+
 /// The figures of a flight.
 #[derive(Clone, Debug)]
 pub struct Summary<T> {

@@ -11,7 +11,7 @@
 
 use crate::model::current::Current;
 use crate::number::algebra::Vec3;
-use crate::number::random::{Noise, gaussians};
+use crate::number::random::{Noise, ONCE, gaussians};
 use crate::number::real::Real;
 
 /// The places of the random numbers, beyond those of the sensors.
@@ -65,7 +65,7 @@ impl<T: Real> Turbulence<T> {
         };
         if varies {
             for axis in 0..3 {
-                let (slow, rest) = gaussians(seed, usize::MAX, PLACE + axis);
+                let (slow, rest) = gaussians(seed, ONCE, PLACE + axis);
                 current.slow[axis] = slow * variance.sqrt();
                 let own = slow * (1.0 / variance).sqrt() + rest * (1.0 - 1.0 / variance).sqrt();
                 current.next[axis] = own.mul_add(sigma[axis], mean[axis]);

@@ -32,7 +32,7 @@
 use crate::filter::swell::Swell;
 use crate::model::current::Current;
 use crate::number::algebra::Vec3;
-use crate::number::random::{gaussian, uniform};
+use crate::number::random::{ONCE, gaussian, uniform};
 use crate::number::real::Real;
 use std::f64::consts::TAU;
 
@@ -89,11 +89,11 @@ impl Sea {
         }
         let omega_p = TAU / self.period;
         let strata = strata(self.peakedness);
-        let drawn = |kind: usize, i: usize| uniform(seed, usize::MAX, PLACE + kind * COMPONENTS + i);
+        let drawn = |kind: usize, i: usize| uniform(seed, ONCE, PLACE + kind * COMPONENTS + i);
         (0..COMPONENTS)
             .map(|i| {
                 let (energy, omega) = (strata[i].energy, omega_p * strata[i].frequency(drawn(0, i)));
-                let turn = gaussian(seed, usize::MAX, PLACE + 2 * COMPONENTS + i) * self.spreading;
+                let turn = gaussian(seed, ONCE, PLACE + 2 * COMPONENTS + i) * self.spreading;
                 let (sin, cos) = (self.toward + turn).sin_cos();
                 Harmonic {
                     omega,

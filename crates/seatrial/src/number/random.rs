@@ -56,6 +56,9 @@ fn mixed<W: Word>(x: W) -> W {
     x.xor(x.right(31))
 }
 
+/// The step of what is drawn once, before all others.
+pub const ONCE: usize = usize::MAX;
+
 /// A seed, from which numbers are drawn by step and place.
 #[derive(Clone, Copy)]
 pub struct Seed<T: Real> {
@@ -73,7 +76,9 @@ impl<T: Real> Seed<T> {
     /// 64 well-mixed bits of the seed, a step and a place.
     #[inline(always)]
     fn bits(&self, step: usize, place: usize) -> T::Word {
-        let word = self.mixed.xor(self.mixed.splat(step as u64));
+        // The same 64 bits on machines of 32 (WebAssembly, microcontrollers) as on those of 64.
+        let step = if step == ONCE { u64::MAX } else { step as u64 };
+        let word = self.mixed.xor(self.mixed.splat(step));
         mixed(mixed(word).xor(word.splat(place as u64)))
     }
 

@@ -20,6 +20,8 @@ from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.file_names import file_name, free_name
 from seatrial.base.run import sha256, to_json, version
 from seatrial.report.page.embedded import ELEMENT, as_embedded, script_json
+from seatrial.report.page.evidence import evidence
+from seatrial.report.page.flying import core, setups
 from seatrial.report.page.run_folder import Figure, RunFolder
 
 if TYPE_CHECKING:
@@ -57,6 +59,8 @@ _BEGINNINGS = {
     "motor_": "Step of the motor",
 }
 
+_NO_CORE = "This seatrial was built without the page's core, so nothing flies here; make build adds it."
+
 _NUMBER = re.compile(rb"(\d+\.\d\d)\d+")
 
 
@@ -70,8 +74,17 @@ def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
     title : str, optional
         By default the names of the runs.
     """
-    parts = [_part(run, number) for number, run in enumerate(runs, 1)]
+    series = [evidence(run) for run in runs]
+    parts = [
+        _part(run, number, shown=bool(own))
+        for number, (run, own) in enumerate(zip(runs, series, strict=True), 1)
+    ]
+    for part in parts:  # two of a kind are told apart
+        if [one["kind"] for one in parts].count(part["kind"]) > 1:
+            part["short"] = f"{part['kind']} {part['name']}"
     files = _files(runs)
+    packed = core()
+    flying, grounded = setups(runs) if packed else ([], [_NO_CORE])
     return (
         _environment()
         .get_template("page.html.j2")
@@ -84,9 +97,12 @@ def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
             files_id=ELEMENT,
             files_json=script_json(as_embedded(files)),
             style=_resource("page.css"),
-            flies=False,
-            flying="",
-            scripts="",
+            flying=script_json(flying) if flying else "",
+            grounded=grounded,
+            core=packed,
+            evidence=script_json(series),
+            worker=_resource("worker.js"),
+            scripts=_resource("charts.js") + _resource("page.js"),
         )
     )
 
@@ -158,7 +174,7 @@ def _title(runs: Sequence[RunFolder]) -> str:
     return ", ".join(dict.fromkeys(run.report.title for run in runs))
 
 
-def _part(run: RunFolder, number: int) -> dict[str, Any]:
+def _part(run: RunFolder, number: int, *, shown: bool) -> dict[str, Any]:
     """What the template shows of a run."""
     lines = [line.partition(": ")[2] for line in run.report.lines()]
     good = lines[0].removeprefix(f"{run.report.outcome}. ")
@@ -171,6 +187,7 @@ def _part(run: RunFolder, number: int) -> dict[str, Any]:
     return {
         "id": f"run-{number}",
         "kind": run.kind,
+        "short": run.kind,
         "name": run.name,
         "report": run.report,
         "good": good,
@@ -180,7 +197,7 @@ def _part(run: RunFolder, number: int) -> dict[str, Any]:
         "baselines": _baselines(run),
         "sections": [one for one in sections if not one.details],
         "details": [one for one in sections if one.details],
-        "evidence": False,
+        "evidence": shown,
         "figures": [_shown(figure, run.name) for figure in run.figures],
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
         "versions": dict(run.facts.get("versions") or {}),

@@ -49,8 +49,19 @@ if TYPE_CHECKING:
     from seatrial.diagnosis.residual_autocorrelation import Autocorrelation
     from seatrial.estimation.stage import StageResult
     from seatrial.identification.identification import Identification
+    from seatrial.trial.trial import Trial
+    from seatrial.trial.windows import Window
 
-__all__ = ["Row", "coefficient_bars", "convergence", "gallery", "intervals", "phase_costs", "residual_figure"]
+__all__ = [
+    "Row",
+    "coefficient_bars",
+    "convergence",
+    "gallery",
+    "intervals",
+    "phase_costs",
+    "predicted",
+    "residual_figure",
+]
 
 _COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
 
@@ -346,12 +357,38 @@ def trial_figure(fit: Identification, name: str) -> Figure:
         No window can start, or an input is missing.
     """
     campaign = fit.campaign
+    trial, windows, channels = predicted(fit, name)
+    held_out = campaign.held_out(name)
+    remark = " (held out as a whole)" if held_out.all() else ""
+    restart = f"{fit.restarts.ahead_s:g} s ahead from the"
+    restart += " filter's state" if name in fit.restarts.trials else " measured state"
+    return measured_against_simulated(
+        trial,
+        windows,
+        channels=channels,
+        titles={channel: _scores(fit, name, channel) for channel in channels},
+        held_out=None if held_out.all() else held_out,
+        heading=f"{fit.vehicle.name}, trial {name}{remark}: {restart}",
+    )
+
+
+def predicted(fit: Identification, name: str) -> tuple[Trial, Sequence[Window], list[str]]:
+    """A trial, what the vehicle predicts of it ten seconds ahead again and again, and the channels to show.
+
+    Raises
+    ------
+    TrialError
+        No window can start, or an input is missing.
+    """
+    campaign = fit.campaign
     trial = fit.restarts.trials.get(name, campaign.trials[name])
     free = "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in campaign.stages))
     own = [stage for stage in campaign.stages if name in stage.trials] or list(campaign.stages)
     shown = {CHANNELS[AXES.index(axis)] for stage in own for axis in stage.axes.free}
     if name in {trial for stage in own for trial in stage.trials}:
         shown |= {channel for stage in own for channel in stage.weights()}
+    scored = [kinds["ahead"][name] for kinds in fit.scores.values() if name in kinds.get("ahead", {})]
+    shown |= {channel for row in scored for channel in row}
     channels = [channel for channel in CHANNELS if channel in shown and channel in trial.channels]
     simulated = score(
         fit.vehicle,
@@ -363,18 +400,7 @@ def trial_figure(fit: Identification, name: str) -> Figure:
         free=free,
         measured="".join(axis for axis in AXES if axis not in free),
     )
-    held_out = campaign.held_out(name)
-    remark = " (held out as a whole)" if held_out.all() else ""
-    restart = f"{fit.restarts.ahead_s:g} s ahead from the"
-    restart += " filter's state" if name in fit.restarts.trials else " measured state"
-    return measured_against_simulated(
-        trial,
-        simulated.windows,
-        channels=channels,
-        titles={channel: _scores(fit, name, channel) for channel in channels},
-        held_out=None if held_out.all() else held_out,
-        heading=f"{fit.vehicle.name}, trial {name}{remark}: {restart}",
-    )
+    return trial, simulated.windows, channels
 
 
 def _scores(fit: Identification, trial: str, channel: str) -> str:

@@ -1,0 +1,197 @@
+"""Series that a page draws: what was measured and simulated in every trial, with its commands.
+
+An identification leaves ``trials.parquet`` in its run directory when a page is asked for (`save_trials`). The
+page carries at most `_MOST` samples of a series in 16 bits each, which no screen tells from the exact ones;
+tables and the Parquet file have those. Held by ``tests/report/test_page_evidence.py``.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.base.atomic_write import parquet, write_atomic
+from seatrial.base.channels import CHANNELS, DEGREE
+from seatrial.base.errors import SeatrialError, TrialError, reason
+from seatrial.report.page.run_folder import RunFolder
+from seatrial.report.plot.identification import predicted
+from seatrial.report.plot.trials import ANGLES, IN_DEGREES, NAMES, beside
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial.identification.identification import Identification
+
+__all__ = ["TRIALS_FILE", "evidence", "packed", "save_trials"]
+
+TRIALS_FILE = "trials.parquet"
+
+_MOST = 1500
+
+_STEPS = 65000  # of 16 bits, without the one that stands for "none"
+
+_NONE = -32768
+
+
+def save_trials(fit: Identification, folder: Path) -> Path:
+    """Path of the table of all trials: measured and simulated channels, SI and rad, and commands, by time.
+
+    Columns ``trial``, ``t_s``, ``held_out``, ``restart`` (a prediction begins there), ``measured.<channel>``,
+    ``simulated.<channel>`` and ``cmd.<actuator>`` in the actuator's unit.
+
+    Raises
+    ------
+    SeatrialError
+        The file cannot be written.
+    """
+    import polars as pl
+
+    tables = []
+    for name in fit.campaign.trials:
+        try:
+            tables.append(_table(fit, name))
+        except TrialError:  # such a trial is named among the notes of the identification
+            continue
+    target = folder / TRIALS_FILE
+    table = pl.concat(tables, how="diagonal") if tables else pl.DataFrame()
+    try:
+        write_atomic(target, parquet(table))
+    except OSError as error:
+        raise SeatrialError(f"{target}: cannot be written ({reason(error)})") from None
+    return target
+
+
+def _table(fit: Identification, name: str) -> pl.DataFrame:
+    import polars as pl
+
+    trial, windows, channels = predicted(fit, name)
+    columns: dict[str, Any] = {"t_s": trial.t, "held_out": fit.campaign.held_out(name)}
+    restart = np.zeros(len(trial.t), bool)
+    restart[[window.start for window in windows]] = True
+    columns["restart"] = restart
+    for channel in channels:
+        k = CHANNELS.index(channel)
+        columns[f"measured.{channel}"] = np.where(trial.valid[:, k], trial.observed[:, k], np.nan)
+        simulated = np.full(len(trial.t), np.nan)
+        for window in windows:
+            simulated[window.start : window.stop] = window.simulated[:, k]
+        columns[f"simulated.{channel}"] = simulated
+    columns |= {f"cmd.{actuator}": values for actuator, values in trial.commands.items()}
+    return pl.DataFrame({"trial": [name] * len(trial.t)} | columns)
+
+
+def evidence(run: RunFolder) -> list[dict[str, Any]]:
+    """Groups of panels of a run: a title, panels with their lines, and the spans of time that are shaded."""
+    if run.path is None:
+        return []
+    place = run.path / TRIALS_FILE
+    if run.kind == "identification" and place.is_file():
+        return list(_trials(_read(place), _units(run)))
+    return []
+
+
+def _units(run: RunFolder) -> dict[str, str]:
+    """Unit of every actuator's command."""
+    from seatrial._core import Vehicle
+
+    try:
+        vehicle = Vehicle.from_toml(run.files["vehicle.toml"])
+    except (KeyError, SeatrialError):
+        return {}
+    return {name: str(facts["unit"]) for name, facts in vehicle.actuator_info().items()}
+
+
+def _read(place: Path) -> pl.DataFrame:
+    import polars as pl
+
+    try:
+        return pl.read_parquet(place)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise SeatrialError(f"{place}: expected a Parquet table, found none ({error})") from None
+
+
+def _trials(table: pl.DataFrame, units: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+    for (name,), part in table.partition_by("trial", as_dict=True, maintain_order=True).items():
+        t = part["t_s"].to_numpy()
+        held, restart = part["held_out"].to_numpy(), part["restart"].to_numpy()
+        panels = []
+        for channel in (column.removeprefix("measured.") for column in part.columns):
+            if channel not in CHANNELS or part[f"measured.{channel}"].null_count() == len(part):
+                continue
+            measured = part[f"measured.{channel}"].to_numpy().copy()
+            simulated = part[f"simulated.{channel}"].to_numpy().copy()
+            if channel in ANGLES:
+                measured, simulated = _unwound(measured, simulated, np.flatnonzero(restart))
+            scale = 1.0 / DEGREE if channel in IN_DEGREES else 1.0
+            simulated[restart] = np.nan  # a line per prediction
+            unit = ("deg" if channel in IN_DEGREES else "m") + ("/s" if CHANNELS.index(channel) < 6 else "")
+            panels.append({
+                "name": NAMES[channel],
+                "unit": unit,
+                "lines": [
+                    {"name": "measured", "look": "first", "y": scale * measured},
+                    {"name": "simulated", "look": "second", "y": scale * simulated},
+                ],
+            })
+        panels += [
+            {
+                "name": f"command {column.removeprefix('cmd.')}",
+                "unit": units.get(column.removeprefix("cmd."), "as recorded"),
+                "lines": [{"name": "command", "look": "third", "y": part[column].to_numpy()}],
+            }
+            for column in part.columns
+            if column.startswith("cmd.") and part[column].null_count() < len(part)
+        ]
+        yield _group(f"Trial {name}: measured against simulated, commands below", t, panels, held)
+
+
+def _unwound(measured: Array, simulated: Array, restarts: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Angles without jumps, every prediction beside what was measured."""
+    known = np.isfinite(measured)
+    measured[known] = np.unwrap(measured[known])
+    for first, end in zip(restarts, [*restarts[1:], len(simulated)], strict=True):
+        simulated[first:end] = beside(np.unwrap(simulated[first:end]), measured[first:end])
+    return measured, simulated
+
+
+def _group(title: str, t: Array, panels: Sequence[dict[str, Any]], held: Array) -> dict[str, Any]:
+    step = max(1, -(-len(t) // _MOST))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(np.int8), [0]])))
+    whole = bool(held.all())
+    return {
+        "title": title + (" (held out as a whole)" if whole else ""),
+        "t": packed(t[::step]),
+        "shade": []
+        if whole
+        else [
+            [float(t[first]), float(t[min(end, len(t) - 1)])]
+            for first, end in zip(edges[::2], edges[1::2], strict=True)
+        ],
+        "panels": [
+            panel | {"lines": [line | {"y": packed(line["y"][::step])} for line in panel["lines"]]}
+            for panel in panels
+        ],
+    }
+
+
+def packed(values: Array) -> dict[str, Any]:
+    """A series in 16 bits a number: the least, the step and the numbers in base64.
+
+    Examples
+    --------
+    >>> packed(np.array([0.0, 1.0]))["least"]
+    0.0
+    """
+    values = np.asarray(values, float)
+    known = np.isfinite(values)
+    least = float(values[known].min()) if known.any() else 0.0
+    step = (float(values[known].max()) - least) / _STEPS if known.any() else 0.0
+    counted = np.zeros(len(values)) if step == 0.0 else np.round((values - least) / step)
+    whole = np.where(known, np.where(known, counted, 0.0) - _STEPS // 2, _NONE).astype("<i2")
+    return {"least": least, "step": step, "data": base64.b64encode(whole.tobytes()).decode()}

@@ -1,0 +1,350 @@
+"""What a page needs to fly: vehicles, autopilots, missions and circumstances, as the core takes them.
+
+The page's core (``crates/seatrial-wasm``) reads requests in TOML. What a reader cannot change stands here as
+lines of such a request (`Setup.fixed`); what he can change is data. Numbers go through as they are, so that
+the page flies what `seatrial.fly` flies. Held by ``tests/report/test_page_in_browser.py``.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Mapping, Sequence
+from importlib.resources import files as resources
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.errors import SeatrialError
+from seatrial.report.page.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.flight.cases import Cases
+    from seatrial.flight.mission import Mission
+
+__all__ = ["core", "request_lines", "setups"]
+
+_CORE = "core.wasm.gz"
+
+_SAMPLES = ("cage_survey", "lawnmower", "hover")
+"""Missions of the examples that a page offers beside those of its runs."""
+
+_WITHOUT_INTERVAL = 0.2
+"""Share by which a coefficient may be changed where no interval is known."""
+
+_MAIN = (
+    *(f"{force}_{motion}" for force, motion in zip("XYZKMN", "uvwpqr", strict=True)),
+    *(f"{force}_{motion}{motion}" for force, motion in zip("XYZKMN", "uvwpqr", strict=True)),
+)
+
+_STEPS: tuple[tuple[str, str, str, float, float], ...] = (
+    ("heading", "yaw", "deg", math.radians(30.0), math.pi / 180.0),
+    ("speed", "u", "m/s", 0.3, 1.0),
+    ("depth", "z", "m", 2.0, 1.0),
+    ("pitch", "pitch", "deg", math.radians(8.0), math.pi / 180.0),
+)
+"""Set point, channel of the log, unit, step in SI and rad, and what the unit is in them."""
+
+_LOOPS_OF_STEP = {
+    "heading": ("heading",),
+    "speed": ("surge",),
+    "depth": ("heave", "pitch"),
+    "pitch": ("pitch",),
+}
+
+
+def core() -> str:
+    """The core as WebAssembly, compressed with gzip, in base64; empty where seatrial was built without it."""
+    place = resources("seatrial.report.page").joinpath(_CORE)
+    return base64.b64encode(place.read_bytes()).decode() if place.is_file() else ""
+
+
+def setups(runs: Sequence[RunFolder]) -> tuple[list[dict[str, Any]], list[str]]:
+    """What can fly, one entry per vehicle of the runs, and a sentence for each vehicle that cannot."""
+    found: dict[str, tuple[Vehicle, list[RunFolder]]] = {}
+    from seatrial._core import Vehicle
+
+    for run in runs:
+        if (text := run.files.get("vehicle.toml")) is None:
+            continue
+        try:
+            vehicle = Vehicle.from_toml(text)
+        except SeatrialError:
+            continue
+        known, of = found.get(vehicle.name, (vehicle, []))
+        # The covariance is about the identified vehicle, so that one flies.
+        found[vehicle.name] = (vehicle if run.kind == "identification" else known, [*of, run])
+    made, said = [], []
+    for name, (vehicle, of) in found.items():
+        try:
+            made.append(_setup(vehicle, of))
+        except SeatrialError as error:
+            said.append(f"{name} cannot fly in this page: {error}")
+    return made, said
+
+
+def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
+    from seatrial.flight.cases import Cases
+    from seatrial.vehicle.actuators import NOMINAL_V
+
+    autopilots = _autopilots(vehicle, runs)
+    missions = _missions(vehicle, runs)
+    pilot, around = autopilots[0][1], _circumstances(runs)
+    if around.get("voltage_v") is None and any(
+        one["needs_voltage"] for one in vehicle.actuator_info().values()
+    ):
+        around["voltage_v"] = NOMINAL_V
+    cases = Cases.of(vehicle, pilot, missions[0][1], **around)
+    circumstances = cases.circumstances
+    return {
+        "vehicle": vehicle.name,
+        "vehicle_file": vehicle.to_toml(),
+        "autopilots": [_autopilot(label, one) for label, one in autopilots],
+        "missions": [_mission(label, one, cases) for label, one in missions],
+        "actuators": [[name, facts["unit"]] for name, facts in vehicle.actuator_info().items()],
+        "sensors": _sensors(vehicle, pilot, around.get("sensors")),
+        "fixed": request_lines(cases),
+        "current": list(circumstances.current),
+        "waves": list(cases.waves[0]),
+        "seed": circumstances.seed,
+        "faults": [
+            [name, at, "stuck" if math.isnan(value) else value] for _, name, at, value in cases.faults
+        ],
+        "outages": [list(row) for row in cases.outages],
+        "coefficients": _coefficients(vehicle, runs),
+        "covariance": _covariance(runs),
+        "steps": _steps(pilot),
+        "note": _note(runs, circumstances.voltage_v),
+    }
+
+
+def request_lines(cases: Cases) -> str:
+    """Lines of a request that hold for every flight of a page: water that it cannot change, supply, steps."""
+    around = cases.circumstances
+    lines: dict[str, Any] = {
+        "turbulence": cases.turbulence.tolist(),
+        "turbulence_times": list(around.turbulence_times_s),
+        "current_trend": (cases.current_trend / 3600.0).tolist(),
+        "current_walk": (cases.current_walk / math.sqrt(3600.0)).tolist(),
+        "obstacles": [list(one) for one in around.obstacles],
+        "voltage": math.nan if around.voltage_v is None else around.voltage_v,
+        "feedback": around.feedback,
+        "max_step": around.max_step_s,
+    }
+    optional = {"seabed": around.seabed, "rho": around.rho, "g": around.g}
+    lines |= {key: value for key, value in optional.items() if value is not None}
+    return _lines(lines)
+
+
+def _lines(values: Mapping[str, Any]) -> str:
+    return "".join(f"{key} = {_toml(value)}\n" for key, value in values.items())
+
+
+def _toml(value: Any) -> str:
+    """A number, a truth or a list of them in TOML; every digit of a number."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return repr(float(value))
+
+
+def _autopilots(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[tuple[str, Autopilot]]:
+    """Autopilots that fit the vehicle, the most tuned first; each text once."""
+    from seatrial._core import Autopilot
+    from seatrial.control_design.start_autopilot import start_autopilot
+
+    texts: list[tuple[str, str]] = []
+    for run in reversed(runs):
+        for name, word in (("autopilot.toml", ""), ("start_autopilot.toml", ", before tuning")):
+            if name in run.files:
+                texts.append((f"of the {run.kind}{word}", run.files[name]))
+    if vehicle.name in Autopilot.names():
+        texts.append(("built in", Autopilot.load(vehicle.name).to_toml()))
+    if not texts:
+        texts.append(("start gains, designed for this vehicle", start_autopilot(vehicle)))
+    found: list[tuple[str, Autopilot]] = []
+    for label, text in texts:
+        autopilot = Autopilot.from_toml(text)
+        if autopilot.to_toml() not in [one.to_toml() for _, one in found]:
+            found.append((f"{autopilot.name} ({label})", autopilot))
+    return found
+
+
+def _autopilot(label: str, autopilot: Autopilot) -> dict[str, Any]:
+    return {
+        "label": label,
+        "name": autopilot.name,
+        "file": autopilot.to_toml(),
+        "period_s": autopilot.period_s,
+        "gains": autopilot.gains(),
+    }
+
+
+def _missions(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[tuple[str, Mission]]:
+    """Missions of the runs, the latest first, then those of the examples."""
+    from seatrial.flight.mission import Mission
+
+    texts = [
+        (run.kind, text)
+        for run in reversed(runs)
+        for path, text in run.files.items()
+        if path == "mission.toml" or path.startswith("missions/")
+    ]
+    found: dict[str, tuple[str, Mission]] = {}
+    for kind, text in texts:
+        mission = Mission.from_toml(text)
+        found.setdefault(mission.core.to_toml(), (f"{mission.name} (of the {kind})", mission))
+    examples = resources("seatrial").joinpath("examples", "missions")
+    for name in _SAMPLES:
+        place = examples.joinpath(f"{name}.toml")
+        if place.is_file():
+            mission = Mission.from_toml(place.read_text(encoding="utf-8"))
+            found.setdefault(mission.core.to_toml(), (f"{mission.name} (example)", mission))
+    return list(found.values())
+
+
+def _mission(label: str, mission: Mission, cases: Cases) -> dict[str, Any]:
+    from seatrial.flight.checks import longest
+    from seatrial.flight.mission import Route
+
+    until = longest(Route.of(mission), cases.autopilot, None, logs=True)
+    fence = np.asarray(mission.core.fence)
+    return {
+        "label": label,
+        "name": mission.name,
+        "file": mission.core.to_toml(),
+        "max_time_s": until,
+        "planned_time_s": float(mission.planned_time),
+        "promised_m": float(mission.promised_m),
+        "fence": fence.tolist(),
+        "obstacles": [
+            {key: value for key, value in one.items() if key != "leg"} for one in mission.core.obstacles
+        ],
+    }
+
+
+def _circumstances(runs: Sequence[RunFolder]) -> dict[str, Any]:
+    """What the last flight of the runs met, as arguments of `seatrial.fly`; calm water without one."""
+    from seatrial.flight.failures import Fault, Outage
+    from seatrial.flight.sea import SeaState
+    from seatrial.sensors.sensor import Sensor
+
+    flown = next((run for run in reversed(runs) if run.kind == "flight"), None)
+    if flown is None:
+        return {}
+    told = flown.facts.get("options") or {}
+    try:
+        sensors = told["sensors"]
+        return {
+            "current": told["current_m_s"],
+            "turbulence": told["turbulence_m_s"],
+            "turbulence_times_s": tuple(told["turbulence_times_s"]),
+            "current_trend": told["current_trend_m_s_per_h"],
+            "current_walk": told["current_walk_m_s_after_1_h"],
+            "waves": None if told["waves"] is None else SeaState(**told["waves"]),
+            "obstacles": [tuple(one) for one in told["obstacles_m"]],
+            "sensors": None
+            if sensors == "perfect"
+            else {kind: Sensor(**stated) for kind, stated in sensors.items()},
+            "faults": [Fault(**one) for one in told["faults"]],
+            "outages": [Outage(**one) for one in told["outages"]],
+            "seabed": told["seabed"],
+            "seeds": told["seed"],
+            "voltage_v": told["voltage_v"],
+            "feedback": told["feedback"],
+            "rho": told["rho_kg_m3"],
+            "g": told["g_m_s2"],
+            "max_step_s": told["max_step_s"],
+        }
+    except (KeyError, TypeError):  # of another version
+        return {}
+
+
+def _sensors(vehicle: Vehicle, autopilot: Autopilot, own: Any) -> list[dict[str, str]]:
+    """Sets of sensors by name as lines of a request, those of the flight first."""
+    from seatrial.flight.sensor_channels import sensor_channels, sensors_of
+
+    found = []
+    for label, source in (("of the flight", own), ("perfect", None), ("typical", "typical")):
+        if label == "of the flight" and own is None:
+            continue
+        channels = sensor_channels(sensors_of(source, vehicle), autopilot.period_s)
+        lines = _lines({"errors": channels.errors.tolist(), "timing": channels.timing.tolist()})
+        found.append({"label": label, "lines": lines})
+    return found
+
+
+def _coefficients(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
+    """Coefficients that a reader may change, within their intervals; where none is known, within a share."""
+    identified = _identification(runs)
+    values, facts = vehicle.coefficients(), vehicle.coefficient_info()
+    rows = []
+    for one in identified.get("coefficients", ()):
+        name, ends = one.get("name"), one.get("interval") or [None]
+        if name in values and all(isinstance(x, float) for x in ends):
+            rows.append((name, sorted(ends), f"95 % interval, sigma {one['sigma']:.3g}"))
+    if not rows:
+        for name in _MAIN:
+            if (value := values.get(name, 0.0)) != 0.0:
+                ends = sorted((value * (1.0 - _WITHOUT_INTERVAL), value * (1.0 + _WITHOUT_INTERVAL)))
+                rows.append((name, ends, f"no interval known, ±{_WITHOUT_INTERVAL:.0%}"))
+    return [
+        {
+            "name": name,
+            "unit": facts[name]["unit"] if name in facts else "",
+            "about": facts[name]["description"] if name in facts else "",
+            "value": values[name],
+            "lower": ends[0],
+            "upper": ends[1],
+            "source": source,
+        }
+        for name, ends, source in rows
+    ]
+
+
+def _covariance(runs: Sequence[RunFolder]) -> dict[str, Any] | None:
+    """Names, values and a factor F of the covariance F F' that vehicles are drawn from; None if unknown."""
+    told = _identification(runs).get("covariance")
+    if not told or not told.get("names"):
+        return None
+    try:
+        matrix = np.array(told["matrix"], float)
+        size, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    except (ValueError, TypeError, np.linalg.LinAlgError):
+        return None
+    kept = size > 1e-12 * size.max()
+    factor = vectors[:, kept] * np.sqrt(size[kept])
+    digits = [[float(f"{x:.6g}") for x in row] for row in factor]
+    return {"names": told["names"], "at": told["at"], "factor": digits, "notes": told.get("notes", [])}
+
+
+def _identification(runs: Sequence[RunFolder]) -> Mapping[str, Any]:
+    return next((run.results for run in reversed(runs) if run.kind == "identification"), {})
+
+
+def _steps(autopilot: Autopilot) -> list[dict[str, Any]]:
+    """Steps of the loops that the autopilot has."""
+    loops = {name.partition(".")[0] for name in autopilot.gains()}
+    return [
+        {"set_point": name, "channel": channel, "unit": unit, "step": step, "one": one}
+        for name, channel, unit, step, one in _STEPS
+        if loops & set(_LOOPS_OF_STEP[name])
+    ]
+
+
+def _note(runs: Sequence[RunFolder], voltage_v: float | None) -> str:
+    """What the page leaves out of the run's flight, and what it assumes."""
+    flown = next((run for run in reversed(runs) if run.kind == "flight"), None)
+    told = {} if flown is None else flown.facts.get("options") or {}
+    said = []
+    if told.get("navigation") == "filter":
+        said.append(
+            "The run flew by its navigation filter; here the autopilot goes by what the sensors show."
+        )
+    if told.get("model") not in (None, told.get("sources", {}).get("vehicle")) and told.get("model"):
+        said.append("Here the autopilot believes in the vehicle that flies.")
+    if voltage_v is not None:
+        said.append(f"The supply is {voltage_v:g} V.")
+    return " ".join(said)

@@ -1,0 +1,499 @@
+// What the page does beyond being read: theme, charts of the evidence, and flights.
+"use strict";
+const inside = (id) => { const found = document.getElementById(id); return found ? JSON.parse(found.textContent) : null; };
+
+function theme() {
+  const button = document.getElementById("theme"), root = document.documentElement;
+  const dark = () => (root.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
+  const name = () => { button.textContent = dark() ? "Light theme" : "Dark theme"; };
+  button.hidden = false;
+  button.addEventListener("click", () => { root.dataset.theme = dark() ? "light" : "dark"; name(); });
+  name();
+}
+
+// Requests ---------------------------------------------------------------------------------------------------------
+
+const number = (x) => (Number.isNaN(x) ? "nan" : x === Infinity ? "inf" : x === -Infinity ? "-inf" : JSON.stringify(x));
+const list = (items) => `[${items.join(", ")}]`;
+const pairs = (values) => list(Object.entries(values).map(([name, value]) => `[${JSON.stringify(name)}, ${number(value)}]`));
+
+// The core in its worker: one request at a time; of requests that wait under one name only the newest counts.
+class Core {
+  constructor(bytes, script) {
+    this.worker = new Worker(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
+    this.waiting = new Map();
+    this.count = 0;
+    this.ready = new Promise((resolve, reject) => {
+      this.worker.onerror = (event) => reject(new Error(event.message || "the worker did not start"));
+      this.worker.onmessage = ({ data }) => { if (data.ready) { this.worker.onmessage = (event) => this.answered(event.data); this.idle = true; resolve(); this.next(); } };
+    });
+    this.worker.postMessage({ core: bytes }, [bytes]);
+  }
+  static async begin() {
+    const packed = Uint8Array.from(atob(document.getElementById("seatrial-core").textContent), (letter) => letter.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Core(await new Response(stream).arrayBuffer(), document.getElementById("seatrial-worker").textContent);
+  }
+  // The answer; null where a newer request under the same name took its place.
+  ask(name, call, request, points = 0) {
+    return new Promise((resolve, reject) => {
+      this.waiting.get(name)?.resolve(null);
+      this.waiting.delete(name);
+      this.waiting.set(name, { call, request, points, resolve, reject });
+      this.next();
+    });
+  }
+  next() {
+    if (!this.idle || !this.waiting.size) return;
+    // A reader's own change goes before the draws.
+    const name = [...this.waiting.keys()].sort((a, b) => (a === "draws") - (b === "draws"))[0];
+    this.now = this.waiting.get(name);
+    this.waiting.delete(name);
+    this.idle = false;
+    this.worker.postMessage({ id: ++this.count, call: this.now.call, request: this.now.request, points: this.now.points });
+  }
+  answered(data) {
+    const { resolve, reject } = this.now;
+    this.idle = true;
+    if (data.error) reject(new Error(data.error)); else resolve(data);
+    this.next();
+  }
+}
+
+// A log by columns.
+class Flown {
+  constructor({ numbers, text, ms }) {
+    const [figures, columns] = text.split("\n").map((line) => line.split(" "));
+    this.figures = Object.fromEntries(figures.map((name, k) => [name, numbers[k]]));
+    this.columns = columns;
+    this.values = numbers.subarray(figures.length);
+    this.width = columns.length;
+    this.rows = this.values.length / this.width;
+    this.ms = ms;
+  }
+  column(name, scale = 1) {
+    const k = this.columns.indexOf(name), found = new Float64Array(this.rows);
+    for (let row = 0; row < this.rows; row++) found[row] = scale * this.values[row * this.width + k];
+    return found;
+  }
+  times(period) { return Float64Array.from({ length: this.rows }, (_, row) => row * period); }
+  track(points = 1500) {
+    const step = Math.max(1, Math.floor(this.rows / points)), found = [];
+    const row = (k) => found.push([this.values[k * this.width], this.values[k * this.width + 1], this.values[k * this.width + 2]]);
+    for (let k = 0; k < this.rows; k += step) row(k);
+    if (this.rows) row(this.rows - 1);
+    return found;
+  }
+}
+
+const ENDINGS = ["out of time", "complete", "surfaced", "aborted"];
+const ending = (figures) => (Number.isFinite(figures.duration) ? ENDINGS[figures.ending] : "diverged");
+const DEGREE = Math.PI / 180;
+
+// Degrees without jumps where the circle closes.
+function unwound(values) {
+  let turns = 0;
+  return values.map((x, k) => {
+    const jump = k ? x - values[k - 1] : 0;
+    if (jump > 180) turns -= 360; else if (jump < -180) turns += 360;
+    return x + turns;
+  });
+}
+
+// The half of an interval of 95 % for a share, after Wilson (1927).
+function wilson(failed, count) {
+  const z = 1.959964, p = failed / count, n = count;
+  const middle = (p + (z * z) / (2 * n)) / (1 + (z * z) / n), half = (z * Math.sqrt((p * (1 - p)) / n + (z * z) / (4 * n * n))) / (1 + (z * z) / n);
+  return [Math.max(0, middle - half), Math.min(1, middle + half)];
+}
+
+// Uniform numbers by a seed (mulberry32), and normal ones of them (Box and Muller).
+function normals(seed) {
+  let state = seed >>> 0;
+  const uniform = () => {
+    state = (state + 0x6d2b79f5) >>> 0;
+    let t = Math.imul(state ^ (state >>> 15), 1 | state);
+    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+  };
+  return () => Math.sqrt(-2 * Math.log(1 - uniform())) * Math.cos(2 * Math.PI * uniform());
+}
+
+// Flying -----------------------------------------------------------------------------------------------------------
+
+class Deck {
+  constructor(section, setups, core) {
+    Object.assign(this, { section, setups, core });
+    this.part = (name) => section.querySelector(`[data-part="${name}"]`);
+    this.scene = new Scene(this.part("scene"), { onmove: (waypoint, place) => this.move(waypoint, place) });
+    this.build();
+    this.choose(0);
+  }
+
+  // Controls -------------------------------------------------------------------------------------------------------
+  field(label, control, note = "") {
+    control.id = control.id || `control-${(Deck.count = (Deck.count || 0) + 1)}`;
+    return element("div", { class: "field" }, element("label", { for: control.id }, label), control, note ? element("small", {}, note) : null);
+  }
+  select(name, options, act) {
+    const made = element("select", { "data-control": name, onchange: () => act(made.selectedIndex) }, ...options.map((text) => element("option", {}, text)));
+    return made;
+  }
+  input(name, value, { min, max, step }, act) {
+    const made = element("input", { type: "number", "data-control": name, value, min, max, step, onchange: () => { if (made.checkValidity() && made.value !== "") act(Number(made.value)); } });
+    return made;
+  }
+  // A slider from 0 to 1 with the value beside it.
+  slider(name, label, at, value, told, act) {
+    const shownValue = element("output", {}, told(value));
+    const made = element("input", { type: "range", min: 0, max: 1, step: 0.005, value: at, "data-control": name, "aria-valuetext": told(value), oninput: () => {
+      const text = told(act(Number(made.value)));
+      shownValue.textContent = text;
+      made.setAttribute("aria-valuetext", text);
+      this.refly();
+    } });
+    const field = this.field(label, made);
+    field.append(shownValue);
+    field.classList.add("slider");
+    return field;
+  }
+
+  build() {
+    const act = { reset: () => this.choose(this.setups.indexOf(this.setup)), draws: () => this.draws(), step: () => this.step(), space: () => this.turn(), play: () => this.play() };
+    for (const button of this.section.querySelectorAll("button[data-act]")) button.addEventListener("click", act[button.dataset.act] || (() => this.save(button.dataset.act)));
+    this.clock = this.part("clock");
+    this.clock.addEventListener("input", () => this.mark());
+  }
+
+  choose(which) {
+    const setup = (this.setup = this.setups[which]);
+    clearInterval(this.playing);
+    this.state = { autopilot: 0, mission: 0, file: null, sensors: 0, current: [...setup.current], waves: [...setup.waves], seed: setup.seed, fault: setup.faults.slice(), gains: {}, coefficients: {} };
+    this.original = this.changed = this.cloud = null;
+    this.gone = (this.gone || 0) + 1;
+    this.part("cloud").textContent = "";
+    this.part("steps").replaceChildren();
+    this.controls(which);
+    return this.fly();
+  }
+
+  controls(which) {
+    const setup = this.setup, state = this.state, again = () => { this.original = null; this.fly(); };
+    const toward = (Math.atan2(state.current[1], state.current[0]) / DEGREE + 360) % 360, speed = Math.hypot(state.current[0], state.current[1]);
+    const flow = { speed, toward };
+    const water = () => { state.current = [flow.speed * Math.cos(flow.toward * DEGREE), flow.speed * Math.sin(flow.toward * DEGREE), setup.current[2]]; this.refly(); };
+    const seen = (make) => (value) => { make(value); this.refly(); };
+    const what = [
+      this.setups.length > 1 ? this.field("Vehicle", this.select("vehicle", this.setups.map((one) => one.vehicle), (k) => this.choose(k))) : null,
+      this.field("Autopilot", this.select("autopilot", setup.autopilots.map((one) => one.label), (k) => { state.autopilot = k; state.gains = {}; this.gains(); this.refly(); })),
+      this.field("Mission", this.select("mission", setup.missions.map((one) => one.label), (k) => { state.mission = k; state.file = null; again(); })),
+    ];
+    if (this.setups.length > 1) what[0].querySelector("select").selectedIndex = which;
+    this.part("what").replaceChildren(...what.filter(Boolean));
+    this.part("water").replaceChildren(
+      this.field("Current, m/s", this.input("current", Number(speed.toFixed(3)), { min: 0, max: 3, step: 0.05 }, (x) => { flow.speed = x; water(); })),
+      this.field("toward, degrees", this.input("toward", Math.round(toward), { min: 0, max: 360, step: 5 }, (x) => { flow.toward = x; water(); })),
+      this.field("Wave height, m", this.input("waves", state.waves[0], { min: 0, max: 8, step: 0.1 }, seen((x) => { state.waves[0] = x; }))),
+      this.field("peak period, s", this.input("period", state.waves[1], { min: 1, max: 30, step: 0.5 }, seen((x) => { state.waves[1] = x; }))),
+      this.field("waves toward, degrees", this.input("wavestoward", Math.round(state.waves[2] / DEGREE), { min: -360, max: 360, step: 5 }, seen((x) => { state.waves[2] = x * DEGREE; }))),
+      this.field("Sensors", this.select("sensors", setup.sensors.map((one) => one.label), (k) => { state.sensors = k; this.refly(); })),
+      this.field("Seed", this.input("seed", state.seed, { min: 0, max: 1e9, step: 1 }, seen((x) => { state.seed = x; }))),
+    );
+    const fault = { which: 0, at: 60, how: 0 };
+    const fail = () => { state.fault = fault.which ? [[setup.actuators[fault.which - 1][0], fault.at, fault.how ? "stuck" : 0]] : setup.faults.slice(); this.refly(); };
+    this.part("fault").replaceChildren(
+      this.field("Failed actuator", this.select("fault", [setup.faults.length ? "as in the run" : "none", ...setup.actuators.map(([name]) => name)], (k) => { fault.which = k; fail(); })),
+      this.field("from, s", this.input("faultat", 60, { min: 0, max: 1e5, step: 10 }, (x) => { fault.at = x; fail(); })),
+      this.field("how", this.select("faulthow", ["dead", "stuck where it is"], (k) => { fault.how = k; fail(); })),
+    );
+    this.gains();
+    this.part("coefficients").replaceChildren(...setup.coefficients.map((one) => this.slider(`coefficient ${one.name}`, one.name, one.upper > one.lower ? (one.value - one.lower) / (one.upper - one.lower) : 0.5, one.value, (x) => `${shown(x)} ${one.unit}`, (at) => {
+      const value = one.lower + at * (one.upper - one.lower);
+      state.coefficients[one.name] = value;
+      return value;
+    })));
+    this.part("interval").textContent = setup.coefficients.length ? `Each slider spans its ${setup.coefficients[0].source.startsWith("95") ? "95 % interval" : "value ±20 %, for no interval is known"}. The autopilot keeps believing in the vehicle as it was identified.` : "";
+    this.part("note").textContent = setup.note;
+    for (const button of this.section.querySelectorAll("[data-act=draws]")) button.hidden = !setup.covariance;
+    this.part("stepof").replaceChildren(...setup.steps.map((one) => element("option", {}, `${one.set_point}, ${shown(one.step / one.one)} ${one.unit}`)));
+  }
+
+  // Sliders of the gains: a factor on all breakpoints of a gain, from a quarter to four times.
+  gains() {
+    const pilot = this.pilot(), groups = new Map();
+    for (const name of Object.keys(pilot.gains)) {
+      const kind = name.replace(/\.\d+$/, "");
+      const wanted = /\.K_[PID]$/.test(kind) || /^guidance\.(lookahead|integral_gain)/.test(kind) || /\.reference_rad_s$/.test(kind);
+      if (wanted && pilot.gains[name] !== 0) groups.set(kind, [...(groups.get(kind) || []), name]);
+    }
+    const order = (kind) => (kind.startsWith("guidance.lookahead") ? 0 : kind.startsWith("guidance") ? 2 : 1);
+    const kinds = [...groups.keys()].sort((a, b) => order(a) - order(b));
+    this.part("gains").replaceChildren(...kinds.map((kind) => this.slider(`gain ${kind}`, kind.replace("guidance.", "").replaceAll("_m_s", ", m/s").replace(/_m$/, ", m").replace("_rad_s", ", rad/s"), 0.5, 1, (factor) => `× ${factor.toFixed(2)}${groups.get(kind).length === 1 ? ` = ${shown(factor * pilot.gains[kind])}` : ""}`, (at) => {
+      const factor = 4 ** (2 * at - 1);
+      for (const name of groups.get(kind)) this.state.gains[name] = pilot.gains[name] * factor;
+      return factor;
+    })));
+  }
+
+  // Requests ---------------------------------------------------------------------------------------------------------
+  pilot() { return this.setup.autopilots[this.state.autopilot]; }
+  mission() { return this.setup.missions[this.state.mission]; }
+  file() { return this.state.file || this.mission().file; }
+  request({ gains = this.state.gains, coefficients = this.state.coefficients, file = this.file(), seed = this.state.seed, pilot = this.pilot(), until = this.until || this.mission().max_time_s, trial = "" } = {}) {
+    const setup = this.setup, state = this.state;
+    const faults = state.fault.map(([name, at, value]) => `[${JSON.stringify(name)}, ${number(at)}, ${value === "stuck" ? "nan" : number(value)}]`);
+    return `vehicle = ${JSON.stringify(setup.vehicle_file)}\nautopilot = ${JSON.stringify(pilot.file)}\nmission = ${JSON.stringify(file)}\n`
+      + `coefficients = ${pairs(coefficients)}\ngains = ${pairs(gains)}\n`
+      + `current = ${list(state.current.map(number))}\nwaves = ${list(state.waves.map(number))}\nseed = ${seed}\n`
+      + `faults = ${list(faults)}\noutages = ${list(setup.outages.map((row) => list([row[0], ...row.slice(1).map(number)])))}\n`
+      + `max_time = ${number(until)}\nlog = true\n${trial}${setup.sensors[state.sensors].lines}${setup.fixed}`;
+  }
+
+  async fly() {
+    const turn = this.gone, own = this.request({ gains: {}, coefficients: {}, file: this.mission().file });
+    try {
+      const told = await this.core.ask("mission", "mission", `mission = ${JSON.stringify(this.file())}`);
+      const flown = told && (await this.core.ask("original", "fly", own));
+      if (!flown || turn !== this.gone) return;
+      this.waypoints(told);
+      this.original = new Flown(flown);
+      this.originalPilot = this.pilot();
+      await this.refly();
+    } catch (error) { this.refused(error); }
+  }
+
+  waypoints({ numbers, text }) {
+    const labels = text.split("\n");
+    this.begin = [...numbers.subarray(0, 4)];
+    this.planned = numbers[5];
+    this.places = labels.map((label, k) => ({ label, place: [...numbers.subarray(8 + 4 * k, 11 + 4 * k)], acceptance: numbers[11 + 4 * k] }));
+    // A longer way takes longer.
+    const mission = this.mission(), more = Math.max(1, this.planned / mission.planned_time_s);
+    this.until = mission.max_time_s * more;
+  }
+
+  async move(waypoint, place) {
+    const rounded = place.map((x) => Number(x.toFixed(2)));
+    this.places[waypoint].place.splice(0, 2, ...rounded);
+    this.paint();
+    try {
+      const moved = await this.core.ask("move", "moved", `mission = ${JSON.stringify(this.file())}\nwaypoint = ${waypoint}\nplace = ${list(rounded.map(number))}`);
+      if (!moved) return;
+      this.state.file = moved.text;
+      const told = await this.core.ask("mission", "mission", `mission = ${JSON.stringify(moved.text)}`);
+      if (told) { this.waypoints(told); await this.refly(); }
+    } catch (error) { this.refused(error); }
+  }
+
+  async refly() {
+    const began = performance.now(), turn = this.gone;
+    try {
+      const flown = await this.core.ask("flight", "fly", this.request());
+      if (!flown || turn !== this.gone) return;
+      this.changed = new Flown(flown);
+      this.lately = performance.now() - began;
+      this.paint();
+    } catch (error) { this.refused(error); }
+  }
+
+  refused(error) {
+    this.part("status").textContent = `This cannot be flown: ${error.message}`;
+  }
+
+  // Pictures ---------------------------------------------------------------------------------------------------------
+  untouched() { return !Object.keys(this.state.gains).length && !Object.keys(this.state.coefficients).length && !this.state.file && this.pilot() === this.originalPilot; }
+
+  fails(figures) {
+    const mission = this.mission(), acceptance = Math.max(...this.places.map((one) => one.acceptance));
+    const near = figures.clearance <= 0 || figures.clearance_reserve < -0.1 * mission.promised_m;
+    return ending(figures) !== "complete" || near || figures.missed_by > acceptance + 1e-6;
+  }
+
+  paint() {
+    if (!this.original || !this.changed) return;
+    const a = this.original, b = this.changed, period = this.pilot().period_s;
+    const rows = [
+      ["ending", ending(a.figures), ending(b.figures)],
+      ...[["duration", "s", 1], ["distance", "m", 1], ["cross_track_rms", "m", 1], ["cross_track_largest", "m", 1], ["vertical_rms", "m", 1], ["missed_by", "m", 1], ["clearance", "m", 1], ["energy", "Wh", 1 / 3600], ["pitch_largest", "deg", 1 / DEGREE], ["roll_largest", "deg", 1 / DEGREE]]
+        .filter(([name]) => Number.isFinite(a.figures[name]) || Number.isFinite(b.figures[name]))
+        .map(([name, unit, scale]) => [`${name.replaceAll("_", " ").replace("missed by", "largest miss of a waypoint")}, ${unit}`, shown(a.figures[name] * scale), shown(b.figures[name] * scale)]),
+    ];
+    this.part("figures").replaceChildren(element("table", {}, element("caption", {}, "This flight beside the original"),
+      element("thead", {}, element("tr", {}, ...["figure", "original", "changed"].map((text, k) => element("th", { scope: "col", class: k ? "right" : "left" }, text)))),
+      element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, element("th", { scope: "row" }, name), ...cells.map((cell) => element("td", { class: "right" }, cell)))))));
+    this.clock.max = Math.max(a.rows, b.rows) - 1;
+    const at = (flown, name, scale) => ({ t: flown.times(period), y: flown.column(name, scale) });
+    const both = (name, scale, asked = "", turned = (y) => y) => [
+      ...(asked ? [{ name: "asked for", look: "asked", ...at(b, asked, scale) }] : []),
+      { name: "original", look: "first", ...at(a, name, scale) }, { name: "changed", look: "second", ...at(b, name, scale) },
+    ].map((line) => ({ ...line, y: turned(line.y) }));
+    const panels = [
+      { name: "cross-track error", unit: "m", lines: both("cross_track", 1) },
+      { name: "depth", unit: "m", lines: both("z", 1, "desired_depth") },
+      { name: "forward speed", unit: "m/s", lines: both("u", 1, "desired_speed") },
+      { name: "heading", unit: "deg", lines: both("yaw", 1 / DEGREE, "desired_heading", unwound) },
+      { name: "pitch", unit: "deg", lines: both("pitch", 1 / DEGREE) },
+      ...this.setup.actuators.map(([name, unit]) => ({ name: `command ${name}`, unit, lines: both(`cmd.${name}`, 1) })),
+    ];
+    if (this.panels) this.panels.show(panels); else this.panels = new Panels(this.part("panels"), { label: "Original and changed flight", panels });
+    this.mark();
+    const same = this.untouched();
+    this.part("status").textContent = `${same ? "Flown" : "Re-flown"} in ${Math.round(b.ms)} ms: ${ending(b.figures)}, cross-track error ${shown(b.figures.cross_track_rms)} m rms${same ? "" : `, original ${shown(a.figures.cross_track_rms)} m rms`}.`;
+  }
+
+  mark() {
+    if (!this.changed) return;
+    const mission = this.mission(), row = Math.min(Number(this.clock.value), this.changed.rows - 1), period = this.pilot().period_s;
+    const cloud = (this.cloud || []).map((one) => ({ look: one.fails ? "cloud bad" : "cloud", points: one.points }));
+    const values = this.changed.values, width = this.changed.width;
+    this.part("time").textContent = `${(row * period).toFixed(0)} s`;
+    this.scene.show({
+      tracks: [...cloud, { look: "plan", points: [this.begin.slice(0, 3), ...this.places.map((one) => one.place)] }, { look: "first", points: this.original.track() }, { look: "second", points: this.changed.track() }],
+      waypoints: this.places, obstacles: mission.obstacles, fence: mission.fence, current: this.state.current, bottom: NaN,
+      marker: row >= 0 && row < this.changed.rows ? [0, 1, 2].map((axis) => values[row * width + axis]) : null,
+    });
+  }
+
+  turn() {
+    this.scene.space = !this.scene.space;
+    const button = this.section.querySelector("[data-act=space]");
+    button.textContent = this.scene.space ? "From above" : "In space";
+    button.setAttribute("aria-pressed", String(this.scene.space));
+    this.scene.fit = null;
+    this.scene.draw();
+  }
+
+  play() {
+    const button = this.section.querySelector("[data-act=play]");
+    if (this.playing) { clearInterval(this.playing); this.playing = null; button.textContent = "Play"; return; }
+    if (Number(this.clock.value) >= Number(this.clock.max)) this.clock.value = 0;
+    button.textContent = "Pause";
+    const step = Math.max(1, Math.round(Number(this.clock.max) / 400));
+    this.playing = setInterval(() => {
+      this.clock.value = Number(this.clock.value) + step;
+      this.mark();
+      if (Number(this.clock.value) >= Number(this.clock.max)) this.play();
+    }, 50);
+  }
+
+  // Vehicles drawn from the covariance, flown one by one; what the reader changes meanwhile goes first.
+  async draws(count = 200) {
+    const told = this.setup.covariance, turn = ++this.gone, normal = normals(this.state.seed + 1), out = this.part("cloud");
+    const cloud = (this.cloud = []);
+    let failed = 0, impossible = 0;
+    while (cloud.length < count && turn === this.gone) {
+      const z = told.factor[0].map(normal);
+      const coefficients = Object.fromEntries(told.names.map((name, k) => [name, told.at[k] + told.factor[k].reduce((sum, x, j) => sum + x * z[j], 0)]));
+      let flown = null;
+      try {
+        flown = await this.core.ask("draws", "fly", this.request({ coefficients, seed: this.state.seed + cloud.length }), 150);
+      } catch (error) {
+        if (++impossible > count) { out.textContent = `No vehicle could be drawn: ${error.message}`; return; }
+        continue;
+      }
+      if (!flown || turn !== this.gone) return;
+      const names = flown.text.split("\n")[0].split(" "), figures = Object.fromEntries(names.map((name, k) => [name, flown.numbers[k]]));
+      const track = flown.numbers.subarray(names.length), points = [];
+      for (let k = 0; k + 2 < track.length; k += 3) points.push([track[k], track[k + 1], track[k + 2]]);
+      const fails = this.fails(figures);
+      failed += fails;
+      cloud.push({ points, fails });
+      if (cloud.length % 10 === 0 || cloud.length === count) {
+        const [low, high] = wilson(failed, cloud.length);
+        out.textContent = `${failed} of ${cloud.length} drawn vehicles fail (${(100 * failed / cloud.length).toFixed(1)} %, 95 % interval ${(100 * low).toFixed(1)} to ${(100 * high).toFixed(1)} %): not flown to the end, a waypoint missed by more than its radius of acceptance, or too near to an obstacle.`
+          + (impossible ? ` ${impossible} drawn vehicles were impossible and are drawn again.` : "");
+        this.mark();
+      }
+    }
+  }
+
+  // A step of one set point after the vehicle has settled, in place of the mission.
+  async step() {
+    const one = this.setup.steps[this.part("stepof").selectedIndex], at = 60, until = 120, turn = this.gone, period = this.pilot().period_s;
+    const speed = Math.min(...[this.pilot().gains["guidance.speed_max_m_s"] || 1, 1.5].map((x) => 0.7 * x));
+    const levels = { speed: [speed, speed], heading: [this.begin[3], this.begin[3]], ...(one.set_point === "pitch" ? { pitch: [0, 0] } : { depth: [5, 5] }) };
+    levels[one.set_point] = [levels[one.set_point][0], levels[one.set_point][0] + one.step];
+    const trial = `times = [0.0, ${number(at)}]\nset_points = ${list(Object.entries(levels).map(([name, row]) => `[${JSON.stringify(name)}, ${list(row.map(number))}]`))}\n`;
+    // Far from any waypoint, so that the mission does not end under way.
+    const file = `format = 1\nname = "step"\nspeed_m_s = ${number(speed)}\nacceptance_radius_m = 1.0\n[start]\nnorth_m = 0.0\neast_m = 0.0\ndepth_m = 5.0\nheading_deg = ${number(this.begin[3] / DEGREE)}\n[[legs]]\nnorth_m = 5000.0\neast_m = 5000.0\ndepth_m = 5.0\n`;
+    try {
+      const flights = [];
+      for (const [name, own] of [["original", { gains: {}, coefficients: {}, pilot: this.originalPilot }], ["changed", {}]]) {
+        const flown = await this.core.ask(`step ${name}`, "fly", this.request({ ...own, file, until, trial }));
+        if (!flown || turn !== this.gone) return;
+        flights.push([name, new Flown(flown)]);
+      }
+      const lines = flights.map(([name, flown], k) => {
+        const first = Math.round((at - 5) / period), raw = flown.column(one.channel, 1 / one.one).subarray(first);
+        return { name, look: k ? "second" : "first", t: flown.times(period).subarray(first).map((t) => t - at), y: one.channel === "yaw" ? unwound(raw) : raw };
+      });
+      const [from, to] = levels[one.set_point].map((x) => x / one.one);
+      const asked = { name: "asked for", look: "asked", t: Float64Array.from([-5, 0, 0, until - at]), y: Float64Array.from([from, from, to, to]) };
+      const host = this.part("steps");
+      host.replaceChildren();
+      new Panels(host, { label: `Step of ${one.set_point}`, panels: [{ name: one.set_point, unit: one.unit, lines: [asked, ...lines] }], height: 220 });
+    } catch (error) { this.refused(error); }
+  }
+
+  async save(what) {
+    const state = this.state;
+    try {
+      const made = {
+        autopilot: () => this.core.ask("save", "autopilot", `file = ${JSON.stringify(this.pilot().file)}\nvalues = ${pairs(state.gains)}`),
+        vehicle: () => this.core.ask("save", "vehicle", `file = ${JSON.stringify(this.setup.vehicle_file)}\nvalues = ${pairs(state.coefficients)}`),
+        mission: async () => ({ text: this.file() }),
+      };
+      const { text } = await made[what]();
+      const link = element("a", { href: URL.createObjectURL(new Blob([text], { type: "application/toml" })), download: `${what}.toml` });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+      this.exported = text;
+    } catch (error) { this.refused(error); }
+  }
+}
+
+async function flying() {
+  const setups = inside("seatrial-flight"), section = document.getElementById("fly");
+  if (!setups || !section) return;
+  section.hidden = false;
+  for (const link of document.querySelectorAll("a[href='#fly']")) link.hidden = false;
+  const status = section.querySelector("[data-part=status]");
+  try {
+    const core = await Core.begin();
+    await core.ready;
+    window.seatrial = new Deck(section, setups, core);
+  } catch (error) {
+    status.textContent = `Flights need a browser of 2023 or later (${error.message}); all results below can be read without.`;
+  }
+}
+
+// Series of 16 bits a number.
+function unpacked({ least, step, data }) {
+  const bytes = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0)), view = new DataView(bytes.buffer);
+  return Float64Array.from({ length: bytes.length / 2 }, (_, k) => {
+    const whole = view.getInt16(2 * k, true);
+    return whole === -32768 ? NaN : least + (whole + 32500) * step;
+  });
+}
+
+function evidence() {
+  const runs = inside("seatrial-evidence") || [];
+  for (const host of document.querySelectorAll(".evidence")) {
+    host.hidden = false;
+    runs[Number(host.dataset.run)].forEach((group, number) => {
+      const place = element("div"), made = element("details", {}, element("summary", {}, group.title), place);
+      made.addEventListener("toggle", () => {
+        if (!made.open || place.childElementCount) return;
+        const t = unpacked(group.t);
+        const panels = group.panels.map((panel) => ({ ...panel, lines: panel.lines.map((line) => ({ ...line, t, y: unpacked(line.y) })) }));
+        new Panels(place, { label: group.title, panels, shade: group.shade, shadeLabel: "held out of the fit", height: 84 });
+      });
+      host.append(made);
+      if (number === 0) made.open = true;
+    });
+  }
+}
+
+theme();
+evidence();
+flying();

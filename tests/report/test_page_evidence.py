@@ -1,0 +1,70 @@
+"""Series of a page: every trial measured and simulated with its commands, in 16 bits a number."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from seatrial.base.report import Report
+from seatrial.report.page.evidence import TRIALS_FILE, evidence, packed
+from seatrial.report.page.run_folder import RunFolder
+
+
+def unpacked(series: dict[str, Any]) -> np.ndarray:
+    whole = np.frombuffer(base64.b64decode(series["data"]), "<i2").astype(float)
+    return np.where(whole == -32768, np.nan, series["least"] + (whole + 32500) * series["step"])
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
+def test_a_packed_series_is_right_to_a_65000th_of_its_range(scale: float) -> None:
+    values = scale * np.array([np.nan, -3.0, 0.1, 7.0, np.inf])
+    read = unpacked(packed(values))
+    assert np.isnan(read[[0, 4]]).all()
+    # Half a step of the range, and the rounding of the numbers themselves.
+    assert np.abs(read[1:4] - values[1:4]).max() <= 0.5001 * 10.0 * scale / 65000
+    assert unpacked(packed(np.full(3, 4.0))).tolist() == [4.0, 4.0, 4.0]
+    assert np.isnan(unpacked(packed(np.full(2, np.nan)))).all()
+
+
+def test_trials_are_drawn_with_their_commands_and_what_was_held_out(tmp_path: Path) -> None:
+    n = 4000
+    t = 0.1 * np.arange(n)
+    yaw = np.remainder(0.05 * t + np.pi, 2.0 * np.pi) - np.pi
+    table = pl.DataFrame({
+        "trial": ["turn"] * n,
+        "t_s": t,
+        "held_out": t >= 300.0,
+        "restart": np.arange(n) % 100 == 0,
+        "measured.u": np.sin(t),
+        "simulated.u": np.sin(t) + 0.01,
+        "measured.yaw": yaw,
+        "simulated.yaw": yaw,
+        "cmd.SbU": np.where(t > 10.0, 500.0, 0.0),
+        "cmd.other": [None] * n,
+    })
+    table.write_parquet(tmp_path / TRIALS_FILE)
+    run = RunFolder("turn", {"kind": "identification"}, Report("a", "b", "c", "d", "e"), path=tmp_path)
+    (group,) = evidence(run)
+    assert "turn" in group["title"]
+    assert [panel["name"] for panel in group["panels"]] == ["surge u", "yaw", "command SbU"]
+    assert group["shade"] == [[pytest.approx(300.0), pytest.approx(t[-1])]]
+    times = unpacked(group["t"])
+    assert len(times) <= 1500
+    assert times[-1] > 399.0
+    heading = unpacked(group["panels"][1]["lines"][0]["y"])
+    assert np.abs(np.diff(heading)).max() < 1.0  # degrees a sample: no jump where the circle closes
+    error = np.subtract(*(unpacked(line["y"]) for line in group["panels"][0]["lines"]))
+    assert np.nanmax(np.abs(error + 0.01)) < 1e-4
+
+
+def test_a_run_without_trials_or_folder_has_no_series(tmp_path: Path) -> None:
+    told = SimpleNamespace(path=None)
+    assert evidence(told) == []  # type: ignore[arg-type]
+    run = RunFolder("a", {"kind": "identification"}, Report("a", "b", "c", "d", "e"), path=tmp_path)
+    assert evidence(run) == []

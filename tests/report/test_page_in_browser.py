@@ -1,0 +1,222 @@
+"""A page in a real browser: what flies there is what `st.fly` flies, by mouse and by keyboard.
+
+Chromium is the system's; without one these tests are skipped and say so.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import seatrial as st
+from seatrial.report.page.flying import core
+from seatrial.report.page.page import write_page
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium"),
+    pytest.mark.skipif(not core(), reason="no core for the page: make page"),
+]
+
+MISSION = """
+format = 1
+name = "corner"
+speed_m_s = 1.5
+acceptance_radius_m = 5.0
+[[legs]]
+north_m = 60.0
+east_m = 0.0
+depth_m = 4.0
+[[legs]]
+north_m = 60.0
+east_m = 50.0
+depth_m = 2.0
+"""
+
+TOLERANCE = 1e-9  # of the larger of the value and one: sine and exponential differ in the last bit there
+
+SEA: dict[str, Any] = {
+    "sensors": "typical",
+    "current": [0.1, 0.15, 0.0],
+    "turbulence": 0.05,
+    "current_walk": 0.1,
+    "waves": st.SeaState(0.6, 5.0, toward_deg=70.0),
+    "faults": [st.Fault("SbU", at_s=45)],
+    "outages": [st.Outage("velocity", 20.0, 30.0)],
+    "seed": 11,
+}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as play:
+        # No sandbox for a browser that may run as root; it opens files of these tests only.
+        flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+        found = play.chromium.launch(executable_path=CHROMIUM, args=flags)
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def opened(browser: Browser) -> Iterator[Callable[[Path], Page]]:
+    """Opens a page whose vehicle has flown; an error of a script fails the test at its end."""
+    errors: list[str] = []
+    made: list[Page] = []
+
+    def open_page(path: Path, **settings: Any) -> Page:
+        page = browser.new_context(**settings).new_page()
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda told: errors.append(told.text) if told.type == "error" else None)
+        page.on("request", lambda asked: errors.append(asked.url) if asked.url.startswith("http") else None)
+        page.goto(path.as_uri())
+        made.append(page)
+        return page
+
+    yield open_page
+    for page in made:
+        page.context.close()
+    assert errors == []
+
+
+def settled(page: Page, condition: str) -> None:
+    """Waits for a condition; the page forbids to evaluate text, so the browser's own way fails."""
+    for _ in range(200):
+        if page.evaluate(f"Boolean({condition})"):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"{condition}; status: {page.text_content('[data-part=status]')}")
+
+
+def log(page: Page, which: str) -> tuple[list[str], np.ndarray]:
+    columns = page.evaluate(f"seatrial.{which}.columns")
+    values = page.evaluate(f"Array.from(seatrial.{which}.values)")
+    return columns, np.array(values, float).reshape(-1, len(columns))
+
+
+def assert_equal(page: Page, which: str, flights: Any) -> None:
+    """Every column of every row, and how it ended."""
+    columns, values = log(page, which)
+    expected = np.asarray(flights.log(0))
+    assert columns == flights.columns
+    assert values.shape == expected.shape
+    # An angle of half a turn may be told from either end of the circle.
+    angles = [name in ("roll", "pitch", "yaw", "measured_yaw", "desired_heading") for name in columns]
+    with np.errstate(invalid="ignore"):  # infinite where a column has no value
+        difference = values - expected
+    difference[:, angles] = np.remainder(difference[:, angles] + np.pi, 2.0 * np.pi) - np.pi
+    same = (values == expected) | (np.isnan(values) & np.isnan(expected))
+    worst = np.where(same, 0.0, np.abs(difference) / np.maximum(1.0, np.abs(expected))).max(axis=0)
+    assert worst.max() <= TOLERANCE, dict(zip(columns, worst, strict=True))
+    figures = page.evaluate(f"seatrial.{which}.figures")
+    assert figures["ending"] == flights.figures["ending"][0]
+    assert figures["distance"] == pytest.approx(flights.figures["distance"][0], rel=TOLERANCE)
+
+
+def flown(mission: st.Mission, **changes: Any) -> Any:
+    options = {key: value for key, value in SEA.items() if key != "seed"} | {"seeds": SEA["seed"]}
+    return st.fly_batch("cwolf", "cwolf", mission, logs=True, **(options | changes))
+
+
+def test_the_page_flies_what_python_flies(opened: Callable[..., Page], tmp_path: Path) -> None:
+    mission = st.Mission.from_toml(MISSION)
+    st.fly("cwolf", "cwolf", mission, **SEA).save(tmp_path / "run")
+    page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
+    settled(page, "window.seatrial && seatrial.changed")
+    assert_equal(page, "original", flown(mission))
+    assert "complete" in (page.text_content("[data-part=status]") or "")
+
+    # A gain and a coefficient by keyboard; every breakpoint of the gain moves with its slider.
+    for control, key in (("gain heading.K_P", "Home"), ("coefficient X_uu", "End")):
+        page.locator(f'input[data-control="{control}"]').focus()
+        page.keyboard.press(key)
+    settled(page, "Object.keys(seatrial.state.coefficients).length && seatrial.core.idle")
+    settled(page, "!seatrial.core.waiting.size")
+    assert (page.text_content("[data-part=status]") or "").startswith("Re-flown")
+    gains, coefficients = page.evaluate("[seatrial.state.gains, seatrial.state.coefficients]")
+    own = st.Autopilot.load("cwolf").gains()
+    assert gains == {name: own[name] / 4.0 for name in own if name.startswith("heading.K_P.")}
+    assert coefficients["X_uu"] == pytest.approx(0.8 * st.Vehicle.load("cwolf").coefficients()["X_uu"])
+    changed = {
+        "gains": {name: [value] for name, value in gains.items()},
+        "coefficients": {name: [value] for name, value in coefficients.items()},
+    }
+    assert_equal(page, "changed", flown(mission, **changed))
+    assert_equal(page, "original", flown(mission))
+
+    # The same autopilot as a file for elsewhere.
+    page.locator("button[data-act=autopilot]").click()
+    settled(page, "seatrial.exported")
+    exported = st.Autopilot.from_toml(page.evaluate("seatrial.exported")).gains()
+    assert {name: exported[name] for name in gains} == gains
+
+    # A waypoint by mouse: what is flown is the mission with the waypoint where it was left.
+    before = page.evaluate("seatrial.changed.figures.duration")
+    spot = page.locator("circle.waypoint.free").nth(1)
+    spot.scroll_into_view_if_needed()
+    box = spot.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 6, box["y"] + 6)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 36, box["y"] + 16, steps=3)
+    page.mouse.up()
+    settled(page, f"seatrial.core.idle && seatrial.changed.figures.duration !== {before}")
+    moved = st.Mission.from_toml(page.evaluate("seatrial.file()"))
+    assert float(moved.core.waypoints["east_m"][1]) > 50.0
+    until = page.evaluate("seatrial.until")
+    assert_equal(page, "changed", flown(moved, max_time_s=until, **changed))
+
+    page.locator("button[data-act=reset]").click()
+    settled(page, "seatrial.core.idle && seatrial.changed && seatrial.untouched()")
+    assert_equal(page, "changed", flown(mission))
+
+
+def test_drawn_vehicles_fail_in_a_counted_share(opened: Callable[..., Page], tmp_path: Path) -> None:
+    """With a covariance of a real size some fail; every step of a loop and every mission can be flown."""
+    st.fly("lauv", "lauv", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
+    page = opened(
+        write_page([tmp_path / "run"], tmp_path / "report.html"), viewport={"width": 390, "height": 844}
+    )
+    settled(page, "window.seatrial && seatrial.changed")
+    assert_equal(page, "original", st.fly_batch("lauv", "lauv", st.Mission.from_toml(MISSION), logs=True))
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")  # on a phone, too
+    assert not page.locator(
+        "button[data-act=draws]"
+    ).is_visible()  # nothing is known of this vehicle's spread
+    thrust = page.evaluate("seatrial.setup.coefficients.map((one) => one.name)")
+    assert "X_uu" in thrust
+    value = st.Vehicle.load("lauv").coefficients()["X_uu"]
+    page.evaluate(
+        f"seatrial.setup.covariance = {{names: ['X_uu'], at: [{value}], factor: [[{20.0 * value}]]}}"
+    )
+    page.evaluate("seatrial.draws(20)")
+    told = page.text_content("[data-part=cloud]") or ""
+    assert "of 20 drawn vehicles fail" in told
+    failed = int(told.split()[0])
+    assert 0 < failed < 20  # a third of a hundred times the drag: some never arrive
+    assert page.locator("path.cloud").count() == 20
+    assert page.locator("path.cloud.bad").count() == failed
+    for number in range(page.locator("[data-part=stepof] option").count()):
+        page.locator("[data-part=stepof]").select_option(index=number)
+        page.locator("button[data-act=step]").click()
+        settled(page, "seatrial.core.idle && document.querySelector('[data-part=steps] path.second')")
+    page.locator("button[data-act=space]").click()
+    assert page.locator("path.surface").count() == 1
+
+
+def test_without_script_the_results_can_be_read(opened: Callable[..., Page], tmp_path: Path) -> None:
+    st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
+    page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"), java_script_enabled=False)
+    assert page.locator("h1").inner_text() == "cwolf on corner"
+    assert not page.locator("#fly").is_visible()
+    assert page.locator("#theme").is_hidden()
+    assert page.locator("table").first.is_visible()
