@@ -173,6 +173,10 @@ impl NavigationFilter {
             let time = if left - time < 0.5 * self.fitting.period { left } else { time };
             self.pass(commands, voltage, time);
             left -= time;
+            // Late samples go back period by period.
+            if self.begun && left > 1e-9 && !self.tracker.settle() {
+                self.lose();
+            }
         }
         // What the actuators are measured at is true now: the next step begins there.
         for (state, &signal) in self.drive.states.iter_mut().zip(measured.unwrap_or(&[])) {

@@ -56,12 +56,6 @@ impl Row {
         row
     }
 
-    /// Derivatives of all components.
-    #[inline(always)]
-    pub fn of_all(derivatives: &[f64; STATES]) -> Self {
-        Self { derivatives: *derivatives, parts: (1 << (STATES / PART)) - 1 }
-    }
-
     /// The derivatives by all components.
     #[inline(always)]
     pub fn derivatives(&self) -> &[f64; STATES] {
@@ -134,51 +128,147 @@ impl<const N: usize> Transition<N> {
         let mut columns = [[0.0; 2 * LANES]; USED];
         for i in 0..MOTION {
             for k in 0..USED {
-                columns[k][i] = self.block[i][k];
+                // One by one: vectors would gather and scatter.
+                columns[k][i] = std::hint::black_box(self.block[i][k]);
             }
         }
         columns
     }
 }
 
-/// Corrections of [`Transition::back`]: a step is near the identity, each makes the rest ten times smaller or so.
-const CORRECTIONS: usize = 6;
+/// The way back over a step: F⁻¹, which has the shape of F.
+#[derive(Clone, Debug)]
+pub struct Return {
+    /// Position, attitude and velocity before the step by attitude, velocity and force after it.
+    block: Block,
+    /// Displacement per velocity of the current, s.
+    drift: f64,
+    /// Diagonal of F⁻¹ from the force on.
+    growth: [f64; STATES],
+}
 
-impl Transition<STATES> {
-    /// What `h` has beyond `y` times the block, in its columns.
-    #[inline(always)]
-    fn beyond(&self, y: &[f64; STATES], h: &[f64; STATES]) -> [f64; COLUMNS] {
-        let mut rest = [0.0; COLUMNS];
-        rest.copy_from_slice(&h[ATTITUDE..ATTITUDE + COLUMNS]);
-        for i in 0..MOTION {
-            // Vectors run along the rows, see `update`.
-            let share = std::hint::black_box(y[i]);
-            for k in 0..COLUMNS {
-                rest[k] -= share * self.block[i][k];
-            }
-        }
-        rest
+impl Return {
+    /// The way back from nowhere.
+    pub fn identity() -> Self {
+        let Transition { block, drift, decay, .. } = Transition::identity();
+        Self { block, drift, growth: decay }
     }
 
-    /// The row `y` with `y F = h`: what a row of before the step is after it.
+    /// The row `y = h F⁻¹`: what a row of before the step is after it.
     #[inline(always)]
-    pub fn back(&self, h: &[f64; STATES]) -> [f64; STATES] {
-        let mut y = *h;
-        for _ in 0..CORRECTIONS {
-            let rest = self.beyond(&y, h);
-            for k in 0..MOTION - ATTITUDE {
-                y[ATTITUDE + k] += rest[k];
+    pub fn carry(&self, row: &Row) -> Row {
+        let h = &row.derivatives;
+        let mut sum = [0.0; COLUMNS];
+        for part in 0..MOTION / PART {
+            if row.parts >> part & 1 == 0 {
+                continue;
+            }
+            for i in PART * part..PART * (part + 1) {
+                for k in 0..COLUMNS {
+                    sum[k] += h[i] * self.block[i][k];
+                }
             }
         }
-        let rest = self.beyond(&y, h);
-        y[FORCE..CURRENT].copy_from_slice(&rest[FORCE - ATTITUDE..USED]);
+        let mut y = *h;
+        y[ATTITUDE..CURRENT].copy_from_slice(&sum[..USED]);
+        for i in FORCE..CURRENT {
+            y[i] += h[i] * self.growth[i];
+        }
         for i in 0..3 {
-            y[CURRENT + i] -= self.drift * y[POSITION + i];
+            y[CURRENT + i] -= self.drift * h[POSITION + i];
         }
-        for j in MOTION..STATES {
-            y[j] /= self.decay[j];
+        for i in CURRENT..STATES {
+            y[i] *= self.growth[i];
         }
-        y
+        let placed = row.parts & 1;
+        Row { derivatives: y, parts: row.parts | TURNED | (placed << (CURRENT / PART)) }
+    }
+}
+
+/// The parts that a step mixes into every row: attitude, velocity and force.
+const TURNED: u32 = ((1 << (CURRENT / PART)) - 1) & !1;
+
+/// A diagonal of the derivatives of a step by which nothing is divided.
+const SMALL: f64 = 0.1;
+
+/// The unit vectors of the first columns, in two groups.
+const UNIT: [[[f64; LANES]; 2]; COLUMNS] = {
+    let mut unit = [[[0.0; LANES]; 2]; COLUMNS];
+    let mut k = 0;
+    while k < COLUMNS {
+        unit[k][k / LANES][k % LANES] = 1.0;
+        k += 1;
+    }
+    unit
+};
+
+impl Transition<STATES> {
+    /// The way back: with A the derivatives of attitude and velocity by themselves, B those by force, C and E those of the
+    /// position by both, and D the decay of the force,
+    /// `F⁻¹ = [I, −C A⁻¹, (C A⁻¹ B − E) D⁻¹; 0, A⁻¹, −A⁻¹ B D⁻¹]` in the columns of [`Block`].
+    #[inline(always)]
+    pub fn reversed<S: Simd>(&self, simd: S) -> Return {
+        const TURNING: usize = FORCE - ATTITUDE;
+        let vector = |row: &[f64; COLUMNS], first: usize| f64x8::from_slice(simd, &row[first..first + LANES]);
+        // Gauss and Jordan in place, B carried along: A⁻¹ and A⁻¹ B. The diagonal leads, unless the vehicle turns by nearly
+        // a right angle within a step.
+        let mut work = [[0.0; COLUMNS]; TURNING];
+        work.copy_from_slice(&self.block[ATTITUDE..]);
+        let mut leading = [0; TURNING];
+        for k in 0..TURNING {
+            leading[k] = k;
+            if work[k][k].abs() < SMALL {
+                leading[k] =
+                    (k..TURNING).fold(k, |a, i| if work[i][k].abs() > work[a][k].abs() { i } else { a });
+                work.swap(k, leading[k]);
+            }
+            // The place of the leading column is taken by that of the inverse. It is made by sums of whole vectors, which a
+            // vector reads back at once; one number written alone would have to wait.
+            let scale = 1.0 / work[k][k];
+            let shares: [f64; TURNING] = std::array::from_fn(|i| work[i][k]);
+            for (g, first) in [0, LANES].into_iter().enumerate() {
+                let own = f64x8::from_slice(simd, &UNIT[k][g]);
+                let lead = vector(&work[k], first) * scale + own * (scale - 1.0);
+                for i in 0..TURNING {
+                    let rest = if i == k { lead } else { vector(&work[i], first) - (lead + own) * shares[i] };
+                    rest.store_slice(&mut work[i][first..first + LANES]);
+                }
+            }
+        }
+        for k in (0..TURNING).rev().filter(|&k| leading[k] != k) {
+            for row in &mut work {
+                row.swap(k, leading[k]);
+            }
+        }
+        let mut block = [[0.0; COLUMNS]; MOTION];
+        for i in 0..ATTITUDE {
+            for first in [0, LANES] {
+                let mut sum = simd.splat_f64x8(0.0);
+                for k in 0..TURNING {
+                    sum -= vector(&work[k], first) * self.block[i][k];
+                }
+                sum.store_slice(&mut block[i][first..first + LANES]);
+            }
+            for j in TURNING..USED {
+                block[i][j] = -(block[i][j] + self.block[i][j]);
+            }
+        }
+        for i in 0..TURNING {
+            block[ATTITUDE + i] = work[i];
+            for j in TURNING..USED {
+                block[ATTITUDE + i][j] = -work[i][j];
+            }
+        }
+        let mut growth = [1.0; STATES];
+        for i in FORCE..STATES {
+            growth[i] = 1.0 / self.decay[i];
+        }
+        for row in &mut block {
+            for j in TURNING..USED {
+                row[j] *= growth[ATTITUDE + j];
+            }
+        }
+        Return { block, drift: self.drift, growth }
     }
 }
 
@@ -277,7 +367,8 @@ impl<const N: usize> ErrorState<N> {
         // One triangle rules: rounding leaves no asymmetry that could grow. Below the motion there is none.
         for i in 0..N {
             for j in 0..i.min(MOTION) {
-                p[i][j] = p[j][i];
+                // One by one: vectors would gather down the columns.
+                p[i][j] = std::hint::black_box(p[j][i]);
             }
             p[i][i] += step.noise[i];
         }

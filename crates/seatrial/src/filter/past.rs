@@ -1,14 +1,14 @@
 //! Samples that come late: compared with the estimate of their own time, told of as errors of now.
 //!
-//! Kept for every step are the estimate x̂ after its samples, the transition F that led to it, and the correction c that
-//! its samples made. The row h of a sample z is carried through the steps since, `y_k F_k … F_1 = h`, and meets on the way
-//! every correction that the estimate has had: the residual is `z − h(x̂) − Σ y_k c_k`. Left out is the noise of the
+//! Kept for every step are the estimate x̂ after its samples, the way back F⁻¹ of the transition that led to it, and the
+//! correction c that its samples made. The row h of a sample z is carried through the steps since,
+//! `y_k = h F_1⁻¹ … F_k⁻¹`, and meets on the way every correction that the estimate has had: the residual is `z − h(x̂) − Σ y_k c_k`. Left out is the noise of the
 //! process over the latency, which is small against that of a sensor whose latency is a few steps.
 //!
 //! Source: Larsen et al., *Incorporation of time delayed measurements in a discrete-time Kalman filter* (1998), with the
 //! transition in place of the gain. Tests: `tests/filter/tracker.rs`.
 
-use super::error_state::{Row, Transition};
+use super::error_state::{Return, Row};
 use super::estimate::{Estimate, STATES};
 use super::observation::Observation;
 
@@ -17,10 +17,21 @@ use super::observation::Observation;
 struct Moment {
     time: f64,
     estimate: Estimate,
-    /// From the moment before to this one.
-    step: Transition<STATES>,
+    /// From this moment to the one before.
+    back: Return,
     /// The correction that its samples made.
     moved: [f64; STATES],
+}
+
+/// The estimate between two moments.
+#[derive(Clone, Copy)]
+struct Between {
+    time: f64,
+    /// How many steps before the newest the earlier moment is.
+    back: usize,
+    /// Where in the step the time lies, from 0 to 1.
+    share: f64,
+    estimate: Estimate,
 }
 
 /// The last steps, in a ring.
@@ -29,6 +40,8 @@ pub(super) struct Past {
     ring: Vec<Moment>,
     newest: usize,
     count: usize,
+    /// Where the last sample was: those of one sensor are of one time.
+    last: Option<Between>,
 }
 
 impl Past {
@@ -37,30 +50,32 @@ impl Past {
         let moment = Moment {
             time: 0.0,
             estimate: Estimate::at_rest(),
-            step: Transition::identity(),
+            back: Return::identity(),
             moved: [0.0; STATES],
         };
-        Self { ring: vec![moment; steps], newest: 0, count: 0 }
+        Self { ring: vec![moment; steps], newest: 0, count: 0, last: None }
+    }
+
+    /// Whether samples may come late.
+    pub(super) fn kept(&self) -> bool {
+        !self.ring.is_empty()
     }
 
     pub(super) fn clear(&mut self) {
         self.count = 0;
+        self.last = None;
     }
 
     /// The moment `back` steps before the newest.
     fn at(&self, back: usize) -> &Moment {
-        &self.ring[(self.newest + self.ring.len() - back) % self.ring.len()]
+        let place = self.newest + self.ring.len() - back;
+        &self.ring[if place < self.ring.len() { place } else { place - self.ring.len() }]
     }
 
     /// Keeps the end of a step, after the correction `moved` of this moment.
     #[inline(always)]
-    pub(super) fn keep(
-        &mut self,
-        time: f64,
-        estimate: &Estimate,
-        step: &Transition<STATES>,
-        moved: &[f64; STATES],
-    ) {
+    pub(super) fn keep(&mut self, time: f64, estimate: &Estimate, back: &Return, moved: &[f64; STATES]) {
+        self.last = None;
         if self.ring.is_empty() {
             return;
         }
@@ -68,18 +83,15 @@ impl Past {
         self.count = (self.count + 1).min(self.ring.len());
         let moment = &mut self.ring[self.newest];
         (moment.time, moment.estimate, moment.moved) = (time, *estimate, *moved);
-        moment.step.clone_from(step);
+        moment.back.clone_from(back);
     }
 
-    /// Row and residual, of `now`, of what was measured at a time, while `step` leads from the newest moment to now;
-    /// nothing where the sensor shows nothing or the time is not kept.
+    /// The estimate at a time, while `present` is that of now; nothing where the time is not kept.
     #[inline(always)]
-    pub(super) fn expect(
-        &self,
-        (observation, measured, time): (&Observation, f64, f64),
-        (now, present): (f64, &Estimate),
-        step: &Transition<STATES>,
-    ) -> Option<(Row, f64)> {
+    fn between(&mut self, time: f64, (now, present): (f64, &Estimate)) -> Option<Between> {
+        if let Some(last) = self.last.filter(|last| last.time == time) {
+            return Some(last);
+        }
         // The newest moment that is not later than the sample, and what comes after it.
         let back = (0..self.count).find(|&back| self.at(back).time <= time + 1e-9)?;
         let before = self.at(back);
@@ -94,30 +106,40 @@ impl Past {
             *e *= share;
         }
         estimate.inject(&apart);
-        let (expected, row) = observation.expect(&estimate)?;
+        self.last = Some(Between { time, back, share, estimate });
+        self.last
+    }
+
+    /// Row and residual, of `now`, of what was measured at a time, while `step` leads back from now to the newest moment;
+    /// nothing where the sensor shows nothing or the time is not kept.
+    #[inline(always)]
+    pub(super) fn expect(
+        &mut self,
+        (observation, measured, time): (&Observation, f64, f64),
+        present: (f64, &Estimate),
+        step: &Return,
+    ) -> Option<(Row, f64)> {
+        let Between { back, share, estimate, .. } = self.between(time, present)?;
+        let (expected, mut row) = observation.expect(&estimate)?;
         let residual = observation.residual(measured, expected);
         // Told of as an error of the nearer end of the interval, and from there through whole steps.
         let nearest = if share < 0.5 { back + 1 } else { back };
         if nearest == 0 {
             return Some((row, residual));
         }
-        let mut h = *row.derivatives();
         // The estimate between two moments has its share of the later one's correction.
         let mut corrected = 0.0;
-        let mut meet = |h: &[f64; STATES], moment: usize| {
+        let mut meet = |row: &Row, moment: usize| {
             let weight = if moment + 1 == back { 1.0 - share } else { 1.0 };
-            for i in 0..STATES {
-                corrected += weight * h[i] * self.at(moment).moved[i];
-            }
+            corrected += weight * row.times(&self.at(moment).moved);
         };
         if nearest == back {
-            meet(&h, back - 1);
+            meet(&row, back - 1);
         }
         for later in (1..nearest).rev() {
-            h = self.at(later - 1).step.back(&h);
-            meet(&h, later - 1);
+            row = self.at(later - 1).back.carry(&row);
+            meet(&row, later - 1);
         }
-        h = step.back(&h);
-        Some((Row::of_all(&h), residual - corrected))
+        Some((step.carry(&row), residual - corrected))
     }
 }

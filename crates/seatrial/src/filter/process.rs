@@ -10,7 +10,7 @@
 //! Source: Fossen (2011), section 8.3 and equation 7.9; Solà (2017), section 5.4.
 //! Tests: `tests/filter/process.rs` (difference quotients of the plain step; a current changes nothing but the track).
 
-use super::error_state::{Block, COLUMNS, ErrorState, MOTION, Transition};
+use super::error_state::{Block, COLUMNS, ErrorState, MOTION, Return, Transition};
 use super::estimate::{ATTITUDE, Estimate, FORCE, STATES};
 use crate::actuator::characteristic::Thrust;
 use crate::description::Description;
@@ -125,6 +125,28 @@ impl Process {
                 || state.predict(*simd, step),
             ),
             Carriers::Plain(_) => state.predict(Fallback::new(), step),
+        }
+    }
+
+    /// The way back over a step, on the instruction set in use.
+    pub fn reversed(&self, step: &Transition<STATES>) -> Return {
+        match &self.0 {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Carriers::Avx512(simd, _) => simd.vectorize(
+                #[inline(always)]
+                || step.reversed(*simd),
+            ),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Carriers::Avx2(simd, _) => simd.vectorize(
+                #[inline(always)]
+                || step.reversed(*simd),
+            ),
+            #[cfg(target_arch = "aarch64")]
+            Carriers::Neon(simd, _) => simd.vectorize(
+                #[inline(always)]
+                || step.reversed(*simd),
+            ),
+            Carriers::Plain(_) => step.reversed(Fallback::new()),
         }
     }
 

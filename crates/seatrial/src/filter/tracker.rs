@@ -8,7 +8,7 @@
 //! Source: Farrell (2008), sections 4.6 and 7.2; Fossen (2021), section 13.4 (bias of force and current).
 //! Tests: `tests/filter/tracker.rs`, `tests/fixed_memory.rs`.
 
-use super::error_state::{ErrorState, Transition};
+use super::error_state::{ErrorState, Return, Transition};
 use super::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
 use super::innovation::{Gate, Verdict, Watch};
 use super::observation::Observation;
@@ -60,6 +60,8 @@ pub struct Tracker {
     /// On the heap, because it asks for an alignment that not every owner of a tracker gives.
     state: Box<ErrorState<STATES>>,
     step: Transition<STATES>,
+    /// The step's way back, where samples may come late.
+    back: Return,
     past: Past,
     time: f64,
 }
@@ -74,6 +76,7 @@ impl Tracker {
             estimate: Estimate::at_rest(),
             state: Box::new(ErrorState::new(&[0.0; STATES])),
             step: Transition::identity(),
+            back: Return::identity(),
             past: Past::new(if steps > 0 { steps + 2 } else { 0 }),
             time: 0.0,
         }
@@ -84,8 +87,9 @@ impl Tracker {
         self.estimate = *estimate;
         *self.state = ErrorState::new(deviations);
         self.step = Transition::identity();
+        self.back = Return::identity();
         self.past.clear();
-        self.past.keep(self.time, estimate, &self.step, &[0.0; STATES]);
+        self.past.keep(self.time, estimate, &self.back, &[0.0; STATES]);
     }
 
     /// The estimate.
@@ -139,11 +143,14 @@ impl Tracker {
             self.step.noise[GYRO_BIAS + i] = noise.gyro_walk.powi(2) * dt;
         }
         self.process.spread(&mut self.state, &self.step);
+        if self.past.kept() {
+            self.back = self.process.reversed(&self.step);
+        }
     }
 
     /// Takes or refuses a sample; nothing where its sensor shows nothing at the estimate.
     pub fn observe(&mut self, sample: &Sample<'_>, watch: &mut Watch) -> Option<Verdict> {
-        let Self { process, state, step, past, estimate, gate, time, .. } = self;
+        let Self { process, state, back, past, estimate, gate, time, .. } = self;
         process.wide(
             #[inline(always)]
             || {
@@ -152,7 +159,7 @@ impl Tracker {
                     (row, sample.observation.residual(sample.measured, expected))
                 } else {
                     let measured = (sample.observation, sample.measured, *time - sample.age);
-                    past.expect(measured, (*time, estimate), step)?
+                    past.expect(measured, (*time, estimate), back)?
                 };
                 Some(watch.judge(state, gate, (&row, residual, sample.variance), *time))
             },
@@ -163,7 +170,7 @@ impl Tracker {
     pub fn settle(&mut self) -> bool {
         let moved = self.state.take();
         let sound = self.estimate.inject(&moved);
-        self.past.keep(self.time, &self.estimate, &self.step, &moved);
+        self.past.keep(self.time, &self.estimate, &self.back, &moved);
         let motion = &self.estimate.motion;
         let numbers = motion.position.iter().chain(&motion.attitude).chain(&motion.nu);
         sound

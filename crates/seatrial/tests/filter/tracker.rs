@@ -2,9 +2,10 @@
 
 use super::error_state::noise;
 use crate::vehicles::load;
+use fearless_simd::Fallback;
 use seatrial::description::Description;
-use seatrial::filter::error_state::{COLUMNS, MOTION, Transition};
-use seatrial::filter::estimate::{CURRENT, Estimate, FORCE, POSITION, STATES, VELOCITY};
+use seatrial::filter::error_state::{COLUMNS, MOTION, Row, Transition};
+use seatrial::filter::estimate::{ATTITUDE, CURRENT, Estimate, FORCE, POSITION, STATES, VELOCITY};
 use seatrial::filter::innovation::{Gate, Verdict, Watch};
 use seatrial::filter::observation::Observation;
 use seatrial::filter::process::Process;
@@ -57,12 +58,24 @@ fn law_a_row_goes_back_through_a_step() {
     for i in MOTION..STATES {
         step.decay[i] = 0.95;
     }
-    let h: [f64; STATES] = std::array::from_fn(|i| noise(900 + i));
-    let (y, f) = (step.back(&h), step.dense());
-    for j in 0..STATES {
-        let found: f64 = (0..STATES).map(|i| y[i] * f[i][j]).sum();
-        // What six corrections leave of a step that is this far from the identity.
-        assert!((found - h[j]).abs() < 1e-3, "component {j}: {found} {}", h[j]);
+    // A quarter of a turn within the step: what leads is not on the diagonal.
+    for i in 0..2 {
+        step.block[ATTITUDE + i][i] = 0.0;
+    }
+    (step.block[ATTITUDE][1], step.block[ATTITUDE + 1][0]) = (-1.0, 1.0);
+    let f = step.dense();
+    let parts = |k: usize| (3 * k, std::array::from_fn(|i| noise(900 + 3 * k + i)));
+    for row in
+        [Row::of([0, 1, 2, 3, 4, 5, 6, 7].map(parts)), Row::of([parts(0)]), Row::of([parts(3), parts(7)])]
+    {
+        let y = step.reversed(Fallback::new()).carry(&row);
+        for j in 0..STATES {
+            let found: f64 = (0..STATES).map(|i| y.derivatives()[i] * f[i][j]).sum();
+            assert!((found - row.derivatives()[j]).abs() < 1e-13, "component {j}: {found}");
+        }
+        // What the row says it is without is nothing.
+        let all = y.times(&[1.0; STATES]);
+        assert!((all - y.derivatives().iter().sum::<f64>()).abs() < 1e-12);
     }
 }
 
