@@ -21,8 +21,8 @@
 //! Tests: `tests/estimation/test_kalman.py` (slopes against differences, states against one large Gaussian).
 
 use crate::error::Error;
-use crate::number::lanes::level;
-use fearless_simd::{Level, Simd as _, dispatch};
+use crate::number::lanes::{level, wide};
+use fearless_simd::Level;
 
 /// Standard deviations from which an innovation counts as an outlier.
 pub const CLIP: f64 = 4.0;
@@ -148,7 +148,11 @@ impl Model {
                 self.sizes.width
             )));
         }
-        Ok(dispatch!(level, simd => simd.vectorize(#[inline(always)] || self.judged(noise, kept))))
+        Ok(wide(
+            level,
+            #[inline(always)]
+            || self.judged(noise, kept),
+        ))
     }
 
     /// What is predicted `ahead` samples after each measurement, and its derivatives by the unknowns with the gains
@@ -164,7 +168,11 @@ impl Model {
                 self.sizes.samples
             )));
         }
-        Ok(dispatch!(level, simd => simd.vectorize(#[inline(always)] || self.predicted(noise, ahead))))
+        Ok(wide(
+            level,
+            #[inline(always)]
+            || self.predicted(noise, ahead),
+        ))
     }
 
     fn level_for(&self, noise: &Noise) -> Result<Level, Error> {

@@ -53,6 +53,26 @@ pub fn level() -> Result<(&'static str, Level), crate::Error> {
     }
 }
 
+/// The result of `work` on plain numbers, compiled once more for the wide vectors of an instruction set; the same bits on all.
+#[inline(always)]
+pub fn wide<R>(level: Level, work: impl FnOnce() -> R) -> R {
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    {
+        if let Some(simd) = level.as_avx512() {
+            return simd.vectorize(work);
+        }
+        if let Some(simd) = level.as_avx2() {
+            return simd.vectorize(work);
+        }
+    }
+    #[cfg(target_arch = "aarch64")]
+    if let Some(simd) = level.as_neon() {
+        return simd.vectorize(work);
+    }
+    let _ = level;
+    work()
+}
+
 /// 2⁵²: from here on the last bit of a number counts whole ones.
 const TWO_52: f64 = 4_503_599_627_370_496.0;
 

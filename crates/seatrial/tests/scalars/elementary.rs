@@ -1,6 +1,6 @@
 //! The operations of a number, lane by lane on every instruction set, against those of `f64`.
 
-use fearless_simd::{Simd, SimdFrom, dispatch, f64x8};
+use fearless_simd::{Level, Simd, SimdFrom, dispatch, f64x8};
 use proptest::array::uniform8;
 use proptest::prelude::*;
 use seatrial::number::lanes::{LANES, Lanes, available_levels};
@@ -55,6 +55,12 @@ const LOGARITHM: usize = 4;
 /// The functions from here on are exact.
 const EXACT: usize = 5;
 
+/// The functions in lanes of an instruction set. One copy for all who compare: there are five sets.
+#[inline(never)]
+fn results(level: Level, x: &[f64; LANES], y: &[f64; LANES]) -> [[f64; LANES]; 14] {
+    dispatch!(level, simd => lanes(simd, x, y))
+}
+
 /// Calls `check(level, x, y, lanes' result, f64's result)` per instruction set, lane and function.
 fn compare(
     functions: std::ops::Range<usize>,
@@ -63,7 +69,7 @@ fn compare(
     mut check: impl FnMut(&str, usize, [f64; 4]),
 ) {
     for (name, level) in available_levels() {
-        let results = dispatch!(level, simd => lanes(simd, x, y));
+        let results = results(level, x, y);
         for function in functions.clone() {
             for lane in 0..LANES {
                 let expected = all_functions(x[lane], y[lane])[function];
