@@ -17,8 +17,8 @@ def test_the_files_that_ship_are_accepted(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", USES)
 def test_mutated_files_are_refused_or_give_finite_numbers(kind: str) -> None:
-    counts, wrong = fuzz(kind, 1_000)
+    counts, wrong = fuzz(kind, 600)
     assert wrong == []
     # Neither all nor none: the mutations are small, and most of them are mistakes.
-    assert counts["accepted"] > 50
-    assert counts["refused"] > 500
+    assert counts["accepted"] > 30
+    assert counts["refused"] > 300

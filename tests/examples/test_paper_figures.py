@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
@@ -232,7 +233,20 @@ def test_convergence_falls_to_the_optimum_over_evaluations(fit: Identification) 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """Folder in which the verb drew the campaign after `identify` had run, and what it printed as JSON."""
-    folder = tmp_path_factory.mktemp("gallery")
+    # Once for all workers of the tests: whoever comes second waits for the first.
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with (base / "gallery.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        printed = base / "gallery" / "printed.json"
+        if not printed.is_file():
+            made = _drawn(base / "gallery")
+            printed.write_text(made, encoding="utf-8")
+        return base / "gallery" / "figures", json.loads(printed.read_text(encoding="utf-8"))
+
+
+def _drawn(folder: Path) -> str:
+    folder.mkdir()
     for name, seed in (("run", 1), ("dive", 2), ("unseen", 3)):
         record(seed).write_parquet(folder / f"{name}.parquet")
     campaign, earlier = folder / "campaign.toml", folder / "earlier"
@@ -244,7 +258,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     result = paper_verb(campaign, *options)
     assert result.exit_code == 0, result.output
     assert (earlier / "identification.json").read_bytes() == before
-    return folder / "figures", json.loads(result.stdout)
+    return result.stdout
 
 
 def test_a_gallery_is_numbered_and_its_page_says_what_is_seen(drawn: tuple[Path, dict[str, Any]]) -> None:
