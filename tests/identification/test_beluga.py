@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(
 
 @cache
 def identified() -> Identification:
-    """The example's campaign with a third of its budget, half of its data and few rounds of its joint estimate."""
+    """The example's campaign with a third of its budget, half its data, few rounds of its joint estimate."""
     text = (EXAMPLE / "campaign.toml").read_text(encoding="utf-8")
     text = re.sub(r"(?m)^budget = .*\n", "", text)
     text = text.replace("seed = 1\n", "seed = 1\nbudget = { generations = 100, simplex_rounds = 20 }\n", 1)
@@ -37,8 +37,8 @@ def identified() -> Identification:
 
 def test_held_out_parts_are_predicted_ten_seconds_ahead() -> None:
     score = identified().scores["hold_out"]["ahead"]["all"]
-    # With this budget and these data u .923, v .866, r .888: the margins are for other arithmetic and another course of
-    # the search. Roll and pitch need the whole campaign.
+    # With this budget and these data u .923, v .866, r .888: the margins are for other arithmetic and another
+    # course of the search. Roll and pitch need the whole campaign.
     assert score["u"].r2 > 0.85
     assert score["v"].r2 > 0.78
     assert score["r"].r2 > 0.82
