@@ -32,6 +32,10 @@ east_m = 0.0
 depth_m = 3.0
 """
 
+SVG = (
+    f"""data:image/svg+xml,<svg><path d='M 1.234 2'/><use x='1.23'/><path d='M1.2 2{"L3.9 4" * 40}'/></svg>"""
+)
+
 VOID = {"meta", "img", "input", "br", "link", "path", "rect", "line", "hr"}
 
 
@@ -76,7 +80,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION), seed=3).save(folder)
     figures = folder / "figures"
     figures.mkdir()
-    (figures / "errors.svg").write_text('<?xml version="1.0"?><svg><!-- a --><path d="M 1.23456 2"/></svg>')
+    (figures / "errors.svg").write_text(
+        '<?xml version="1.0"?><svg><!-- a -->\n<path d="M 1.234 2"/>'
+        f'<use x="1.23456"/><path d="M 1.23456 2{" L 3.98765 4" * 40}"/></svg>'
+    )
     (figures / "errors.png").write_bytes(b"older")
     (figures / "track.png").write_bytes(b"\x89PNG")
     return folder
@@ -119,9 +126,9 @@ def test_a_page_tells_the_run_and_loads_nothing(run: Path, written: Path) -> Non
     facts = json.loads((run / "run.json").read_text())
     assert all(digest in text for digest in facts["sha256"].values())
     assert facts["versions"]["numpy"] in text
-    # The three views were drawn for the page; of two files of a figure the SVG counts, shorter numbers in it.
+    # The three views were drawn for the page; of two files of a figure the SVG counts, long paths shorter.
     assert len(tags.images) == 3
-    assert "data:image/svg+xml,<svg><path d='M 1.23 2'/></svg>" in {source for source, _ in tags.images}
+    assert SVG in {source for source, _ in tags.images}
     assert all(words for _, words in tags.images)
 
 

@@ -46,13 +46,17 @@ def test_trials_are_drawn_with_their_commands_and_what_was_held_out(tmp_path: Pa
         "measured.yaw": yaw,
         "simulated.yaw": yaw,
         "cmd.SbU": np.where(t > 10.0, 500.0, 0.0),
+        "cmd.SbL": np.where(t > 10.0, 500.0, 0.0),
+        "cmd.VTB": np.zeros(n),
         "cmd.other": [None] * n,
     })
     table.write_parquet(tmp_path / TRIALS_FILE)
     run = RunFolder("turn", {"kind": "identification"}, Report("a", "b", "c", "d", "e"), path=tmp_path)
     (group,) = evidence(run)
     assert "turn" in group["title"]
-    assert [panel["name"] for panel in group["panels"]] == ["surge u", "yaw", "command SbU"]
+    assert [panel["name"] for panel in group["panels"]] == [
+        "surge u", "yaw", "command SbU, SbL", "command VTB",
+    ]  # fmt: skip
     assert group["shade"] == [[pytest.approx(300.0), pytest.approx(t[-1])]]
     times = unpacked(group["t"])
     assert len(times) <= 1500

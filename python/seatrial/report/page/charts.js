@@ -143,7 +143,7 @@ class Panels {
     const inner = (this.inner = width - left - right), height = this.height, gap = 22;
     const [from, to] = this.view;
     const x = (this.x = (t) => left + ((t - from) / (to - from)) * inner);
-    const total = this.panels.length * (height + gap) + 26;
+    const total = this.panels.length * (height + gap) + 34;
     const svg = element("svg", { width, height: total, viewBox: `0 0 ${width} ${total}`, "aria-hidden": "true" });
     this.hairs = [];
     const clip = `clip-${(Panels.count = (Panels.count || 0) + 1)}`;
@@ -159,7 +159,7 @@ class Panels {
         }
       }
       if (!(high >= low)) { low = 0; high = 1; }
-      const room = Math.max(0.06 * (high - low), 1e-3 * Math.max(Math.abs(low), Math.abs(high)), 1e-9);
+      const room = high > low ? 0.06 * (high - low) : Math.max(0.1 * Math.abs(high), 1);
       low -= room; high += room;
       const y = (value) => top + height - ((value - low) / (high - low)) * height;
       const frame = element("g", {});

@@ -139,16 +139,23 @@ def _trials(table: pl.DataFrame, units: Mapping[str, str]) -> Iterator[dict[str,
                     {"name": "simulated", "look": "second", "y": scale * simulated},
                 ],
             })
-        panels += [
-            {
-                "name": f"command {column.removeprefix('cmd.')}",
-                "unit": units.get(column.removeprefix("cmd."), "as recorded"),
-                "lines": [{"name": "command", "look": "third", "y": part[column].to_numpy()}],
-            }
-            for column in part.columns
-            if column.startswith("cmd.") and part[column].null_count() < len(part)
-        ]
+        panels += _commands(part, units)
         yield _group(f"Trial {name}: measured against simulated, commands below", t, panels, held)
+
+
+def _commands(part: pl.DataFrame, units: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+    """A panel per command; actuators with the same one share it."""
+    alike: dict[bytes, list[str]] = {}
+    for column in part.columns:
+        if column.startswith("cmd.") and part[column].null_count() < len(part):
+            alike.setdefault(part[column].to_numpy().tobytes(), []).append(column)
+    for columns in alike.values():
+        names = [column.removeprefix("cmd.") for column in columns]
+        yield {
+            "name": f"command {', '.join(names)}",
+            "unit": units.get(names[0], "as recorded"),
+            "lines": [{"name": "command", "look": "third", "y": part[columns[0]].to_numpy()}],
+        }
 
 
 def _unwound(measured: Array, simulated: Array, restarts: NDArray[np.intp]) -> tuple[Array, Array]:

@@ -61,7 +61,11 @@ _BEGINNINGS = {
 
 _NO_CORE = "This seatrial was built without the page's core, so nothing flies here; make build adds it."
 
-_NUMBER = re.compile(rb"(\d+\.\d\d)\d+")
+_LONG_PATH = re.compile(r' d="([^"]{300,})"')
+
+_PLACE = re.compile(r'( [xy]="-?\d+\.\d\d)\d+')
+
+_DIGITS = re.compile(r"(\d+\.\d)\d+")
 
 
 def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
@@ -269,16 +273,35 @@ def _shown(figure: Figure, run: str) -> dict[str, str]:
 
 
 def _source(figure: Figure) -> str:
-    """A figure as the source of an image element; numbers of an SVG with two decimals, which none can see."""
+    """A figure as the source of an image element, without what none can see of an SVG."""
     if figure.ending == "png":
-        return "data:image/png;base64," + base64.b64encode(figure.content).decode()
+        return "data:image/png;base64," + base64.b64encode(_few_colours(figure.content)).decode()
     begin = max(figure.content.find(b"<svg"), 0)
-    text = _NUMBER.sub(rb"\1", figure.content[begin:]).decode()
+    text = _LONG_PATH.sub(_shortened, _PLACE.sub(r"\1", figure.content[begin:].decode()))
     text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r"\s+", " ", text).replace("> <", "><")
     for sign, code in (("%", "%25"), ("#", "%23"), ('"', "'")):
         text = text.replace(sign, code)
     return "data:image/svg+xml," + text
+
+
+def _few_colours(png: bytes) -> bytes:
+    """A picture with a palette of 64 colours, enough for lines and letters, where that is smaller."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(io.BytesIO(png)) as image:
+            content = io.BytesIO()
+            image.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(content, "png", optimize=True)
+    except (OSError, UnidentifiedImageError, ValueError):  # shown as it is, or not at all
+        return png
+    return min(content.getvalue(), png, key=len)
+
+
+def _shortened(path: re.Match[str]) -> str:
+    """A long path with one decimal, a 700th of an inch; short ones are letters and markers and stay."""
+    text = re.sub(r"\s*([MLCQZ])\s*", r"\1", _DIGITS.sub(r"\1", path[1]))
+    return f' d="{text.strip()}"'
 
 
 def _files(runs: Sequence[RunFolder]) -> dict[str, str]:

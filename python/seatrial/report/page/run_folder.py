@@ -35,6 +35,9 @@ _RESULTS = {
 
 _VERDICTS = ("held", "complete")
 
+_LARGEST_SVG = 300_000
+"""Bytes of an SVG from which on its PNG is taken, if that is half as large: ten thousand points and more."""
+
 _LARGEST_FILE = 2**20
 """Bytes of an input file that a page carries."""
 
@@ -128,12 +131,14 @@ class RunFolder:
 
 
 def figures_of(folder: Path) -> tuple[Figure, ...]:
-    """Figures of a run directory: of each name the SVG where there is one, else the PNG."""
+    """Figures of a run directory: of each name the SVG, or the PNG where it is alone or far smaller."""
     best: dict[str, Path] = {}
     for place in (folder / "figures", folder):
         for ending in ("svg", "png"):
             for path in sorted(place.glob(f"*.{ending}"), key=lambda one: (one.stat().st_mtime, one.name)):
-                best.setdefault(path.stem, path)
+                known = best.setdefault(path.stem, path)
+                if known.stat().st_size > _LARGEST_SVG and path.stat().st_size < 0.5 * known.stat().st_size:
+                    best[path.stem] = path
     ordered = sorted(best.values(), key=lambda one: (one.stat().st_mtime, one.name))
     try:
         return tuple(Figure(path.stem, path.suffix[1:], path.read_bytes()) for path in ordered)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,7 @@ def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> F
     """
     shown = [result.pulls[name] for name in (groups or result.pulls)]
     with house_style():
-        figure = new_figure(3.9, width_in=min(WIDTH_IN, 3.7 * len(shown)))
+        figure = new_figure(4.3, width_in=min(WIDTH_IN, 3.7 * len(shown)))
         grid = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3.0, 1.0))
         for column, fit in enumerate(shown):
             upper, lower = grid[0][column], grid[1][column]
@@ -92,6 +92,13 @@ def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> F
             panel_title(upper, fit.unit.name.replace("_", " "), _scores(fit))
         figure.align_ylabels(grid[:, 0])
     return figure
+
+
+def _legend_below(lower: Axes, upper: Axes, **options: Any) -> None:
+    """Legend of the upper panel below the lower one, where it hides no point."""
+    handles, labels = upper.get_legend_handles_labels()
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.5), "ncols": 2}
+    lower.legend(handles, labels, **place, title_fontsize=7.5, **options)
 
 
 def _scores(fit: UnitFit) -> str:
@@ -149,7 +156,7 @@ def _curve(upper: Axes, lower: Axes, fit: UnitFit) -> None:
         if outlying.any():
             _ring(axes, points.signal[outlying], values[outlying])
     _name_outliers(upper, fit, np.flatnonzero(outlying))
-    upper.legend(loc="upper left")
+    _legend_below(lower, upper)
 
 
 def _outlying(fit: UnitFit) -> NDArray[np.bool_]:
@@ -228,7 +235,7 @@ def _voltages(upper: Axes, lower: Axes, fit: UnitFit) -> None:
         _ring(upper, fit.points.signal[outlying], fit.points.thrust[outlying])
         _ring(lower, fit.points.signal[outlying], table.residual[outlying])
         _name_outliers(upper, fit, np.flatnonzero(outlying))
-    upper.legend(loc="upper left", title="supply", title_fontsize=7.5)
+    _legend_below(lower, upper, title="supply")
 
 
 _SHARE = 1.0 - np.exp(-1.0)

@@ -263,7 +263,7 @@ def characteristic(
     speeds_m_s: Sequence[float] = (0.0, 1.0, 2.0),
     voltages_v: Sequence[float] = (12.0, NOMINAL_V, 16.0),
 ) -> Figure:
-    """Figure of the thrust of each group's first actuator over its command.
+    """Figure of the thrust or fin force of each group's first actuator over its command.
 
     Parameters
     ----------
@@ -290,20 +290,23 @@ def characteristic(
                 panels[name] = ([group], steps, curves)
             else:
                 panels[like][0].append(group)
-        figure = new_figure(2.6, width_in=COLUMN_IN if len(panels) == 1 else WIDTH_IN)
+        figure = new_figure(2.8, width_in=COLUMN_IN if len(panels) == 1 else WIDTH_IN)
         grid = figure.subplots(1, len(panels), squeeze=False)
         for axes, (name, (alike, steps, curves)) in zip(grid[0], panels.items(), strict=True):
             unit = str(facts[name]["unit"]).replace("us", "\N{MICRO SIGN}s")
+            fin = facts[name]["kind"] == "fin"
+            shown = np.degrees(steps) if unit == "rad" else steps
+            unit = "deg" if unit == "rad" else unit
             for colour, dashes, (label, force) in zip(CYCLE, _CURVE_DASHES, curves, strict=False):
-                axes.plot(steps, force, color=colour, linestyle=dashes, label=label)
+                axes.plot(shown, force, color=colour, linestyle=dashes, label=label)
             axes.axhline(0.0, color="#262626", linewidth=0.5)
             axes.axvline(0.0, color="#262626", linewidth=0.5)
             neutral = float(facts[name]["neutral"])
             axes.set_xlabel(
                 f"command from neutral ({neutral:g} {unit}), {unit}" if neutral else f"command, {unit}"
             )
-            axes.set_ylabel("thrust, N")
-            axes.legend(loc="upper left")
+            axes.set_ylabel("fin force, N" if fin else "thrust, N")
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
             axes.locator_params(nbins=6)
             panel_title(axes, ", ".join(alike), f"as {name}")
     return figure

@@ -92,6 +92,24 @@ def centres(axes: Axes, view: View, vehicle: Vehicle) -> None:
         )
 
 
+def fins(axes: Axes, view: View, vehicle: Vehicle) -> None:
+    """Fins as squares of their area, in the plane of chord and span; a line where seen edge-on."""
+    for facts in vehicle.actuator_info().values():
+        if facts["kind"] != "fin" or facts["position"] is None or not facts["area"]:
+            continue
+        chord, force = np.array(facts["chord"], float), np.array(facts["direction"], float)
+        half = 0.5 * np.sqrt(float(facts["area"]))
+        ahead, out = half * chord, half * np.cross(chord, force)
+        corners = np.array(facts["position"], float) + np.array([
+            ahead + out,
+            ahead - out,
+            -ahead - out,
+            -ahead + out,
+        ])
+        across, upright = corners[:, view.across], corners[:, view.upright]
+        axes.fill(across, upright, facecolor=HULL, edgecolor=HULL_EDGE, linewidth=1.1, zorder=2)
+
+
 def thrust(axes: Axes, view: View, places: Array, directions: Array, arrow: float, inch: float) -> None:
     """Arrows of positive thrust from the actuators' places; a circle where it points along the view."""
     radius = 0.045 / inch
@@ -232,6 +250,7 @@ def three_views(vehicle: Vehicle) -> Figure:
             _axes(axes, view, layout.window(view, _LABELS_IN / inch))
             if measures:
                 hull(axes, view, size, box_shaped=vehicle.hull_shape == "box")
+            fins(axes, view, vehicle)
             centres(axes, view, vehicle)
             thrust(axes, view, places, directions, layout.arrow, inch)
             signs = np.array([view.right, view.up])
@@ -247,8 +266,8 @@ def three_views(vehicle: Vehicle) -> Figure:
             )
         front = boxes[2]
         corner = (front[0] / WIDTH_IN, (front[1] - _BOTTOM_IN) / total)
-        fins = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
-        legend(figure, corner if below else None, fins=fins)
+        steered = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
+        legend(figure, corner if below else None, fins=steered)
         figure.text(
             _LEFT_IN / WIDTH_IN, 1.0 - 0.16 / total, vehicle.name, fontweight="bold", fontsize=10, va="center"
         )
