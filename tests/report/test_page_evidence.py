@@ -11,8 +11,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+import seatrial as st
 from seatrial.base.report import Report
+from seatrial.cli.new import EXAMPLES
 from seatrial.report.page.evidence import TRIALS_FILE, evidence, packed
+from seatrial.report.page.flying import setups
 from seatrial.report.page.run_folder import RunFolder
 
 
@@ -65,6 +68,27 @@ def test_trials_are_drawn_with_their_commands_and_what_was_held_out(tmp_path: Pa
     assert np.abs(np.diff(heading)).max() < 1.0  # degrees a sample: no jump where the circle closes
     error = np.subtract(*(unpacked(line["y"]) for line in group["panels"][0]["lines"]))
     assert np.nanmax(np.abs(error + 0.01)) < 1e-4
+
+
+def test_steps_have_the_size_and_the_corridor_of_the_campaign(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text('{"kind": "tuning"}')
+    (tmp_path / "summary.txt").write_text("cwolf: tuned. Good.\nWorst: nothing\nNext: verify\n")
+    for name, text in (
+        ("campaign.toml", (EXAMPLES / "cwolf" / "campaign.toml").read_text()),
+        ("vehicle.toml", st.Vehicle.load("cwolf").to_toml()),
+    ):
+        (tmp_path / name).write_text(text)
+    found, said = setups([RunFolder.read(tmp_path)])
+    assert said == []
+    steps = {one["set_point"]: one for one in found[0]["steps"]}
+    assert list(steps) == ["heading", "speed", "depth", "pitch"]
+    heading = steps["heading"]
+    assert heading["step"] == pytest.approx(np.radians(20.0))
+    t, lower, upper = (heading["corridor"][key] for key in ("t", "lower", "upper"))
+    assert t[-1] == 25.0
+    # The figures of the campaign: 90 % after 8 s, at most 25 % beyond, within 8 % from 18 s on.
+    assert [lower[t.index(at)] for at in (5.0, 10.0, 20.0)] == pytest.approx([-0.1, 0.9, 0.92])
+    assert [upper[t.index(at)] for at in (5.0, 10.0, 20.0)] == pytest.approx([1.25, 1.25, 1.08])
 
 
 def test_a_run_without_trials_or_folder_has_no_series(tmp_path: Path) -> None:

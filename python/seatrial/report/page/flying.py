@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import SeatrialError
+from seatrial.campaign.tuning_table import Weights
 from seatrial.report.page.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.campaign.tuning_table import CorridorTable, LoopTable
     from seatrial.flight.cases import Cases
     from seatrial.flight.mission import Mission
 
@@ -45,6 +47,16 @@ _STEPS: tuple[tuple[str, str, str, float, float], ...] = (
     ("pitch", "pitch", "deg", math.radians(8.0), math.pi / 180.0),
 )
 """Set point, channel of the log, unit, step in SI and rad, and what the unit is in them."""
+
+_TABLES_OF_STEP = {
+    "heading": ("heading",),
+    "speed": ("surge",),
+    "depth": ("depth", "heave"),
+    "pitch": ("pitch",),
+}
+"""Loops of a campaign whose steps these are."""
+
+_CORRIDOR_POINTS = 401
 
 _LOOPS_OF_STEP = {
     "heading": ("heading",),
@@ -114,7 +126,7 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
         "outages": [list(row) for row in cases.outages],
         "coefficients": _coefficients(vehicle, runs),
         "covariance": _covariance(runs),
-        "steps": _steps(pilot),
+        "steps": _steps(pilot, runs),
         "note": _note(runs, circumstances.voltage_v),
     }
 
@@ -324,14 +336,44 @@ def _identification(runs: Sequence[RunFolder]) -> Mapping[str, Any]:
     return next((run.results for run in reversed(runs) if run.kind == "identification"), {})
 
 
-def _steps(autopilot: Autopilot) -> list[dict[str, Any]]:
-    """Steps of the loops that the autopilot has."""
+def _steps(autopilot: Autopilot, runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
+    """Steps of the loops that the autopilot has, with size and corridor of the campaign where it has them."""
     loops = {name.partition(".")[0] for name in autopilot.gains()}
-    return [
-        {"set_point": name, "channel": channel, "unit": unit, "step": step, "one": one}
-        for name, channel, unit, step, one in _STEPS
-        if loops & set(_LOOPS_OF_STEP[name])
-    ]
+    asked = _tuned_loops(runs)
+    found = []
+    for name, channel, unit, step, one in _STEPS:
+        if not loops & set(_LOOPS_OF_STEP[name]):
+            continue
+        table = next((asked[loop] for loop in _TABLES_OF_STEP[name] if loop in asked), None)
+        size = step if table is None or not table.steps else float(table.steps[0]) * one
+        corridor = None if table is None or table.corridor is None else _corridor(table.corridor)
+        entry = {"set_point": name, "channel": channel, "unit": unit, "step": size, "one": one}
+        found.append(entry | {"corridor": corridor})
+    return found
+
+
+def _tuned_loops(runs: Sequence[RunFolder]) -> Mapping[str, LoopTable]:
+    """Loops of the campaign's table of tuning by name; none where no campaign has one."""
+    from seatrial.campaign.file import parse
+
+    for run in reversed(runs):
+        if (text := run.files.get("campaign.toml")) is None:
+            continue
+        try:
+            tuning = parse(text, run.name).tuning
+        except SeatrialError:  # of another version
+            continue
+        if tuning is not None:
+            return tuning.loops.given()
+    return {}
+
+
+def _corridor(table: CorridorTable) -> dict[str, list[float | None]]:
+    """Bounds of a response over the time since its step, as shares of it; none where it is not bound."""
+    corridor = table.corridor(Weights())
+    t = np.linspace(0.0, corridor.until_s, _CORRIDOR_POINTS)
+    sides = [[float(x) if math.isfinite(x) else None for x in side] for side in corridor.sampled(t)]
+    return {"t": t.round(6).tolist(), "lower": sides[0], "upper": sides[1]}
 
 
 def _note(runs: Sequence[RunFolder], voltage_v: float | None) -> str:

@@ -171,7 +171,7 @@ class Deck {
     this.state = { autopilot: 0, mission: 0, file: null, sensors: 0, current: [...setup.current], waves: [...setup.waves], seed: setup.seed, fault: setup.faults.slice(), gains: {}, coefficients: {} };
     this.original = this.changed = this.cloud = null;
     this.gone = (this.gone || 0) + 1;
-    this.part("cloud").textContent = "";
+    this.part("cloud").textContent = this.part("stale").textContent = "";
     this.part("steps").replaceChildren();
     this.controls(which);
     return this.fly();
@@ -338,6 +338,7 @@ class Deck {
     if (this.panels) this.panels.show(panels); else this.panels = new Panels(this.part("panels"), { label: "Original and changed flight", panels });
     this.mark();
     const same = this.untouched();
+    this.part("stale").textContent = this.cloud && this.cloud.length && this.drawn !== this.request({ coefficients: {}, seed: 0 }) ? "The drawn vehicles flew before your last change: draw again." : "";
     this.part("status").textContent = `${same ? "Flown" : "Re-flown"} in ${Math.round(b.ms)} ms: ${ending(b.figures)}, cross-track error ${shown(b.figures.cross_track_rms)} m rms${same ? "" : `, original ${shown(a.figures.cross_track_rms)} m rms`}.`;
   }
 
@@ -378,15 +379,18 @@ class Deck {
 
   // Vehicles drawn from the covariance, flown one by one; what the reader changes meanwhile goes first.
   async draws(count = 200) {
-    const told = this.setup.covariance, turn = ++this.gone, normal = normals(this.state.seed + 1), out = this.part("cloud");
+    const told = this.setup.covariance, turn = ++this.gone, first = this.state.seed, normal = normals(first + 1), out = this.part("cloud");
     const cloud = (this.cloud = []);
+    // What is changed meanwhile counts for the next draws, not for these.
+    const common = (this.drawn = this.request({ coefficients: {}, seed: 0 }));
     let failed = 0, impossible = 0;
     while (cloud.length < count && turn === this.gone) {
       const z = told.factor[0].map(normal);
       const coefficients = Object.fromEntries(told.names.map((name, k) => [name, told.at[k] + told.factor[k].reduce((sum, x, j) => sum + x * z[j], 0)]));
       let flown = null;
       try {
-        flown = await this.core.ask("draws", "fly", this.request({ coefficients, seed: this.state.seed + cloud.length }), 150);
+        const own = common.replace("\ncoefficients = []\n", () => `\ncoefficients = ${pairs(coefficients)}\n`).replace("\nseed = 0\n", () => `\nseed = ${first + cloud.length}\n`);
+        flown = await this.core.ask("draws", "fly", own, 150);
       } catch (error) {
         if (++impossible > count) { out.textContent = `No vehicle could be drawn: ${error.message}`; return; }
         continue;
@@ -429,9 +433,12 @@ class Deck {
       });
       const [from, to] = levels[one.set_point].map((x) => x / one.one);
       const asked = { name: "asked for", look: "asked", t: Float64Array.from([-5, 0, 0, until - at]), y: Float64Array.from([from, from, to, to]) };
+      const walls = one.corridor ? [["lower", "corridor"], ["upper", "corridor"]].map(([side, name]) => ({
+        name, look: "wall", t: Float64Array.from(one.corridor.t), y: Float64Array.from(one.corridor[side], (share) => (share === null ? NaN : from + share * (to - from))),
+      })) : [];
       const host = this.part("steps");
       host.replaceChildren();
-      new Panels(host, { label: `Step of ${one.set_point}`, panels: [{ name: one.set_point, unit: one.unit, lines: [asked, ...lines] }], height: 220 });
+      new Panels(host, { label: `Step of ${one.set_point}`, panels: [{ name: one.set_point, unit: one.unit, lines: [...walls, asked, ...lines] }], height: 220 });
     } catch (error) { this.refused(error); }
   }
 

@@ -202,7 +202,8 @@ def _part(run: RunFolder, number: int, *, shown: bool) -> dict[str, Any]:
         "sections": [one for one in sections if not one.details],
         "details": [one for one in sections if one.details],
         "evidence": shown,
-        "figures": [_shown(figure, run.name) for figure in run.figures],
+        # The three views stand on the first screen.
+        "figures": [_shown(figure, run.name) for figure in run.figures if figure.name != "vehicle"],
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
         "versions": dict(run.facts.get("versions") or {}),
         "sha256": dict(run.facts.get("sha256") or {}),
@@ -228,17 +229,13 @@ def _baselines(run: RunFolder) -> list[dict[str, Any]]:
     return rows
 
 
-def _views(runs: Sequence[RunFolder]) -> str:
-    """Three views of the vehicle of the last run that has one, as the source of an image; empty without."""
-    for run in reversed(runs):
-        drawn = next((one for one in run.figures if one.name == "vehicle"), None)
-        if drawn is not None:
-            return _source(drawn)
-    for run in reversed(runs):
-        text = run.files.get("vehicle.toml")
-        if text is not None and (drawn := _three_views(text)) is not None:
-            return _source(drawn)
-    return ""
+def _views(runs: Sequence[RunFolder]) -> list[dict[str, str]]:
+    """Three views of every vehicle of the runs: its name, and the source of an image."""
+    found: dict[str, Figure] = {}
+    for run in runs:
+        if (text := run.files.get("vehicle.toml")) is not None and (drawn := _three_views(text)) is not None:
+            found.setdefault(drawn.name, drawn)
+    return [{"name": name, "source": _source(figure)} for name, figure in found.items()]
 
 
 def _three_views(text: str) -> Figure | None:
@@ -254,7 +251,7 @@ def _three_views(text: str) -> Figure | None:
     content = io.BytesIO()
     with house_style():
         three_views(vehicle).savefig(content, format="svg", metadata={"Date": None})
-    return Figure("vehicle", "svg", content.getvalue())
+    return Figure(vehicle.name, "svg", content.getvalue())
 
 
 def _shown(figure: Figure, run: str) -> dict[str, str]:

@@ -35,8 +35,8 @@ _RESULTS = {
 
 _VERDICTS = ("held", "complete")
 
-_LARGEST_SVG = 300_000
-"""Bytes of an SVG from which on its PNG is taken, if that is half as large: ten thousand points and more."""
+_LARGEST_SVG = 150_000
+"""Bytes of an SVG from which on its PNG is taken, if that is a third smaller: thousands of points."""
 
 _LARGEST_FILE = 2**20
 """Bytes of an input file that a page carries."""
@@ -137,7 +137,7 @@ def figures_of(folder: Path) -> tuple[Figure, ...]:
         for ending in ("svg", "png"):
             for path in sorted(place.glob(f"*.{ending}"), key=lambda one: (one.stat().st_mtime, one.name)):
                 known = best.setdefault(path.stem, path)
-                if known.stat().st_size > _LARGEST_SVG and path.stat().st_size < 0.5 * known.stat().st_size:
+                if known.stat().st_size > _LARGEST_SVG and path.stat().st_size < 0.7 * known.stat().st_size:
                     best[path.stem] = path
     ordered = sorted(best.values(), key=lambda one: (one.stat().st_mtime, one.name))
     try:
