@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -54,6 +55,8 @@ def test_trials_are_drawn_with_their_commands_and_what_was_held_out(tmp_path: Pa
         "cmd.other": [None] * n,
     })
     table.write_parquet(tmp_path / TRIALS_FILE)
+    zigzag = {"label": "zigzag, 10 to 90 s", "from": 10.0, "to": 90.0}
+    (tmp_path / "manoeuvres.json").write_text(json.dumps({"turn": [zigzag], "other": []}))
     run = RunFolder("turn", {"kind": "identification"}, Report("a", "b", "c", "d", "e"), path=tmp_path)
     (group,) = evidence(run)
     assert "turn" in group["title"]
@@ -61,6 +64,7 @@ def test_trials_are_drawn_with_their_commands_and_what_was_held_out(tmp_path: Pa
         "surge u", "yaw", "command SbU, SbL", "command VTB",
     ]  # fmt: skip
     assert group["shade"] == [[pytest.approx(300.0), pytest.approx(t[-1])]]
+    assert group["windows"] == [zigzag]
     times = unpacked(group["t"])
     assert len(times) <= 1500
     assert times[-1] > 399.0

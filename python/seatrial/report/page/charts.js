@@ -26,7 +26,7 @@ function marks(low, high, about) {
   return found;
 }
 
-const shown = (x) => (Number.isFinite(x) ? Number(x.toPrecision(4)).toString().replace("-", "−") : "–");
+const shown = (x) => (Number.isFinite(x) ? (Math.abs(x) < 1e-9 ? 0 : Number(x.toPrecision(4))).toString().replace("-", "−") : "–");
 
 // Index of the first time that is not below x.
 function place(times, x) {
@@ -71,7 +71,10 @@ class Panels {
       ...[["−", "Zoom out", () => this.zoom(2)], ["+", "Zoom in", () => this.zoom(0.5)], ["◀", "Earlier", () => this.pan(-0.4)],
         ["▶", "Later", () => this.pan(0.4)], ["All", "Show all", () => this.look(this.full)]].map(([sign, words, act]) =>
         element("button", { type: "button", class: "quiet", title: words, "aria-label": words, onclick: act }, sign)),
-      ...windows.map((one) => element("button", { type: "button", class: "quiet", onclick: () => this.look([one.from, one.to]) }, one.label)));
+      windows.length ? element("label", {}, "Manoeuvre ", element("select", { onchange: (event) => {
+        const one = windows[event.target.selectedIndex - 1], air = one ? 0.05 * (one.to - one.from) : 0;
+        this.look(one ? [one.from - air, one.to + air] : this.full);
+      } }, element("option", {}, "whole trial"), ...windows.map((one) => element("option", {}, one.label)))) : "");
     this.drawing = element("div", { class: "drawing", tabindex: "0", role: "img", "aria-label": `${label}; arrow keys pan, plus and minus zoom, 0 shows all` });
     this.readout = element("p", { class: "readout", "aria-live": "off" });
     host.append(this.tools, this.legend, this.drawing, this.readout);

@@ -8,6 +8,7 @@ tables and the Parquet file have those. Held by ``tests/report/test_page_evidenc
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import parquet, write_atomic
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import SeatrialError, TrialError, reason
+from seatrial.base.run import to_json
+from seatrial.intake.manoeuvres import manoeuvres
 from seatrial.report.page.run_folder import RunFolder
 from seatrial.report.plot.identification import predicted
 from seatrial.report.plot.trials import ANGLES, IN_DEGREES, NAMES, beside
@@ -32,6 +35,8 @@ __all__ = ["TRIALS_FILE", "evidence", "packed", "save_trials"]
 
 TRIALS_FILE = "trials.parquet"
 
+_MANOEUVRES = "manoeuvres.json"
+
 _MOST = 1500
 
 _STEPS = 65000  # of 16 bits, without the one that stands for "none"
@@ -41,6 +46,8 @@ _NONE = -32768
 
 def save_trials(fit: Identification, folder: Path) -> Path:
     """Path of the table of all trials: measured and simulated channels, SI and rad, and commands, by time.
+
+    Beside it ``manoeuvres.json`` tells what was done in each trial, and when.
 
     Columns ``trial``, ``t_s``, ``held_out``, ``restart`` (a prediction begins there), ``measured.<channel>``,
     ``simulated.<channel>`` and ``cmd.<actuator>`` in the actuator's unit.
@@ -52,19 +59,26 @@ def save_trials(fit: Identification, folder: Path) -> Path:
     """
     import polars as pl
 
-    tables = []
-    for name in fit.campaign.trials:
+    tables, done = [], {}
+    for name, trial in fit.campaign.trials.items():
         try:
             tables.append(_table(fit, name))
         except TrialError:  # such a trial is named among the notes of the identification
             continue
+        done[name] = [_window(one.kind, one.start_s, one.end_s) for one in manoeuvres(trial, fit.vehicle)]
     target = folder / TRIALS_FILE
     table = pl.concat(tables, how="diagonal") if tables else pl.DataFrame()
     try:
         write_atomic(target, parquet(table))
+        write_atomic(folder / _MANOEUVRES, to_json(done).encode())
     except OSError as error:
         raise SeatrialError(f"{target}: cannot be written ({reason(error)})") from None
     return target
+
+
+def _window(kind: str, start_s: float, end_s: float) -> dict[str, Any]:
+    """A manoeuvre as a page offers it."""
+    return {"label": f"{kind}, {start_s:.0f} to {end_s:.0f} s", "from": float(start_s), "to": float(end_s)}
 
 
 def _table(fit: Identification, name: str) -> pl.DataFrame:
@@ -92,7 +106,7 @@ def evidence(run: RunFolder) -> list[dict[str, Any]]:
         return []
     place = run.path / TRIALS_FILE
     if run.kind == "identification" and place.is_file():
-        return list(_trials(_read(place), _units(run)))
+        return list(_trials(_read(place), _units(run), _done(run.path / _MANOEUVRES)))
     return []
 
 
@@ -107,6 +121,15 @@ def _units(run: RunFolder) -> dict[str, str]:
     return {name: str(facts["unit"]) for name, facts in vehicle.actuator_info().items()}
 
 
+def _done(place: Path) -> Mapping[str, Any]:
+    """Manoeuvres by trial; none where no file tells them."""
+    try:
+        found = json.loads(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def _read(place: Path) -> pl.DataFrame:
     import polars as pl
 
@@ -116,7 +139,9 @@ def _read(place: Path) -> pl.DataFrame:
         raise SeatrialError(f"{place}: expected a Parquet table, found none ({error})") from None
 
 
-def _trials(table: pl.DataFrame, units: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+def _trials(
+    table: pl.DataFrame, units: Mapping[str, str], done: Mapping[str, Any]
+) -> Iterator[dict[str, Any]]:
     for (name,), part in table.partition_by("trial", as_dict=True, maintain_order=True).items():
         t = part["t_s"].to_numpy()
         held, restart = part["held_out"].to_numpy(), part["restart"].to_numpy()
@@ -140,7 +165,8 @@ def _trials(table: pl.DataFrame, units: Mapping[str, str]) -> Iterator[dict[str,
                 ],
             })
         panels += _commands(part, units)
-        yield _group(f"Trial {name}: measured against simulated, commands below", t, panels, held)
+        group = _group(f"Trial {name}: measured against simulated, commands below", t, panels, held)
+        yield group | {"windows": done.get(name, [])}
 
 
 def _commands(part: pl.DataFrame, units: Mapping[str, str]) -> Iterator[dict[str, Any]]:

@@ -493,7 +493,7 @@ function evidence() {
         if (!made.open || place.childElementCount) return;
         const t = unpacked(group.t);
         const panels = group.panels.map((panel) => ({ ...panel, lines: panel.lines.map((line) => ({ ...line, t, y: unpacked(line.y) })) }));
-        new Panels(place, { label: group.title, panels, shade: group.shade, shadeLabel: "held out of the fit", height: 84 });
+        new Panels(place, { label: group.title, panels, windows: group.windows, shade: group.shade, shadeLabel: "held out of the fit", height: 84 });
       });
       host.append(made);
       if (number === 0) made.open = true;
