@@ -231,16 +231,16 @@ class Scene {
     const places = [...scene.tracks.flatMap((track) => track.points), ...scene.waypoints.map((one) => one.place)];
     const norths = places.map((one) => one[0]), easts = places.map((one) => one[1]), depths = places.map((one) => one[2]);
     const least = (list) => list.reduce((a, b) => Math.min(a, b), Infinity), most = (list) => list.reduce((a, b) => Math.max(a, b), -Infinity);
-    scene.stretch = Math.min(8, Math.max(1, Math.round((0.3 * Math.max(most(norths) - least(norths), most(easts) - least(easts), 1)) / Math.max(most(depths), 1))));
+    scene.stretch = scene.plain ? 1 : Math.min(8, Math.max(1, Math.round((0.3 * Math.max(most(norths) - least(norths), most(easts) - least(easts), 1)) / Math.max(most(depths), 1))));
     const box = [[least(norths), least(easts)], [least(norths), most(easts)], [most(norths), most(easts)], [most(norths), least(easts)]];
     const flat = [...places, ...box.map(([n, e]) => [n, e, 0])].map((one) => this.flat(one));
     const ends = this.dragging && this.fit ? this.fit : (this.fit = [least(flat.map((p) => p[0])), most(flat.map((p) => p[0])), least(flat.map((p) => p[1])), most(flat.map((p) => p[1]))]);
-    const scale = Math.min((width - 80) / Math.max(ends[1] - ends[0], 1), (height - 60) / Math.max(ends[3] - ends[2], 1));
+    const scale = Math.min((width - 80) / Math.max(ends[1] - ends[0], 0.1), (height - 60) / Math.max(ends[3] - ends[2], 0.1));
     const x = (p) => width / 2 + (p[0] - (ends[0] + ends[1]) / 2) * scale, y = (p) => height / 2 + (p[1] - (ends[2] + ends[3]) / 2) * scale;
     const at = (place) => { const p = this.flat(place); return [x(p), y(p)]; };
     const poly = (points, close) => points.map((one, k) => `${k ? "L" : "M"}${at(one).map((v) => v.toFixed(1)).join(" ")}`).join("") + (close ? "Z" : "");
     const svg = element("svg", { width, height, viewBox: `0 0 ${width} ${height}` });
-    if (this.space) {
+    if (this.space && !scene.plain) {
       svg.append(element("path", { class: "surface", d: poly(box.map(([n, e]) => [n, e, 0]), true) }, element("title", {}, "surface")));
       if (Number.isFinite(scene.bottom)) svg.append(element("path", { class: "bottom", d: poly(box.map(([n, e]) => [n, e, scene.bottom]), true) }, element("title", {}, "bottom")));
     }
@@ -257,7 +257,12 @@ class Scene {
     for (const track of scene.tracks) svg.append(element("path", { class: `line ${track.look}`, d: poly(track.points) }));
     scene.waypoints.forEach((one, number) => svg.append(this.waypoint(one, number, at(one.place), scale)));
     if (scene.marker) svg.append(element("circle", { class: "marker", cx: at(scene.marker)[0], cy: at(scene.marker)[1], r: 7 }, element("title", {}, "vehicle")));
-    this.rose(svg, scene, scale, width, height);
+    for (const { place, name, look } of scene.marks || []) {
+      const [cx, cy] = at(place);
+      if (look) svg.append(element("circle", { class: look, cx, cy, r: 5 }, element("title", {}, name)));
+      else svg.append(element("text", { x: cx + (cx > width - 130 ? -5 : 5), y: cy - 5, "text-anchor": cx > width - 130 ? "end" : "start" }, name));
+    }
+    if (!scene.plain) this.rose(svg, scene, scale, width, height);
     const focused = document.activeElement && this.drawing.contains(document.activeElement) ? document.activeElement.dataset.number : null;
     this.drawing.replaceChildren(svg);
     if (this.space) this.drawing.setAttribute("tabindex", "0"); else this.drawing.removeAttribute("tabindex");
@@ -303,4 +308,32 @@ class Scene {
     if (speed > 0) arrow(scene.current[0], scene.current[1], 30, `current ${shown(speed)} m/s`, [width - 150, 44], "flow");
     if (this.space && scene.stretch > 1) svg.append(element("text", { x: width - 10, y: foot, "text-anchor": "end" }, `depth drawn ${scene.stretch} times as deep`));
   }
+}
+
+// The hull as rings and lines, actuators with arrows of positive force, fins as squares of their area; body axes.
+function modelOf({ size, box, actuators, gravity, buoyancy }) {
+  const [length, breadth, height] = size.map((x) => 0.5 * x), tracks = [], reach = Math.max(length, breadth, height, 0.1);
+  const ring = (x, y, z, count = 32) => Array.from({ length: count + 1 }, (_, k) => [x, y * Math.cos((2 * Math.PI * k) / count), z * Math.sin((2 * Math.PI * k) / count)]);
+  if (box) {
+    const corners = [[-1, -1], [-1, 1], [1, 1], [1, -1], [-1, -1]];
+    for (const x of [-length, length]) tracks.push({ look: "hull", points: corners.map(([y, z]) => [x, y * breadth, z * height]) });
+    for (const [y, z] of corners.slice(0, 4)) tracks.push({ look: "hull", points: [[-length, y * breadth, z * height], [length, y * breadth, z * height]] });
+  } else if (length > 0) {
+    // A nose of 35 % and a tail of 55 % of the half length, as in the three views.
+    const share = (x) => Math.sqrt(Math.max(0, 1 - Math.max(0, (x - 0.65) / 0.35) ** 2)) * (1 - 0.85 * Math.max(0, (-0.45 - x) / 0.55) ** 2);
+    const stations = Array.from({ length: 41 }, (_, k) => Math.sin(-Math.PI / 2 + (Math.PI * k) / 40));
+    for (const x of stations.filter((_, k) => k % 4 === 0)) tracks.push({ look: "hull", points: ring(x * length, share(x) * breadth, share(x) * height) });
+    for (let k = 0; k < 8; k++) tracks.push({ look: "hull", points: stations.map((x) => [x * length, share(x) * breadth * Math.cos((k * Math.PI) / 4), share(x) * height * Math.sin((k * Math.PI) / 4)]) });
+  }
+  const marks = [{ place: gravity, name: "centre of gravity", look: "gravity" }, { place: buoyancy, name: "centre of buoyancy", look: "buoyancy" }];
+  const along = (place, by, direction) => place.map((x, k) => x + by * direction[k]);
+  for (const { name, place, force, chord, side } of actuators) {
+    const tip = along(place, 0.3 * reach, force), other = Math.abs(force[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
+    tracks.push({ look: "force", points: [place, tip, along(along(tip, -0.06 * reach, force), 0.03 * reach, other), tip, along(along(tip, -0.06 * reach, force), -0.03 * reach, other)] });
+    marks.push({ place: tip, name });
+    if (!chord) continue;
+    const span = [chord[1] * force[2] - chord[2] * force[1], chord[2] * force[0] - chord[0] * force[2], chord[0] * force[1] - chord[1] * force[0]];
+    tracks.push({ look: "fin", points: [[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]].map(([a, b]) => along(along(place, (0.5 * a) * side, chord), 0.5 * b * side, span)) });
+  }
+  return { tracks, marks, waypoints: [], obstacles: [], fence: [], current: [0, 0, 0], bottom: NaN, marker: null, plain: true };
 }

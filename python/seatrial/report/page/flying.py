@@ -115,6 +115,7 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
         "autopilots": [_autopilot(label, one) for label, one in autopilots],
         "missions": [_mission(label, one, cases) for label, one in missions],
         "actuators": [[name, facts["unit"]] for name, facts in vehicle.actuator_info().items()],
+        "shape": _shape(vehicle),
         "sensors": _sensors(vehicle, pilot, around.get("sensors")),
         "fixed": request_lines(cases),
         "current": list(circumstances.current),
@@ -160,6 +161,29 @@ def _toml(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
     return repr(float(value))
+
+
+def _shape(vehicle: Vehicle) -> dict[str, Any]:
+    """Hull and placed actuators, for a picture in space; body axes, m."""
+    size, values = vehicle.geometry(), vehicle.coefficients()
+    placed = [
+        {
+            "name": name,
+            "place": list(facts["position"]),
+            "force": list(facts["direction"]),
+            "chord": list(facts["chord"]) if facts["kind"] == "fin" else None,
+            "side": math.sqrt(float(facts["area"] or 0.0)) if facts["kind"] == "fin" else 0.0,
+        }
+        for name, facts in vehicle.actuator_info().items()
+        if facts["position"] is not None
+    ]
+    return {
+        "size": [float(size.get(key, 0.0)) for key in ("length", "diameter", "height")],
+        "box": vehicle.hull_shape == "box",
+        "actuators": placed,
+        "gravity": [values.get(f"{axis}_g", 0.0) for axis in "xyz"],
+        "buoyancy": [values.get(f"{axis}_b", 0.0) for axis in "xyz"],
+    }
 
 
 def _autopilots(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[tuple[str, Autopilot]]:

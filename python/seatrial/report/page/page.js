@@ -501,6 +501,23 @@ function evidence() {
   }
 }
 
+// Every vehicle in space; the arrow keys and the pointer turn it.
+function models() {
+  const host = document.getElementById("models");
+  for (const { vehicle, shape } of inside("seatrial-flight") || []) {
+    if (!shape.size[0] && !shape.actuators.length) continue;
+    const place = element("div");
+    host.append(element("figure", {}, place, element("figcaption", {}, `${vehicle} in space: drag it, or use the arrow keys`)));
+    host.hidden = false;
+    const scene = new Scene(place, {});
+    scene.space = true;
+    scene.turn = [0.9, 0.45];
+    scene.show(modelOf(shape));
+    scene.drawing.setAttribute("aria-label", `${vehicle} in space; arrow keys turn it`);
+  }
+}
+
 theme();
+models();
 evidence();
 flying();
