@@ -66,6 +66,7 @@ class Panels {
   constructor(host, { label, panels, shade = [], shadeLabel = "", windows = [], height = 104 }) {
     Object.assign(this, { host, label, shade, shadeLabel, windows, height });
     this.at = null;
+    this.hairs = [];
     this.legend = element("div", { class: "legend" });
     this.tools = element("div", { class: "tools", role: "group", "aria-label": `Time axis of ${label}` },
       ...[["−", "Zoom out", () => this.zoom(2)], ["+", "Zoom in", () => this.zoom(0.5)], ["◀", "Earlier", () => this.pan(-0.4)],
@@ -93,6 +94,8 @@ class Panels {
     this.drawing.addEventListener("pointerup", () => { this.held = null; });
     this.drawing.addEventListener("pointerleave", () => { this.at = null; this.cursor(); });
     new ResizeObserver(() => this.draw()).observe(host);
+    // What nobody sees is drawn when it comes into view, so that a drag stays quick.
+    new IntersectionObserver(([entry]) => { this.seen = entry.isIntersecting; if (this.seen && this.late) this.draw(); }, { rootMargin: "300px" }).observe(host);
     this.show(panels);
   }
 
@@ -142,6 +145,8 @@ class Panels {
   }
 
   draw() {
+    this.late = this.seen === false;
+    if (this.late) return;
     const width = Math.max(this.host.clientWidth, 240), left = (this.left = 58), right = 10;
     const inner = (this.inner = width - left - right), height = this.height, gap = 22;
     const [from, to] = this.view;
