@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 import typer
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from seatrial.cli import app
@@ -29,7 +30,8 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder that sees the examples and the pages as a clone does."""
+    """An empty folder that sees the examples and the pages as a clone does. Figures are built and not rendered."""
+    monkeypatch.setattr(Figure, "savefig", lambda _, file, **__: file.write(b"not rendered"))
     for name in ("examples", "docs"):
         (tmp_path / name).symlink_to(ROOT / name, target_is_directory=True)
     monkeypatch.chdir(tmp_path)
