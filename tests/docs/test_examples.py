@@ -30,7 +30,7 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder that sees the examples and the pages as a clone does. Figures are built and not rendered."""
+    """An empty folder that sees examples and pages as a clone does. Figures are built and not rendered."""
     monkeypatch.setattr(Figure, "savefig", lambda _, file, **__: file.write(b"not rendered"))
     for name in ("examples", "docs"):
         (tmp_path / name).symlink_to(ROOT / name, target_is_directory=True)

@@ -92,7 +92,8 @@ def test_law_bands_part_the_sums_of_squares_exactly() -> None:
     simulated = np.full((400, len(CHANNELS)), np.nan)
     simulated[:, 2] = random.standard_normal(400)
     windows = [Window(trial, start, start + 400, simulated) for start in (0, 399, 1000)]
-    limits = {"run": Unpredictable({}, {}, PERIOD_S)}
+    limits = {"run": Unpredictable({}, {"w": 0.01}, PERIOD_S)}
+    assert bands(windows, ["w"], {"run": Unpredictable({}, {"u": 0.01}, PERIOD_S)}) == {}  # w shows no waves
     part = bands(windows, ["w"], limits)["w"]
     whole = 1.0 - sum(
         float(np.sum((w.compared("w")[0] - w.compared("w")[1]) ** 2)) for w in windows

@@ -73,6 +73,9 @@ class Band:
     at: float
 
 
+_CALM = Unpredictable({}, {}, None)
+
+
 def unpredictable(trial: Trial, verdicts: Mapping[str, Verdict]) -> Unpredictable:
     """What no model of the vehicle can predict of a trial.
 
@@ -131,20 +134,24 @@ def ceiling(
 def bands(
     judged: Sequence[Window], channels: Iterable[str], limits: Mapping[str, Unpredictable]
 ) -> dict[str, Band]:
-    """R2 by velocity channel below wave frequencies and from there on, on windows of trials with waves."""
+    """R2 by velocity channel below wave frequencies and from there on, where the channel shows the waves."""
     from scipy.fft import dct
 
-    periods = {name: one.period_s for name, one in limits.items() if one.period_s is not None}
+    wavy = {name: one for name, one in limits.items() if one.period_s is not None}
     found = {}
     for channel in channels:
-        wavy = [w for w in judging(channel, judged, limits) if w.trial.name in periods]
-        if channel not in VELOCITIES or not wavy:
+        windows = [
+            w for w in judging(channel, judged, limits) if channel in wavy.get(w.trial.name, _CALM).wave
+        ]
+        if channel not in VELOCITIES or not windows:
             continue
         sums = np.zeros((2, 2))  # errors and deviations, below and from the waves on
-        for window, error, away in zip(wavy, *channel_errors(channel, wavy), strict=True):
+        for window, error, away in zip(windows, *channel_errors(channel, windows), strict=True):
             if not len(error):
                 continue
-            edge = 1.0 / (_BELOW * periods[window.trial.name])
+            period_s = wavy[window.trial.name].period_s
+            assert period_s is not None
+            edge = 1.0 / (_BELOW * period_s)
             low = np.arange(len(error)) < 2.0 * edge * len(error) * window.trial.dt
             for row, values in enumerate((error, away)):
                 with np.errstate(invalid="ignore", over="ignore"):  # a simulation that diverged

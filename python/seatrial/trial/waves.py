@@ -9,6 +9,7 @@ with P its power in the band around the peak above the smooth spectrum. Linear w
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,9 +24,12 @@ __all__ = ["Waves", "commanded", "waves"]
 
 _LONGEST_S, _SHORTEST_S = 20.0, 2.0
 _WINDOW_S = 100.0
-_PROMINENT = 6.0  # times the smooth spectrum
+_PROMINENT = 6.0  # times the smooth spectrum, at least
+_FALSE_ALARM = 1e-3  # of a recording without waves, where few windows scatter more than that
+_SMOOTH = 1.7  # an octave and a half around a frequency, as a factor
 _BAND = 1.35  # around the peak, as a factor of its frequency
 _SEEN = ("u", "v", "w", "p", "q", "r", "z", "roll", "pitch", "yaw")
+_AXIS = dict(zip(_SEEN, "XYZKMNZKMN", strict=True))
 _FEWEST_PERIODS = 20
 _TOGETHER = 0.5
 _SHARE = 0.02  # of a channel's variance: less is no wave
@@ -63,25 +67,27 @@ def waves(trial: Trial) -> Waves | None:
     trial
         On its uniform time base.
     """
-    spectra: dict[str, tuple[Array, Array, Array]] = {}
+    spectra: dict[str, tuple[Array, Array, Array, int]] = {}
     if len(trial) * trial.dt < _FEWEST_PERIODS * _SHORTEST_S:
         return None
     for channel in _SEEN:
         y = trial.filled(channel)
         if y is not None and y.std() > 0.0:
             spectra[channel] = (y, *_spectrum(y, trial.dt))
-    peaks = {c: peak for c, (_, f, power) in spectra.items() if (peak := _peak(f, power)) is not None}
+    peaks = {c: p for c, (_, f, power, n) in spectra.items() if (p := _peak(f, power, n)) is not None}
     if not peaks:
         return None
     # The channels vote with the height of their peaks over the smooth spectrum.
-    logs = np.log([f for f, _ in peaks.values()])
-    weights = np.log([height for _, height in peaks.values()])
+    logs = np.log([f for f, *_ in peaks.values()])
+    weights = np.log([height for _, height, _ in peaks.values()])
     order = np.argsort(logs)
     middle = np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())
     frequency = float(np.exp(logs[order][min(middle, len(order) - 1)]))
+    if _chance(peaks, frequency) * len({_AXIS[c] for c in spectra}) > _FALSE_ALARM:
+        return None
     amplitude, share = {}, {}
     for channel in peaks:
-        y, f, power = spectra[channel]
+        y, f, power, _ = spectra[channel]
         inside = (f > frequency / _BAND) & (f < frequency * _BAND)
         step = f[1] - f[0]
         above = float(np.sum(power[inside] - _background(f, power, inside)) * step)
@@ -115,25 +121,47 @@ def commanded(trial: Trial, found: Waves) -> bool:
     return False
 
 
-def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
-    """Frequencies in Hz and one-sided power density."""
+def _spectrum(y: Array, dt: float) -> tuple[Array, Array, int]:
+    """Frequencies in Hz, one-sided power density, and the number of windows that it is the mean of."""
     from scipy.signal import welch
 
     count = min(len(y), max(256, round(_WINDOW_S / dt)))
     f, power = welch(y, 1.0 / dt, nperseg=count, detrend="linear")
-    return f[1:], power[1:]
+    return f[1:], power[1:], (len(y) - count // 2) // (count - count // 2)
 
 
 def _background(f: Array, power: Array, where: Mask) -> Array:
     """Smooth spectrum at some frequencies: median of the logarithm over an octave and a half around each."""
     log = np.log(np.maximum(power, 1e-300))
-    low = np.searchsorted(f, f[where] / 1.7)
-    high = np.searchsorted(f, f[where] * 1.7, side="right")
+    low = np.searchsorted(f, f[where] / _SMOOTH)
+    high = np.searchsorted(f, f[where] * _SMOOTH, side="right")
     return np.asarray(np.exp([np.median(log[a:b]) for a, b in zip(low, high, strict=True)]))
 
 
-def _peak(f: Array, power: Array) -> tuple[float, float] | None:
-    """Frequency of the highest peak in the band of waves and its height over the smooth spectrum."""
+def _chance(peaks: Mapping[str, tuple[float, float, float]], frequency: float) -> float:
+    """Probability that peaks as high as those at a frequency arise in calm water.
+
+    Those of several axes add up by Fisher's method; channels of one axis show one motion.
+    """
+    from scipy.stats import chi2
+
+    least: dict[str, float] = {}
+    for channel, (own, _, chance) in peaks.items():
+        if abs(math.log(own / frequency)) < math.log(_BAND):
+            least[_AXIS[channel]] = min(chance, least.get(_AXIS[channel], 1.0))
+    return float(chi2.sf(-2.0 * sum(math.log(max(one, 1e-300)) for one in least.values()), 2 * len(least)))
+
+
+def _peak(f: Array, power: Array, windows: int) -> tuple[float, float, float] | None:
+    """Frequency of the highest peak in the band of waves, its height over the smooth spectrum, its chance.
+
+    The chance is that of calm water. The mean over windows and neighbours is that of about 1.7 exponential
+    variables per window, the median is as good as the mean of half of its frequencies: their ratio follows
+    Fisher's distribution (Percival & Walden 1993, section 6.6).
+    """
+    from scipy.stats import f as fisher
+    from scipy.stats import gamma
+
     inside = np.flatnonzero((f > 1.0 / _LONGEST_S) & (f < min(1.0 / _SHORTEST_S, 0.8 * f[-1])))
     if len(inside) < 5:
         return None
@@ -144,11 +172,14 @@ def _peak(f: Array, power: Array) -> tuple[float, float] | None:
     # Neighbours agree on a peak that is no accident of one frequency.
     smooth = np.convolve(ratio, [0.25, 0.5, 0.25], mode="same")
     best = inside[int(np.argmax(smooth[inside]))]
+    around = int(np.count_nonzero((f > f[best] / _SMOOTH) & (f < f[best] * _SMOOTH)))
     if best in (inside[0], inside[-1]) or smooth[best] < _PROMINENT:
         return None
+    height = smooth[best] * gamma.median(windows, scale=1.0 / windows)
+    chance = len(inside) * fisher.sf(height, 3.4 * windows, around * windows)
     near = slice(max(best - 2, 0), best + 3)
     frequency = float(np.sum(f[near] * power[near]) / np.sum(power[near]))
-    return frequency, float(smooth[best])
+    return frequency, float(smooth[best]), min(float(chance), 1.0)
 
 
 def _decay(trial: Trial, frequency: float, amplitude: dict[str, float]) -> tuple[float, float]:
