@@ -209,7 +209,7 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Callable[..., Page], tmp
         page.locator("[data-part=stepof]").select_option(index=number)
         page.locator("button[data-act=step]").click()
         settled(page, "seatrial.core.idle && document.querySelector('[data-part=steps] path.second')")
-    assert page.locator("#models path.fin").count() == 4  # in space, too
+    assert page.locator(".model path.fin").count() == 4  # in space, too
     page.locator("button[data-act=space]").click()
     assert page.locator("path.surface").count() == 1
 

@@ -503,12 +503,12 @@ function evidence() {
 
 // Every vehicle in space; the arrow keys and the pointer turn it.
 function models() {
-  const host = document.getElementById("models");
+  const views = [...document.querySelectorAll("#views figure")];
   for (const { vehicle, shape } of inside("seatrial-flight") || []) {
     if (!shape.size[0] && !shape.actuators.length) continue;
     const place = element("div");
-    host.append(element("figure", {}, place, element("figcaption", {}, `${vehicle} in space: drag it, or use the arrow keys`)));
-    host.hidden = false;
+    const made = element("figure", { class: "model" }, place, element("figcaption", {}, `${vehicle} in space: drag it, or use the arrow keys`));
+    views.find((view) => view.dataset.vehicle === vehicle)?.after(made);
     const scene = new Scene(place, {});
     scene.space = true;
     scene.turn = [0.9, 0.45];
