@@ -40,8 +40,8 @@ $(SET_UP): constraints.txt
 	$(BIN)/python -m pip install --no-compile --requirement constraints.txt
 	@touch $@
 
-build: $(BUILT) ## the Rust core, optimised, importable from .venv, and the one of a report's page
-$(BUILT): $(SET_UP) $(CORE) $(PAGE)
+build: $(BUILT) $(PAGE) ## the Rust core, optimised, importable from .venv, and the one of a report's page
+$(BUILT): $(SET_UP) $(CORE)
 	env -u MAKEFLAGS -u MFLAGS PIP_CONSTRAINT=constraints.txt $(BIN)/maturin develop --release --locked
 	@touch $@
 
@@ -104,7 +104,7 @@ bench: build ## ratios: fraction of FMA peak, threads, textbook, CasADi, memory,
 	$(BIN)/python -m benchmarks
 
 wheel: $(WHEEL) ## a wheel in dist/
-$(WHEEL): $(BUILT) $(PACKAGE)
+$(WHEEL): $(BUILT) $(PAGE) $(PACKAGE)
 	rm -rf dist
 	env -u MAKEFLAGS -u MFLAGS $(BIN)/maturin build --release --locked --out dist
 	@touch $@
