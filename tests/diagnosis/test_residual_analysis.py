@@ -273,9 +273,11 @@ def test_figure_shows_every_channel_and_every_finding() -> None:
 def test_recorded_signals_are_those_of_the_segments_samples() -> None:
     t = np.arange(0.0, 100.0, DT)
     one = Trial.read({"t_s": t, "u_m_s": np.sin(t), "voltage_v": 24.0 + 0.01 * t}, name="one")
-    two = Trial.read({"t_s": t, "u_m_s": np.sin(t), "cmd.PL": 1000.0 * np.sign(np.sin(t))}, name="two")
+    pushed = {"cmd.PL": 1000.0 * np.sign(np.sin(t)), "tau.X_n": 3.0 * np.sin(t), "tau.Y_n": 0.0 * t}
+    two = Trial.read({"t_s": t, "u_m_s": np.sin(t)} | pushed, name="two")
     found = recorded_signals(linear(0), {"one": one, "two": two})
-    assert set(found) == {"voltage", "command PL", "time"}
+    assert set(found) == {"voltage", "command PL", "wrench X", "time"}
+    np.testing.assert_allclose(np.ptp(found["wrench X"][12]), 6.0, rtol=0.01)
     assert np.concatenate(found["voltage"]).mean() == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(np.diff(found["voltage"][3]), 0.01 * DT, rtol=1e-6)
     assert not found["voltage"][12].any()

@@ -55,3 +55,19 @@ def test_a_short_trial_is_not_split() -> None:
     proposed = windows(trial, [])
     assert proposed.hold_out is None
     assert "too short to split: hold out another trial" in proposed.sentence
+
+
+def test_both_parts_have_commands_that_change() -> None:
+    def adrift(*pushed: tuple[float, float]) -> st.Trial:
+        """A vehicle that swings in the swell all the time and is pushed now and then."""
+        force = sum(np.where((from_s <= T) & (to_s > T), 30.0, 0.0) for from_s, to_s in pushed)
+        return st.Trial.read({"t_s": T, "u_m_s": 0.2 * np.sin(0.1 * T), "tau.X_n": force}, align=False)
+
+    once = windows(adrift((200.0, 220.0)), [])
+    assert once.hold_out is None
+    assert "one stretch only, 200 to 240 s" in once.sentence
+    twice = windows(adrift((60.0, 70.0), (300.0, 310.0)), [])
+    assert twice.hold_out is not None
+    start, stop = twice.hold_out
+    assert (start <= 60.0 and stop >= 90.0) != (start <= 300.0 and stop >= 330.0)
+    assert windows(adrift(), []).hold_out is not None

@@ -108,7 +108,7 @@ def motion_signals(lin: Linearisation) -> dict[str, list[Array]]:
 
 
 def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[str, list[Array]]:
-    """Per name the signal (n,) of each segment, about its mean: commands, voltage and time.
+    """Per name the signal (n,) of each segment, about its mean: commands, recorded wrench, voltage and time.
 
     Zero where it is not recorded.
     """
@@ -117,6 +117,12 @@ def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[st
         trial = trials[piece.trial]
         at = _samples(piece, trials)
         own = {f"command {name}": signal for name, signal in trial.commands.items()}
+        if trial.tau is not None:
+            own |= {
+                f"wrench {axis}": force
+                for axis, force in zip(AXES, trial.tau.T, strict=True)
+                if np.ptp(force)
+            }
         if trial.voltage_v is not None:
             own["voltage"] = trial.voltage_v
         own["time"] = trial.t - trial.t.mean()
@@ -279,6 +285,11 @@ def _force_advice(channel: str, signal: str, estimated: Collection[str], known: 
     if signal.startswith("command "):
         name = signal.removeprefix("command ")
         return f"free {name}'s gain, levers or lag, or measure its characteristic"
+    if signal.startswith("wrench "):
+        own = signal.removeprefix("wrench ")
+        if own == axis:
+            return f"the recorded {own} is out of scale or late, check its unit and stamps"
+        return f"the recorded {own} acts on {axis} too, check its point of action and its axes"
     if signal == "voltage":
         return "the thrust depends on the supply voltage, give a characteristic with the voltage"
     if signal == "time":

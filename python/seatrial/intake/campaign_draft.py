@@ -161,7 +161,8 @@ def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedT
             lines += textwrap.wrap(one.why, 100, initial_indent="# ", subsequent_indent="# ")
             lines.append(line("hold_out_s", [list(one.hold_out_s)]))
         else:
-            lines.append(f"# no hold-out: {one.why}")
+            words = f"no hold-out: {one.why}"
+            lines += textwrap.wrap(words, 100, initial_indent="# ", subsequent_indent="# ")
         if one.rate_hz is not None:
             lines.append(f"{line('rate_hz', one.rate_hz)} # of very many samples")
         if one.input != "commands":

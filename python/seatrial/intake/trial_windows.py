@@ -2,7 +2,8 @@
 
 The held-out part is contiguous (samples near each other in time are alike: Bergmeir and Benitez 2012), a
 fifth to a third of the trial, has every kind of manoeuvre that occurs more than once, leaves each of them in
-the fit, cuts few of them and is no easier than the rest. Held by ``tests/intake/test_trial_windows.py``.
+the fit, cuts few of them and is no easier than the rest. Both parts have commands that change. Held by
+``tests/intake/test_trial_windows.py``.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
@@ -29,6 +31,8 @@ _SHORTEST_S = 60.0
 _IDLE_S = 10.0
 _STILL = 0.15  # of the largest velocity
 _ROUND_S = 1.0
+_LASTS_S = 20.0  # that a change of a command goes on to tell something
+_DRIVEN = 0.25  # of the trial's share of driven time, in either part
 _TOLD = ("step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run")
 
 
@@ -82,6 +86,7 @@ def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
     told = [one for one in found if one.kind in _TOLD]
     kinds = {(one.kind, one.by) for one in told}
     repeated = sorted(key for key in kinds if sum((one.kind, one.by) == key for one in told) > 1)
+    driven = _driven(trial)
     best = None
     for share in _SHARES:
         for start in np.linspace(use[0], use[1] - share * length, _STARTS):
@@ -89,11 +94,22 @@ def windows(trial: Trial, found: Sequence[Manoeuvre]) -> TrialWindows:
                 float(np.round(start / _ROUND_S)),
                 float(np.round((start + share * length) / _ROUND_S)),
             )
+            if not _both_driven(trial.t, driven, use, candidate):
+                continue
             merit, both, effort = _merit(trial, activity, use, candidate, told, repeated)
             merit -= 2.0 * abs(share - _USUAL) - 0.2 * (start - use[0]) / length
             if best is None or merit > best[0]:
                 best = (merit, candidate, both, effort)
-    assert best is not None
+    if best is None:
+        at = trial.t[driven]
+        return TrialWindows(
+            use,
+            None,
+            (0, 0),
+            1.0,
+            f"the commands change in one stretch only, {at[0]:.0f} to {at[-1]:.0f} s, which cannot be in both"
+            " parts: hold out another trial",
+        )
     _, candidate, both, effort = best
     candidate = (candidate[0], float(np.ceil(trial.t[-1]))) if use[1] - candidate[1] < 2.0 else candidate
     return TrialWindows(
@@ -158,6 +174,40 @@ def _merit(
     hard = float(np.clip(per_axis - 1.5, 0.0, 2.0).mean()) if per_axis.size else 0.0
     merit = both / max(len(repeated), 1) - 0.5 * cut / max(count, 1) - easy - 0.3 * hard
     return merit - lonely / max(len(repeated), 1), both, effort
+
+
+def _driven(trial: Trial) -> NDArray[np.bool_]:
+    """Samples (n,) at which some command or the recorded wrench changes, or changed a moment ago."""
+    inputs = [*trial.commands.values(), *([] if trial.tau is None else trial.tau.T)]
+    changes = np.zeros(len(trial), bool)
+    for y in inputs:
+        if np.ptp(y) > 0.0:
+            changes |= np.abs(np.diff(y, prepend=y[0])) > 0.02 * np.ptp(y)
+    since = np.arange(len(trial)) - np.maximum.accumulate(
+        np.where(changes, np.arange(len(trial)), -len(trial))
+    )
+    return np.asarray(since * trial.dt <= _LASTS_S)
+
+
+def _both_driven(
+    t: Array, driven: NDArray[np.bool_], use: tuple[float, float], part: tuple[float, float]
+) -> bool:
+    """Whether a part and the rest of a trial both have commands that change; true where none ever changes.
+
+    Where they change for less than half of the time, each has a stretch of it as a whole.
+    """
+    inside = (t >= part[0]) & (t < part[1])
+    rest = (t >= use[0]) & (t < use[1]) & ~inside
+    share = driven[inside | rest].mean()
+    if share == 0.0:
+        return True
+    if min(driven[inside].mean(), driven[rest].mean()) < _DRIVEN * share:
+        return False
+    if share > 0.5:
+        return True
+    edges = np.diff(driven.astype(int), prepend=0, append=0)
+    stretches = list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True))
+    return any(inside[a:b].all() for a, b in stretches) and any(not inside[a:b].any() for a, b in stretches)
 
 
 def _activity(trial: Trial) -> Array:
