@@ -404,7 +404,7 @@ class Deck {
       cloud.push({ points, fails });
       if (cloud.length % 10 === 0 || cloud.length === count) {
         const [low, high] = wilson(failed, cloud.length);
-        out.textContent = `${failed} of ${cloud.length} drawn vehicles fail (${(100 * failed / cloud.length).toFixed(1)} %, 95 % interval ${(100 * low).toFixed(1)} to ${(100 * high).toFixed(1)} %): not flown to the end, a waypoint missed by more than its radius of acceptance, or too near to an obstacle.`
+        out.textContent = `${failed} of ${cloud.length} drawn vehicles fail (${(100 * failed / cloud.length).toFixed(1)} %, 95 % interval ${(100 * low).toFixed(1)} to ${(100 * high).toFixed(1)} %): not flown to the end, a waypoint missed by more than its radius of acceptance, or too near to an obstacle. All of them fly in the water and with the sensors chosen here; a verification draws these too and has its own requirements.`
           + (impossible ? ` ${impossible} drawn vehicles were impossible and are drawn again.` : "");
         this.mark();
       }
