@@ -54,10 +54,10 @@ $(PAGE): $(CORE)
 demo: build ## from trials to a verdict in under two minutes: identify, tune, verify
 	$(BIN)/seatrial demo
 
-# The optimised build and most checks keep one processor busy: what does not need the core runs beside its build, and what
+# The optimised build and most checks keep one processor busy, and not always: what does not need the core runs beside its build, and what
 # needs it beside the tests in Python. The wheel comes first because maturin keeps one copy of the core.
 test: ## everything that continuous integration runs
-	$(MAKE) --jobs 2 --output-sync=target wheel test-rust check-sources
+	$(MAKE) --jobs 3 --output-sync=target wheel test-rust check-sources
 	$(MAKE) --jobs 2 --output-sync=target test-python check-stub test-wheel
 
 test-rust: ## laws, scalars, literature and golden numbers of the core
