@@ -141,3 +141,48 @@ def test_more_coefficients_do_not_end_at_a_higher_cost() -> None:
         campaign = Campaign.from_toml(text, source="made.toml", trials=data)
         costs.append(float(polish(Joint(campaign, threads=2)).costs.min()))
     assert costs[1] <= costs[0]
+
+
+GAINS = "[polish.coefficients]\n" + "".join(
+    f'"{name}.gain" = {{ bounds = [0.5, 1.5], sd = 0.1 }}\n' for name in ("SbU", "SbL", "PU", "PL")
+)
+
+
+def test_gains_with_a_prior_stay_in_a_joint_estimate_that_predicts_with_them() -> None:
+    fit = identified(HELD_OUT + GAINS, waves=False)
+    gains = {row.name: row for row in fit.coefficients if row.name.endswith(".gain")}
+    assert len(gains) == 4
+    # Two thrusters of a side push in one line: their difference is told by the prior alone.
+    for row in gains.values():
+        assert abs(row.estimate - 1.0) < 0.1
+        assert row.sigma is not None
+        assert 0.03 < row.sigma < 0.13
+    assert np.mean([row.estimate for row in gains.values()]) == pytest.approx(1.0, abs=0.05)
+
+
+def test_gains_with_a_prior_leave_a_joint_estimate_that_predicts_worse_with_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def outside(campaign: Campaign, *_: object) -> tuple[object, ...]:
+        freed = campaign.file.polish is not None and campaign.file.polish.coefficients
+        return "held-out data", {"r": 0.3}, {"r": 0.2 if freed else 0.1}, {}
+
+    monkeypatch.setattr("seatrial.identification.choice._outside", outside)
+    campaign = Campaign.from_toml(HELD_OUT + GAINS, source="made.toml", trials=recordings(waves=False))
+    fit = identify(campaign, threads=2)
+    assert not [row.name for row in fit.coefficients if row.name.endswith(".gain")]
+    assert any(note.startswith("SbU.gain, SbL.gain, PU.gain, PL.gain keep") for note in fit.notes)
+    assert any("(R2 r 0.90 to 0.80, held to free)" in note for note in fit.notes)
+
+
+def test_a_tight_prior_holds_a_coefficient_that_the_data_would_move() -> None:
+    free = Campaign.from_toml(HEAD, source="made.toml", trials=recordings(waves=False))
+    held = HEAD + "[polish.coefficients]\nN_rr = { bounds = [-3000.0, -40.0], start = -150.0, sd = 0.01 }\n"
+    tight = Campaign.from_toml(held, source="made.toml", trials=recordings(waves=False))
+    found = {}
+    for name, campaign in (("free", free), ("tight", tight)):
+        joint = Joint(campaign, threads=2)
+        values = polish(joint).values
+        found[name] = joint.coefficients(values)["N_rr"]
+    assert found["free"] == pytest.approx(TRUTH["N_rr"], rel=0.05)
+    assert found["tight"] == pytest.approx(-150.0, rel=0.01)

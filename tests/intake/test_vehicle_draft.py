@@ -71,7 +71,7 @@ def test_commands_are_matched_by_name_group_or_number(names: list[str], actuator
 
 
 def test_stub_loads_once_its_measures_are_filled_in() -> None:
-    log = SurveyedLog(Path("dive 1.csv"), "csv", (), (), (), (), {}, None)
+    log = SurveyedLog(Path("dive 1.csv"), "csv", (), (), (), (), (), {}, None)
     units = {"port": "us", "propeller": "rpm", "rudder": "deg"}
     stub = draft_vehicle([log], units, None)
     assert stub.vehicle is None

@@ -152,12 +152,13 @@ def _short_coefficient(entry: Any) -> Any:
 
 
 class Coefficient(Section):
-    """A free coefficient: bounds, start value and those tied to it."""
+    """A free coefficient: bounds, start value, how well that is known beforehand, and those tied to it."""
 
     advice: ClassVar[str] = '. A name with a dot needs quotes: "stern.gain" = [0.5, 2.0].'
 
     bounds: Interval | None = None
     start: Number | None = None
+    sd: Positive | None = None
     relative: bool = False
     tie: tuple[Annotated[Tie, BeforeValidator(_short_tie)], ...] = ()
 

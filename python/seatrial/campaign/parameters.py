@@ -61,7 +61,8 @@ _Facts = Mapping[str, Mapping[str, Any]]
 class Parameter:
     """One number of the search, in the unit of its first coefficient.
 
-    ``members`` are the coefficients that it sets, each with its factor.
+    ``members`` are the coefficients that it sets, each with its factor. ``sd`` is the standard deviation with
+    which ``start`` is known beforehand, infinite where nothing is: a prior of the joint estimate.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Parameter:
     lower: float
     upper: float
     start_given: bool
+    sd: float = math.inf
 
     def coefficients(self, value: float) -> dict[str, float]:
         """Coefficients that this value sets."""
@@ -193,4 +195,5 @@ def _parameter(name: str, entry: Coefficient, vehicle: Vehicle, known: _Facts, w
             f"{where}: the bounds [{lower:g}, {upper:g}] exclude {origin} {start:g} {unit};"
             " widen the bounds or set start inside them"
         )
-    return Parameter(name, tuple(members), unit, start, lower, upper, entry.start is not None)
+    sd = math.inf if entry.sd is None else abs(scale) * entry.sd
+    return Parameter(name, tuple(members), unit, start, lower, upper, entry.start is not None, sd)

@@ -144,6 +144,8 @@ class Innovations:
         self.lower = np.array([u.lower for u in joint.unknowns])
         self.upper = np.array([u.upper for u in joint.unknowns])
         self.scale = np.array([u.scale for u in joint.unknowns])
+        # A bound's width is a weak prior, as in output error.
+        self.prior_sd = np.minimum([u.prior_sd for u in joint.unknowns], self.scale)
 
     def likelier(self, starts: Sequence[Array]) -> Array:
         """The start (m,) with which the log is most likely, each with noises of its own.
@@ -181,7 +183,7 @@ class Innovations:
                     watch(Step("polish", count, rounds, count, cost, time.monotonic() - began))
                 if count >= rounds or converged:
                     break
-                step, information, _ = self._step(errors, noise, at, start, fixed)
+                step, information, _ = self._step(errors, noise, at, self.joint.centres(start), fixed)
                 moved = np.clip(at + step, self.lower, self.upper)
                 size = np.sqrt(np.diag(np.linalg.pinv(information)))
                 converged = bool(np.all(np.abs(moved - at) < _CLOSE * size)) and count > 0
@@ -190,7 +192,7 @@ class Innovations:
                 errors = self._errors(spans, ahead)
                 noise = self._noise(errors)
             if rounds:
-                horizons = self._compared(at, start, fixed, errors, noise)
+                horizons = self._compared(at, self.joint.centres(start), fixed, errors, noise)
         except KeyboardInterrupt:
             interrupted = True
         cost = self._cost(errors, noise)
@@ -397,12 +399,22 @@ class Innovations:
         return total
 
     def _step(
-        self, errors: Sequence[_Errors], noise: Array, at: Array, centre: Array, fixed: Sequence[int]
+        self,
+        errors: Sequence[_Errors],
+        noise: Array,
+        at: Array,
+        centre: Array,
+        fixed: Sequence[int],
+        overlap: int = 1,
     ) -> tuple[Array, Array, Array]:
-        """Gauss-Newton step (m,) within the bounds, the information (m, m), block sums (b, m) of the pull."""
+        """Gauss-Newton step (m,) within the bounds, the information (m, m), block sums (b, m) of the pull.
+
+        Predictions over a horizon of several samples overlap, and so many of them tell as much as one: the
+        priors weigh accordingly more.
+        """
         from scipy.optimize import lsq_linear
 
-        precision = self.scale**-2.0  # a bound's width is a weak prior, as in output error
+        precision = overlap * self.prior_sd**-2.0
         information = np.diag(precision)
         gradient = -precision * (at - centre)
         blocks, length = [], max(round(_BLOCK_S / self.dt), 1)
@@ -430,7 +442,7 @@ class Innovations:
         self, values: Array, centre: Array, fixed: Sequence[int], errors: Sequence[_Errors], noise: Array
     ) -> tuple[Horizon, ...]:
         """Estimates from other horizons with the noise model held, beside those of the fit."""
-        own = self._influence(errors, noise, values, centre, fixed)
+        own, around = self._influence(errors, noise, values, centre, fixed), self.joint.centres(values)
         found = []
         for ahead_s in self.joint.polish.horizons_s:
             steps = self._samples(ahead_s)
@@ -440,9 +452,9 @@ class Innovations:
             for _ in range(_HORIZON_ROUNDS):
                 other = self._errors(self._spans(at, ()), steps)
                 sizes = self._noise(other)
-                step, _, _ = self._step(other, sizes, at, values, fixed)
+                step, _, _ = self._step(other, sizes, at, around, fixed, steps)
                 at = np.clip(at + step, self.lower, self.upper)
-            theirs = self._influence(other, sizes, at, values, fixed)
+            theirs = self._influence(other, sizes, at, around, fixed, steps)
             count = min(len(own), len(theirs))
             spread = np.sqrt(((theirs[:count] - own[:count]) ** 2).sum(axis=0))
             away = (at - values) / np.maximum(spread, 1e-12 * self.scale)
@@ -456,8 +468,14 @@ class Innovations:
         return tuple(found)
 
     def _influence(
-        self, errors: Sequence[_Errors], noise: Array, at: Array, centre: Array, fixed: Sequence[int]
+        self,
+        errors: Sequence[_Errors],
+        noise: Array,
+        at: Array,
+        centre: Array,
+        fixed: Sequence[int],
+        overlap: int = 1,
     ) -> Array:
         """What each block of time moves the estimate by, (blocks, m)."""
-        _, information, blocks = self._step(errors, noise, at, centre, fixed)
+        _, information, blocks = self._step(errors, noise, at, centre, fixed, overlap)
         return np.asarray(np.linalg.solve(information, blocks.T).T)

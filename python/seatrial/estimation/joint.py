@@ -277,7 +277,7 @@ class Joint:
         self.nuisances = nuisances(self.polish, self.data.names, where)
         self.unknowns = (
             *(
-                Unknown(p.name, "coefficient", p.unit, p.lower, p.upper, p.upper - p.lower, p.start, math.inf)
+                Unknown(p.name, "coefficient", p.unit, p.lower, p.upper, p.upper - p.lower, p.start, p.sd)
                 for p in self.estimated
             ),
             *(self._hidden(p) for p in self.parameters[len(self.estimated) :]),
@@ -334,6 +334,11 @@ class Joint:
                     spans.append((index, first, end - 1))
                     segments += restarted(trial, [(k, k + 2) for k in range(first, end - 1)], index)
         return tuple(spans), tuple(segments)
+
+    def centres(self, values: Array) -> Array:
+        """Where the priors of the unknowns (m,) lie: these values where nothing is known beforehand."""
+        known = np.array([np.isfinite(unknown.prior_sd) for unknown in self.unknowns])
+        return np.where(known, [unknown.prior for unknown in self.unknowns], values)
 
     @property
     def unstaged(self) -> tuple[int, ...]:

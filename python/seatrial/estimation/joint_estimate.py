@@ -248,8 +248,7 @@ class _Descent:
     def run(self, start: Array) -> Polished:
         """The optimum that one start leads to."""
         joint, rounds = self.joint, self.rounds
-        centre = start.copy()
-        centre[len(joint.parameters) :] = 0.0
+        centre = joint.centres(start)
         rounds.noise = joint.noise.copy()
         initial = np.zeros((len(joint.data.segments), len(INITIALS)))
         rounds.estimate_noise(joint.residuals(start, initial))

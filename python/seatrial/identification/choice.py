@@ -18,13 +18,16 @@ better than its mean (e > 1) tells a tenth of that, for it is not predicted anyw
 result unless the mean over the channels is higher by more than `_EVEN`, or a channel that the stages predict
 loses more than `_LOST` of R2 and half as much error variance again.
 
+By the same rule coefficients that only a prior bounds (the gains of single thrusters) leave the joint
+estimate where it predicts held-out data worse with them: a wrong model bends them for want of better.
+
 Tests: ``tests/identification/test_choice.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -32,6 +35,7 @@ import numpy as np
 
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
+from seatrial.base.progress import Step
 from seatrial.campaign.campaign import Campaign
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
@@ -43,7 +47,7 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.trial.score import Score
 
-__all__ = ["Choice", "choose"]
+__all__ = ["Choice", "choose", "with_or_without_presumed"]
 
 _SHARE = 0.2
 """Part of every trial, at its end, that judges where the campaign holds nothing out."""
@@ -184,10 +188,9 @@ def choose(
     if not judged:
         why = "no data outside the fit could judge it; hold out a trial (hold_out, hold_out_s)"
         return Choice("joint estimate", why, {}, {}, 0.0, polished)
-    likelihood = float(np.mean([_nats(second[c]) - _nats(first[c]) for c in judged]))
-    spoilt = any(first[c] < 1.0 and second[c] > max(_MORE * first[c], first[c] + _LOST) for c in judged)
+    likelihood, worse = _compared(first, second, judged)
     return Choice(
-        "stages" if likelihood > _EVEN or spoilt else "joint estimate",
+        "stages" if worse else "joint estimate",
         words,
         {c: 1.0 - first[c] for c in judged},
         {c: 1.0 - second[c] for c in judged},
@@ -196,6 +199,64 @@ def choose(
         AHEAD_S if joint.method == "output" else _horizon(joint),
         {name: {c: 1.0 - row[c] for c in judged if c in row} for name, row in rivals.items()},
     )
+
+
+def with_or_without_presumed(
+    joint: Joint, polished: Polished, *, watch: Callable[[Step], None] | None = None
+) -> tuple[Joint, Polished, tuple[str, ...], str]:
+    """The joint estimate with or without coefficients of its own that have a prior (``sd``).
+
+    Parameters
+    ----------
+    joint, polished
+        With them.
+    watch : callable, optional
+        As of `seatrial.estimation.joint_estimate.polish`.
+
+    Returns
+    -------
+    tuple
+        The joint estimate that predicts held-out data better, how it went, the names of what it leaves out,
+        and a sentence on that; with them where nothing is held out.
+    """
+    own = joint.campaign.file.polish
+    names = () if own is None else tuple(name for name, one in own.coefficients.items() if one.sd is not None)
+    staged = {name for stage in joint.campaign.stages for name in stage.coefficients}
+    names = tuple(name for name in names if name not in staged)
+    if not names or polished.interrupted:
+        return joint, polished, (), ""
+    words, _, rich, _ = _outside(joint.campaign, joint, polished)
+    campaign = joint.campaign.without_coefficients(set(names))
+    plain = Joint(
+        campaign, joint.vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden - set(names)
+    )
+    plain.method_reason = joint.method_reason
+    again = polish(plain, watch=watch) if rich else polished
+    if not rich or again.interrupted:
+        return joint, polished, (), ""
+    _, _, poor, _ = _outside(campaign, plain, again)
+    judged = [channel for channel in poor if channel in rich]
+    judged = [channel for channel in judged if channel in VELOCITIES] or judged
+    _, worse = _compared(poor, rich, judged)
+    if not worse or all(rich[channel] - poor[channel] < _TELLING for channel in judged):
+        return joint, polished, (), ""
+    figures = ", ".join(_pair(c, 1.0 - poor[c], 1.0 - rich[c]) for c in judged)
+    return (
+        plain,
+        again,
+        names,
+        f"{', '.join(names)} keep the vehicle's values: with them free the joint estimate predicts {words}"
+        f" worse (R2 {figures}, held to free)",
+    )
+
+
+def _compared(
+    first: Mapping[str, float], second: Mapping[str, float], judged: Sequence[str]
+) -> tuple[float, bool]:
+    """How much less likely the second's errors are per sample and channel, and whether it is worse."""
+    nats = float(np.mean([_nats(second[c]) - _nats(first[c]) for c in judged])) if judged else 0.0
+    spoilt = any(first[c] < 1.0 and second[c] > max(_MORE * first[c], first[c] + _LOST) for c in judged)
+    return nats, nats > _EVEN or spoilt
 
 
 def _outside(

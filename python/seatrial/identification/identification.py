@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.diagnosis.identifiability import Identifiability
+    from seatrial.diagnosis.missing_terms import Suggestion
     from seatrial.estimation.scale import ScaleReport
     from seatrial.trial.score import Score
 
@@ -431,8 +432,11 @@ def _prediction(fit: Identification) -> str:
     r2 = {name: value for name, value in r2.items() if name in CHANNELS[:6]} or r2
     best, worst = max(r2, key=r2.__getitem__), min(r2, key=r2.__getitem__)
     trials = len(score.trials)
-    # A ceiling is worth a word where it is below what rounds to one.
-    most = {c: f" of at most {_r2(limit)}" if limit < _NEAR_ONE else "" for c, limit in score.ceiling.items()}
+    # A ceiling is worth a word where it is below what rounds to one, and where it is one.
+    most = {
+        c: f" of at most {_r2(limit)}" if r2.get(c, -1.0) < limit < _NEAR_ONE else ""
+        for c, limit in score.ceiling.items()
+    }
     channels = f"{_r2(r2[best])}{most.get(best, '')} in {best}"
     if len(r2) > 1:
         channels += f", worst {_r2(r2[worst])}{most.get(worst, '')} in {worst}"
@@ -466,9 +470,20 @@ def _worst(fit: Identification) -> tuple[str, str]:
         return f"Ctrl-C ended the search early{left}", "run the same command again; finished stages are kept"
     if strayed := [] if fit.assessment is None else fit.assessment.strayed():
         return _problem_and_remedy(strayed[0], "a nuisance parameter left its prior")
-    refused = [] if fit.assessment is None else fit.assessment.refused()
-    if untold := [*sentences(fit.held), *refused]:
-        problem, _, remedy = untold[0].rpartition("; ")
+    if hidden := sentences(fit.held):
+        problem, _, remedy = hidden[0].rpartition("; ")
+        return problem, remedy
+    score = _judged(fit)
+    residual_analysis = None if fit.assessment is None else fit.assessment.residual_analysis
+    suggestions = () if residual_analysis is None else residual_analysis.suggestions
+    # What is missing where a baseline predicts better comes before what the data do not tell.
+    for one in suggestions:
+        if score is not None and not_beaten(
+            {c: r2 for c, r2 in score.evidence.items() if c == one.channel}, score.baselines
+        ):
+            return _missing(one)
+    if refused := [] if fit.assessment is None else fit.assessment.refused():
+        problem, _, remedy = refused[0].rpartition("; ")
         return problem, remedy
     if fit.choice is not None and fit.choice.result == "joint estimate" and fit.choice.spoilt:
         return (
@@ -490,21 +505,8 @@ def _worst(fit: Identification) -> tuple[str, str]:
             "widen the bounds of these coefficients in the campaign if the values are plausible; otherwise"
             " hold them, the data do not determine them"
         )
-    residual_analysis = None if fit.assessment is None else fit.assessment.residual_analysis
-    if residual_analysis is not None and residual_analysis.suggestions:
-        first = residual_analysis.suggestions[0]
-        if first.faster:
-            return (
-                f"the residual of {first.channel} follows {first.follows}: the actuator responds faster than"
-                " the file says",
-                first.remedy,
-            )
-        return (
-            f"the residual of {first.channel} follows {first.follows}: the model misses a term"
-            f" (freeing {first.name} lowers the cost by {first.gain:.2g} %)",
-            f"{first.remedy} in a stage of the campaign ({first.line}), identify again and compare the"
-            " held-out scores",
-        )
+    if suggestions:
+        return _missing(suggestions[0])
     if residual_analysis is not None and residual_analysis.warning:
         loudest = max(residual_analysis.autocorrelations, key=lambda one: one.excess)
         return (
@@ -517,12 +519,27 @@ def _worst(fit: Identification) -> tuple[str, str]:
         return _problem_and_remedy(combinations[0].sentence, "weakly identifiable")
     if fit.notes:
         return fit.notes[0], verify
-    score = _judged(fit)
     if score is not None and (simpler := not_beaten(score.evidence, score.baselines)):
         return f"a baseline predicts as well as the model: {simpler}", (
             "free what the model lacks in these axes, add trials that excite them, or use the baseline"
         )
     return "nothing stands out: all coefficients identifiable, none at a bound, residuals like noise", verify
+
+
+def _missing(term: Suggestion) -> tuple[str, str]:
+    """A term that the model misses, and how to free it."""
+    if term.faster:
+        return (
+            f"the residual of {term.channel} follows {term.follows}: the actuator responds faster than the"
+            " file says",
+            term.remedy,
+        )
+    return (
+        f"the residual of {term.channel} follows {term.follows}: the model misses a term"
+        f" (freeing {term.name} lowers the cost by {term.gain:.2g} %)",
+        f"{term.remedy} in a stage of the campaign ({term.line}), identify again and compare the held-out"
+        " scores",
+    )
 
 
 def _problem_and_remedy(sentence: str, verdict: str) -> tuple[str, str]:

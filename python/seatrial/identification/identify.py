@@ -30,7 +30,7 @@ from seatrial.diagnosis.assessment import Assessment, assess
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.scale import judge_scale
 from seatrial.estimation.stage import StagePlan, StageResult, run_stage
-from seatrial.identification.choice import Choice, choose
+from seatrial.identification.choice import Choice, choose, with_or_without_presumed
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.held import Conditional, conditional, joint_estimate_of
 from seatrial.identification.hold_out import Restarts, part_scores
@@ -368,6 +368,11 @@ def run_identification(
             found = None
             if campaign.file.polish is not None and campaign.file.polish.rounds:
                 polished = polish(joint, watch=_watch(order, progress))
+                joint, polished, dropped, why = with_or_without_presumed(
+                    joint, polished, watch=_watch(order, progress)
+                )
+                if dropped:
+                    campaign, notes = campaign.without_coefficients(set(dropped)), (*notes, why)
                 choice = choose(campaign, joint, polished, stages=stages, threads=threads)
                 interrupted = polished.interrupted
                 if choice.result == "joint estimate":

@@ -37,7 +37,7 @@ from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, versi
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.joint_estimate import polish
 from seatrial.estimation.stage import plan
-from seatrial.identification.choice import choose
+from seatrial.identification.choice import choose, with_or_without_presumed
 from seatrial.identification.held import joint_estimate_of
 from seatrial.identification.hold_out import left_out_score
 from seatrial.identification.identify import StageOrder
@@ -313,7 +313,8 @@ def _without(
             vehicle = vehicle.with_coefficients(stage.coefficients)
         if rest.file.polish is not None and rest.file.polish.rounds:
             joint = joint_estimate_of(rest, whole, held, vehicle, threads=threads)
-            polished = polish(joint, watch=None if progress is None else _polishing(progress, order))
+            watch = None if progress is None else _polishing(progress, order)
+            joint, polished, *_ = with_or_without_presumed(joint, polish(joint, watch=watch), watch=watch)
             if polished.interrupted:
                 raise KeyboardInterrupt
             choice = choose(rest, joint, polished, stages=stages, threads=threads)

@@ -47,6 +47,10 @@ _GAIN = (0.1, 3.0)
 """Bounds of a fin's gain: the fins of a field mission in another simulator had 0.16 and 0.23 of the lift that
 their aspect ratio gives."""
 
+_THRUST = {"bounds": [0.5, 1.5], "sd": 0.15}
+"""What is known beforehand of one thruster's thrust over its curve: propellers of a batch differ by some per
+cent, the flow about the hull and the wash of the others by more. Beluga's were 0.80 to 1.37 of the mean."""
+
 _LIFT = ("uv", "ur", "uw", "uq", "ud")
 
 
@@ -323,7 +327,22 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
             *textwrap.wrap(words, 95, initial_indent="# ", subsequent_indent="# "),
             line("method", "innovations"),
         ]
-    return lines
+    return lines + _thrusts(vehicle, usable)
+
+
+def _thrusts(vehicle: Vehicle, usable: Sequence[DraftedTrial]) -> list[str]:
+    """A gain for every thruster, about one: a difference between two is a moment of its own."""
+    kinds = {name: one["kind"] for name, one in vehicle.actuator_info().items()}
+    known = vehicle.coefficient_info()
+    found = [name for name, kind in kinds.items() if kind != "fin" and f"{name}.gain" in known]
+    if len(found) < 2 or all(one.input != "commands" for one in usable):
+        return []
+    return [
+        "# No two thrusters push alike, and a difference turns the vehicle. sd: how well the gain is known",
+        "# beforehand.",
+        "[polish.coefficients]",
+        *(line(f"{name}.gain", _THRUST) for name in found),
+    ]
 
 
 def _finned(vehicle: Vehicle) -> dict[str, list[str]]:

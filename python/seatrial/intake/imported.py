@@ -269,6 +269,8 @@ def _problems(made: Imported) -> Iterator[str]:
             )
         known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]
         yield from (f"trial {one.name}: {note}" for note in one.notes if note not in known)
+    for log in made.survey.logs:
+        yield from (f"{printable(log.path.name)}: {remark}" for remark in log.remarks)
     if made.kept:
         yield f"{', '.join(made.kept)} kept as edited; delete a file to have it drafted again"
 

@@ -49,6 +49,8 @@ class SurveyedLog:
         For all fields, the better one of each canonical column first.
     notes
         What could not be read.
+    remarks
+        How something was read that the log does not state.
     events
         Changes of mode and messages.
     parameters
@@ -62,6 +64,7 @@ class SurveyedLog:
     topics: tuple[Topic, ...]
     proposals: tuple[Proposal, ...]
     notes: tuple[str, ...]
+    remarks: tuple[str, ...]
     events: tuple[Event, ...]
     parameters: Mapping[str, float]
     epoch_s: float | None
@@ -144,6 +147,7 @@ class Survey:
                     "start_s": log.span_s[0],
                     "end_s": log.span_s[1],
                     "notes": list(log.notes),
+                    "remarks": list(log.remarks),
                     "not_underwater": log.not_underwater,
                     "modes": [{"t": one.t, "mode": one.text} for one in log.events if one.kind == "mode"],
                 }
@@ -184,6 +188,7 @@ class Survey:
             *notes,
             *([] if taken else ["no field is recognised; write a map with [columns] by hand"]),
         ]
+        remarks = [f"{printable(log.path.name)}: {one}" for log in self.logs for one in log.remarks]
         names = " ".join(printable(str(log.path), 200) for log in self.logs)
         return Report(
             title=", ".join(printable(log.path.name) for log in self.logs),
@@ -191,7 +196,7 @@ class Survey:
             good=f"{topics} topics with {fields} fields; {len(taken)} are taken for columns of a trial",
             worst=worst[0] if worst else "nothing; all of it was read",
             next_step=f"seatrial import {names} --out PROJECT",
-            sections=(Section(sentences=tuple(worst[1:]), tables=(self.table(),)),),
+            sections=(Section(sentences=(*worst[1:], *remarks), tables=(self.table(),)),),
         )
 
 
@@ -242,6 +247,7 @@ def _surveyed(path: Path, share: Share) -> SurveyedLog:
         tuple(topics),
         tuple(propose(log.format, topics, log.parameters)),
         tuple(log.notes),
+        tuple(log.remarks),
         tuple(log.events()),
         dict(log.parameters),
         log.epoch_s,

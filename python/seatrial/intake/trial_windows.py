@@ -138,7 +138,7 @@ def _sentence(
         words = f"{both} of {len(repeated)} recurring kinds of manoeuvres in both parts"
     share = (min(part[1], use[1]) - max(part[0], use[0])) / (use[1] - use[0])
     return (
-        f"hold out {part[0]:g} to {part[1]:g} s ({100.0 * share:.0f} %): {words}, and it moves"
+        f"hold out {part[0]:.10g} to {part[1]:.10g} s ({100.0 * share:.0f} %): {words}, and it moves"
         f" {effort:.1f} times as much as the rest"
     )
 

@@ -91,7 +91,7 @@ class Table(Log):
 
     def __post_init__(self) -> None:
         if not self.layout.named:
-            self.note("no row of names: the columns are called column_1, column_2, ...")
+            self.remark("no row of names: the columns are called column_1, column_2, ...")
 
     @property
     def topic(self) -> str:
@@ -163,7 +163,7 @@ class Table(Log):
         first = self.layout.names[0]
         values = self._numbers(head[first], 0, [], Counter())
         if len(values) > 2 and np.all(np.diff(values) > 0.0) and not _counts(values):
-            self.note(f'no column is called time; taken: the first, "{printable(first)}", which rises')
+            self.remark(f'no column is called time; taken: the first, "{printable(first)}", which rises')
             return first, None, scale_of(first, units[first], values)
         self.note("no column is a time: name one in the map, or this file cannot be used")
         return None
@@ -302,7 +302,7 @@ class _Time:
                 table.epoch_s = 0.0
             return dated[0]
         if scale.how:
-            table.note(f'time "{printable(name)}": {scale.how}')
+            table.remark(f'time "{printable(name)}": {scale.how}')
         if scale.unix:
             table.epoch_s = 0.0
         values = table._numbers(cells[name], 0, [], Counter())

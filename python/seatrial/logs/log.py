@@ -144,6 +144,8 @@ class Log(ABC):
         The file, and the name of its format.
     notes
         What could not be read and why; complete after everything was read once.
+    remarks
+        How something was read that the log does not state; nothing was lost by it.
     epoch_s
         Unix time of stamp zero, s; None where the log does not say. Logs with an epoch share a clock.
     parameters
@@ -155,6 +157,7 @@ class Log(ABC):
     notes: list[str] = field(default_factory=list)
     epoch_s: float | None = None
     parameters: dict[str, float] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
 
     @property
     @abstractmethod
@@ -215,6 +218,11 @@ class Log(ABC):
         """Keep a note, once; of very many only the first."""
         if len(self.notes) < _MOST_NOTES and text not in self.notes:
             self.notes.append(text)
+
+    def remark(self, text: str) -> None:
+        """Keep a remark, once."""
+        if len(self.remarks) < _MOST_NOTES and text not in self.remarks:
+            self.remarks.append(text)
 
 
 class _Survey:

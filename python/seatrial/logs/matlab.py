@@ -108,7 +108,7 @@ class _Matlab(Log):
             if scale.unix:
                 self.epoch_s = 0.0
             if scale.how:
-                self.note(f"{topic}: time: {scale.how}")
+                self.remark(f"{topic}: time: {scale.how}")
             self._clocks[topic] = (time, scale)
 
 

@@ -97,7 +97,7 @@ class _Parquet(Log):
         if scale.unix:
             self.epoch_s = 0.0
         if scale.how:
-            self.note(f'time "{name}": {scale.how}')
+            self.remark(f'time "{name}": {scale.how}')
         return name, scale
 
     def _part(self, begin: int, count: int, names: Sequence[str]) -> pl.DataFrame:

@@ -52,7 +52,7 @@ class _Ros(Bag):
                     " `rosbag reindex` or `ros2 bag reindex`"
                 ) from None
             if bag.is2 and not any(connection.msgdef.data for connection in bag.connections):
-                self.note("the bag has no message definitions; those of ROS 2 Humble were taken")
+                self.remark("the bag has no message definitions; those of ROS 2 Humble were taken")
             used = [c for c in bag.connections if topics is None or c.topic in topics]
             known = []
             for connection in used:

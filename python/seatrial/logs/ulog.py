@@ -104,7 +104,7 @@ class _ULog(Log):
                         self.parameters[str(name)] = float(value)
                 origin = whole.msg_info_dict.get("time_ref_utc")
                 if isinstance(origin, int) and origin > 0:
-                    self.note(f"clock: time zone offset {origin} s as logged, not applied")
+                    self.remark(f"clock: time zone offset {origin} s as logged, not applied")
             if whole.file_corruption:
                 self.note("parts of the file are damaged; the others were read")
             if whole.dropouts:
