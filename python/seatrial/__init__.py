@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.verdict import LogVerdict
     from seatrial.verification.mission_log.verify_log import verify_log
+    from seatrial.verification.rare import RareFailures, rare_failures
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.verification import Verification
     from seatrial.verification.verify import verify
@@ -73,6 +74,7 @@ _HOME = {
     "NavigationFilter": "seatrial.flight.navigation",
     "Outage": "seatrial.flight.failures",
     "Plan": "seatrial.experiment.plan_result",
+    "RareFailures": "seatrial.verification.rare",
     "Requirement": "seatrial.verification.requirement",
     "Restarts": "seatrial.identification.restarts_result",
     "Run": "seatrial._core",
@@ -96,6 +98,7 @@ _HOME = {
     "import_logs": "seatrial.intake.import_logs",
     "leave_one_out": "seatrial.identification.leave_one_out",
     "plan": "seatrial.experiment.plan",
+    "rare_failures": "seatrial.verification.rare",
     "restarts": "seatrial.identification.restarts",
     "score": "seatrial.trial.score",
     "simulate_batch": "seatrial._core",
@@ -125,6 +128,7 @@ __all__ = [
     "NavigationFilter",
     "Outage",
     "Plan",
+    "RareFailures",
     "Requirement",
     "Restarts",
     "Run",
@@ -148,6 +152,7 @@ __all__ = [
     "import_logs",
     "leave_one_out",
     "plan",
+    "rare_failures",
     "restarts",
     "score",
     "simulate_batch",

@@ -195,11 +195,12 @@ pub fn error_edges() -> Array {
 /// (k, 5) or (5,): significant height, m, peak period, s, direction and spreading, rad, peakedness. set_points
 /// {"times": (S,), name: (k, S) or (S,)}: speed, lateral, heading, pitch, depth in place of guidance's, north, east,
 /// down by which its plan is moved, each from its time on. dither {"times": (S,), actuator: (S,)}: added to the
-/// autopilot's commands from each time on, in their unit. navigation: the filter whose
+/// autopilot's commands from each time on, in their unit. sensor_offsets (k, 16) or (16,): offset of each channel in
+/// its standard deviations, in place of the one that the seed draws. navigation: the filter whose
 /// estimate the autopilot is told, each case with one of its own. corridors: rows (channel, base (k,), scale (k,), lower, upper,
 /// target, clock (P,)), see `Flights.violations`.
 #[pyfunction]
-#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None, navigation = None, dither = None))]
+#[pyo3(signature = (vehicle, autopilot, mission, seeds, *, model = None, position, attitude, nu, current, coefficients = None, gains = None, faults = Vec::new(), errors, timing, outages = Vec::new(), feedback = true, seabed = None, voltage_v = f64::NAN, rho = None, g = None, max_step_s = 0.02, max_time_s, logs = true, threads = None, turbulence = None, turbulence_times_s = (60.0, 2.0), obstacles = Vec::new(), case_outages = Vec::new(), set_points = None, corridors = Vec::new(), current_trend = None, current_walk = None, waves = None, navigation = None, dither = None, sensor_offsets = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of one call")]
 pub fn fly(
     py: Python<'_>,
@@ -238,6 +239,7 @@ pub fn fly(
     waves: Option<Numbers>,
     navigation: Option<PyRef<'_, Filter>>,
     dither: Option<Named>,
+    sensor_offsets: Option<Numbers>,
 ) -> PyResult<Flights> {
     let description = &vehicle.description;
     let settings = &autopilot.settings;
@@ -296,6 +298,9 @@ pub fn fly(
             tuned.iter().zip(&tunings).map(|(&index, column)| (all[index].clone(), column[i])).collect();
         settings.with_tunables(&values).map_err(raised)?;
     }
+    let offsets = sensor_offsets
+        .map(|rows| spread("sensor_offsets", rows.rows::<CHANNELS>("sensor_offsets")?, k))
+        .transpose()?;
     let mut cases: Vec<Case> = (0..k)
         .map(|i| Case {
             coefficients: columns.iter().map(|c| c[i]).collect(),
@@ -313,6 +318,7 @@ pub fn fly(
             seed: seeds[i] & ((1 << 53) - 1),
             faults: Vec::new(),
             outages: Vec::new(),
+            offsets: offsets.as_ref().map(|rows| rows[i]),
             set_points: set_points[i].clone(),
             scales: scales[i].clone(),
         })

@@ -144,6 +144,7 @@ pub fn fly(text: &str) -> Answer {
         turbulence: asked.turbulence,
         current_trend: asked.current_trend,
         current_walk: asked.current_walk,
+        offsets: None,
         sea: Sea { height, period, toward, spreading, peakedness },
         seed: asked.seed & ((1 << 53) - 1),
         faults: faults(&asked, &description)?,

@@ -64,7 +64,8 @@ pub fn fly<T: Split>(
     let h = dt / flight.substeps as f64;
     let limits: Vec<Limits> = flight.description.actuators.iter().map(|a| a.limits).collect();
     let mut pilot = autopilot.begin(allocator);
-    let mut navigation = Navigation::new(flight.sensors, setting.seed, &setting.outages);
+    let mut navigation = Navigation::new(flight.sensors, setting.seed, &setting.outages)
+        .with_offsets(setting.offsets.as_ref());
     let aboard = flight.navigation.map(|fitting| Aboard::new(flight.model, fitting, T::PARTS));
     let mut aboard = aboard.transpose()?;
     let mut motors = Motors::new(vehicle, &limits, h, unit);

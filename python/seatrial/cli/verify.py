@@ -67,9 +67,27 @@ def verify(
         int | None,
         typer.Option(min=0, metavar="NUMBER", help="Fly one mission again, with its log, and nothing else."),
     ] = None,
+    rare: Annotated[
+        bool,
+        typer.Option(
+            "--rare", help="How rarely the requirements fail, 1e-4 and below, by subset simulation."
+        ),
+    ] = False,
+    requirement: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="With --rare: this requirement, not all; repeatable."),
+    ] = None,
+    population: Annotated[
+        int | None,
+        typer.Option(min=100, help="With --rare: missions of a level, a multiple of ten; 500 by default."),
+    ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Run directory; runs/NAME-verified or runs/NAME-mission-NUMBER."),
+        typer.Option(
+            "--out",
+            "-o",
+            help="Run directory; runs/NAME-verified, runs/NAME-rare or runs/NAME-mission-NUMBER.",
+        ),
     ] = None,
     junit: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the JUnit XML to this file as well.")
@@ -103,7 +121,13 @@ def verify(
     loaded = Campaign.load(campaign, progress=reading_progress(quiet=json))
     drawing = formats(pdf, page) if figures else ()
     if log is not None:
-        refuse_beside({"--runs": runs, "--compare": compare, "--replay": replay, "--junit": junit})
+        refuse_beside({
+            "--runs": runs,
+            "--compare": compare,
+            "--replay": replay,
+            "--junit": junit,
+            "--rare": rare,
+        })
         verify_log(
             loaded,
             fitted_source(loaded, run),
@@ -120,11 +144,33 @@ def verify(
         return
     if reference:
         raise CampaignError("--reference: it belongs to a recorded mission; give that with --log")
+    if not rare and (requirement or population):
+        raise CampaignError(
+            "--requirement and --population: they belong to rare failures; give them with --rare"
+        )
     source, gains = fitted_source(loaded, run), gains_source(loaded, autopilot)
     prepared = verified_campaign(loaded, source, gains, runs=runs, missions=mission or None, compare=compare)
     if not json:
         flies, steers = source or loaded.vehicle.name, gains or prepared.flights.autopilot.name
         note(f"Vehicle: {flies}. Autopilot: {steers}.")
+    if rare:
+        if wrong := [
+            key for key, given in {"--replay": replay, "--junit": junit, "--runs": runs}.items() if given
+        ]:
+            raise CampaignError(
+                f"{wrong[0]}: not with --rare, which chooses its missions itself; leave it out"
+            )
+        _rare(
+            prepared,
+            requirement or [],
+            population,
+            out,
+            resume=resume,
+            threads=threads,
+            verbose=verbose,
+            json=json,
+        )
+        return
     if replay is not None:
         _replay(prepared, replay, out, drawing=drawing, page=page, verbose=verbose, json=json)
         return
@@ -147,6 +193,40 @@ def verify(
     if found.interrupted:
         raise typer.Exit(130)
     reported(page, [folder], quiet=json)
+    if not found.held:
+        raise typer.Exit(1)
+
+
+def _rare(
+    prepared: VerifiedCampaign,
+    names: list[str],
+    population: int | None,
+    out: Path | None,
+    *,
+    resume: bool,
+    threads: int | None,
+    verbose: bool,
+    json: bool,
+) -> None:
+    """Rare failures into a run directory of their own; the exit code is that of the verdict."""
+    from seatrial.base.run import check_writable
+    from seatrial.cli.console import answer, print_json, search_progress
+    from seatrial.verification.rare import run_rare
+
+    folder = out or Path("runs") / f"{prepared.campaign.name}-rare"
+    check_writable(folder)
+    size = {} if population is None else {"size": population}
+    with search_progress("first missions", quiet=json) as progress:
+        found = run_rare(
+            prepared, names=names, run_dir=folder, progress=progress, resume=resume, threads=threads, **size
+        )
+    if json:
+        print_json(found.to_dict() | {"run_directory": str(folder)})
+    else:
+        results = f"Results in {folder}: rare.json, summary.txt and the inputs"
+        answer(found.report(), verbose=verbose, results=results)
+    if found.interrupted:
+        raise typer.Exit(130)
     if not found.held:
         raise typer.Exit(1)
 

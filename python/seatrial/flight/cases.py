@@ -197,6 +197,8 @@ class Cases:
         Rows (case, actuator, time in s, command or nan).
     outages, case_outages
         Rows (group, from, until in s) for all cases, and (case, group, from, until).
+    sensor_offsets
+        Offset of each channel in its standard deviations, (k, 16); None: drawn from the seeds.
     set_points, corridors
         A trial of the loops and what its responses are held against, see `seatrial.fly_batch`.
     logs
@@ -227,6 +229,7 @@ class Cases:
     faults: Sequence[tuple[int, str, float, float]] = ()
     outages: Sequence[tuple[int, float, float]] = ()
     case_outages: Sequence[tuple[int, int, float, float]] = ()
+    sensor_offsets: Array | None = None
     set_points: Mapping[str, Array] | None = None
     corridors: Sequence[Corridor] = ()
     logs: bool = False
@@ -395,6 +398,7 @@ class Cases:
             timing=self.channels.timing,
             outages=list(self.outages),
             case_outages=list(self.case_outages),
+            sensor_offsets=self.sensor_offsets,
             set_points=self.set_points,
             corridors=list(self.corridors),
             dither=self.dither,

@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -211,13 +212,33 @@ class Fitted:
         thrown, outside = np.zeros(len(numbers), dtype=np.int_), np.zeros(len(self.names))
         asked = np.array([place for place, i in enumerate(numbers) if not (nominal_first and i == 0)], int)
         if self.names:
-            root = _root(self.covariance)
-            possible = PossibleCoefficients(self.vehicle, self.names)
+            root, possible = self._root, self._possible
             for start in range(0, len(asked), _CHUNK):
                 self._fill(
                     asked[start : start + _CHUNK], numbers, seed, root, possible, (values, thrown, outside)
                 )
         return Drawn(self.names, values, thrown, outside, pushed_axes(self.vehicle))
+
+    def at(self, normals: Array) -> tuple[dict[str, Array], NDArray[np.bool_]]:
+        """Coefficients by name, (k,) each, of standard normal numbers, and which vehicles are possible.
+
+        Parameters
+        ----------
+        normals : (k, n) array
+            One number per name; several give the distribution of `draws`, before anything is cut.
+        """
+        if not self.names:
+            return {}, np.ones(len(normals), dtype=bool)
+        values = self.nominal + normals @ self._root
+        return {name: values[:, k].copy() for k, name in enumerate(self.names)}, self._possible.mask(values)
+
+    @cached_property
+    def _root(self) -> Array:
+        return _root(self.covariance)
+
+    @cached_property
+    def _possible(self) -> PossibleCoefficients:
+        return PossibleCoefficients(self.vehicle, self.names)
 
     def doubt(self, *, draws: int = 200) -> str:
         """Heading where many vehicles drawn from the covariance are impossible, see `Drawn.doubt`."""

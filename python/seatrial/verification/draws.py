@@ -49,7 +49,18 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.flight.mission import Mission
 
-__all__ = ["Draws", "draw_missions", "targets"]
+__all__ = [
+    "COMMON_WIDTH",
+    "FAULT_WIDTH",
+    "OUTAGE_WIDTH",
+    "SEED_COLUMN",
+    "Draws",
+    "composed",
+    "draw_missions",
+    "missions_of_the_table",
+    "scattered",
+    "targets",
+]
 
 FaultRow = tuple[int, str, float, float]
 
@@ -86,6 +97,8 @@ class Draws:
         Sentences: how many vehicles were impossible, what is not in the covariance.
     doubt
         Heading where many of the drawn vehicles were impossible; empty otherwise.
+    offsets
+        Of the sensors' channels in their standard deviations, (k, 16); None: the seeds draw them.
     """
 
     numbers: NDArray[np.int_]
@@ -103,6 +116,7 @@ class Draws:
     causes: Mapping[str, Array]
     notes: tuple[str, ...] = ()
     doubt: str = ""
+    offsets: Array | None = None
 
     def __len__(self) -> int:
         """Number of cases."""
@@ -135,6 +149,7 @@ class Draws:
             causes={name: column[chosen] for name, column in self.causes.items()},
             notes=self.notes,
             doubt=self.doubt,
+            offsets=None if self.offsets is None else self.offsets[chosen],
         )
 
 
@@ -428,48 +443,103 @@ def draw_missions(
     >>> bool((again.current[0] == draws.current[41]).all()), list(draws.causes)[0]
     (True, 'current speed, m/s')
     """
+    missions_of_the_table(table, missions)
+    seed = checked_seed(seed)
+    which = checked_numbers(table.runs if numbers is None else numbers)
+    fitted = scattered(table, fitted)
+    drawn = fitted.drawn(which, seed)
+    return composed(
+        table,
+        fitted,
+        missions,
+        numbers=which,
+        coefficients=drawn.coefficients,
+        common=uniforms(seed, which, cause=_COMMON, width=len(_ORDER)),
+        faults=uniforms(seed, which, cause=_FAULTS, width=FAULT_WIDTH * len(table.faults)),
+        outages=uniforms(seed, which, cause=_OUTAGES, width=OUTAGE_WIDTH * len(table.outages)),
+        notes=tuple(note for note in (*fitted.notes, drawn.sentence()) if note),
+        doubt=drawn.doubt(),
+    )
+
+
+def missions_of_the_table(table: VerificationTable, missions: Sequence[Mission]) -> None:
+    """Refuse missions that are not those of a table.
+
+    Raises
+    ------
+    CampaignError
+        They are more or fewer.
+    """
     if len(missions) != len(table.missions):
         raise CampaignError(
             f"missions: expected the {len(table.missions)} of the table [verification], found {len(missions)}"
         )
-    seed = checked_seed(seed)
-    which = checked_numbers(table.runs if numbers is None else numbers)
+
+
+def scattered(table: VerificationTable, fitted: Fitted) -> Fitted:
+    """The vehicle with the uncertainty that a table gives its coefficients."""
     if table.coefficients == "nominal":
-        fitted = Fitted(fitted.vehicle, (), np.zeros((0, 0)))
-    elif not isinstance(table.coefficients, str):
-        fitted = Fitted.of(fitted, percent=table.coefficients)
-    drawn = fitted.drawn(which, seed)
-    columns = uniforms(seed, which, cause=_COMMON, width=len(_ORDER))
-    u = {name: columns[:, k] for k, name in enumerate(_ORDER)}
+        return Fitted(fitted.vehicle, (), np.zeros((0, 0)))
+    if not isinstance(table.coefficients, str):
+        return Fitted.of(fitted, percent=table.coefficients)
+    return fitted
+
+
+COMMON_WIDTH, SEED_COLUMN = len(_ORDER), _ORDER.index("seed")
+"""Random numbers that every case has, and which of them is the seed of its noise."""
+
+
+def composed(
+    table: VerificationTable,
+    fitted: Fitted,
+    missions: Sequence[Mission],
+    *,
+    numbers: Sequence[int],
+    coefficients: Mapping[str, Array],
+    common: Array,
+    faults: Array,
+    outages: Array,
+    notes: tuple[str, ...] = (),
+    doubt: str = "",
+) -> Draws:
+    """Cases from their random numbers.
+
+    Parameters
+    ----------
+    table : VerificationTable
+    fitted : Fitted
+        As `scattered` gives it.
+    missions : sequence of Mission
+    numbers : sequence of int
+        Of the cases (k).
+    coefficients : mapping of str to (k,) array
+        Of the vehicles, SI.
+    common, faults, outages : (k, width) array
+        Uniform numbers: `COMMON_WIDTH`, and `FAULT_WIDTH` and `OUTAGE_WIDTH` of each entry.
+    notes, doubt
+        As of `Draws`.
+    """
+    u = {name: common[:, k] for k, name in enumerate(_ORDER)}
     mission = _mission(table, u["mission"])
     current, turbulence = _water(table, missions, u)
     position, attitude, nu = _start(table, missions, mission, u, current)
     planned = np.array([one.planned_time for one in missions])[mission]
-    faults = fault_draws(
-        table.faults,
-        fitted.vehicle,
-        uniforms(seed, which, cause=_FAULTS, width=FAULT_WIDTH * len(table.faults)),
-        planned,
-    )
-    outages = outage_draws(
-        table.outages, uniforms(seed, which, cause=_OUTAGES, width=OUTAGE_WIDTH * len(table.outages)), planned
-    )
     draws = Draws(
-        numbers=np.array(which, dtype=np.int_),
+        numbers=np.array(numbers, dtype=np.int_),
         mission=mission,
-        coefficients=drawn.coefficients,
+        coefficients=coefficients,
         current=current,
         turbulence=turbulence,
         waves=_waves(table.waves, u),
         position=position,
         attitude=attitude,
         nu=nu,
-        faults=faults,
-        outages=outages,
+        faults=fault_draws(table.faults, fitted.vehicle, faults, planned),
+        outages=outage_draws(table.outages, outages, planned),
         seeds=np.asarray(np.floor(u["seed"] * _SEEDS), dtype=np.int_),
         causes={},
-        notes=tuple(note for note in (*fitted.notes, drawn.sentence()) if note),
-        doubt=drawn.doubt(),
+        notes=notes,
+        doubt=doubt,
     )
     return replace(draws, causes=cause_columns(table, fitted, missions, draws=draws))
 

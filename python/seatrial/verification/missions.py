@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial._core import autopilot_names, error_edges, simd_level
+from seatrial.base.arrays import Array
 from seatrial.base.progress import Clock, Progress
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
@@ -115,6 +116,16 @@ class CampaignFlights:
         return self._ready[0].circumstances.sensor_notes
 
     @property
+    def sensor_offsets(self) -> Array:
+        """Standard deviation of the offset of every channel of the sensors, (16,), SI and rad."""
+        return np.asarray(self._ready[0].channels.errors[:, 1])
+
+    @property
+    def longest_s(self) -> tuple[float, ...]:
+        """Time after which each mission ends at the latest, s."""
+        return tuple(one.circumstances.max_time_s for one in self._ready)
+
+    @property
     def position_sd_m(self) -> float:
         """Standard deviation of the sensors' position along an axis at the end of the longest mission, m."""
         _, offset, walk, _ = self._ready[0].channels.errors[:2].max(axis=0).tolist()
@@ -130,8 +141,18 @@ class CampaignFlights:
         threads : int, optional
             All when omitted; the result does not depend on it.
         """
+        return self.fly_drawn(self.draws(numbers), threads=threads)
+
+    def fly_drawn(self, drawn: Draws, *, threads: int | None = None) -> FlownMissions:
+        """Drawn cases, flown side by side.
+
+        Parameters
+        ----------
+        drawn : Draws
+        threads : int, optional
+            All when omitted; the result does not depend on it.
+        """
         began = time.monotonic()
-        drawn = self.draws(numbers)
         metrics: dict[str, Any] = {}
         perceived, true = np.zeros((2, len(drawn), len(error_edges()) + 1))
         for index in np.unique(drawn.mission).tolist():
@@ -161,7 +182,10 @@ class CampaignFlights:
 
         The vehicle of the flight is the drawn one, and the autopilot believes in the identified one.
         """
-        drawn = self.draws([number])
+        return self.replay_drawn(self.draws([number]))
+
+    def replay_drawn(self, drawn: Draws) -> Flight:
+        """Flight of a single drawn case, with its log."""
         cases = replace(self._cases(drawn, int(drawn.mission[0])), logs=True)
         groups = autopilot_names()["groups"]
         around = replace(
@@ -240,6 +264,7 @@ class CampaignFlights:
             coefficients=drawn.coefficients,
             faults=drawn.faults,
             case_outages=drawn.outages,
+            sensor_offsets=drawn.offsets,
         )
 
 

@@ -144,7 +144,8 @@ class Requirement:
         Parameters
         ----------
         metrics : mapping of str to array_like, shape (k,)
-            Numbers, words (``ending``) and truths (``abort``) of the missions.
+            Numbers, words (``ending``) and truths (``abort``) of the missions; with ``completion``
+            (`seatrial.verification.robustness`) a mission is not infinitely far from being complete.
 
         Raises
         ------
@@ -154,6 +155,8 @@ class Requirement:
         values = {name: np.asarray(metrics[name]) for name in metrics}
         self.check({name: Metric(_kind_of(array), _known(name)) for name, array in values.items()})
         units = {unit_of(side) or "" for side in _sides(self._tree)}
+        if COMPLETION in values and any(_of_completion(node) for node in ast.walk(self._tree)):
+            units.add("")
         mixed = len(units) > 1
         with np.errstate(all="ignore"):
             truth, reserve = _judged(self._tree, values, mixed)
@@ -223,7 +226,10 @@ def _compared(
 ) -> tuple[Array, Array]:
     a, b = _value(one, metrics), _value(other, metrics)
     if not np.issubdtype(a.dtype, np.number):
-        return _certain((a == b) == isinstance(op, ast.Eq))
+        held = (a == b) == isinstance(op, ast.Eq)
+        if COMPLETION in metrics and _of_completion(ast.Compare(one, [op], [other])):
+            return np.where(held, 1.0, -1.0), metrics[COMPLETION] * (1.0 if isinstance(op, ast.Eq) else -1.0)
+        return _certain(held)
     apart = np.abs(a - b)
     compare, reserve = {
         ast.Lt: (np.less, b - a),
@@ -239,6 +245,19 @@ def _compared(
     # Equal infinities have no distance, yet they compare.
     reserve = np.where(np.isnan(reserve), 0.0, reserve)
     return truth, np.where(truth == 0.0, np.nan, reserve)
+
+
+COMPLETION = "completion"
+"""Metric that grades ``ending == "complete"``, where it is given."""
+
+
+def _of_completion(node: ast.AST) -> bool:
+    """Whether a condition compares the ending with "complete"."""
+    if not isinstance(node, ast.Compare) or len(node.comparators) != 1:
+        return False
+    sides = (node.left, node.comparators[0])
+    named = any(isinstance(side, ast.Name) and side.id == "ending" for side in sides)
+    return named and any(isinstance(side, ast.Constant) and side.value == "complete" for side in sides)
 
 
 def _threshold(one: ast.expr, other: ast.expr, a: Values, b: Values) -> Values:

@@ -267,6 +267,15 @@ impl<'a, T: Real> Navigation<'a, T> {
         }
     }
 
+    /// The sensors with given offsets in place of drawn ones, in standard deviations of each channel's.
+    #[inline(always)]
+    pub fn with_offsets(mut self, deviations: Option<&[T; CHANNELS]>) -> Self {
+        if let Some(deviations) = deviations {
+            self.bias = std::array::from_fn(|c| deviations[c] * self.sensors.errors[c].bias);
+        }
+        self
+    }
+
     /// What the sensors show at control step `k` of `dt` seconds.
     #[inline(always)]
     pub fn sample(&mut self, truth: [T; CHANNELS], (k, dt): (usize, f64)) -> &mut Measurement<T> {

@@ -14,7 +14,7 @@ use super::summary::Summary;
 use super::waves::{Harmonic, Sea};
 use crate::control::allocation::{AllocationTable, Allocator, Method};
 use crate::control::autopilot::Autopilot;
-use crate::control::navigation::{GROUPS, GroupOutage, Outage};
+use crate::control::navigation::{CHANNELS, GROUPS, GroupOutage, Outage};
 use crate::description::Description;
 use crate::description::assembly::Structure;
 use crate::error::Error;
@@ -50,6 +50,8 @@ pub struct Case {
     pub faults: Vec<ActuatorFault>,
     /// Times without samples, besides those of all cases.
     pub outages: Vec<Outage>,
+    /// Offset of each channel of the sensors in its standard deviations; `None`: drawn from the seed. All cases have one or none.
+    pub offsets: Option<[f64; CHANNELS]>,
     /// Set points of the trial, `[named][time]`.
     pub set_points: Vec<f64>,
     /// Base and scale of each corridor of the trial.
@@ -122,6 +124,7 @@ impl Flight<'_> {
             seed: case.seed as f64,
             faults: Faults::new(from, signal, !case.faults.is_empty()),
             outages: case.outages.iter().map(|o| (o.group, [o.from, o.until])).collect(),
+            offsets: case.offsets,
             set_points: case.set_points.clone(),
             scales: case.scales.clone(),
         };
@@ -164,6 +167,9 @@ impl Flight<'_> {
             current_walk: std::array::from_fn(|i| lanes(&|case| case.current_walk[i])),
             waves: waves(simd, &case, self.environment.g_m_s2),
             outages: outages(simd, &case),
+            offsets: case(0)
+                .offsets
+                .map(|_| std::array::from_fn(|c| lanes(&|case| case.offsets.map_or(0.0, |own| own[c])))),
             set_points: (0..named).map(|i| lanes(&|case| case.set_points[i])).collect(),
             scales: (0..corridors)
                 .map(|c| std::array::from_fn(|i| lanes(&|case| case.scales[c][i])))

@@ -4,7 +4,7 @@ use super::faults::Faults;
 use super::trial::Trial;
 use super::waves::Harmonic;
 use crate::control::autopilot::settings::Settings;
-use crate::control::navigation::{GroupOutage, Seabed, Sensors};
+use crate::control::navigation::{CHANNELS, GroupOutage, Seabed, Sensors};
 use crate::control::navigation_filter::Fitting;
 use crate::description::Description;
 use crate::description::vehicle_file::Environment;
@@ -80,6 +80,8 @@ pub struct Setting<T> {
     pub faults: Faults<T>,
     /// A time without samples per group of sensors; empty for none.
     pub outages: Vec<GroupOutage<T>>,
+    /// Offset of each channel in its standard deviations; `None`: drawn from the seed.
+    pub offsets: Option<[T; CHANNELS]>,
     /// Set points of the trial, `[named][time]`.
     pub set_points: Vec<T>,
     /// Base and scale of each corridor.

@@ -101,6 +101,7 @@ pub fn case(current: [f64; 3]) -> Case {
         turbulence: [0.0; 3],
         current_trend: [0.0; 3],
         current_walk: [0.0; 3],
+        offsets: None,
         sea: Sea::CALM,
         seed: 1,
         faults: Vec::new(),

@@ -102,6 +102,26 @@ fn law_sensors_noise_bias_and_digits_have_their_size() {
     assert!((of(0, 100) - 0.1 * 10f64.sqrt()).abs() < 5.0 * 0.32 / (2.0 * f64::from(runs)).sqrt());
 }
 
+/// Offsets that are given take the place of drawn ones and of nothing else.
+#[test]
+fn law_sensors_have_the_offsets_that_are_given() {
+    let mut sensors = Sensors::default();
+    sensors.errors[0] = ChannelErrors { bias: 0.3, noise: 0.01, ..ChannelErrors::default() };
+    sensors.errors[7] = ChannelErrors { bias: 0.2, ..ChannelErrors::default() };
+    let mut deviations = [0.0; 16];
+    (deviations[0], deviations[7]) = (2.0, -1.5);
+    let mut drawn = Navigation::new(&sensors, 9.0, &[]);
+    let mut given = Navigation::new(&sensors, 9.0, &[]).with_offsets(Some(&deviations));
+    let mut none = Navigation::new(&sensors, 9.0, &[]).with_offsets(None);
+    for k in 0..20 {
+        let [a, b, c] = [&mut drawn, &mut given, &mut none].map(|n| n.sample(ramp(k), (k, 0.1)).channels);
+        assert_eq!(a, c, "step {k}");
+        assert!((b[7] - ramp(k)[7] + 0.3).abs() < 1e-12, "step {k}"); // rounding
+        let noise = b[0] - ramp(k)[0] - 0.6;
+        assert!(noise.abs() < 0.05, "step {k}: the noise stays, {noise}"); // five deviations of 0.01
+    }
+}
+
 #[test]
 fn law_sensors_see_ground_and_water_apart() {
     // Heading east: a current to the north comes from starboard to port.
