@@ -27,7 +27,7 @@ SET_UP := $(VENV)/.set-up
 BUILT  := $(VENV)/.built
 WHEEL  := dist/.built
 
-.PHONY: help setup build page demo test test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel clean
+.PHONY: help setup build page demo test test-long test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel clean
 
 help: ## list the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -56,7 +56,7 @@ demo: build ## from trials to a verdict in under two minutes: identify, tune, ve
 
 # The optimised build and most checks keep one processor busy, and not always: what does not need the core runs beside its build, and what
 # needs it beside the tests in Python. The wheel comes first because maturin keeps one copy of the core.
-test: ## everything that continuous integration runs
+test: ## checks, core, front and wheel; continuous integration runs test-long as well
 	$(MAKE) --jobs 3 --output-sync=target wheel test-rust check-sources
 	$(MAKE) --jobs 2 --output-sync=target test-python check-stub test-wheel
 
@@ -66,7 +66,11 @@ test-rust: ## laws, scalars, literature and golden numbers of the core
 # Two workers share the processors already: threads of the linear algebra would only wait for one another.
 test-python: export OPENBLAS_NUM_THREADS := 1
 test-python: build ## the Python front against the core and the recordings
-	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not long"
+
+test-long: export OPENBLAS_NUM_THREADS := 1
+test-long: build ## repetition studies, other programs, figures of the paper, fuzz and memory
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m long
 
 test-wheel: wheel ## the wheel in an empty environment outside the clone: types, a script, the whole chain to a verdict
 	@folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \

@@ -22,6 +22,8 @@ from tests.bench_test.bench_records import (
     write_bench,
 )
 
+pytestmark = pytest.mark.long
+
 SEEDS = 50
 LEAST = 0.88
 """Binomial: of 50 intervals of 95 % fewer than 44 hold the truth for 1.2 % of honest

@@ -10,6 +10,8 @@ from seatrial.bench_test.motor_identification import identify_motor
 from seatrial.bench_test.motor_model import NAMES, MotorModel
 from tests.bench_test.motor_steps import any_motor, designed, measured
 
+pytestmark = pytest.mark.long
+
 SEEDS = 50
 SAMPLE_S = 0.1
 # Of 50 intervals that each hold with 0.95, fewer than 44 hold with probability 0.012.

@@ -20,6 +20,8 @@ from seatrial.estimation.criterion import Criterion
 from seatrial.estimation.problem import Problem
 from seatrial.estimation.stage import plan
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_scalar_contenders_fly_the_same_trajectory() -> None:

@@ -6,6 +6,8 @@ import pytest
 
 from tests.check.fuzzed_files import USES, fuzz, seeds
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("kind", USES)
 def test_the_files_that_ship_are_accepted(kind: str) -> None:

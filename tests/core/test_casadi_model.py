@@ -12,6 +12,8 @@ from benchmarks.textbook import simulate
 from benchmarks.textbook_thrusters import Quadratic, Thruster, wrench_per_newton
 from benchmarks.textbook_vehicle import Parameters, build
 
+pytestmark = pytest.mark.long
+
 casadi_compiled = pytest.importorskip("benchmarks.casadi_compiled", reason="CasADi is not installed")
 casadi_model = pytest.importorskip("benchmarks.casadi_model", reason="CasADi is not installed")
 operations = pytest.importorskip("benchmarks.operations", reason="CasADi is not installed")

@@ -15,6 +15,8 @@ from benchmarks.textbook_thrusters import static_limits, wrench_per_newton
 from benchmarks.textbook_vehicle import build, from_vehicle
 from seatrial import _core
 
+pytestmark = pytest.mark.long
+
 # Two orders of the same sums in double precision; relative to the largest entry of each kind.
 AGREEMENT = 1e-12
 # The same over some hundred steps of RK4, in which rounding grows.

@@ -45,6 +45,8 @@ from seatrial.report.plot.stage import polished_cost, stage_result
 from seatrial.report.plot.style import number, symbol
 from tests.report.figures import CWOLF, VEHICLES, assert_printable, texts
 
+pytestmark = pytest.mark.long
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 CAMPAIGN = """

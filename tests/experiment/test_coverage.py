@@ -29,6 +29,8 @@ from seatrial.trial.generated import Recipe
 from seatrial.trial.trial import Trial
 from seatrial.trial.truth import Truth
 
+pytestmark = pytest.mark.long
+
 CWOLF = Path(__file__).parents[2] / "examples" / "cwolf"
 
 TRUTH = """

@@ -17,6 +17,8 @@ from seatrial._core import Vehicle
 from seatrial.control_design.start_autopilot import start_autopilot
 from tests.flight.acceptance import AUTOPILOTS, CURRENTS, LEG_M, RADIUS_M, STEADY, autopilot, flights, station
 
+pytestmark = pytest.mark.long
+
 SPEEDS = {
     "cwolf": (0.5, 1.0, 1.5, 2.6),
     "remus100": (1.6, 2.0, 2.2),

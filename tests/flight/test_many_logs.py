@@ -14,6 +14,8 @@ import pytest
 
 import seatrial as st
 
+pytestmark = pytest.mark.long
+
 MIB = 2**20
 
 MISSION = """

@@ -15,6 +15,8 @@ from seatrial.base.errors import TrialError
 from seatrial.base.progress import Progress
 from seatrial.cli.console import reading_progress
 
+pytestmark = pytest.mark.long
+
 ROWS = 200_000
 
 PEAK = """

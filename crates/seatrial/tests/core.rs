@@ -17,6 +17,8 @@ mod literature;
 mod lqr;
 mod mission;
 mod order;
+#[path = "support/processor.rs"]
+mod processor;
 mod ranges;
 mod scalars;
 #[path = "support/vehicles.rs"]

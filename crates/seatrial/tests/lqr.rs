@@ -1,6 +1,7 @@
 //! The linear-quadratic regulator: number types, bumpless switching, anti-windup, a closed loop, its table.
 
-use fearless_simd::{Level, Simd, SimdFrom, f64x8};
+use crate::processor::wide;
+use fearless_simd::{Simd, SimdFrom, f64x8};
 use proptest::array::{uniform6, uniform8, uniform15};
 use proptest::prelude::*;
 use seatrial::control::control_law::{HEADING, HEAVE, ROLL, SURGE, Situation};
@@ -130,11 +131,7 @@ fn in_lanes<S: Simd>(simd: S, steps: &[[Step; LANES]]) -> Vec<[[f64; LANES]; 6]>
 
 /// The same on one instruction set, where this processor has it: compiled once.
 fn on_processor(steps: &[[Step; LANES]]) -> Option<Vec<[[f64; LANES]; 6]>> {
-    let level = Level::new();
-    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    let simd = level.as_avx2()?;
-    #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
-    let simd = level.as_neon()?;
+    let simd = wide()?;
     Some(simd.vectorize(
         #[inline(always)]
         || in_lanes(simd, steps),

@@ -1,8 +1,9 @@
 //! Lanes and single vehicles agree, with other failures in every lane.
 
 use crate::allocation::setup::{VOLTAGE, smooth};
+use crate::processor::wide;
 use crate::vehicles::load;
-use fearless_simd::{Level, Simd, SimdFrom, f64x8};
+use fearless_simd::{Simd, SimdFrom, f64x8};
 use seatrial::control::allocation::{AllocationTable, Allocator};
 use seatrial::description::Description;
 use seatrial::description::assembly::Structure;
@@ -79,10 +80,10 @@ fn in_lanes<S: Simd>(
     record.into_iter().map(Into::into).collect()
 }
 
-/// On AVX2 alone, the levels' agreement being the concern of `tests/scalars.rs`: the code of a step for all of
+/// On one set of vectors alone, the levels' agreement being the concern of `tests/scalars.rs`: the code of a step for all of
 /// them takes minutes to compile. Nothing where the processor lacks it.
 fn on(description: &Description, table: &AllocationTable, order: [usize; LANES]) -> Vec<[f64; LANES]> {
-    let Some(simd) = Level::new().as_avx2() else { return Vec::new() };
+    let Some(simd) = wide() else { return Vec::new() };
     simd.vectorize(
         #[inline(always)]
         || in_lanes(simd, description, table, order),

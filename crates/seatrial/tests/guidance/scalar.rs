@@ -1,7 +1,8 @@
 //! Lanes against `f64`: each lane has its own guidance and its own place in the mission.
 
 use crate::guidance::vessel::{DT, Kind, Vessel, go_on, guidance, pass, start, table, waypoint};
-use fearless_simd::{Level, Simd, SimdFrom, f64x8};
+use crate::processor::wide;
+use fearless_simd::{Simd, SimdFrom, f64x8};
 use seatrial::control::guidance::{Desired, Fix, Guidance, GuidanceTable, Method};
 use seatrial::mission::{Task, Vertical, Waypoint};
 use seatrial::number::lanes::LANES;
@@ -105,11 +106,7 @@ fn differences<S: Simd>(simd: S, (tables, kind): (&[GuidanceTable; LANES], Kind)
 
 /// The same on one instruction set, where this processor has it: compiled once.
 fn on_processor(tables: (&[GuidanceTable; LANES], Kind), flights: &[Flight]) -> Option<f64> {
-    let level = Level::new();
-    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    let simd = level.as_avx2()?;
-    #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
-    let simd = level.as_neon()?;
+    let simd = wide()?;
     Some(simd.vectorize(
         #[inline(always)]
         || differences(simd, tables, flights),

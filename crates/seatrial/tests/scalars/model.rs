@@ -1,7 +1,8 @@
 //! The equation of motion in lanes against `f64`, and finite at rest.
 
+use crate::processor::wide;
 use crate::vehicles::{attitude, body, distance, load, velocity, with};
-use fearless_simd::{Level, Simd, SimdBase, f64x8};
+use fearless_simd::{Simd, SimdBase, f64x8};
 use proptest::array::uniform3;
 use seatrial::description::Description;
 use seatrial::description::assembly::Structure;
@@ -66,11 +67,7 @@ fn on_processor(
     factors: &[f64; LANES],
     at: &Point,
 ) -> Option<[[f64; LANES]; 9]> {
-    let level = Level::new();
-    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    let simd = level.as_avx2()?;
-    #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
-    let simd = level.as_neon()?;
+    let simd = wide()?;
     Some(simd.vectorize(|| in_lanes(simd, description, sought, factors, at)))
 }
 
