@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
     from seatrial.tuning.result import Tuning
     from seatrial.tuning.tune import tune
+    from seatrial.verification.falsify import Falsification, falsify
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.verdict import LogVerdict
     from seatrial.verification.mission_log.verify_log import verify_log
@@ -61,6 +62,7 @@ _HOME = {
     "CampaignError": "seatrial.base.errors",
     "Comparison": "seatrial.trial.comparison",
     "Coverage": "seatrial.experiment.coverage_result",
+    "Falsification": "seatrial.verification.falsify",
     "Fault": "seatrial.flight.failures",
     "Fitted": "seatrial.identification.fitted",
     "Flight": "seatrial.flight.flight",
@@ -92,6 +94,7 @@ _HOME = {
     "bench": "seatrial.bench_test.evaluate",
     "compare": "seatrial.trial.comparison",
     "coverage": "seatrial.experiment.coverage",
+    "falsify": "seatrial.verification.falsify",
     "fly": "seatrial.flight.fly",
     "fly_batch": "seatrial.flight.fly",
     "identify": "seatrial.identification.identify",
@@ -115,6 +118,7 @@ __all__ = [
     "CampaignError",
     "Comparison",
     "Coverage",
+    "Falsification",
     "Fault",
     "Fitted",
     "Flight",
@@ -146,6 +150,7 @@ __all__ = [
     "bench",
     "compare",
     "coverage",
+    "falsify",
     "fly",
     "fly_batch",
     "identify",

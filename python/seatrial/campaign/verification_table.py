@@ -355,6 +355,50 @@ class RequirementTable(Section):
     probability: Share = 0.95
 
 
+Triple = tuple[Number, Number, Number]
+
+
+class CaseFault(Section):
+    """An actuator of a regression case that fails at a time; without a command it stays where it is."""
+
+    actuator: Name
+    at_s: NotNegative
+    command: Number | None = None
+
+
+class CaseOutage(Section):
+    """A time without samples of a group of sensors in a regression case."""
+
+    sensor: Name
+    from_s: NotNegative
+    until_s: Positive
+
+
+class CaseTable(Section):
+    """A mission that is flown as it is written here, and must hold: a failure that was found and mended.
+
+    ``requirements`` names those that it must hold, all when empty. What is not given has its mean: still
+    water, the mission's start at rest in the water, the identified vehicle, sensors without offset.
+    ``sensor_offsets`` are in standard deviations, by channel; ``velocity`` is over ground in the body frame,
+    m/s and rad/s; ``waves`` height, m, peak period, s, direction, spreading, deg, and peakedness.
+    """
+
+    name: Name
+    mission: Name | None = None
+    requirements: tuple[Name, ...] = ()
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**53)] = 0
+    current_m_s: Triple = (0.0, 0.0, 0.0)
+    turbulence_m_s: Triple = (0.0, 0.0, 0.0)
+    waves: tuple[Number, Number, Number, Number, Number] | None = None
+    position_m: Triple | None = None
+    attitude_deg: Triple | None = None
+    velocity: tuple[Number, Number, Number, Number, Number, Number] | None = None
+    coefficients: dict[str, Number] = Field(default_factory=dict)
+    sensor_offsets: dict[str, Number] = Field(default_factory=dict)
+    faults: Annotated[tuple[CaseFault, ...], BeforeValidator(_as_list)] = ()
+    outages: Annotated[tuple[CaseOutage, ...], BeforeValidator(_as_list)] = ()
+
+
 class VerificationTable(Section):
     """The whole table.
 
@@ -382,12 +426,14 @@ class VerificationTable(Section):
     voltage_v: Positive | None = None
     max_time_s: Positive | None = None
     requirements: Annotated[tuple[RequirementTable, ...], BeforeValidator(_as_list)] = ()
+    cases: Annotated[tuple[CaseTable, ...], BeforeValidator(_as_list)] = ()
 
     @model_validator(mode="after")
     def _names_once(self) -> VerificationTable:
         for what, given in (
             ("missions", [one.title for one in self.missions]),
             ("requirements", [one.name for one in self.requirements]),
+            ("cases", [one.name for one in self.cases]),
         ):
             if (name := twice(given)) is not None:
                 raise ValueError(f"{what}: the name {name!r} stands twice; give each its own name")

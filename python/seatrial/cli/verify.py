@@ -73,9 +73,20 @@ def verify(
             "--rare", help="How rarely the requirements fail, 1e-4 and below, by subset simulation."
         ),
     ] = False,
+    falsify: Annotated[
+        bool,
+        typer.Option(
+            "--falsify",
+            help="Search the worst mission within the ranges, and the least disturbance that still fails.",
+        ),
+    ] = False,
+    within: Annotated[
+        float | None,
+        typer.Option(metavar="SD", help="With --falsify: standard deviations of every draw; 3 by default."),
+    ] = None,
     requirement: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="With --rare: this requirement, not all; repeatable."),
+        typer.Option(metavar="NAME", help="With --rare or --falsify: this requirement, not all; repeatable."),
     ] = None,
     population: Annotated[
         int | None,
@@ -84,9 +95,7 @@ def verify(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out",
-            "-o",
-            help="Run directory; runs/NAME-verified, runs/NAME-rare or runs/NAME-mission-NUMBER.",
+            "--out", "-o", help="Run directory; runs/NAME-verified, -rare, -falsified or -mission-NUMBER."
         ),
     ] = None,
     junit: Annotated[
@@ -127,6 +136,7 @@ def verify(
             "--replay": replay,
             "--junit": junit,
             "--rare": rare,
+            "--falsify": falsify,
         })
         verify_log(
             loaded,
@@ -144,22 +154,20 @@ def verify(
         return
     if reference:
         raise CampaignError("--reference: it belongs to a recorded mission; give that with --log")
-    if not rare and (requirement or population):
-        raise CampaignError(
-            "--requirement and --population: they belong to rare failures; give them with --rare"
-        )
+    _refuse_alone(rare, falsify, requirement, population, within)
     source, gains = fitted_source(loaded, run), gains_source(loaded, autopilot)
     prepared = verified_campaign(loaded, source, gains, runs=runs, missions=mission or None, compare=compare)
     if not json:
         flies, steers = source or loaded.vehicle.name, gains or prepared.flights.autopilot.name
         note(f"Vehicle: {flies}. Autopilot: {steers}.")
-    if rare:
-        if wrong := [
-            key for key, given in {"--replay": replay, "--junit": junit, "--runs": runs}.items() if given
-        ]:
+    if rare or falsify:
+        given = {"--replay": replay, "--junit": junit, "--runs": runs, "--compare": compare}
+        if wrong := [key for key, value in given.items() if value]:
             raise CampaignError(
-                f"{wrong[0]}: not with --rare, which chooses its missions itself; leave it out"
+                f"{wrong[0]}: not with --{'rare' if rare else 'falsify'}, which chooses its missions;"
+                " leave it out"
             )
+    if rare:
         _rare(
             prepared,
             requirement or [],
@@ -167,6 +175,18 @@ def verify(
             out,
             resume=resume,
             threads=threads,
+            verbose=verbose,
+            json=json,
+        )
+        return
+    if falsify:
+        _falsify(
+            prepared,
+            requirement or [],
+            within,
+            out,
+            threads=threads,
+            drawing=drawing,
             verbose=verbose,
             json=json,
         )
@@ -194,6 +214,73 @@ def verify(
         raise typer.Exit(130)
     reported(page, [folder], quiet=json)
     if not found.held:
+        raise typer.Exit(1)
+
+
+def _refuse_alone(
+    rare: bool, falsify: bool, requirement: list[str] | None, population: int | None, within: float | None
+) -> None:
+    """Refuse options of a search without it, and two searches at once."""
+    if rare and falsify:
+        raise CampaignError("--rare and --falsify: expected one of them; run one after the other")
+    if requirement and not (rare or falsify):
+        raise CampaignError("--requirement: it belongs to a search; give it with --rare or --falsify")
+    if population and not rare:
+        raise CampaignError("--population: it belongs to rare failures; give it with --rare")
+    if within and not falsify:
+        raise CampaignError("--within: it belongs to the search for the worst; give it with --falsify")
+
+
+def _falsify(
+    prepared: VerifiedCampaign,
+    names: list[str],
+    within: float | None,
+    out: Path | None,
+    *,
+    threads: int | None,
+    drawing: tuple[str, ...],
+    verbose: bool,
+    json: bool,
+) -> None:
+    """The worst missions into a run directory, each flown again into a folder of its own."""
+    from seatrial.base.file_names import file_name
+    from seatrial.base.run import check_writable
+    from seatrial.cli.console import answer, print_json, search_progress
+    from seatrial.cli.fly import draw_flight
+    from seatrial.verification.falsify import WITHIN, run_falsification
+
+    folder = out or Path("runs") / f"{prepared.campaign.name}-falsified"
+    check_writable(folder)
+    with search_progress("first missions", quiet=json) as progress:
+        found = run_falsification(
+            prepared,
+            names=names,
+            within=WITHIN if within is None else within,
+            run_dir=folder,
+            progress=progress,
+            threads=threads,
+        )
+    flown = {}
+    for one in found.falsified:
+        place = folder.with_name(f"{folder.name}-{file_name(one.requirement.name)}")
+        flown[one.requirement.name] = (found.replay(one.requirement.name), place)
+    for flight, place in flown.values():
+        flight.save(place)
+
+    def drawn() -> list[Path]:
+        return [path for flight, place in flown.values() for path in draw_flight(flight, place, drawing)]
+
+    if json:
+        places = {name: str(place) for name, (_, place) in flown.items()}
+        print_json(found.to_dict() | {"run_directory": str(folder), "flights": places})
+        drawn()
+    else:
+        also = "".join(f"\nThe failing mission of {name} in {place}" for name, (_, place) in flown.items())
+        results = f"Results in {folder}: falsified.json, cases.toml, summary.txt and the inputs{also}"
+        answer(found.report(), verbose=verbose, results=results, draw=drawn if drawing and flown else None)
+    if found.interrupted:
+        raise typer.Exit(130)
+    if found.falsified:
         raise typer.Exit(1)
 
 

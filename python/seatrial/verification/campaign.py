@@ -39,6 +39,7 @@ from seatrial.sensors.sensor import TYPICAL
 from seatrial.verification.draws import targets
 from seatrial.verification.judgement import check_energy
 from seatrial.verification.missions import CampaignFlights
+from seatrial.verification.regression import check_cases
 from seatrial.verification.requirement import Requirement, default_requirements
 from seatrial.verification.verification import WITHOUT_FILE
 
@@ -321,6 +322,7 @@ def verified_campaign(
     if table.coefficients == "covariance" and not flights.fitted.names:
         notes.append("Every vehicle flies with the same coefficients, because their covariance is unknown.")
     flights.check()
+    check_cases(table.cases, flights, requirements, str(campaign.source))
     for other in others.values():
         flights.with_autopilot(other).check()
     return VerifiedCampaign(campaign, flights, requirements, others, number, tuple(notes))

@@ -206,7 +206,7 @@ class CampaignFlights:
     def digest(self) -> str:
         """Hash of everything that a flight depends on."""
         asked = self.table.model_dump(
-            mode="json", exclude={"runs", "requirements", "confidence", "keep_worst"}
+            mode="json", exclude={"runs", "requirements", "confidence", "keep_worst", "cases"}
         )
         around = self._ready[0].circumstances
         fitted = self.fitted

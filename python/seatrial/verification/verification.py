@@ -25,6 +25,7 @@ from seatrial.verification.flown_missions import FlownMissions
 from seatrial.verification.judgement import JudgedRequirement
 from seatrial.verification.junit import JUnitCase, junit_xml
 from seatrial.verification.missions import CampaignFlights
+from seatrial.verification.regression import FlownCase
 
 if TYPE_CHECKING:
     import polars as pl
@@ -61,6 +62,8 @@ class Verification(RunResult):
         Heading where many of the drawn vehicles were physically impossible; empty otherwise.
     facts
         What the result rests on, see `seatrial.base.run.run_facts`.
+    cases
+        The regression cases of the campaign, flown.
     """
 
     campaign: Campaign
@@ -73,16 +76,17 @@ class Verification(RunResult):
     notes: tuple[str, ...]
     doubt: str
     facts: Mapping[str, Any]
+    cases: tuple[FlownCase, ...] = ()
 
     @property
     def outcome(self) -> proportions.Verdict:
-        """Held where every requirement is, failed where any is, undecided otherwise.
+        """Held where every requirement and regression case is, failed where any is, undecided otherwise.
 
         That all are held is wrong at most as often as a single one (Berger 1982, Technometrics 24:295): no
         correction is needed. Of m requirements that just hold, up to m times the risk are called failed.
         """
         verdicts = {one.verdict for one in self.requirements}
-        if "failed" in verdicts:
+        if "failed" in verdicts or not all(one.held for one in self.cases):
             return "failed"
         return "undecided" if "undecided" in verdicts else "held"
 
@@ -142,6 +146,7 @@ class Verification(RunResult):
             "seed": self.flights.seed,
             "requirements": [one.to_dict() for one in self.requirements],
             "comparison": None if self.comparison is None else self.comparison.to_dict(),
+            "cases": [one.to_dict() for one in self.cases],
             "time": {
                 "flown_s": self.flown.flown_s,
                 "wall_s": self.flown.wall_s,
@@ -201,6 +206,7 @@ def report(found: Verification) -> Report:
             *map(str, one.named_causes[:_CAUSES]),
         )
     ]
+    causes += [_of_case(one) for one in found.cases]
     details = ["\n  ".join(line.strip() for line in requirement_lines(one)) for one in found.requirements]
     tables = (_requirement_table(found), _mission_table(found), _worst_table(found), *comparison)
     return Report(
@@ -235,6 +241,15 @@ def _how_good(found: Verification) -> str:
     )
 
 
+def _of_case(one: FlownCase) -> str:
+    """A regression case in a sentence."""
+    bad = {name: value for name, value in one.robustness.items() if value <= 0.0}
+    if not bad:
+        return f"regression case {one.name} on {one.mission}: held"
+    told = ", ".join(f"{name} (robustness {value:.3g})" for name, value in bad.items())
+    return f"regression case {one.name} on {one.mission} fails: {told}"
+
+
 def _worst(found: Verification) -> tuple[str, str]:
     """The worst problem of a verification, and what to do about it."""
     python = found.campaign.source == WITHOUT_FILE
@@ -244,6 +259,8 @@ def _worst(found: Verification) -> tuple[str, str]:
             f"Ctrl-C ended the missions after {len(found.flown)} of {found.asked}",
             "run the same command again; it goes on with the missions that are left",
         )
+    if again_ := [one for one in found.cases if not one.held]:
+        return _of_case(again_[0]), "mend what it shows: it was found once and must hold"
     failed = [one for one in found.requirements if one.verdict == "failed"]
     if failed:
         one = max(failed, key=lambda each: each.found.failures)
@@ -478,6 +495,10 @@ def junit(found: Verification) -> str:
             time_s=part,
         )
         for one, said in zip(found.requirements, lines, strict=True)
+    ]
+    outcomes += [
+        JUnitCase(one.mission, f"case {one.name}", "held" if one.held else "failed", message=_of_case(one))
+        for one in found.cases
     ]
     rests_on = {
         "seed": found.flights.seed,

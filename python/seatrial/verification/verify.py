@@ -22,6 +22,7 @@ from seatrial.verification.judgement import (
     perceived_and_true,
 )
 from seatrial.verification.missions import fly_series
+from seatrial.verification.regression import fly_cases
 from seatrial.verification.verification import Verification, input_files
 
 if TYPE_CHECKING:
@@ -265,6 +266,11 @@ def _verified(
     if prepared.others and not interrupted:
         comparison, interrupted = _compared(prepared, flown, run=run, progress=progress, threads=threads)
     draws = prepared.flights.draws(len(flown))
+    cases = (
+        ()
+        if interrupted
+        else fly_cases(prepared.flights.table.cases, prepared.flights, prepared.requirements, threads=threads)
+    )
     return Verification(
         campaign=prepared.campaign,
         flights=prepared.flights,
@@ -277,6 +283,7 @@ def _verified(
             keep_worst=prepared.flights.table.keep_worst,
         ),
         comparison=comparison,
+        cases=cases,
         asked=prepared.runs,
         interrupted=interrupted,
         doubt=draws.doubt,

@@ -1,0 +1,469 @@
+"""`falsify`: the worst mission in the ranges of a verification, and the least disturbance that still fails.
+
+Plain numbers behind the draws (`seatrial.verification.rare.MissionSpace`) are searched within so many
+standard deviations by an evolution strategy (CMA-ES; Hansen 2016, arXiv:1604.00772) for the least robustness
+of a requirement. What fails is then made small: one number after the other goes back to the middle as long as
+the mission still fails, the one first that costs the least robustness; the rest is scaled down together. The
+seed of noise and gusts stays what it is.
+
+Tests: ``tests/verification/test_falsify.py``.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.progress import Clock, Progress
+from seatrial.base.report import Report, Section
+from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
+from seatrial.campaign.campaign import input_hashes
+from seatrial.verification.campaign import verified_campaign
+from seatrial.verification.rare import MissionSpace
+from seatrial.verification.regression import case_text
+from seatrial.verification.robustness import robustness, unusable
+from seatrial.verification.verification import input_files
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.flight.flight import Flight
+    from seatrial.flight.mission import Mission
+    from seatrial.identification.fitted import Fitted
+    from seatrial.identification.identification import Identification
+    from seatrial.tuning.result import Tuning
+    from seatrial.verification.campaign import VerifiedCampaign
+    from seatrial.verification.draws import Draws
+    from seatrial.verification.requirement import Requirement
+
+__all__ = ["WITHIN", "Falsification", "FalsifiedRequirement", "falsify", "run_falsification"]
+
+WITHIN = 3.0
+"""Standard deviations of every draw within which is searched."""
+
+_MISSIONS, _GENERATION = 2000, 32
+
+_AFTER = 10  # generations beyond the first failure, to find what is really bad
+
+_SCALES = 16  # at once, twice
+
+_SEED = 0.5  # of noise and gusts
+
+_SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class FalsifiedRequirement:
+    """The worst mission that was found for a requirement.
+
+    Attributes
+    ----------
+    requirement
+    worst
+        Least robustness that was found.
+    missions
+        Flown in the search and to make the disturbance small.
+    robustness
+        Of the mission below; NaN where none failed.
+    sample
+        Its numbers (d,) in standard deviations; zero where the middle of the range is bad enough.
+    disturbance
+        By readable names: its value, that of the middle, in the units of the name.
+    case
+        TOML of the entry ``[[verification.cases]]``; empty where none failed.
+    why_not
+        Why the requirement cannot be searched; empty otherwise.
+    """
+
+    requirement: Requirement
+    worst: float
+    missions: int
+    robustness: float = float("nan")
+    sample: tuple[float, ...] = ()
+    disturbance: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    case: str = ""
+    why_not: str = ""
+
+    @property
+    def falsified(self) -> bool:
+        """Whether a failing mission was found."""
+        return bool(self.sample)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "name": self.requirement.name,
+            "holds": self.requirement.holds,
+            "falsified": self.falsified,
+            "worst_robustness": self.worst if np.isfinite(self.worst) else None,
+            "missions": self.missions,
+            "robustness": self.robustness if np.isfinite(self.robustness) else None,
+            "sample": list(self.sample),
+            "disturbance": {name: list(pair) for name, pair in self.disturbance.items()},
+            "case": self.case,
+            "why_not": self.why_not,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Falsification(RunResult):
+    """Worst missions of requirements; made by `falsify`.
+
+    Attributes
+    ----------
+    prepared
+        The campaign that was flown.
+    requirements
+        A `FalsifiedRequirement` each.
+    within
+        Standard deviations within which was searched.
+    interrupted
+        Whether Ctrl-C ended it early.
+    facts
+        What the result rests on.
+    """
+
+    prepared: VerifiedCampaign
+    requirements: tuple[FalsifiedRequirement, ...]
+    within: float
+    interrupted: bool
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def falsified(self) -> tuple[FalsifiedRequirement, ...]:
+        """Requirements that a mission was found to fail."""
+        return tuple(one for one in self.requirements if one.falsified)
+
+    def drawn(self, name: str) -> Draws:
+        """The failing mission of a requirement, with the least disturbance.
+
+        Parameters
+        ----------
+        name : str
+            Of the requirement.
+
+        Raises
+        ------
+        CampaignError
+            There is no such requirement, or none of its missions failed.
+        """
+        found = {one.requirement.name: one for one in self.requirements}
+        if name not in found:
+            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, found)}')
+        if not found[name].falsified:
+            raise CampaignError(f'requirement "{name}": no mission failed, there is none to fly again')
+        space = MissionSpace(self.prepared.flights)
+        return space.draws(np.array([found[name].sample]), np.array([_SEED]))
+
+    def replay(self, name: str) -> Flight:
+        """Flight of that mission, with its log.
+
+        Parameters
+        ----------
+        name : str
+            Of the requirement.
+        """
+        return self.prepared.flights.replay_drawn(self.drawn(name))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "campaign": self.prepared.campaign.name,
+            "within": self.within,
+            "interrupted": self.interrupted,
+            "requirements": [one.to_dict() for one in self.requirements],
+        }
+
+    def cases(self) -> str:
+        """TOML to add to the campaign, so that `verify` flies the failing missions again."""
+        return "\n".join(one.case for one in self.falsified)
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        return {
+            **input_files(self.prepared.campaign, self.prepared.flights),
+            "falsified.json": to_json(self.to_dict()),
+            "cases.toml": self.cases(),
+            **self.report().files(),
+        }
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+    def report(self) -> Report:
+        """Three lines, then by requirement the least disturbance that fails."""
+        bad, flown = self.falsified, sum(one.missions for one in self.requirements)
+        tried = [one for one in self.requirements if not one.why_not]
+        worst, then = "no requirement can be searched", "add a number that comes near its limit"
+        if bad:
+            one = max(bad, key=lambda each: -each.worst)
+            worst = f"{one.requirement.name} fails: {_told(one)}"
+            then = "fly it (its folder is below), mend what it shows, and add cases.toml to the campaign"
+        elif tried:
+            one = min(tried, key=lambda each: each.worst)
+            worst = f"{one.requirement.name} comes nearest to failing, robustness {one.worst:.3g}"
+            then = "widen the ranges in [verification] if worse can happen; how rarely it fails says --rare"
+        return Report(
+            title=self.prepared.campaign.name,
+            outcome=("falsified" if bad else "not falsified")
+            + (" (interrupted)" if self.interrupted else ""),
+            good=(
+                f"{len(tried) - len(bad)} of {len(self.requirements)} requirements withstood a search within"
+                f" {self.within:g} standard deviations of everything that is drawn; {flown} missions flown"
+            ),
+            worst=worst,
+            next_step=then,
+            sections=(
+                *(
+                    Section(
+                        f"Least disturbance that fails: {one.requirement.name} ({one.requirement.holds},"
+                        f" robustness {one.robustness:.3g})",
+                        tuple(_lines(one)),
+                    )
+                    for one in bad
+                ),
+                Section("Not searched", tuple(one.why_not for one in self.requirements if one.why_not)),
+            ),
+        )
+
+
+def _told(one: FalsifiedRequirement) -> str:
+    """The least disturbance in a few words."""
+    return ", ".join(_lines(one)[:3])
+
+
+def _lines(one: FalsifiedRequirement) -> list[str]:
+    said = [f"{name} {value:.3g} (middle {middle:.3g})" for name, (value, middle) in one.disturbance.items()]
+    return said or ["the middle of all ranges fails already"]
+
+
+def falsify(
+    campaign: Campaign,
+    fit: Identification | Fitted | Vehicle | str | Path | None = None,
+    gains: Tuning | Autopilot | str | Path | None = None,
+    *,
+    requirements: Sequence[str] = (),
+    within: float = WITHIN,
+    budget: int = _MISSIONS,
+    model: Vehicle | str | Path | None = None,
+    missions: Sequence[Mission | str | Path] | None = None,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    threads: int | None = None,
+) -> Falsification:
+    """The worst mission of each requirement in the ranges of a verification, as harmless as it can be made.
+
+    Parameters
+    ----------
+    campaign, fit, gains, model, missions
+        As of `seatrial.verify`.
+    requirements : sequence of str
+        Names of the campaign's requirements; all when empty.
+    within : float
+        Standard deviations of every draw within which is searched; of a uniform range 3 leave out 0.1 % at
+        its ends.
+    budget : int
+        Missions that a search may fly, from 100 on.
+    run_dir : str or Path, optional
+        Folder for the results.
+    progress : callable, optional
+        Called after every generation.
+    threads : int, optional
+        Threads of the core; the result does not depend on it.
+
+    Raises
+    ------
+    CampaignError
+        As of `seatrial.verify`; an unknown requirement, or a number that cannot be.
+    SeatrialError
+        The run directory cannot be written.
+    """
+    prepared = verified_campaign(campaign, fit, gains, model=model, missions=missions)
+    return run_falsification(
+        prepared,
+        names=requirements,
+        within=within,
+        budget=budget,
+        run_dir=run_dir,
+        progress=progress,
+        threads=threads,
+    )
+
+
+def run_falsification(
+    prepared: VerifiedCampaign,
+    *,
+    names: Sequence[str] = (),
+    within: float = WITHIN,
+    budget: int = _MISSIONS,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    threads: int | None = None,
+) -> Falsification:
+    """Falsification of a campaign that is ready to fly. See `falsify` for the parameters."""
+    if not 0.1 <= within <= 8.0:
+        raise CampaignError(f"within: expected 0.1 to 8 standard deviations, found {within:g}")
+    if budget < 100:
+        raise CampaignError(f"budget: expected at least 100 missions, found {budget}")
+    known = {one.name: one for one in prepared.requirements}
+    for name in names:
+        if name not in known:
+            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
+    chosen = [known[name] for name in names] if names else list(prepared.requirements)
+    clock, found, interrupted = Clock(), [], False
+    with RunDirectory(run_dir, resume=False) as run:
+        try:
+            for place, requirement in enumerate(chosen):
+                work = _Search(prepared, requirement, within, budget, threads)
+
+                def watch(
+                    share: float, detail: str, place: int = place, name: str = requirement.name
+                ) -> None:
+                    if progress is None:
+                        return
+                    fraction = (place + share) / len(chosen)
+                    left = clock.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
+                    progress(
+                        Progress(name, place, len(chosen), fraction, clock.elapsed_s, left, detail=detail)
+                    )
+
+                found.append(work.run(watch))
+        except KeyboardInterrupt:
+            interrupted = True
+        files = input_files(prepared.campaign, prepared.flights)
+        result = Falsification(
+            prepared=prepared,
+            requirements=tuple(found),
+            within=within,
+            interrupted=interrupted,
+            facts=run_facts(
+                "falsification",
+                prepared.campaign.name,
+                clock=clock,
+                inputs=input_hashes(prepared.campaign, trials=False)
+                | {name: sha256(text) for name, text in files.items()},
+                seed=prepared.flights.seed,
+                options={"within": within, "budget": budget},
+                interrupted=interrupted,
+            ),
+        )
+        if run_dir is not None and not interrupted:
+            run.publish(result.facts, result.files())
+    return result
+
+
+class _Search:
+    """The search for the worst mission of one requirement."""
+
+    def __init__(
+        self,
+        prepared: VerifiedCampaign,
+        requirement: Requirement,
+        within: float,
+        budget: int,
+        threads: int | None,
+    ) -> None:
+        self.flights, self.requirement = prepared.flights, requirement
+        self.space, self.within, self.budget = MissionSpace(prepared.flights), within, budget
+        self.threads, self.flown = threads, 0
+
+    def run(self, watch: Callable[[float, str], None]) -> FalsifiedRequirement:
+        flights = self.flights
+        first = flights.fly(np.arange(64), threads=self.threads)
+        if why := unusable(self.requirement, robustness(self.requirement, first, flights)):
+            return FalsifiedRequirement(self.requirement, np.inf, 0, why_not=why)
+        worst, at = self._worst(watch)
+        if at is None or worst > 0.0:
+            return FalsifiedRequirement(self.requirement, worst, self.flown)
+        watch(0.9, "making the disturbance small")
+        small, value = self._small(at, worst)
+        drawn = self.space.draws(small[None], np.array([_SEED]))
+        middle = self.space.draws(np.zeros((1, len(small))), np.array([_SEED])).causes
+        differs = {
+            name: (float(values[0]), float(middle[name][0]))
+            for name, values in drawn.causes.items()
+            if abs(float(values[0]) - float(middle[name][0])) > _SAME
+        }
+        name = f"falsified: {self.requirement.name}"
+        return FalsifiedRequirement(
+            self.requirement,
+            worst,
+            self.flown,
+            value,
+            tuple(small.tolist()),
+            differs,
+            case_text(name, self.requirement.name, drawn, flights),
+        )
+
+    def _robustness(self, x: Array) -> Array:
+        """Robustness (k,) of samples (k, d); infinite where no vehicle can be."""
+        can = self.space.possible(x)
+        found = np.full(len(x), np.inf)
+        if can.any():
+            seeds = np.full(int(can.sum()), _SEED)
+            found[can] = self.space.robustness(self.requirement, x[can], seeds, threads=self.threads)
+        self.flown += int(can.sum())
+        return found
+
+    def _worst(self, watch: Callable[[float, str], None]) -> tuple[float, Array | None]:
+        """The least robustness that was found, and where."""
+        import cma
+
+        best, at = np.inf, None
+        restart, after = 0, 0
+        while self.flown < self.budget and after < _AFTER:
+            options = {
+                "bounds": [-self.within, self.within],
+                "popsize": _GENERATION,
+                "seed": self.flights.seed % 2**31 + restart + 1,
+                "verbose": -9,
+                "maxiter": max((self.budget - self.flown) // _GENERATION, 1),
+            }
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                search = cma.CMAEvolutionStrategy(np.zeros(self.space.dimensions), self.within / 3.0, options)
+                while not search.stop() and self.flown < self.budget and after < _AFTER:
+                    tried = np.array(search.ask())
+                    values = self._robustness(tried)
+                    search.tell(list(tried), np.clip(np.nan_to_num(values, nan=-1e9), -1e9, 1e9).tolist())
+                    k = int(values.argmin())
+                    if values[k] < best or at is None:
+                        best, at = float(values[k]), tried[k]
+                    after += best <= 0.0
+                    share = max(self.flown / self.budget, after / _AFTER)
+                    watch(0.9 * share, f"{self.flown} missions, least robustness {best:.3g}")
+            restart += 1
+        return best, at
+
+    def _small(self, at: Array, value: float) -> tuple[Array, float]:
+        """The least disturbance that still fails, and its robustness."""
+        x = at.copy()
+        while (open_ := np.flatnonzero(x)).size:
+            tried = np.repeat(x[None], len(open_), axis=0)
+            tried[np.arange(len(open_)), open_] = 0.0
+            values = self._robustness(tried)
+            failing = np.flatnonzero(values <= 0.0)
+            if not failing.size:
+                break
+            k = int(failing[values[failing].argmin()])
+            x, value = tried[k], float(values[k])
+        low, high = 0.0, 1.0
+        for _ in range(2):
+            scales = np.linspace(low, high, _SCALES + 1)[1:]
+            values = self._robustness(scales[:, None] * x[None])
+            failing = np.flatnonzero(values <= 0.0)
+            if not failing.size:
+                break
+            k = int(failing[0])
+            value = float(values[k])
+            low, high = (float(scales[k - 1]) if k else low), float(scales[k])
+        return high * x, value

@@ -1,0 +1,225 @@
+"""Regression cases: missions that failed once, written into the campaign, and flown in every verification.
+
+A case is told by what it met and not by the random numbers behind it: other distributions in the table leave
+it as it is. Tests: ``tests/verification/test_falsify.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial._core import autopilot_names
+from seatrial.base.errors import CampaignError, SimulationError, nearest
+from seatrial.campaign.verification_table import CaseTable
+from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
+from seatrial.flight.sea import CALM
+from seatrial.verification.draws import Draws
+from seatrial.verification.robustness import robustness
+
+if TYPE_CHECKING:
+    from seatrial.verification.missions import CampaignFlights
+    from seatrial.verification.requirement import Requirement
+
+__all__ = ["FlownCase", "case_text", "check_cases", "draws_of", "fly_cases"]
+
+
+@dataclass(frozen=True)
+class FlownCase:
+    """A regression case that was flown.
+
+    Attributes
+    ----------
+    name, mission
+        Of the case and of its mission.
+    robustness
+        By requirement; positive where it was held.
+    """
+
+    name: str
+    mission: str
+    robustness: Mapping[str, float]
+
+    @property
+    def held(self) -> bool:
+        """Whether all its requirements were held."""
+        return all(value > 0.0 for value in self.robustness.values())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        values = {name: value if math.isfinite(value) else None for name, value in self.robustness.items()}
+        return {"name": self.name, "mission": self.mission, "held": self.held, "robustness": values}
+
+
+def check_cases(
+    cases: Sequence[CaseTable], flights: CampaignFlights, requirements: Sequence[Requirement], where: str
+) -> None:
+    """Refuse cases that cannot be flown or judged.
+
+    Raises
+    ------
+    CampaignError
+        An unknown mission, requirement, coefficient, channel, actuator or sensor.
+    """
+    channels, known = autopilot_names()["channels"], flights.fitted.vehicle.coefficients()
+    for one in cases:
+        said = f"{where}: verification, case {one.name!r}"
+        for key, names, of in (
+            ("mission", () if one.mission is None else (one.mission,), flights.titles),
+            ("requirements", one.requirements, [each.name for each in requirements]),
+            ("coefficients", tuple(one.coefficients), known),
+            ("sensor_offsets", tuple(one.sensor_offsets), channels),
+        ):
+            for name in names:
+                if name not in of:
+                    raise CampaignError(f"{said}, key {key}: unknown {name!r}{nearest(name, of)}")
+        try:
+            draws_of([one], flights)
+        except SimulationError as error:
+            raise CampaignError(f"{said}: {error}") from None
+
+
+def draws_of(cases: Sequence[CaseTable], flights: CampaignFlights) -> Draws:
+    """What the cases (k) meet, as draws.
+
+    Raises
+    ------
+    SimulationError
+        An actuator or sensor is unknown, or a command is beyond its range.
+    """
+    missions, titles = flights.missions, flights.titles
+    index = [0 if one.mission is None else titles.index(one.mission) for one in cases]
+    starts = [missions[k].start for k in index]
+    place = [[start["north_m"], start["east_m"], start["depth_m"]] for start in starts]
+    position = [one.position_m or at for one, at in zip(cases, place, strict=True)]
+    attitude = [
+        np.radians(one.attitude_deg) if one.attitude_deg else np.array([0.0, 0.0, start["heading"]])
+        for one, start in zip(cases, starts, strict=True)
+    ]
+    current = np.array([one.current_m_s for one in cases])
+    nu = np.zeros((len(cases), 6))
+    for k, one in enumerate(cases):
+        cosine, sine = math.cos(attitude[k][2]), math.sin(attitude[k][2])
+        north, east, down = current[k]
+        nu[k, :3] = cosine * north + sine * east, -sine * north + cosine * east, down
+        if one.velocity is not None:
+            nu[k] = one.velocity
+    vehicle = flights.fitted.vehicle
+    own = vehicle.coefficients()
+    varied = dict.fromkeys(name for one in cases for name in one.coefficients)
+    channels = autopilot_names()["channels"]
+    offsets = np.zeros((len(cases), len(channels)))
+    for k, one in enumerate(cases):
+        for name, value in one.sensor_offsets.items():
+            offsets[k, channels.index(name)] = value
+    longest = np.array(flights.longest_s)[index]
+    return Draws(
+        numbers=np.arange(len(cases)),
+        mission=np.array(index, dtype=np.int_),
+        coefficients={
+            name: np.array([one.coefficients.get(name, own.get(name, 0.0)) for one in cases])
+            for name in varied
+        },
+        current=current,
+        turbulence=np.array([one.turbulence_m_s for one in cases]),
+        waves=np.array([_sea(one) for one in cases]),
+        position=np.array(position, dtype=float),
+        attitude=np.array(attitude, dtype=float),
+        nu=nu,
+        faults=[
+            row
+            for k, one in enumerate(cases)
+            for row in fault_rows(
+                [Fault(f.actuator, f.at_s, f.command is None, f.command) for f in one.faults],
+                vehicle,
+                float(longest[k]),
+                case=k,
+            )
+        ],
+        outages=[
+            (k, *row)
+            for k, one in enumerate(cases)
+            for row in outage_rows(
+                [Outage(o.sensor, o.from_s, o.until_s) for o in one.outages], float(longest[k])
+            )
+        ],
+        seeds=np.array([one.seed for one in cases], dtype=np.int_),
+        causes={},
+        offsets=offsets,
+    )
+
+
+def _sea(one: CaseTable) -> Sequence[float]:
+    if one.waves is None:
+        return CALM
+    height, period, toward, spreading, peakedness = one.waves
+    return height, period, math.radians(toward), math.radians(spreading), peakedness
+
+
+def fly_cases(
+    cases: Sequence[CaseTable],
+    flights: CampaignFlights,
+    requirements: Sequence[Requirement],
+    *,
+    threads: int | None = None,
+) -> tuple[FlownCase, ...]:
+    """The cases, flown and judged."""
+    if not cases:
+        return ()
+    flown = flights.fly_drawn(draws_of(cases, flights), threads=threads)
+    values = {one.name: robustness(one, flown, flights) for one in requirements}
+    held = {one.name: one.judge(flown.metrics).held for one in requirements}
+    found = []
+    for k, one in enumerate(cases):
+        names = one.requirements or tuple(values)
+        # Held with nothing to spare is held.
+        judged = {name: float(values[name][k]) or (1e-12 if held[name][k] else -1e-12) for name in names}
+        title = flights.titles[int(flown.mission[k])]
+        found.append(FlownCase(one.name, title, judged))
+    return tuple(found)
+
+
+def case_text(name: str, requirement: str, drawn: Draws, flights: CampaignFlights) -> str:
+    """TOML of a single drawn case as an entry ``[[verification.cases]]``."""
+    import tomlkit
+
+    groups, channels = autopilot_names()["groups"], autopilot_names()["channels"]
+    table = tomlkit.table()
+    table["name"], table["requirements"] = name, [requirement]
+    if len(flights.titles) > 1:
+        table["mission"] = flights.titles[int(drawn.mission[0])]
+    table["seed"] = int(drawn.seeds[0])
+    table["current_m_s"] = drawn.current[0].tolist()
+    table["turbulence_m_s"] = drawn.turbulence[0].tolist()
+    height, period, toward, spreading, peakedness = drawn.waves[0].tolist()
+    if height > 0.0:
+        table["waves"] = [height, period, math.degrees(toward), math.degrees(spreading), peakedness]
+    table["position_m"] = drawn.position[0].tolist()
+    table["attitude_deg"] = np.degrees(drawn.attitude[0]).tolist()
+    table["velocity"] = drawn.nu[0].tolist()
+    own = flights.fitted.vehicle.coefficients()
+    changed = {name: float(x[0]) for name, x in drawn.coefficients.items() if x[0] != own.get(name, 0.0)}
+    if changed:
+        table["coefficients"] = changed
+    if drawn.offsets is not None and drawn.offsets[0].any():
+        offsets = zip(channels, drawn.offsets[0].tolist(), strict=True)
+        table["sensor_offsets"] = {channel: value for channel, value in offsets if value}
+    faults = [
+        {"actuator": actuator, "at_s": at} | ({} if math.isnan(command) else {"command": command})
+        for _, actuator, at, command in drawn.faults
+    ]
+    if faults:
+        table["faults"] = faults
+    outages = [{"sensor": groups[g], "from_s": begin, "until_s": end} for _, g, begin, end in drawn.outages]
+    if outages:
+        table["outages"] = outages
+    whole = tomlkit.document()
+    cases = tomlkit.aot()
+    cases.append(table)
+    whole["verification"] = tomlkit.table(is_super_table=True)
+    whole["verification"]["cases"] = cases
+    return tomlkit.dumps(whole)

@@ -1,0 +1,81 @@
+"""`verify --rare` and `verify --falsify`: what is printed, written and refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from seatrial.cli import app
+from tests.verification.test_rare import OUT
+
+CAMPAIGN = """
+format = 1
+name = "short"
+vehicle = "cwolf"
+seed = 3
+[verification]
+missions = ["out.toml"]
+coefficients = { X_uu = 10.0 }
+current = { speed_m_s = { normal = [0.2, 0.08] } }
+[[verification.requirements]]
+name = "keeps its path"
+holds = "true_cross_track_largest_m <= 4.5"
+probability = 0.9
+"""
+
+
+@pytest.fixture
+def campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "out.toml").write_text(OUT)
+    path = tmp_path / "short.toml"
+    path.write_text(CAMPAIGN)
+    return path
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["verify", *arguments])
+    return result.exit_code, result.output
+
+
+def test_a_failure_is_found_flown_and_kept_as_a_case(campaign: Path) -> None:
+    code, text = run(str(campaign), "--falsify", "--no-figures")
+    assert code == 1, text
+    assert "short: falsified." in text
+    assert (campaign.parent / "runs" / "short-falsified-keeps-its-path" / "flight.json").is_file()
+    case = (campaign.parent / "runs" / "short-falsified" / "cases.toml").read_text()
+    campaign.write_text(CAMPAIGN + case)
+    code, text = run(str(campaign), "--runs", "64", "--no-figures")
+    assert code == 1, text
+    assert "regression case falsified: keeps its path" in text
+
+
+def test_rare_failures_say_probability_and_interval(campaign: Path) -> None:
+    code, text = run(str(campaign), "--rare", "--population", "100", "--json")
+    found = json.loads(text)
+    event = found["requirements"][0]["event"]
+    assert event["interval"][0] < event["estimate"] < event["interval"][1]
+    assert code == (0 if found["held"] else 1)
+    assert (Path(found["run_directory"]) / "rare.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--rare", "--falsify"), "expected one of them"),
+        (("--requirement", "x"), "belongs to a search"),
+        (("--population", "200"), "give it with --rare"),
+        (("--within", "2"), "give it with --falsify"),
+        (("--rare", "--replay", "3"), "--replay: not with --rare"),
+        (("--rare", "--requirement", "keeps its pat"), "unknown"),
+        (("--falsify", "--within", "20"), "0.1 to 8"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(campaign: Path, arguments: tuple[str, ...], words: str) -> None:
+    result = CliRunner().invoke(app, ["verify", str(campaign), *arguments])
+    assert result.exit_code == 2
+    assert words in " ".join(result.output.split())
+    assert not (campaign.parent / "runs").exists()
