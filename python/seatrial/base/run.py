@@ -1,7 +1,8 @@
 """Run directory: the one life cycle of everything that writes results into a folder.
 
 A run works in a sibling folder ``<name>.partial``. There every finished part (a stage, a group of gains,
-a chunk of missions, a repetition) is kept as ``stages/<part>.json`` with the hash of its inputs. The same
+a chunk of missions, a repetition) is kept as ``stages/<part>.json`` with the hash of its inputs, and a table
+that belongs to it as ``stages/<part>.parquet``. The same
 command finds it again by that hash: after Ctrl-C, after ``kill -9``, or after the run was published. When the
 run is over, the whole folder is renamed into place, so that a reader sees all of it or nothing. While a
 process works in the folder it holds ``<name>.lock``, and a second one is refused at once.
@@ -144,15 +145,40 @@ class RunDirectory:
                 return kept
         return None
 
-    def keep(self, part: str, inputs: str, result: Mapping[str, Any]) -> None:
+    def keep(self, part: str, inputs: str, result: Mapping[str, Any], *, table: bytes | None = None) -> None:
         """Keep the result of a finished part for a run that resumes this one.
+
+        Parameters
+        ----------
+        part, inputs : str
+        result : mapping
+        table : bytes, optional
+            Content of a Parquet file beside it; it is there before the part counts as finished.
 
         Raises
         ------
         SeatrialError
             It cannot be written.
         """
+        if table is not None:
+            self.leave(part_file(part, ".parquet"), table)
         self.leave(part_file(part), to_json({**result, "inputs": inputs}))
+
+    def table(self, part: str, expected: str) -> bytes | None:
+        """Content of the table that belongs to a part, if it is there and has this SHA-256."""
+        if self.path is None:
+            return None
+        name = part_file(part, ".parquet")
+        for folder in (self.workspace, self.path):
+            try:
+                content = (folder / name).read_bytes()
+            except OSError:
+                continue
+            if sha256(content) == expected:
+                if folder == self.path:
+                    self._carried.add(name)
+                return content
+        return None
 
     def leave(self, name: str, content: str | bytes) -> Path | None:
         """Path of a file in the workspace, for a reader of a run that does not get published.
@@ -388,11 +414,11 @@ def sha256(content: str | bytes) -> str:
     return hashlib.sha256(given).hexdigest()
 
 
-def part_file(part: str) -> str:
+def part_file(part: str, ending: str = ".json") -> str:
     """Name inside the run directory of the file that keeps a part; different parts have different names."""
     safe = file_name(part, instead="_")
     tail = "" if safe == part else "-" + sha256(part)[:8]
-    return f"{_PARTS}/{safe}{tail}.json"
+    return f"{_PARTS}/{safe}{tail}{ending}"
 
 
 def to_json(value: Any) -> str:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from seatrial.base.report import Report
 
 __all__ = [
+    "Dask",
     "ExitCodes",
     "Figures",
     "Json",
@@ -53,7 +54,19 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all tables
 
 Figures = Annotated[bool, typer.Option(help="Write figures (PNG) into the run directory.")]
 
-Threads = Annotated[int | None, typer.Option(min=1, max=1024, help="Threads; all processors by default.")]
+Threads = Annotated[
+    int | None,
+    typer.Option(min=1, max=1024, help="Threads; all processors by default, with --dask one per worker."),
+]
+
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Work on the Dask cluster with this scheduler (tcp://HOST:8786); local or local:N starts N"
+        " worker processes on this machine. Connections run code: use loopback or TLS.",
+    ),
+]
 
 Pdf = Annotated[bool, typer.Option("--pdf", help="Write figures as PDF, too.")]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.base.errors import CampaignError
-from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.console import Dask, Figures, Json, Pdf, Threads, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
@@ -105,6 +105,7 @@ def verify(
         bool, typer.Option(help="Reuse missions that an earlier run flew from the same inputs.")
     ] = True,
     threads: Threads = None,
+    dask: Dask = None,
     figures: Figures = True,
     pdf: Pdf = False,
     page: Page = None,
@@ -137,6 +138,7 @@ def verify(
             "--junit": junit,
             "--rare": rare,
             "--falsify": falsify,
+            "--dask": dask,
         })
         verify_log(
             loaded,
@@ -198,7 +200,7 @@ def verify(
     check_writable(folder)
     if junit is not None:
         _refuse_place(junit)
-    found = verified(prepared, folder, threads=threads, resume=resume, quiet=json)
+    found = verified(prepared, folder, threads=threads, dask=dask, resume=resume, quiet=json)
     if junit is not None:
         _write(junit, found.junit())
 
@@ -331,15 +333,25 @@ def verified(
     folder: Path | None,
     *,
     threads: int | None = None,
+    dask: str | None = None,
     resume: bool = True,
     quiet: bool = False,
 ) -> Verification:
     """Verification of a campaign into a run directory, with progress on standard error."""
     from seatrial.cli.console import search_progress
+    from seatrial.cli.streams import note
     from seatrial.verification.verify import run_verification
 
     with search_progress("first missions", quiet=quiet) as progress:
-        return run_verification(prepared, run_dir=folder, progress=progress, resume=resume, threads=threads)
+        return run_verification(
+            prepared,
+            run_dir=folder,
+            progress=progress,
+            resume=resume,
+            threads=threads,
+            executor=dask,
+            tell=note,
+        )
 
 
 def draw(found: Verification, folder: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:

@@ -1,14 +1,13 @@
 """Missions that were flown: what was drawn of each, and what came of it.
 
-Kept between runs as compressed arrays, bit by bit as they were flown: a verdict does not depend on where its
-missions were taken up again.
+Kept between runs as Parquet, bit by bit as they were flown: a verdict does not depend on where its missions
+were taken up again.
 
 Tests: ``tests/verification/test_verify.py``.
 """
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,8 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
+from seatrial.base.atomic_write import parquet
+from seatrial.base.forked import before_table
 from seatrial.flight.metrics import DIVERGED, metrics_of
 
 if TYPE_CHECKING:
@@ -26,12 +27,18 @@ if TYPE_CHECKING:
 
     from seatrial._core import Flights
 
-__all__ = ["KEPT", "FlownMissions", "metrics_for_requirements"]
+__all__ = ["KEPT", "WORDS", "FlownMissions", "metrics_for_requirements"]
 
 Values = NDArray[Any]
 
 KEPT = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")
 """Arrays that are kept between runs, besides metrics and causes."""
+
+_METRIC, _CAUSE = "metric ", "cause "
+
+
+WORDS = "U24"
+"""Type of a column of words, as of endings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,33 +134,40 @@ class FlownMissions:
             | {f"drawn: {name}": pl.Series(values) for name, values in self.causes.items()}
         )
 
-    def to_text(self) -> str:
-        """Everything as text that loses nothing; `from_text` reads it."""
-        stream = io.BytesIO()
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in KEPT} | {"wall_s": self.wall_s}
-        arrays |= {f"metric {name}": values for name, values in self.metrics.items()}
-        arrays |= {f"cause {name}": values for name, values in self.causes.items()}
-        np.savez_compressed(stream, **arrays)
-        return base64.b64encode(stream.getvalue()).decode("ascii")
+    def to_parquet(self) -> bytes:
+        """Content of a Parquet file that loses nothing; `from_parquet` reads it."""
+        import polars as pl
+
+        columns: dict[str, Any] = {name: getattr(self, name) for name in KEPT}
+        columns |= {f"{_METRIC}{name}": values for name, values in self.metrics.items()}
+        columns |= {f"{_CAUSE}{name}": values for name, values in self.causes.items()}
+        return parquet(pl.DataFrame({name: pl.Series(values) for name, values in columns.items()}))
 
     @classmethod
-    def from_text(cls, text: str) -> FlownMissions:
-        """Missions of a text that `to_text` made."""
-        with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as found:
-            return cls(
-                **{name: found[name] for name in KEPT},
-                metrics={
-                    name.removeprefix("metric "): found[name]
-                    for name in found.files
-                    if name.startswith("metric ")
-                },
-                causes={
-                    name.removeprefix("cause "): found[name]
-                    for name in found.files
-                    if name.startswith("cause ")
-                },
-                wall_s=float(found["wall_s"]),
-            )
+    def from_parquet(cls, content: bytes, *, wall_s: float = 0.0) -> FlownMissions:
+        """Missions of a Parquet file that `to_parquet` made.
+
+        Parameters
+        ----------
+        content : bytes
+        wall_s : float
+            Time that they took, s.
+        """
+        import polars as pl
+
+        before_table()
+        table = pl.read_parquet(io.BytesIO(content))
+        found = {column.name: _values(column) for column in table.get_columns()}
+
+        def named(head: str) -> dict[str, Values]:
+            return {name.removeprefix(head): found[name] for name in found if name.startswith(head)}
+
+        return cls(
+            **{name: found[name] for name in KEPT},
+            metrics=named(_METRIC),
+            causes=named(_CAUSE),
+            wall_s=wall_s,
+        )
 
     @classmethod
     def joined(cls, parts: Sequence[FlownMissions]) -> FlownMissions:
@@ -209,3 +223,11 @@ def _between_edges(above: Array) -> Array:
     """Samples between the edges (k, edges + 1) from all samples and those above each edge."""
     samples = np.asarray(above, dtype=float)
     return np.asarray(samples - np.append(samples[:, 1:], np.zeros((len(samples), 1)), axis=1))
+
+
+def _values(column: pl.Series) -> Values:
+    """Values of a column as they were before it was kept."""
+    import polars as pl
+
+    values = column.to_numpy()
+    return values.astype(WORDS) if column.dtype == pl.String else values

@@ -16,7 +16,7 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import metadata
@@ -25,8 +25,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial._core import autopilot_names, error_edges, simd_level
+from seatrial._core import autopilot_names, error_edges
 from seatrial.base.arrays import Array
+from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.progress import Clock, Progress
 from seatrial.campaign.verification_table import VerificationTable
 from seatrial.flight.cases import Cases
@@ -36,13 +37,14 @@ from seatrial.flight.sea import SeaState
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN
-from seatrial.verification.flown_missions import KEPT, FlownMissions, metrics_for_requirements
+from seatrial.verification.flown_missions import KEPT, WORDS, FlownMissions, metrics_for_requirements
 from seatrial.verification.requirement import obstacles
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.base.fleet import Fleet
     from seatrial.base.run import RunDirectory
     from seatrial.flight.mission import Mission
 
@@ -164,7 +166,7 @@ class CampaignFlights:
             for name, values in found.items():
                 if name not in metrics:
                     words = values.dtype.kind == "U"
-                    metrics[name] = np.empty(len(drawn), dtype="U24" if words else values.dtype)
+                    metrics[name] = np.empty(len(drawn), dtype=WORDS if words else values.dtype)
                 metrics[name][rows] = values[: len(rows)]
         return FlownMissions(
             numbers=drawn.numbers,
@@ -213,7 +215,6 @@ class CampaignFlights:
         what = [
             metadata.version("seatrial"),
             [*KNOWN, *KEPT, *self.draws([0]).causes],
-            simd_level(),
             self.seed,
             asked,
             [self.rho, self.g, around.sensors],
@@ -292,10 +293,11 @@ CHUNK = 512
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Missions flown, None without a single one, and whether Ctrl-C ended them early."""
+    """Missions flown, None without a single one, whether Ctrl-C ended them early, and a record per chunk."""
 
     flown: FlownMissions | None
     interrupted: bool
+    records: tuple[Mapping[str, Any], ...] = ()
 
 
 def fly_series(
@@ -306,6 +308,7 @@ def fly_series(
     run: RunDirectory,
     progress: Callable[[Progress], None] | None = None,
     threads: int | None = None,
+    fleet: Fleet | None = None,
 ) -> Series:
     """The first missions of a verification; after Ctrl-C those that were finished.
 
@@ -320,24 +323,32 @@ def fly_series(
     progress : callable, optional
         Called after each chunk; it may raise KeyboardInterrupt.
     threads : int, optional
+        Per chunk.
+    fleet : Fleet, optional
+        Where chunks are flown; in this process when omitted.
     """
-    clock, parts, fresh = Clock(), [], 0
-    interrupted = False
+    clock, parts, records = Clock(), list[FlownMissions](), list[Mapping[str, Any]]()
+    fresh, flown_s, wall_s = 0, 0.0, 0.0
+    shared, interrupted = Shared(flights), False
+    chunks = (
+        Chunk(
+            f"{autopilot}, missions {start} to {min(start + CHUNK, runs) - 1}",
+            flights.digest,
+            fly_missions,
+            shared,
+            (start, min(start + CHUNK, runs), threads),
+        )
+        for start in range(0, runs, CHUNK)
+    )
     try:
-        for start in range(0, runs, CHUNK):
-            stop = min(start + CHUNK, runs)
-            name = f"{autopilot}, missions {start} to {stop - 1}"
-            kept = run.finished(name, flights.digest)
-            if kept is not None:
-                part = FlownMissions.from_text(kept["missions"])
-            else:
-                part = flights.fly(np.arange(start, stop), threads=threads)
-                fresh += stop - start
-                run.keep(name, flights.digest, {"missions": part.to_text()})
-            parts.append(part)
+        for done in run_chunks(chunks, run, _FORMAT, fleet=fleet):
+            took = float(done.record["wall_s"])
+            parts.append(replace(done.value, wall_s=took))
+            records.append(done.record)
+            stop = int(done.value.numbers[-1]) + 1
+            fresh += 0 if done.kept else len(done.value)
+            flown_s, wall_s = flown_s + done.value.flown_s, wall_s + took
             if progress is not None:
-                flown_s = sum(part.flown_s for part in parts)
-                factor = flown_s / max(sum(part.wall_s for part in parts), 1e-9)
                 progress(
                     Progress(
                         what=autopilot,
@@ -346,9 +357,18 @@ def fly_series(
                         fraction=stop / runs,
                         elapsed_s=clock.elapsed_s,
                         left_s=clock.left_s(fresh, runs - stop),
-                        detail=f"{stop} of {runs} missions flown, {factor:,.0f} times real time",
+                        detail=f"{stop} of {runs} missions flown, {flown_s / max(wall_s, 1e-9):,.0f} times"
+                        " real time",
                     )
                 )
     except KeyboardInterrupt:
         interrupted = True
-    return Series(FlownMissions.joined(parts) if parts else None, interrupted)
+    return Series(FlownMissions.joined(parts) if parts else None, interrupted, tuple(records))
+
+
+def fly_missions(flights: CampaignFlights, start: int, stop: int, threads: int | None) -> FlownMissions:
+    """Missions from a number up to another one, which is left out: a chunk of a verification."""
+    return flights.fly(np.arange(start, stop), threads=threads)
+
+
+_FORMAT = Format(pack=FlownMissions.to_parquet, unpack=FlownMissions.from_parquet)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.atomic_write import parquet
+from seatrial.base.chunks import RECORDS
 from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunResult, to_json
@@ -64,6 +65,8 @@ class Verification(RunResult):
         What the result rests on, see `seatrial.base.run.run_facts`.
     cases
         The regression cases of the campaign, flown.
+    records
+        Where and how each chunk of missions was flown, see `seatrial.base.chunks`.
     """
 
     campaign: Campaign
@@ -77,6 +80,7 @@ class Verification(RunResult):
     doubt: str
     facts: Mapping[str, Any]
     cases: tuple[FlownCase, ...] = ()
+    records: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def outcome(self) -> proportions.Verdict:
@@ -172,6 +176,7 @@ class Verification(RunResult):
             "junit.xml": junit(self),
             "worst_runs.json": to_json(worst),
             "missions.parquet": parquet(self.table()),
+            RECORDS: to_json(self.records),
         }
 
     def worst(self) -> Mapping[str, list[int]]:

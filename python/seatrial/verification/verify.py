@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from seatrial._core import checked_threads
 from seatrial.base.errors import CampaignError
+from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts, sha256
 from seatrial.campaign.campaign import input_hashes
@@ -27,6 +28,7 @@ from seatrial.verification.verification import Verification, input_files
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.base.fleet import Fleet, Workers
     from seatrial.campaign.campaign import Campaign
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
@@ -54,6 +56,7 @@ def verify(
     runs: int | None = None,
     missions: Sequence[Mission | str | Path] | None = None,
     threads: int | None = None,
+    executor: Workers | None = None,
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
@@ -75,6 +78,7 @@ def verify(
     model: Vehicle | str | Path | None = None,
     runs: int | None = None,
     threads: int | None = None,
+    executor: Workers | None = None,
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
@@ -95,6 +99,7 @@ def verify(
     runs: int | None = None,
     missions: Sequence[Mission | str | Path] | None = None,
     threads: int | None = None,
+    executor: Workers | None = None,
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
@@ -136,7 +141,11 @@ def verify(
     missions : sequence of Mission, str or Path, optional
         Instead of the campaign's.
     threads : int, optional
-        Threads of the core; by default all. The result does not depend on it.
+        Threads of the core; by default all, with an executor one per worker. The result does not depend on
+        it.
+    executor : Executor, str or distributed.Client, optional
+        Where chunks of 512 missions are flown: a `concurrent.futures` executor, the address of a Dask
+        scheduler ("tcp://HOST:8786"), "local" or "local:N" for a Dask cluster on this machine.
     run_dir : str or Path, optional
         Folder for the results. Finished missions are kept in it, and in its sibling while the run goes on.
     progress : callable, optional
@@ -219,7 +228,9 @@ def verify(
     prepared = verified_campaign(
         campaign, fit, gains, model=model, runs=runs, missions=missions, compare=compare or False
     )
-    return run_verification(prepared, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
+    return run_verification(
+        prepared, run_dir=run_dir, progress=progress, resume=resume, threads=threads, executor=executor
+    )
 
 
 def run_verification(
@@ -229,8 +240,12 @@ def run_verification(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> Verification:
     """Verification of a campaign. See `seatrial.verify` for the parameters.
+
+    ``tell`` is told of lost workers, see `seatrial.base.fleet.fleet_of`.
 
     Raises
     ------
@@ -242,8 +257,9 @@ def run_verification(
         Before the first missions were finished.
     """
     clock = Clock()
-    with RunDirectory(run_dir, resume=resume) as run:
-        found = _verified(prepared, run, clock, progress=progress, threads=threads)
+    threads = threads_of(threads, executor)
+    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor, tell=tell) as fleet:
+        found = _verified(prepared, run, clock, progress=progress, threads=threads, fleet=fleet)
         if run_dir is not None:
             run.publish(found.facts, found.files())
     return found
@@ -256,15 +272,24 @@ def _verified(
     *,
     progress: Callable[[Progress], None] | None,
     threads: int | None,
+    fleet: Fleet | None,
 ) -> Verification:
     series = fly_series(
-        prepared.flights, prepared.runs, autopilot=_VERIFIED, run=run, progress=progress, threads=threads
+        prepared.flights,
+        prepared.runs,
+        autopilot=_VERIFIED,
+        run=run,
+        progress=progress,
+        threads=threads,
+        fleet=fleet,
     )
     if series.flown is None:
         raise KeyboardInterrupt
     flown, comparison, interrupted = series.flown, None, series.interrupted
     if prepared.others and not interrupted:
-        comparison, interrupted = _compared(prepared, flown, run=run, progress=progress, threads=threads)
+        comparison, interrupted = _compared(
+            prepared, flown, run=run, progress=progress, threads=threads, fleet=fleet
+        )
     draws = prepared.flights.draws(len(flown))
     cases = (
         ()
@@ -296,6 +321,7 @@ def _verified(
                 *perceived_and_true(prepared.requirements, flown),
             ])
         ),
+        records=series.records,
         facts=run_facts(
             "verification",
             prepared.campaign.name,
@@ -319,6 +345,7 @@ def _compared(
     run: RunDirectory,
     progress: Callable[[Progress], None] | None,
     threads: int | None,
+    fleet: Fleet | None,
 ) -> tuple[AutopilotComparison | None, bool]:
     """Other autopilots on the first missions; nothing where Ctrl-C ended one of them early."""
     runs = min(len(flown), max(_LEAST, prepared.runs // _SHARE))
@@ -331,6 +358,7 @@ def _compared(
             run=run,
             progress=progress,
             threads=threads,
+            fleet=fleet,
         )
         if series.interrupted or series.flown is None:
             return None, True
