@@ -6,6 +6,7 @@ import json
 import math
 import pickle
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -161,7 +162,8 @@ def test_the_held_out_trial_scores_the_estimate_like_the_truth(found: Coverage) 
 
 
 def test_the_same_seed_gives_the_same_repetition(campaign: Campaign, found: Coverage) -> None:
-    second = coverage(campaign, seeds=1, first=2, analysed=0, threads=2)
+    with ThreadPoolExecutor(2) as pool:  # as workers do it
+        second = coverage(campaign, seeds=1, first=2, analysed=0, executor=pool)
     assert timeless(second.repetitions[0]) == timeless(found.repetitions[1])
     assert found.repetitions[0].estimate != found.repetitions[1].estimate
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +116,8 @@ def test_same_seed_same_result_whatever_the_threads_and_the_company(
 ) -> None:
     first = outcome(identify(campaign(SURGE, HEAVE), threads=1))
     assert outcome(identify(campaign(SURGE, HEAVE), threads=2)) == first
+    with ThreadPoolExecutor(2) as pool:  # as workers do it
+        assert outcome(identify(campaign(SURGE, HEAVE), executor=pool)) == first
     assert outcome(identify(campaign(HEAVE), threads=2)) == first[1:]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -30,7 +32,7 @@ def test_law_gains_that_grow_by_equal_factors_per_speed_are_smooth(
 
 
 def test_roughness_is_the_second_difference_and_does_not_know_units() -> None:
-    kinked = {f"pitch.K_P.{i}": np.array([20.0, 20.0 * np.e if i == 3 else 20.0]) for i in range(1, 7)}
+    kinked = {f"pitch.K_P.{i}": np.array([20.0, 20.0 * math.e if i == 3 else 20.0]) for i in range(1, 7)}
     assert roughness(kinked, ALL, speeds_m_s=SPEEDS) == pytest.approx([0.0, 1.0 + 4.0 + 1.0])
     thousand = {name: 1e-3 * value for name, value in kinked.items()}
     assert roughness(thousand, ALL, speeds_m_s=np.array(SPEEDS) / 1852.0) == pytest.approx([0.0, 6.0])

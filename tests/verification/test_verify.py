@@ -442,7 +442,7 @@ def test_the_run_directory_tells_all(folder: Path, found: Verification, tmp_path
     names = {path.relative_to(run).as_posix() for path in run.rglob("*") if path.is_file()}
     assert names == {
         "run.json", "campaign.toml", "vehicle.toml", "autopilot.toml", "missions/out.toml",
-        "verification.json",
+        "verification.json", "chunks.json",
         "summary.txt", "report.json", "junit.xml", "worst_runs.json", "missions.parquet",
     }  # fmt: skip
     data = json.loads((run / "verification.json").read_text())

@@ -41,7 +41,7 @@ from seatrial.base.run import RunDirectory, sha256, version
 if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
 
-__all__ = ["RECORDS", "Answer", "Chunk", "Done", "Format", "Shared", "run_chunks"]
+__all__ = ["RECORDS", "Answer", "Chunk", "Done", "Format", "Shared", "as_it_is", "run_chunks"]
 
 V = TypeVar("V")
 
@@ -157,6 +157,11 @@ class Format(Generic[V]):
     suits: Callable[[Chunk[V], V], bool] = field(default=lambda chunk, value: True)
 
 
+def as_it_is() -> Format[Any]:
+    """Format of results that are not kept."""
+    return Format(pack=lambda value: {}, unpack=lambda kept: kept)
+
+
 def run_chunks(
     chunks: Iterable[Chunk[V]],
     run: RunDirectory,
@@ -164,6 +169,7 @@ def run_chunks(
     *,
     fleet: Fleet | None = None,
     here: Callable[[Chunk[V]], V] | None = None,
+    waiting: Callable[[], None] | None = None,
 ) -> Generator[Done[V], None, None]:
     """Chunks that are done, in their order; each is kept before it is given.
 
@@ -178,6 +184,8 @@ def run_chunks(
         Where to work; in this process when omitted.
     here : callable, optional
         The result of a chunk in this process, where its function is not told all (progress, for example).
+    waiting : callable, optional
+        Called twice a second while a fleet works; it may raise KeyboardInterrupt.
 
     Raises
     ------
@@ -191,7 +199,7 @@ def run_chunks(
                 found = _finished(chunk, _here(chunk, here), run, form, attempts=1)
             yield found
         return
-    yield from _Window(chunks, run, form, fleet).done()
+    yield from _Window(chunks, run, form, fleet, waiting).done()
 
 
 def work(asked: str, function: Callable[..., V], packed: bytes, arguments: tuple[Any, ...]) -> Answer[V]:
@@ -267,8 +275,16 @@ def _record(kept: Mapping[str, Any]) -> dict[str, Any]:
 class _Window(Generic[V]):
     """Chunks under way: no more than keep the workers busy, none given before those ahead of it."""
 
-    def __init__(self, chunks: Iterable[Chunk[V]], run: RunDirectory, form: Format[V], fleet: Fleet) -> None:
+    def __init__(
+        self,
+        chunks: Iterable[Chunk[V]],
+        run: RunDirectory,
+        form: Format[V],
+        fleet: Fleet,
+        waiting: Callable[[], None] | None,
+    ) -> None:
         self.chunks, self.run, self.form, self.fleet = enumerate(chunks), run, form, fleet
+        self.waiting = waiting or (lambda: None)
         self.pending: dict[Future[Answer[V]], tuple[int, Chunk[V]]] = {}
         self.attempts: dict[int, int] = {}
         self.ready: dict[int, Done[V]] = {}
@@ -323,6 +339,7 @@ class _Window(Generic[V]):
 
     def _collect(self) -> None:
         """Keep what is finished, and send again what was lost."""
+        self.waiting()
         finished, _ = wait(self.pending, timeout=_POLL_S, return_when=FIRST_COMPLETED)
         lost = []
         for future in finished:

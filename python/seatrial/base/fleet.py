@@ -14,6 +14,7 @@ import asyncio
 import contextlib
 import logging
 import os
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
@@ -210,6 +211,7 @@ class _DaskFleet(Fleet):
 
     def __init__(self, address: str, tell: Tell, *, client: Any = None) -> None:
         self._address, self._tell = address, tell
+        self._lock = threading.Lock()
         self._client = _connected(address) if client is None else client
         self._workers: dict[str, int] = self._look() or {}
         self._looked, self._idle = time.monotonic(), False
@@ -262,6 +264,15 @@ class _DaskFleet(Fleet):
         return isinstance(error, lost)
 
     def alive(self) -> bool:
+        with self._lock:
+            return self._alive()
+
+    def recover(self) -> None:
+        with self._lock:
+            if self._client.status != "running":  # else another thread has done it
+                self._recover()
+
+    def _alive(self) -> bool:
         if self._client.status != "running":
             return False
         if time.monotonic() - self._looked < _LOOK_S:
@@ -275,7 +286,7 @@ class _DaskFleet(Fleet):
         self._tell_if_idle()
         return True
 
-    def recover(self) -> None:
+    def _recover(self) -> None:
         self._tell(
             f"Dask scheduler {self._address} is lost: waiting up to {_PATIENCE_S:.0f} s for it. Finished"
             " parts are kept."

@@ -11,7 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from seatrial.base.fleet import Fleet
     from seatrial.base.progress import Progress as State
     from seatrial.base.report import Report
 
@@ -46,6 +47,7 @@ __all__ = [
     "reading_progress",
     "say",
     "search_progress",
+    "workers",
 ]
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
@@ -162,6 +164,13 @@ def say(line: str) -> None:
 def formats(pdf: bool, page: Path | None = None) -> tuple[str, ...]:
     """Endings of figures: PNG, PDF on request, and SVG for a page."""
     return ("png", *(("pdf",) if pdf else ()), *(() if page is None else ("svg",)))
+
+
+def workers(dask: str | None) -> AbstractContextManager[Fleet | None]:
+    """Workers of the Dask cluster that was asked for; what is lost is told on standard error."""
+    from seatrial.base.fleet import fleet_of
+
+    return fleet_of(dask, tell=note)
 
 
 def check_axes(free: str, option: str) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from seatrial.cli.console import Json, Threads, Verbose
+from seatrial.cli.console import Dask, Json, Threads, Verbose
 
 __all__ = ["coverage"]
 
@@ -29,6 +29,7 @@ def coverage(
         bool, typer.Option(help="Reuse repetitions that an earlier run finished from the same inputs.")
     ] = True,
     threads: Threads = None,
+    dask: Dask = None,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
@@ -37,14 +38,14 @@ def coverage(
     Ctrl-C keeps what is done; the same command goes on from there.
     """
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import answer, print_json, search_progress
+    from seatrial.cli.console import answer, print_json, search_progress, workers
     from seatrial.experiment.coverage import coverage as covered
     from seatrial.trial.truth import Truth
 
     loaded = Campaign.load(campaign)
     named = loaded.name if truth is None else f"{loaded.name}-{truth.stem}"
     folder = out or Path("runs") / named
-    with search_progress("first repetition", quiet=json) as progress:
+    with workers(dask) as fleet, search_progress("first repetition", quiet=json) as progress:
         found = covered(
             loaded,
             seeds=seeds,
@@ -55,6 +56,7 @@ def coverage(
             progress=progress,
             resume=resume,
             threads=threads,
+            executor=fleet,
         )
     if json:
         print_json(found.to_dict() | {"run_directory": str(folder)})

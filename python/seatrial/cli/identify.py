@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from seatrial.base.file_names import no_file
-from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.console import Dask, Figures, Json, Pdf, Threads, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def identify(
         bool, typer.Option(help="Reuse stages that an earlier run finished from the same inputs.")
     ] = True,
     threads: Threads = None,
+    dask: Dask = None,
     trial: Annotated[
         list[str] | None,
         typer.Option("--trial", metavar="NAME=FILE", help="Another recording for a trial; repeatable."),
@@ -82,7 +83,7 @@ def identify(
     without = folder.with_name(f"{folder.name}-leave-one-out")
     if leave_one_out:
         check_writable(without)
-    fit = run_identification(loaded, folder, threads=threads, resume=resume, quiet=json)
+    fit = run_identification(loaded, folder, threads=threads, dask=dask, resume=resume, quiet=json)
     again: Restarts | None = None
     left_out: LeaveOneOut | None = None
 
@@ -97,7 +98,7 @@ def identify(
         files = "vehicle.toml, identification.json, summary.txt, Parquet tables"
         answer(fit.report(), verbose=verbose, results=f"Results in {folder}: {files}", draw=drawn)
     if random_starts is not None and not fit.interrupted:
-        again = _restart(fit, beside, random_starts, threads=threads, resume=resume, quiet=json)
+        again = _restart(fit, beside, random_starts, threads=threads, dask=dask, resume=resume, quiet=json)
         if not json:
             files = "random_starts.json, Parquet tables, summary.txt"
             results = "" if again.interrupted else f"Random starts in {beside}: {files}"
@@ -127,14 +128,22 @@ def identify(
 
 
 def run_identification(
-    campaign: Campaign, folder: Path, *, threads: int | None = None, resume: bool = True, quiet: bool = False
+    campaign: Campaign,
+    folder: Path,
+    *,
+    threads: int | None = None,
+    dask: str | None = None,
+    resume: bool = True,
+    quiet: bool = False,
 ) -> Identification:
     """Identification of a campaign into a run directory, with progress on standard error."""
-    from seatrial.cli.console import search_progress
+    from seatrial.cli.console import search_progress, workers
     from seatrial.identification.identify import identify as identified
 
-    with search_progress("reading the trials", quiet=quiet) as progress:
-        return identified(campaign, run_dir=folder, progress=progress, resume=resume, threads=threads)
+    with workers(dask) as fleet, search_progress("reading the trials", quiet=quiet) as progress:
+        return identified(
+            campaign, run_dir=folder, progress=progress, resume=resume, threads=threads, executor=fleet
+        )
 
 
 def draw(fit: Identification, folder: Path, endings: tuple[str, ...] = ("png",)) -> list[Path]:
@@ -184,13 +193,20 @@ def _replacements(entries: list[str]) -> dict[str, str]:
 
 
 def _restart(
-    fit: Identification, folder: Path, starts: int, *, threads: int | None, resume: bool, quiet: bool
+    fit: Identification,
+    folder: Path,
+    starts: int,
+    *,
+    threads: int | None,
+    dask: str | None,
+    resume: bool,
+    quiet: bool,
 ) -> Restarts:
     """Random starts of an identified campaign, with progress on standard error."""
-    from seatrial.cli.console import search_progress
+    from seatrial.cli.console import search_progress, workers
     from seatrial.identification.restarts import restarts
 
-    with search_progress("reading the trials", quiet=quiet) as progress:
+    with workers(dask) as fleet, search_progress("reading the trials", quiet=quiet) as progress:
         return restarts(
             fit.campaign,
             starts=starts,
@@ -199,6 +215,7 @@ def _restart(
             progress=progress,
             resume=resume,
             threads=threads,
+            executor=fleet,
         )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.cli.console import Figures, Json, Pdf, Threads, Verbose
+from seatrial.cli.console import Dask, Figures, Json, Pdf, Threads, Verbose
 from seatrial.cli.report import Page, reported
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def tune(
         bool, typer.Option(help="Reuse what an earlier run finished from the same inputs.")
     ] = True,
     threads: Threads = None,
+    dask: Dask = None,
     figures: Figures = True,
     pdf: Pdf = False,
     page: Page = None,
@@ -58,7 +59,7 @@ def tune(
     source = fitted_source(loaded, run)
     if not json:
         note(f"Vehicle: {source or loaded.vehicle.name}")
-    found = tuned(loaded, source, folder, relay=relay, resume=resume, threads=threads, quiet=json)
+    found = tuned(loaded, source, folder, relay=relay, resume=resume, threads=threads, dask=dask, quiet=json)
 
     def drawn() -> list[Path]:
         return draw(found, folder, formats=formats(pdf, page)) if figures and not found.interrupted else []
@@ -92,15 +93,23 @@ def tuned(
     relay: bool = False,
     resume: bool = True,
     threads: int | None = None,
+    dask: str | None = None,
     quiet: bool = False,
 ) -> Tuning:
     """Tuning of a campaign into a run directory, with progress on standard error."""
-    from seatrial.cli.console import search_progress
+    from seatrial.cli.console import search_progress, workers
     from seatrial.tuning.tune import tune as tuning
 
-    with search_progress("making ready", quiet=quiet) as progress:
+    with workers(dask) as fleet, search_progress("making ready", quiet=quiet) as progress:
         return tuning(
-            campaign, source, run_dir=folder, progress=progress, relay=relay, resume=resume, threads=threads
+            campaign,
+            source,
+            run_dir=folder,
+            progress=progress,
+            relay=relay,
+            resume=resume,
+            threads=threads,
+            executor=fleet,
         )
 
 

@@ -338,19 +338,12 @@ def verified(
     quiet: bool = False,
 ) -> Verification:
     """Verification of a campaign into a run directory, with progress on standard error."""
-    from seatrial.cli.console import search_progress
-    from seatrial.cli.streams import note
+    from seatrial.cli.console import search_progress, workers
     from seatrial.verification.verify import run_verification
 
-    with search_progress("first missions", quiet=quiet) as progress:
+    with workers(dask) as fleet, search_progress("first missions", quiet=quiet) as progress:
         return run_verification(
-            prepared,
-            run_dir=folder,
-            progress=progress,
-            resume=resume,
-            threads=threads,
-            executor=dask,
-            tell=note,
+            prepared, run_dir=folder, progress=progress, resume=resume, threads=threads, executor=fleet
         )
 
 

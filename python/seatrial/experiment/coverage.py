@@ -16,13 +16,15 @@ Held by ``tests/experiment/test_coverage.py``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from seatrial._core import checked_threads
+from seatrial.base.chunks import RECORDS, Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError
+from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
 from seatrial.campaign.campaign import input_hashes
@@ -32,6 +34,7 @@ from seatrial.experiment.generated_trials import GeneratedTrials
 from seatrial.experiment.repetition import Held, Repetition, hold_at_wrong_values, run_repetition
 
 if TYPE_CHECKING:
+    from seatrial.base.fleet import Fleet, Workers
     from seatrial.campaign.campaign import Campaign
     from seatrial.trial.truth import Truth
 
@@ -49,6 +52,7 @@ def coverage(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> Coverage:
     """Coverage of a campaign of generated trials.
 
@@ -71,7 +75,10 @@ def coverage(
     resume : bool
         Reuse the repetitions that an earlier run in this folder finished from the same inputs.
     threads : int, optional
-        Threads of the core; by default all. The result does not depend on it.
+        Threads of the core; by default all, with an executor one per worker. The result does not depend on
+        it.
+    executor : Executor, str or distributed.Client, optional
+        Where repetitions are estimated; see `seatrial.verify`.
 
     Returns
     -------
@@ -94,17 +101,18 @@ def coverage(
     held: tuple[Held, ...] = ()
     outside: dict[str, tuple[float, float]] = {}
     interrupted = False
-    with RunDirectory(run_dir, resume=resume) as run:
-        work = _Repetitions(generated, seeds, run, clock, progress, threads)
+    threads = threads_of(threads, executor)
+    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+        work = _Repetitions(generated, seeds, run, clock, progress, threads, fleet)
         try:
             outside = generated.outside(Joint(generated.logged(first), threads=threads))
-            for seed in range(first, first + seeds):
-                repetitions.append(work.repetition(seed, analysed=seed < first + analysed))
+            for found in work.repetitions(first, analysed):
+                repetitions.append(found)
             if not outside:
                 held = work.held(first, [row.name for row in rows(repetitions) if _doubted(row)])
         except KeyboardInterrupt:
             interrupted = True
-        found = Coverage(
+        result = Coverage(
             campaign=campaign.name,
             truth=generated.truth.description,
             rows=rows(repetitions),
@@ -124,8 +132,8 @@ def coverage(
             ),
         )
         if run_dir is not None and not interrupted:
-            run.publish(found.facts, found.files())
-    return found
+            run.publish(result.facts, result.files() | {RECORDS: to_json(work.records)})
+    return result
 
 
 def _doubted(row: CoverageRow) -> bool:
@@ -143,31 +151,34 @@ class _Repetitions:
         clock: Clock,
         progress: Callable[[Progress], None] | None,
         threads: int | None,
+        fleet: Fleet | None,
     ) -> None:
         self.generated, self.asked, self.run, self.clock = generated, asked, run, clock
-        self.progress, self.threads = progress, threads
+        self.progress, self.threads, self.fleet = progress, threads, fleet
         self.inputs = _inputs(generated)
         self.done, self.fresh = 0, 0
+        self.records: list[Mapping[str, Any]] = []
 
-    def repetition(self, seed: int, *, analysed: bool) -> Repetition:
-        """A repetition, or what an earlier run kept of it."""
-        name = f"seed-{seed}"
-        kept = self.run.finished(name, self.inputs)
-        if kept is not None and not (analysed and kept["residual_analysis"] is None):
-            found = Repetition.from_dict(kept)
-        else:
-            found = run_repetition(
-                self.generated,
-                seed,
-                analysed=analysed,
-                threads=self.threads,
-                watch=lambda _: self._show(name),
-            )
-            self.fresh += 1
-            self.run.keep(name, self.inputs, found.to_dict())
-        self.done += 1
-        self._show(name)
-        return found
+    def repetitions(self, first: int, analysed: int) -> Iterator[Repetition]:
+        """Repetitions, or what an earlier run kept of them."""
+        shared = Shared(self.generated)
+        chunks = (
+            Chunk(f"seed-{seed}", self.inputs, repeat, shared, (seed, seed < first + analysed, self.threads))
+            for seed in range(first, first + self.asked)
+        )
+        for done in run_chunks(chunks, self.run, _FORMAT, fleet=self.fleet, here=self._here):
+            self.records.append(done.record)
+            self.fresh += 0 if done.kept else 1
+            self.done += 1
+            self._show(done.chunk.part)
+            yield done.value
+
+    def _here(self, chunk: Chunk[Repetition]) -> Repetition:
+        """A repetition in this process, which tells that it goes on."""
+        seed, analysed, threads = chunk.arguments
+        return run_repetition(
+            self.generated, seed, analysed=analysed, threads=threads, watch=lambda _: self._show(chunk.part)
+        )
 
     def held(self, seed: int, names: Sequence[str]) -> tuple[Held, ...]:
         """Coefficients at wrong values."""
@@ -195,6 +206,18 @@ class _Repetitions:
                 left_s=self.clock.left_s(self.fresh, self.asked - self.done),
             )
         )
+
+
+def repeat(generated: GeneratedTrials, seed: int, analysed: bool, threads: int | None) -> Repetition:
+    """Repetition with one seed: a chunk of the work."""
+    return run_repetition(generated, seed, analysed=analysed, threads=threads)
+
+
+_FORMAT: Format[Repetition] = Format(
+    pack=Repetition.to_dict,
+    unpack=Repetition.from_dict,
+    suits=lambda chunk, kept: kept.residual_analysis is not None or not chunk.arguments[1],
+)
 
 
 def _inputs(generated: GeneratedTrials) -> str:

@@ -14,14 +14,16 @@ import hashlib
 import queue
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from seatrial._core import Vehicle, checked_threads
+from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.errors import CampaignError
+from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress, Step
 from seatrial.base.run import RunDirectory, run_facts, to_json, version
 from seatrial.campaign.campaign import Campaign, input_hashes
@@ -39,6 +41,7 @@ from seatrial.identification.preparation import prepare
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.base.fleet import Fleet, Workers
     from seatrial.bench_test.result import BenchTest
     from seatrial.trial.trial import Input
 
@@ -53,6 +56,7 @@ def identify(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> Identification: ...
 
 
@@ -77,6 +81,7 @@ def identify(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> Identification: ...
 
 
@@ -88,6 +93,7 @@ def identify(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
     **asked: Any,
 ) -> Identification:
     """Identification of a vehicle from its trials.
@@ -135,6 +141,9 @@ def identify(
         Reuse the stages that an earlier run in this folder finished from the same inputs.
     threads : int, optional
         Threads of the core; by default all. The result does not depend on it.
+    executor : Executor, str or distributed.Client, optional
+        Where stages are searched, those side by side that do not need each other; see `seatrial.verify`. The
+        joint estimate stays in this process.
 
     Returns
     -------
@@ -181,7 +190,36 @@ def identify(
         raise CampaignError(
             f"identify: {given}: the campaign file says that; give it only without a campaign"
         )
-    return run_identification(campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads)
+    with fleet_of(executor) as fleet:
+        return run_identification(
+            campaign, run_dir=run_dir, progress=progress, resume=resume, threads=threads, fleet=fleet
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """What the search of a stage needs, wherever it runs."""
+
+    campaign: Campaign
+    plan: StagePlan
+    vehicle: Vehicle
+    found: Mapping[str, float]
+    inputs: str
+
+
+def search_stage(
+    stage: _Stage, threads: int | None, watch: Callable[[Step], None] = lambda step: None
+) -> StageResult:
+    """Result of a stage: a chunk of the work."""
+    return run_stage(
+        stage.campaign,
+        stage.plan,
+        vehicle=stage.vehicle,
+        found=stage.found,
+        inputs=stage.inputs,
+        watch=watch,
+        threads=threads,
+    )
 
 
 class StageOrder:
@@ -196,7 +234,9 @@ class StageOrder:
         part: str = "",
         progress: Callable[[Progress], None] | None,
         threads: int | None,
+        fleet: Fleet | None = None,
     ) -> None:
+        self.fleet = fleet
         self.campaign, self.plans, self.run, self.part = campaign, plans, run, part
         self.progress, self.threads = progress, threads
         self.stop = threading.Event()
@@ -267,18 +307,32 @@ class StageOrder:
             if kept is not None:
                 self.outcomes[name] = replace(StageResult.from_dict(kept), reused=True)
             else:
-                self.outcomes[name] = run_stage(
-                    self.campaign,
-                    plan,
-                    vehicle=vehicle,
-                    found=found,
-                    inputs=inputs,
-                    watch=watch,
-                    threads=self.threads,
-                )
+                search = self._here if self.fleet is None else self._elsewhere
+                self.outcomes[name] = search(_Stage(self.campaign, plan, vehicle, found, inputs), watch)
         except BaseException as error:  # raised again in the caller's thread
             self.outcomes[name] = error
         self.steps.put(None)
+
+    def _here(self, stage: _Stage, watch: Callable[[Step], None]) -> StageResult:
+        return search_stage(stage, self.threads, watch)
+
+    def _elsewhere(self, stage: _Stage, watch: Callable[[Step], None]) -> StageResult:
+        """Result of a stage that a worker of the fleet searches."""
+
+        def waiting() -> None:
+            if self.stop.is_set():
+                raise KeyboardInterrupt
+
+        chunk = Chunk(
+            f"{self.part}{stage.plan.stage.name}",
+            stage.inputs,
+            search_stage,
+            Shared(stage),
+            (threads_of(self.threads, self.fleet),),
+        )
+        (done,) = run_chunks([chunk], RunDirectory(None), as_it_is(), fleet=self.fleet, waiting=waiting)
+        result: StageResult = done.value
+        return result
 
     def state(self, plan: StagePlan, step: Step | None) -> Progress:
         """Progress of the whole after a step of a stage, or before the first one."""
@@ -345,13 +399,14 @@ def run_identification(
     progress: Callable[[Progress], None] | None,
     resume: bool,
     threads: int | None,
+    fleet: Fleet | None = None,
 ) -> Identification:
     """Identification of the campaign's vehicle: every stage run, the result polished and judged."""
     clock = Clock()
     with RunDirectory(run_dir, resume=resume) as run:
         ready = prepare(campaign, threads=threads)  # refuses a bad campaign before a search
         campaign, plans, before, notes = ready.campaign, ready.plans, ready.sentences, ready.no_joint
-        order = StageOrder(campaign, plans, run, progress=progress, threads=threads)
+        order = StageOrder(campaign, plans, run, progress=progress, threads=threads, fleet=fleet)
         if progress is not None and before:
             progress(replace(order.state(plans[0], None), notes=before))
         stages = order.stages()

@@ -10,14 +10,16 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial._core import checked_threads
+from seatrial.base.chunks import RECORDS, Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError
+from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress
-from seatrial.base.run import RunDirectory, run_facts
+from seatrial.base.run import RunDirectory, run_facts, sha256, to_json, version
 from seatrial.campaign.campaign import input_hashes
 from seatrial.estimation.stage import StageResult, plan
 from seatrial.identification.identify import StageOrder
@@ -25,9 +27,12 @@ from seatrial.identification.preparation import identifiable
 from seatrial.identification.restarts_result import Restarts, StageRestarts
 
 if TYPE_CHECKING:
+    from seatrial.base.fleet import Workers
     from seatrial.campaign.campaign import Campaign
 
-__all__ = ["restarts", "start_values"]
+__all__ = ["restarts", "search_start", "start_values"]
+
+Stages = tuple[StageResult, ...]
 
 
 def restarts(
@@ -40,6 +45,7 @@ def restarts(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> Restarts:
     """Ends of all stages from random starts inside the bounds, and whether they are one optimum.
 
@@ -60,7 +66,9 @@ def restarts(
     resume : bool
         Reuse what an earlier run in this folder finished from the same inputs.
     threads : int, optional
-        Threads of the core; the result does not depend on it.
+        Threads of the core, with an executor one per worker by default; the result does not depend on it.
+    executor : Executor, str or distributed.Client, optional
+        Where starts are searched, each as a whole; see `seatrial.verify`.
 
     Returns
     -------
@@ -91,26 +99,29 @@ def restarts(
     campaign, _ = identifiable(campaign)
     plan(campaign)  # refuses a bad campaign before a folder appears
     clock = Clock()
-    rows: list[tuple[StageResult, ...]] = []
+    rows: list[Stages] = []
+    records: list[Mapping[str, Any]] = []
     interrupted = False
-    with RunDirectory(run_dir, resume=resume) as run:
+    threads = threads_of(threads, executor)
+    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+        shared, inputs = Shared(campaign), _inputs(campaign, seed)
+
+        def here(chunk: Chunk[Stages]) -> Stages:
+            """One start in this process, whose stages are kept one by one and tell how far they are."""
+            number = chunk.arguments[1]
+            told = None if progress is None else _whole(progress, number, starts, clock)
+            return _stages(campaign, seed, number, run=run, progress=told, threads=threads)
+
+        chunks = (
+            Chunk(f"start {number + 1}", inputs, search_start, shared, (seed, number, threads))
+            for number in range(starts)
+        )
         try:
-            for number in range(starts):
-                own = campaign.with_start_values(
-                    start_values(campaign, seed, number), seed=_stream(seed, number)
-                )
-                order = StageOrder(
-                    own,
-                    plan(own),
-                    run,
-                    part=f"start {number + 1}, ",
-                    progress=None if progress is None else _whole(progress, number, starts, clock),
-                    threads=threads,
-                )
-                found = order.stages()
-                if order.stop.is_set():
-                    raise KeyboardInterrupt
-                rows.append(found)
+            for done in run_chunks(chunks, run, _FORMAT, fleet=fleet, here=here):
+                rows.append(done.value)
+                records.append(done.record)
+                if progress is not None and fleet is not None and not done.kept:
+                    _whole(progress, len(rows) - 1, starts, clock)(_finished(done.value))
         except KeyboardInterrupt:
             interrupted = True
         ends = Restarts(
@@ -134,8 +145,43 @@ def restarts(
             ),
         )
         if run_dir is not None and rows and not interrupted:
-            run.publish(ends.facts, ends.files())
+            run.publish(ends.facts, ends.files() | {RECORDS: to_json(records)})
     return ends
+
+
+def search_start(campaign: Campaign, seed: int, number: int, threads: int | None) -> Stages:
+    """Ends of all stages from one random start: a chunk of the work."""
+    return _stages(campaign, seed, number, run=RunDirectory(None), progress=None, threads=threads)
+
+
+def _stages(
+    campaign: Campaign,
+    seed: int,
+    number: int,
+    *,
+    run: RunDirectory,
+    progress: Callable[[Progress], None] | None,
+    threads: int | None,
+) -> Stages:
+    own = campaign.with_start_values(start_values(campaign, seed, number), seed=_stream(seed, number))
+    part = f"start {number + 1}, "
+    order = StageOrder(own, plan(own), run, part=part, progress=progress, threads=threads)
+    found = order.stages()
+    if order.stop.is_set():
+        raise KeyboardInterrupt
+    return found
+
+
+def _inputs(campaign: Campaign, seed: int) -> str:
+    """SHA-256 of everything that a start depends on besides its number."""
+    return sha256(
+        to_json([version("seatrial"), seed, input_hashes(campaign), campaign.file.model_dump_json()])
+    )
+
+
+def _finished(stages: Stages) -> Progress:
+    """A start that is over."""
+    return Progress(stages[-1].name, len(stages), len(stages), 1.0, 0.0, 0.0)
 
 
 def start_values(campaign: Campaign, seed: int, number: int) -> dict[str, dict[str, float]]:
@@ -172,3 +218,9 @@ def _whole(
         )
 
     return show
+
+
+_FORMAT: Format[Stages] = Format(
+    pack=lambda stages: {"stages": [stage.to_dict() for stage in stages]},
+    unpack=lambda kept: tuple(replace(StageResult.from_dict(one), reused=True) for one in kept["stages"]),
+)

@@ -18,18 +18,24 @@ Held by tests/tuning/test_tune.py and tests/tuning/test_revert_gains.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from seatrial.base.arrays import Array
+from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.progress import Step, Watch
-from seatrial.estimation.search import Optimum, batch_size, evolve, join, refine
+from seatrial.base.run import RunDirectory, sha256
+from seatrial.estimation.search import LANES, Optimum, batch_size, evolve, join, refine
 from seatrial.tuning.objective import LACKING, OUTSIDE, GainParameters, Objective, Terms, excited_points
 from seatrial.tuning.performance import Performance, assess
 from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
+    from seatrial.base.fleet import Fleet
     from seatrial.control_design.margin_constraint import MarginConstraint
     from seatrial.tuning.plan import Group, TuningPlan
 
@@ -184,6 +190,7 @@ def search_group(
     seed: int,
     start: Mapping[str, float],
     watch: Watch | None = None,
+    fleet: Fleet | None = None,
 ) -> GroupResult:
     """Gains of a group, all others as the rig's autopilot has them.
 
@@ -199,6 +206,8 @@ def search_group(
         Gains so far; the bounds stay those about the campaign's start gains.
     watch : callable, optional
         Called with a `Step` after every batch.
+    fleet : Fleet, optional
+        Where candidates fly; in this process when omitted.
     """
     parameters, begin = group.parameters.through(start)
     quantile = 1.0 if plan.table.robust == "worst" else float(plan.table.robust)
@@ -216,8 +225,9 @@ def search_group(
     lower, upper = parameters.bounds
     budget = plan.table.budget
     tolerance = budget.tolerance or _TOLERANCE
+    cost = objective if fleet is None else _Elsewhere(objective, fleet)
     found = evolve(
-        objective,
+        cost,
         begin,
         lower=lower,
         upper=upper,
@@ -230,7 +240,7 @@ def search_group(
     )
     if not found.interrupted:
         fine = refine(
-            objective,
+            cost,
             found.elite,
             lower=lower,
             upper=upper,
@@ -242,6 +252,31 @@ def search_group(
     ends = [_terms(objective, parameters, x) for x in (begin, found.x)]
     each = sum(len(trials) * trials.duration_s for trials in group.trials) * len(samples)
     return _result(group.name, parameters, found, (ends[0], ends[1]), flown_s=each * found.evaluations)
+
+
+class _Elsewhere:
+    """The cost of candidates that workers of a fleet fly: full lanes for each, the same bits as here."""
+
+    def __init__(self, objective: Objective, fleet: Fleet) -> None:
+        self._fleet = fleet
+        self._shared = Shared(replace(objective, rig=replace(objective.rig, threads=1)))
+
+    def __call__(self, x: Array) -> Array:
+        pieces = min(max(self._fleet.slots, 1), math.ceil(len(x) / LANES))
+        each = LANES * math.ceil(len(x) / LANES / pieces)
+        chunks = (
+            Chunk(
+                f"candidates {k}", sha256(self._shared.packed + part.tobytes()), costs, self._shared, (part,)
+            )
+            for k, part in enumerate(x[k : k + each] for k in range(0, len(x), each))
+        )
+        found = run_chunks(chunks, RunDirectory(None), as_it_is(), fleet=self._fleet)
+        return np.concatenate([done.value for done in found])
+
+
+def costs(objective: Objective, x: Array) -> Array:
+    """Costs (k,) of candidates (k, m): a chunk of the work."""
+    return objective(x)
 
 
 def _terms(objective: Objective, parameters: GainParameters, x: Array) -> dict[str, float]:

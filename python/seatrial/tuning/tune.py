@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError, SeatrialError, TrialError
+from seatrial.base.fleet import fleet_of
 from seatrial.base.progress import Progress
 from seatrial.base.run import RunDirectory, sha256
 from seatrial.base.toml_file import checked, loaded
@@ -32,6 +33,7 @@ from seatrial.tuning.tuning_run import TuningRun
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.base.fleet import Workers
     from seatrial.identification.identification import Identification
 
 __all__ = ["plan_of", "tune"]
@@ -47,6 +49,7 @@ def tune(
     resume: bool = True,
     relay: bool = False,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> Tuning: ...
 
 
@@ -65,6 +68,7 @@ def tune(
     resume: bool = True,
     relay: bool = False,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> Tuning: ...
 
 
@@ -81,6 +85,7 @@ def tune(
     resume: bool = True,
     relay: bool = False,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> Tuning:
     """Tuning: an autopilot with tuned gains, how its responses keep to their corridors, and its margins.
 
@@ -114,6 +119,8 @@ def tune(
         Whether a relay autotuning of the same loops is assessed beside.
     threads : int, optional
         All when omitted; the result does not depend on it.
+    executor : Executor, str or distributed.Client, optional
+        Where the candidates of the searches fly; see `seatrial.verify`.
 
     Returns
     -------
@@ -172,10 +179,10 @@ def tune(
             "vehicle": sha256(plan.vehicle.to_toml()),
         }
     assert plan.groups is not None  # what cannot be tuned is refused before a directory is made
-    with RunDirectory(run_dir, resume=resume) as run:
-        found = TuningRun(plan, run, campaign=of, inputs=inputs, progress=progress, threads=threads).run(
-            relay=relay
-        )
+    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+        found = TuningRun(
+            plan, run, campaign=of, inputs=inputs, progress=progress, threads=threads, fleet=fleet
+        ).run(relay=relay)
         if found.interrupted and found.groups:
             with contextlib.suppress(SeatrialError):  # the gains are in what is returned all the same
                 # The best gains so far are an autopilot file beside the finished groups.

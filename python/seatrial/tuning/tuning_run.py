@@ -43,6 +43,7 @@ from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
+    from seatrial.base.fleet import Fleet
     from seatrial.campaign.campaign import Campaign
 
 __all__ = ["TuningRun", "WorkLeft"]
@@ -84,6 +85,8 @@ class TuningRun:
         Called with a `Progress`.
     threads : int, optional
         All by default.
+    fleet : Fleet, optional
+        Where the candidates of a search fly; in this process when omitted.
     """
 
     def __init__(
@@ -95,7 +98,9 @@ class TuningRun:
         inputs: Mapping[str, str] | None = None,
         progress: Callable[[Progress], None] | None = None,
         threads: int | None = None,
+        fleet: Fleet | None = None,
     ) -> None:
+        self.fleet = fleet
         self.campaign, self.plan, self.directory = campaign, plan, run
         self.inputs = inputs or {}
         self.progress, self.threads = progress, threads
@@ -147,7 +152,14 @@ class TuningRun:
                 ) -> GroupResult:
                     rig = self._rig(plan.autopilot.with_gains(self.gains), 2 * _FINE_STEP_S)
                     return search_group(
-                        plan, group, rig, met, seed=seed + offset, start=self.gains, watch=watch
+                        plan,
+                        group,
+                        rig,
+                        met,
+                        seed=seed + offset,
+                        start=self.gains,
+                        watch=watch,
+                        fleet=self.fleet,
                     )
 
                 if self._keep(_name(group, turn), search):

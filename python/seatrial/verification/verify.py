@@ -241,11 +241,8 @@ def run_verification(
     resume: bool = True,
     threads: int | None = None,
     executor: Workers | None = None,
-    tell: Callable[[str], None] | None = None,
 ) -> Verification:
     """Verification of a campaign. See `seatrial.verify` for the parameters.
-
-    ``tell`` is told of lost workers, see `seatrial.base.fleet.fleet_of`.
 
     Raises
     ------
@@ -258,7 +255,7 @@ def run_verification(
     """
     clock = Clock()
     threads = threads_of(threads, executor)
-    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor, tell=tell) as fleet:
+    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
         found = _verified(prepared, run, clock, progress=progress, threads=threads, fleet=fleet)
         if run_dir is not None:
             run.publish(found.facts, found.files())
