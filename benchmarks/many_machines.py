@@ -11,6 +11,7 @@ import statistics
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import seatrial as st
@@ -19,7 +20,7 @@ from seatrial.base.fleet import Fleet, fleet_of
 from seatrial.base.run import RunDirectory
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.campaign import campaign_of, verified_campaign
-from seatrial.verification.missions import CampaignFlights, fly_series
+from seatrial.verification.missions import CHUNK, CampaignFlights, fly_series
 
 MISSION = """
 format = 1
@@ -82,6 +83,15 @@ def main() -> None:
         print(
             f"two workers over one: median {statistics.median(ratios):.2f}, pairs"
             f" {', '.join(f'{ratio:.2f}' for ratio in ratios)}"
+        )
+        with TemporaryDirectory() as folder:
+            began, busy = time.monotonic(), time.process_time()
+            with RunDirectory(f"{folder}/run") as run:
+                fly_series(asked, _RUNS, run=run, threads=1, fleet=two)
+            busy, took = time.process_time() - busy, time.monotonic() - began
+        print(
+            f"with a run directory {took:.2f} s; the client works {1e3 * busy * CHUNK / _RUNS:.1f} ms per"
+            " chunk of missions"
         )
         for count in (2_000, 10_000):
             began = time.monotonic()

@@ -252,7 +252,7 @@ def _taken_up(chunk: Chunk[V], run: RunDirectory, form: Format[V]) -> Done[V] | 
 def _finished(
     chunk: Chunk[V], answer: Answer[V], run: RunDirectory, form: Format[V], *, attempts: int
 ) -> Done[V]:
-    packed = form.pack(answer.value)
+    packed = {} if run.path is None else form.pack(answer.value)
     table = packed if isinstance(packed, bytes) else None
     kept = {
         "name": chunk.name,

@@ -165,7 +165,7 @@ def _dask(address: str, tell: Tell) -> Iterator[Fleet]:
     with contextlib.ExitStack() as stack:
         if (workers := _local_workers(address)) is not None:
             cluster = distributed.LocalCluster(
-                n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+                n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
             )
             address = stack.enter_context(cluster).scheduler_address
         elif "://" not in address:

@@ -163,7 +163,7 @@ def verify(
         flies, steers = source or loaded.vehicle.name, gains or prepared.flights.autopilot.name
         note(f"Vehicle: {flies}. Autopilot: {steers}.")
     if rare or falsify:
-        given = {"--replay": replay, "--junit": junit, "--runs": runs, "--compare": compare}
+        given = {"--replay": replay, "--junit": junit, "--runs": runs, "--compare": compare, "--dask": dask}
         if wrong := [key for key, value in given.items() if value]:
             raise CampaignError(
                 f"{wrong[0]}: not with --{'rare' if rare else 'falsify'}, which chooses its missions;"
