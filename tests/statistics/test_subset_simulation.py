@@ -59,7 +59,7 @@ def test_intervals_hold_a_known_probability(level: Level, truth: float, dimensio
     ratios = np.array([one.estimate / truth for one in events])
     assert 0.8 < ratios.mean() < 1.3
     compared = [one.agrees for one in events if one.agrees is not None]
-    assert np.mean(compared) > 0.7
+    assert not compared or np.mean(compared) > 0.7
     assert np.median([one.plain / one.evaluations for one in events]) > 10.0
 
 

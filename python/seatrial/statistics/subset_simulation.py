@@ -55,7 +55,7 @@ _BETWEEN_LEVELS = 1.25
 
 _CENTRES = 4
 
-_EFFECTIVE = 20.0
+_EFFECTIVE = 100.0
 
 _APART = 3.0
 
@@ -227,7 +227,7 @@ class RareEvent:
     def agrees(self) -> bool | None:
         """Whether estimate and check are no further apart than two of their deviations together.
 
-        None where there is nothing to compare, or the check rests on fewer than 20 effective samples: noise
+        None where there is nothing to compare, or the check rests on fewer than 100 effective samples: noise
         decides where failures are, or they are of too many kinds.
         """
         if self.check is None or self.estimate <= 0.0 or self.check.effective < _EFFECTIVE:
