@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
     from seatrial.tuning.result import Tuning
     from seatrial.tuning.tune import tune
+    from seatrial.verification.boundary import FailureBoundary, failure_boundary
     from seatrial.verification.falsify import Falsification, falsify
     from seatrial.verification.mission_log.log import MissionLog
     from seatrial.verification.mission_log.verdict import LogVerdict
@@ -63,6 +64,7 @@ _HOME = {
     "Comparison": "seatrial.trial.comparison",
     "Coverage": "seatrial.experiment.coverage_result",
     "Falsification": "seatrial.verification.falsify",
+    "FailureBoundary": "seatrial.verification.boundary",
     "Fault": "seatrial.flight.failures",
     "Fitted": "seatrial.identification.fitted",
     "Flight": "seatrial.flight.flight",
@@ -95,6 +97,7 @@ _HOME = {
     "compare": "seatrial.trial.comparison",
     "coverage": "seatrial.experiment.coverage",
     "falsify": "seatrial.verification.falsify",
+    "failure_boundary": "seatrial.verification.boundary",
     "fly": "seatrial.flight.fly",
     "fly_batch": "seatrial.flight.fly",
     "identify": "seatrial.identification.identify",
@@ -119,6 +122,7 @@ __all__ = [
     "Comparison",
     "Coverage",
     "Falsification",
+    "FailureBoundary",
     "Fault",
     "Fitted",
     "Flight",
@@ -151,6 +155,7 @@ __all__ = [
     "compare",
     "coverage",
     "falsify",
+    "failure_boundary",
     "fly",
     "fly_batch",
     "identify",

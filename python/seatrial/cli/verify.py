@@ -86,11 +86,22 @@ def verify(
     ] = None,
     requirement: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="With --rare or --falsify: this requirement, not all; repeatable."),
+        typer.Option(
+            metavar="NAME",
+            help="With --rare, --falsify or --boundary: this requirement, not all; repeatable.",
+        ),
     ] = None,
     population: Annotated[
         int | None,
         typer.Option(min=100, help="With --rare: missions of a level, a multiple of ten; 500 by default."),
+    ] = None,
+    boundary: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME=FROM:TO[,...]",
+            help="In which values of one or two variables requirements still hold: current_speed_m_s,"
+            " payload_kg, sensor_latency_s, ..., or a coefficient.",
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -125,6 +136,7 @@ def verify(
     from seatrial.cli.console import answer, formats, print_json, reading_progress
     from seatrial.cli.streams import note
     from seatrial.cli.tune import fitted_source
+    from seatrial.cli.verify_boundary import verify_boundary
     from seatrial.cli.verify_log import refuse_beside, verify_log
     from seatrial.verification.campaign import verified_campaign
 
@@ -139,6 +151,7 @@ def verify(
             "--rare": rare,
             "--falsify": falsify,
             "--dask": dask,
+            "--boundary": boundary,
         })
         verify_log(
             loaded,
@@ -156,19 +169,24 @@ def verify(
         return
     if reference:
         raise CampaignError("--reference: it belongs to a recorded mission; give that with --log")
-    _refuse_alone(rare, falsify, requirement, population, within)
+    _refuse_alone(rare, falsify, boundary, requirement, population, within)
     source, gains = fitted_source(loaded, run), gains_source(loaded, autopilot)
     prepared = verified_campaign(loaded, source, gains, runs=runs, missions=mission or None, compare=compare)
     if not json:
         flies, steers = source or loaded.vehicle.name, gains or prepared.flights.autopilot.name
         note(f"Vehicle: {flies}. Autopilot: {steers}.")
-    if rare or falsify:
-        given = {"--replay": replay, "--junit": junit, "--runs": runs, "--compare": compare, "--dask": dask}
+    if rare or falsify or boundary:
+        search = "--rare" if rare else "--falsify" if falsify else "--boundary"
+        # Of a boundary, the number of missions is the reader's choice.
+        given = {
+            "--replay": replay,
+            "--junit": junit,
+            "--runs": runs and not boundary,
+            "--compare": compare,
+            "--dask": dask,
+        }
         if wrong := [key for key, value in given.items() if value]:
-            raise CampaignError(
-                f"{wrong[0]}: not with --{'rare' if rare else 'falsify'}, which chooses its missions;"
-                " leave it out"
-            )
+            raise CampaignError(f"{wrong[0]}: not with {search}, which chooses its missions; leave it out")
     if rare:
         _rare(
             prepared,
@@ -187,6 +205,19 @@ def verify(
             requirement or [],
             within,
             out,
+            threads=threads,
+            drawing=drawing,
+            verbose=verbose,
+            json=json,
+        )
+        return
+    if boundary:
+        verify_boundary(
+            prepared,
+            boundary,
+            requirement or [],
+            out=out,
+            resume=resume,
             threads=threads,
             drawing=drawing,
             verbose=verbose,
@@ -220,13 +251,22 @@ def verify(
 
 
 def _refuse_alone(
-    rare: bool, falsify: bool, requirement: list[str] | None, population: int | None, within: float | None
+    rare: bool,
+    falsify: bool,
+    boundary: str | None,
+    requirement: list[str] | None,
+    population: int | None,
+    within: float | None,
 ) -> None:
     """Refuse options of a search without it, and two searches at once."""
-    if rare and falsify:
-        raise CampaignError("--rare and --falsify: expected one of them; run one after the other")
-    if requirement and not (rare or falsify):
-        raise CampaignError("--requirement: it belongs to a search; give it with --rare or --falsify")
+    searches = {"--rare": rare, "--falsify": falsify, "--boundary": boundary}
+    asked = [name for name, given in searches.items() if given]
+    if len(asked) > 1:
+        raise CampaignError(f"{' and '.join(asked)}: expected one of them; run one after the other")
+    if requirement and not asked:
+        raise CampaignError(
+            "--requirement: it belongs to a search; give it with --rare, --falsify or --boundary"
+        )
     if population and not rare:
         raise CampaignError("--population: it belongs to rare failures; give it with --rare")
     if within and not falsify:

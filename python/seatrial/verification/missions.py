@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
     from seatrial.base.run import RunDirectory
     from seatrial.flight.mission import Mission
+    from seatrial.sensors.sensor import Sensor
 
 __all__ = ["CHUNK", "CampaignFlights", "Series", "fly_series"]
 
@@ -72,7 +73,7 @@ class CampaignFlights:
     model
         The vehicle that the autopilot believes in; None: the identified one.
     sensors
-        "typical", a file, or None for perfect ones.
+        "typical", a file, sensors by kind, or None for perfect ones.
     rho, g
         Density, kg/m3, and gravity, m/s2, where they are not the vehicle's.
     """
@@ -83,7 +84,7 @@ class CampaignFlights:
     missions: tuple[Mission, ...]
     seed: int
     model: Vehicle | None = None
-    sensors: str | Path | None = "typical"
+    sensors: Mapping[str, Sensor] | str | Path | None = "typical"
     rho: float | None = None
     g: float | None = None
 

@@ -1,0 +1,634 @@
+"""`failure_boundary`: up to which payload, current or latency a requirement still holds.
+
+One or two variables get values from given ranges, everything else is drawn as ``[verification]`` says. Few
+missions are flown at a place, more where the failure probability crosses what the requirement allows
+(`seatrial.statistics.failure_boundary`). All requirements are judged on all missions; each chooses places in
+its turn. The autopilot does not know of the value: it believes in the identified vehicle.
+
+Tests: ``tests/verification/test_boundary.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.base.arrays import Array
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.progress import Clock, Progress
+from seatrial.base.report import Report, Section, Table
+from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
+from seatrial.campaign.campaign import input_hashes
+from seatrial.campaign.verification_table import DistributionTable, Waves
+from seatrial.flight.sensor_channels import sensors_of
+from seatrial.statistics.failure_boundary import (
+    BoundarySurface,
+    Place,
+    places_to_fly,
+    start_places,
+    surface_of,
+)
+from seatrial.statistics.proportions import share
+from seatrial.vehicle.actuators import actuator_groups
+from seatrial.verification.campaign import check_table, verified_campaign
+from seatrial.verification.verification import WITHOUT_FILE, input_files
+
+if TYPE_CHECKING:
+    from seatrial._core import Autopilot, Vehicle
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.flight.mission import Mission
+    from seatrial.identification.fitted import Fitted
+    from seatrial.identification.identification import Identification
+    from seatrial.tuning.result import Tuning
+    from seatrial.verification.campaign import VerifiedCampaign
+    from seatrial.verification.missions import CampaignFlights
+    from seatrial.verification.requirement import Requirement
+
+__all__ = ["VARIABLES", "FailureBoundary", "RequirementBoundary", "failure_boundary", "run_boundary"]
+
+VARIABLES: Mapping[str, str] = {
+    "current_speed_m_s": "speed of the mean current",
+    "current_direction_deg": "where the current goes, degrees from north over east",
+    "turbulence_m_s": "standard deviation of the current about its mean",
+    "wave_height_m": "significant height of the waves",
+    "sensor_latency_s": "further latency of every sensor",
+    "payload_kg": "further mass at the centre of gravity, in a hull of the same volume",
+    "voltage_v": "supply",
+}
+"""Variables besides the coefficients of the vehicle."""
+
+_LEAST_RUNS, _MOST_PLACES, _ROUND = 16, 125, 8
+
+_ROWS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the second variable, in the table
+
+
+@dataclass(frozen=True)
+class _Variable:
+    """A variable, its range, and the coefficients that it sets."""
+
+    name: str
+    low: float
+    high: float
+    coefficients: tuple[str, ...] = ()
+
+    def value(self, x: float) -> float:
+        return self.low + (self.high - self.low) * x
+
+
+@dataclass(frozen=True, eq=False)
+class RequirementBoundary:
+    """Where a requirement fails more often than it allows.
+
+    Attributes
+    ----------
+    requirement
+    surface
+        Failure probability over the ranges; None before anything was flown.
+    failures
+        Missions that failed, of all that were flown.
+    """
+
+    requirement: Requirement
+    surface: BoundarySurface
+    failures: int
+
+    def side(self) -> str:
+        """Whether there is a boundary, or which side everything is on."""
+        sides = self.surface.sides
+        if (sides == 1).all():
+            return "safe in the whole range"
+        if (sides == -1).all():
+            return "fails in the whole range"
+        mean = self.surface.mean - self.surface.level
+        if (mean < 0.0).all() or (mean > 0.0).all():
+            side = "safe" if (mean < 0.0).all() else "failing"
+            return f"probably {side} in the whole range; more missions would tell"
+        return "has a boundary"
+
+
+@dataclass(frozen=True, eq=False)
+class FailureBoundary(RunResult):
+    """Failure boundaries in one or two variables; made by `seatrial.failure_boundary`.
+
+    Attributes
+    ----------
+    prepared
+        The campaign that was flown.
+    variables
+        Name and range (from, to) of each.
+    requirements
+        A `RequirementBoundary` each.
+    places
+        Values (n, d) at which missions were flown, and how many at each.
+    runs_per_place
+        Missions at a place.
+    interrupted
+        Whether Ctrl-C ended it early.
+    facts
+        What the result rests on.
+    """
+
+    prepared: VerifiedCampaign
+    variables: Mapping[str, tuple[float, float]]
+    requirements: tuple[RequirementBoundary, ...]
+    places: Array
+    runs_per_place: int
+    interrupted: bool
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    def requirement(self, name: str) -> RequirementBoundary:
+        """The boundary of the requirement with a name.
+
+        Raises
+        ------
+        CampaignError
+            There is none.
+        """
+        known = {one.requirement.name: one for one in self.requirements}
+        if name not in known:
+            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
+        return known[name]
+
+    def value(self, axis: int, x: float) -> float:
+        """Value of a variable at a share of its range."""
+        low, high = list(self.variables.values())[axis]
+        return low + (high - low) * x
+
+    def crossings(self, name: str, second: float | None = None) -> list[tuple[float, float, float, bool]]:
+        """Boundaries of a requirement along the first variable: value, from, to, and whether below is safe.
+
+        Parameters
+        ----------
+        name : str
+            Of the requirement.
+        second : float, optional
+            Value of the second variable, where there are two.
+        """
+        at = None
+        if second is not None:
+            low, high = list(self.variables.values())[1]
+            at = (second - low) / (high - low)
+        return [
+            (
+                self.value(0, one.at),
+                self.value(0, one.interval[0]),
+                self.value(0, one.interval[1]),
+                one.rising,
+            )
+            for one in self.requirement(name).surface.crossings(at)
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        seconds: list[float | None] = [None] if len(self.variables) == 1 else list(self._seconds())
+        return {
+            "campaign": self.prepared.campaign.name,
+            "variables": {name: list(ends) for name, ends in self.variables.items()},
+            "missions": len(self.places) * self.runs_per_place,
+            "interrupted": self.interrupted,
+            "confidence": self.prepared.flights.table.confidence,
+            "requirements": [
+                {
+                    "name": one.requirement.name,
+                    "holds": one.requirement.holds,
+                    "allowed": one.requirement.allowed,
+                    "side": one.side(),
+                    "boundaries": [
+                        {"second": second, "value": value, "interval": [low, high], "safe_below": rising}
+                        for second in seconds
+                        for value, low, high, rising in self.crossings(one.requirement.name, second)
+                    ],
+                    "failure_probability": one.surface.probability.tolist(),
+                    "sides": one.surface.sides.tolist(),
+                }
+                for one in self.requirements
+            ],
+            "places": self.places.tolist(),
+            "runs_per_place": self.runs_per_place,
+        }
+
+    def _seconds(self) -> list[float]:
+        return [self.value(1, x) for x in _ROWS]
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        return {
+            **input_files(self.prepared.campaign, self.prepared.flights),
+            "boundary.json": to_json(self.to_dict()),
+            **self.report().files(),
+        }
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+    def report(self) -> Report:
+        """Three lines, and a table of the boundaries."""
+        worst, next_step = _worst(self)
+        names = " and ".join(self.variables)
+        bounded = sum(one.side() == "has a boundary" for one in self.requirements)
+        flights = self.prepared.flights
+        return Report(
+            title=self.prepared.campaign.name,
+            outcome="boundary" + (" (interrupted)" if self.interrupted else ""),
+            good=(
+                f"{bounded} of {len(self.requirements)} requirements have a boundary in {names} with"
+                f" {flights.autopilot.name} on {flights.fitted.vehicle.name};"
+                f" {len(self.places) * self.runs_per_place} missions at {len(self.places)} places"
+            ),
+            worst=worst,
+            next_step=next_step,
+            sections=(
+                Section(tables=(_table(self),)),
+                Section(
+                    "Notes",
+                    (
+                        "A boundary is where the failure probability is what the requirement allows;"
+                        " everything but the variables is drawn as [verification] says.",
+                        "The probability is taken to change smoothly: a jump is found on its safe side, by up"
+                        " to some hundredths of the range.",
+                        *self.prepared.notes,
+                        *flights.left_out,
+                    ),
+                    details=True,
+                ),
+            ),
+        )
+
+
+def _worst(found: FailureBoundary) -> tuple[str, str]:
+    if found.interrupted:
+        return "Ctrl-C ended it early", "run the same command again; the places flown are kept"
+    source = found.prepared.campaign.source
+    python = source == WITHOUT_FILE
+    failing = [one for one in found.requirements if one.side().startswith("fails")]
+    if failing:
+        return f"{failing[0].requirement.name} {failing[0].side()}", "change the autopilot or the range"
+    first = next(iter(found.variables))
+    nearest_one: tuple[float, str] | None = None
+    for one in found.requirements:
+        seconds: list[float | None] = [None] if len(found.variables) == 1 else list(found._seconds())
+        for second in seconds:
+            beside = "" if second is None else f" at {list(found.variables)[1]} = {second:.3g}"
+            for value, low, high, rising in found.crossings(one.requirement.name, second):
+                reach = value - found.value(0, 0.0) if rising else found.value(0, 1.0) - value
+                text = (
+                    f"{one.requirement.name} holds {'up to' if rising else 'from'} {first} ="
+                    f" {value:.3g} ({low:.3g} to {high:.3g}){beside}"
+                )
+                if nearest_one is None or reach < nearest_one[0]:
+                    nearest_one = (reach, text)
+    runs = len(found.places) * found.runs_per_place
+    more = f"runs={4 * runs}" if python else f"--runs {4 * runs}"
+    if nearest_one is not None:
+        return nearest_one[1], f"plan on the safe end of the interval; {more} halves its width"
+    open_ = [one for one in found.requirements if "more missions" in one.side()]
+    if open_:
+        return f"{open_[0].requirement.name} is {open_[0].side()}", f"fly more missions: {more}"
+    return "no requirement fails in the range", "widen the range until one does"
+
+
+def _table(found: FailureBoundary) -> Table:
+    names = list(found.variables)
+    rows: list[tuple[str, ...]] = []
+    for one in found.requirements:
+        seconds: list[float | None] = [None] if len(names) == 1 else list(found._seconds())
+        for second in seconds:
+            lines = found.crossings(one.requirement.name, second)
+            head = (
+                one.requirement.name,
+                share(one.requirement.allowed),
+                "" if second is None else f"{second:.3g}",
+            )
+            if not lines:
+                rows.append((*head, "none", "", _side_at(found, one, second)))
+            for value, low, high, rising in lines:
+                rows.append((
+                    *head,
+                    f"{value:.3g}",
+                    f"{low:.3g} to {high:.3g}",
+                    f"safe {'below' if rising else 'above'}",
+                ))
+    sure = f"{100.0 * found.prepared.flights.table.confidence:g} %"
+    second_name = names[1] if len(names) > 1 else ""
+    columns = ("requirement", "allowed", second_name, names[0], f"{sure} interval", "side")
+    return Table.of("Failure boundaries", columns, rows)
+
+
+def _side_at(found: FailureBoundary, one: RequirementBoundary, second: float | None) -> str:
+    """The side of a whole line without a boundary."""
+    sides = one.surface.sides
+    mean = one.surface.mean
+    if second is not None:
+        low, high = list(found.variables.values())[1]
+        k = round((second - low) / (high - low) * (len(one.surface.axis) - 1))
+        sides, mean = sides[:, k], mean[:, k]
+    words = "safe" if (mean < one.surface.level).all() else "fails"
+    return words if abs(int(sides.sum())) == len(sides) else f"probably {words}"
+
+
+def failure_boundary(
+    campaign: Campaign,
+    variables: Mapping[str, tuple[float, float]],
+    fit: Identification | Fitted | Vehicle | str | Path | None = None,
+    gains: Tuning | Autopilot | str | Path | None = None,
+    *,
+    requirements: Sequence[str] = (),
+    model: Vehicle | str | Path | None = None,
+    missions: Sequence[Mission | str | Path] | None = None,
+    runs: int | None = None,
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> FailureBoundary:
+    """Where in one or two variables requirements begin to fail more often than they allow.
+
+    Parameters
+    ----------
+    campaign, fit, gains, model, missions
+        As of `seatrial.verify`.
+    variables : mapping of str to (float, float)
+        One or two, each with its range: a name of `VARIABLES`, or a coefficient, pattern or group of the
+        vehicle (``"stern.T_t"``), which gets the value.
+    requirements : sequence of str
+        Names of the campaign's requirements; all when empty.
+    runs : int, optional
+        Missions in all; the campaign's number when omitted, at least 16 at each of the first places.
+    run_dir : str or Path, optional
+        Folder for the results. Places that were flown are kept in it.
+    progress : callable, optional
+        Called after every place.
+    resume : bool
+        Reuse places that an earlier run in this folder flew from the same inputs.
+    threads : int, optional
+        Threads of the core; the result does not depend on it.
+
+    Raises
+    ------
+    CampaignError
+        As of `seatrial.verify`; an unknown variable or requirement, or a range that is none.
+    SimulationError, TrialError
+        The vehicle or the water cannot have a value at an end of the range.
+    SeatrialError
+        The run directory cannot be written.
+    """
+    prepared = verified_campaign(campaign, fit, gains, model=model, runs=runs, missions=missions)
+    return run_boundary(
+        prepared,
+        variables,
+        names=requirements,
+        run_dir=run_dir,
+        progress=progress,
+        resume=resume,
+        threads=threads,
+    )
+
+
+def run_boundary(
+    prepared: VerifiedCampaign,
+    variables: Mapping[str, tuple[float, float]],
+    *,
+    names: Sequence[str] = (),
+    run_dir: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = True,
+    threads: int | None = None,
+) -> FailureBoundary:
+    """Boundary of a campaign that is ready to fly. See `failure_boundary` for the parameters."""
+    known = {one.name: one for one in prepared.requirements}
+    for name in names:
+        if name not in known:
+            raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
+    chosen = [known[name] for name in names] if names else list(prepared.requirements)
+    asked = _variables(variables, prepared.flights)
+    for end in (0.0, 1.0):
+        corner = np.full(len(asked), end)
+        at_end, payload = _at(prepared.flights, asked, corner)
+        check_table(prepared.campaign.source, at_end)
+        at_end.check()
+        vehicle = prepared.flights.fitted.vehicle
+        own = vehicle.coefficients()["m"]
+        if own + payload <= 0.0:
+            raise CampaignError(
+                f"boundary: payload_kg: expected more than {-own:g}, the mass of {vehicle.name} in kg, found"
+                f" {payload:g}"
+            )
+        vehicle.with_coefficients(_set(asked, corner))
+    clock, interrupted = Clock(), False
+    with RunDirectory(run_dir, resume=resume) as run:
+        survey = _Survey(prepared, asked, chosen, run, threads)
+        try:
+            survey.fly(progress, clock)
+        except KeyboardInterrupt:
+            interrupted = True
+            if len(survey.x) < 2:
+                raise
+        result = FailureBoundary(
+            prepared=prepared,
+            variables={one.name: (one.low, one.high) for one in asked},
+            requirements=tuple(survey.boundary(k) for k in range(len(chosen))),
+            places=np.array([[v.value(x) for v, x in zip(asked, place, strict=True)] for place in survey.x]),
+            runs_per_place=survey.runs,
+            interrupted=interrupted,
+            facts=run_facts(
+                "failure boundary",
+                prepared.campaign.name,
+                clock=clock,
+                inputs=input_hashes(prepared.campaign, trials=False)
+                | {
+                    name: sha256(text)
+                    for name, text in input_files(prepared.campaign, prepared.flights).items()
+                },
+                seed=prepared.flights.seed,
+                options={
+                    "variables": {one.name: [one.low, one.high] for one in asked},
+                    "runs": prepared.runs,
+                },
+                interrupted=interrupted,
+            ),
+        )
+        if run_dir is not None and not interrupted:
+            run.publish(result.facts, result.files())
+    return result
+
+
+def _variables(given: Mapping[str, tuple[float, float]], flights: CampaignFlights) -> tuple[_Variable, ...]:
+    """Variables with the coefficients that they set, checked."""
+    if not 1 <= len(given) <= 2:
+        raise CampaignError(f"boundary: expected one or two variables, found {len(given)}")
+    found = []
+    for name, ends in given.items():
+        low, high = map(float, ends)
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise CampaignError(
+                f"boundary: {name}: expected a range FROM:TO with FROM below TO, found {low:g}:{high:g}"
+            )
+        found.append(_Variable(name, low, high, () if name in VARIABLES else _meant(name, flights)))
+    if set(found[0].coefficients) & set(found[-1].coefficients) and len(found) > 1:
+        raise CampaignError(f"boundary: {found[0].name} and {found[1].name} set the same coefficient")
+    return tuple(found)
+
+
+def _meant(name: str, flights: CampaignFlights) -> tuple[str, ...]:
+    """Coefficients behind a name, a pattern or a group."""
+    vehicle = flights.fitted.vehicle
+    own = list(vehicle.coefficients())
+    group, _, suffix = name.partition(".")
+    groups = actuator_groups(vehicle)
+    if name not in own and group in groups:
+        meant = [one for actuator in groups[group] if (one := f"{actuator}.{suffix}") in own]
+    else:
+        meant = [one for one in own if fnmatchcase(one, name)]
+    if not meant:
+        raise CampaignError(
+            f"boundary: {name!r} is no variable and no coefficient of {vehicle.name}"
+            f"{nearest(name, [*VARIABLES, *own])}"
+        )
+    return tuple(meant)
+
+
+def _set(variables: tuple[_Variable, ...], x: Array) -> dict[str, float]:
+    """Coefficients that get a value at a place of the unit cube."""
+    return {
+        name: variable.value(share_)
+        for variable, share_ in zip(variables, x.tolist(), strict=True)
+        for name in variable.coefficients
+    }
+
+
+def _at(
+    flights: CampaignFlights, variables: tuple[_Variable, ...], x: Array
+) -> tuple[CampaignFlights, float]:
+    """What flies at a place of the unit cube, and the payload, kg."""
+    table, payload = flights.table, 0.0
+    for variable, share_ in zip(variables, x.tolist(), strict=True):
+        value = variable.value(share_)
+        fixed = DistributionTable(fixed=value)
+        current: dict[str, Any] = {}
+        if variable.name == "current_speed_m_s":
+            current = {"speed_m_s": fixed}
+        elif variable.name == "current_direction_deg":
+            current = {"direction_deg": fixed}
+        elif variable.name == "turbulence_m_s":
+            current = {"turbulence_m_s": fixed}
+        elif variable.name == "wave_height_m":
+            waves = Waves(height_m=fixed) if table.waves is None else table.waves
+            table = table.model_copy(update={"waves": waves.model_copy(update={"height_m": fixed})})
+        elif variable.name == "voltage_v":
+            table = table.model_copy(update={"voltage_v": value})
+        elif variable.name == "payload_kg":
+            payload = value
+        elif variable.name == "sensor_latency_s":
+            flights = _later(flights, value)
+        if current:
+            table = table.model_copy(update={"current": table.current.model_copy(update=current)})
+    return replace(flights, table=table), payload
+
+
+def _later(flights: CampaignFlights, latency_s: float) -> CampaignFlights:
+    """The same with sensors that are later."""
+    sensors = sensors_of(flights.sensors, flights.fitted.vehicle)
+    if sensors is None:
+        raise CampaignError(
+            "boundary: sensor_latency_s: the sensors of this campaign are perfect; name a set under"
+            ' [verification], sensors = "typical"'
+        )
+    late = {kind: replace(one, latency_s=one.latency_s + latency_s) for kind, one in sensors.items()}
+    return replace(flights, sensors=late)
+
+
+class _Survey:
+    """Missions at places, and what they say of each requirement."""
+
+    def __init__(
+        self,
+        prepared: VerifiedCampaign,
+        variables: tuple[_Variable, ...],
+        requirements: Sequence[Requirement],
+        run: RunDirectory,
+        threads: int | None,
+    ) -> None:
+        self.prepared, self.variables, self.requirements = prepared, variables, requirements
+        self.run, self.threads = run, threads
+        first = len(start_places(len(variables)))
+        self.runs = max(_LEAST_RUNS, -(-prepared.runs // _MOST_PLACES))
+        self.places = max(prepared.runs // self.runs, first)
+        self.x: list[Array] = []
+        self.failures: list[list[int]] = []
+
+    def fly(self, progress: Callable[[Progress], None] | None, clock: Clock) -> None:
+        """Fly the first places, then those that the requirements choose in turn."""
+        waiting = list(start_places(len(self.variables)))
+        while len(self.x) < self.places:
+            if not waiting:
+                each = max(_ROUND // len(self.requirements), 1)
+                for k, one in enumerate(self.requirements):
+                    waiting += list(
+                        places_to_fly(
+                            self.seen(k),
+                            allowed=one.allowed,
+                            confidence=self.prepared.flights.table.confidence,
+                            count=each,
+                            runs=self.runs,
+                        )
+                    )
+            place = waiting.pop(0)
+            self.failures.append(self._failures(place))
+            self.x.append(place)
+            if progress is not None:
+                done, left = len(self.x), self.places - len(self.x)
+                progress(
+                    Progress(
+                        what="boundary",
+                        done=done,
+                        total=self.places,
+                        fraction=done / self.places,
+                        elapsed_s=clock.elapsed_s,
+                        left_s=clock.left_s(done, left),
+                        detail=f"{done * self.runs} of {self.places * self.runs} missions flown",
+                    )
+                )
+
+    def _failures(self, place: Array) -> list[int]:
+        """Failures of each requirement among the missions at a place."""
+        number = len(self.x)
+        flights = self.prepared.flights
+        values = ", ".join(f"{v.name} {v.low:g} {v.high:g}" for v in self.variables)
+        holds = ", ".join(one.holds for one in self.requirements)
+        inputs = sha256(f"{flights.digest} {values} {holds} {place.tolist()} {self.runs}")
+        part = f"boundary, place {number}"
+        kept = self.run.finished(part, inputs)
+        if kept is not None:
+            return [int(one) for one in kept["failures"]]
+        there, payload = _at(flights, self.variables, place)
+        drawn = there.draws(np.arange(number * self.runs, (number + 1) * self.runs))
+        given = dict(drawn.coefficients)
+        given |= {name: np.full(len(drawn), value) for name, value in _set(self.variables, place).items()}
+        if payload:
+            own = flights.fitted.vehicle.coefficients()
+            given["m"] = given.get("m", np.full(len(drawn), own["m"])) + payload
+        flown = there.fly_drawn(replace(drawn, coefficients=given), threads=self.threads)
+        failures = [one.judge(flown.metrics).failures for one in self.requirements]
+        self.run.keep(part, inputs, {"place": place.tolist(), "failures": failures})
+        return failures
+
+    def seen(self, k: int) -> list[Place]:
+        """What was flown, as a requirement sees it."""
+        return [
+            Place(tuple(x.tolist()), self.runs, failures[k])
+            for x, failures in zip(self.x, self.failures, strict=True)
+        ]
+
+    def boundary(self, k: int) -> RequirementBoundary:
+        """What was found of a requirement."""
+        asked = self.requirements[k]
+        confidence = self.prepared.flights.table.confidence
+        surface = surface_of(self.seen(k), allowed=asked.allowed, confidence=confidence)
+        return RequirementBoundary(asked, surface, sum(one[k] for one in self.failures))
