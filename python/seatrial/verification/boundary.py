@@ -145,6 +145,10 @@ class FailureBoundary(RunResult):
     def requirement(self, name: str) -> RequirementBoundary:
         """The boundary of the requirement with a name.
 
+        Parameters
+        ----------
+        name : str
+
         Raises
         ------
         CampaignError
@@ -156,7 +160,15 @@ class FailureBoundary(RunResult):
         return known[name]
 
     def value(self, axis: int, x: float) -> float:
-        """Value of a variable at a share of its range."""
+        """Value of a variable at a share of its range.
+
+        Parameters
+        ----------
+        axis : int
+            0 for the first variable, 1 for the second.
+        x : float
+            From 0 to 1.
+        """
         low, high = list(self.variables.values())[axis]
         return low + (high - low) * x
 
