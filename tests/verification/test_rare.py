@@ -13,7 +13,8 @@ import seatrial as st
 from seatrial.base.errors import CampaignError
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.campaign import VerifiedCampaign, campaign_of, verified_campaign
-from seatrial.verification.rare import MissionSpace, RareFailures, run_rare
+from seatrial.verification.mission_space import MissionSpace
+from seatrial.verification.rare import RareFailures, run_rare
 from seatrial.verification.robustness import completion, robustness
 
 OUT = """

@@ -1,6 +1,6 @@
 """`falsify`: the worst mission in the ranges of a verification, and the least disturbance that still fails.
 
-Plain numbers behind the draws (`seatrial.verification.rare.MissionSpace`) are searched within so many
+Plain numbers behind the draws (`seatrial.verification.mission_space`) are searched within so many
 standard deviations by an evolution strategy (CMA-ES; Hansen 2016, arXiv:1604.00772) for the least robustness
 of a requirement. What fails is then made small: one number after the other goes back to the middle as long as
 the mission still fails, the one first that costs the least robustness; the rest is scaled down together. The
@@ -25,7 +25,7 @@ from seatrial.base.report import Report, Section
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
 from seatrial.campaign.campaign import input_hashes
 from seatrial.verification.campaign import verified_campaign
-from seatrial.verification.rare import MissionSpace
+from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.regression import case_text
 from seatrial.verification.robustness import robustness, unusable
 from seatrial.verification.verification import input_files

@@ -1,9 +1,8 @@
 """`rare`: failures that are too rare to be met by flying drawn missions, found by subset simulation.
 
-Everything that is drawn of a mission becomes a coordinate: current, waves, start, which actuator fails and
-when, outages, offsets of sensors and the coefficients as standard normal numbers, the seed of noise and gusts
-as itself. The level function is a requirement's robustness (`seatrial.verification.robustness`); the
-probability is that of the distributions of ``[verification]``, and no surer than these.
+Everything that is drawn of a mission is a coordinate (`seatrial.verification.mission_space`). The level
+function is a requirement's robustness (`seatrial.verification.robustness`); the probability is that of the
+distributions of ``[verification]``, and no surer than these.
 
 Tests: ``tests/verification/test_rare.py``.
 """
@@ -12,14 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.progress import Clock, Progress
@@ -29,15 +25,7 @@ from seatrial.campaign.campaign import input_hashes
 from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
 from seatrial.verification.campaign import verified_campaign
-from seatrial.verification.draws import (
-    COMMON_WIDTH,
-    FAULT_WIDTH,
-    OUTAGE_WIDTH,
-    SEED_COLUMN,
-    Draws,
-    composed,
-    scattered,
-)
+from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.robustness import robustness, unusable
 from seatrial.verification.verification import input_files
 
@@ -51,10 +39,9 @@ if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
     from seatrial.verification.campaign import VerifiedCampaign
-    from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["MissionSpace", "RareFailures", "RareRequirement", "rare_failures", "run_rare"]
+__all__ = ["RareFailures", "RareRequirement", "rare_failures", "run_rare"]
 
 _POPULATIONS, _SIZE, _CHECKED = 4, 500, 1000
 
@@ -64,84 +51,6 @@ _BATCH = 512
 
 _SHOWN, _SHIFTED = 5, 0.8
 """How many common causes of failures are printed, and from which shift on, in standard deviations."""
-
-
-@dataclass(frozen=True, eq=False)
-class MissionSpace:
-    """Missions of a campaign by standard normal numbers (d) and the seed of their noise.
-
-    Attributes
-    ----------
-    flights
-        Of the campaign.
-    """
-
-    flights: CampaignFlights
-
-    @cached_property
-    def fitted(self) -> Fitted:
-        """The vehicle with the uncertainty of its coefficients."""
-        return scattered(self.flights.table, self.flights.fitted)
-
-    @cached_property
-    def offset(self) -> NDArray[np.intp]:
-        """Channels of the sensors that have an offset."""
-        return np.flatnonzero(self.flights.sensor_offsets)
-
-    @cached_property
-    def widths(self) -> tuple[int, int, int, int, int]:
-        """Numbers of what every case has, of faults, outages, offsets of sensors and coefficients."""
-        table = self.flights.table
-        return (
-            COMMON_WIDTH - 1,
-            FAULT_WIDTH * len(table.faults),
-            OUTAGE_WIDTH * len(table.outages),
-            len(self.offset),
-            len(self.fitted.names),
-        )
-
-    @property
-    def dimensions(self) -> int:
-        """Numbers of a mission, besides its seed."""
-        return sum(self.widths)
-
-    def possible(self, x: Array) -> NDArray[np.bool_]:
-        """Which samples (k, d) have a vehicle that can be."""
-        return self.fitted.at(x[:, self.dimensions - self.widths[-1] :])[1]
-
-    def draws(self, x: Array, seeds: Array) -> Draws:
-        """Missions of samples (k, d) and seeds (k,) from 0 to 1."""
-        from scipy.special import ndtr
-
-        common, faults, outages, offset, normals = np.split(x, np.cumsum(self.widths[:-1]), axis=1)
-        tiny = 2.0**-54
-        uniform = [np.clip(ndtr(part), tiny, 1.0 - tiny) for part in (common, faults, outages)]
-        offsets = np.zeros((len(x), len(self.flights.sensor_offsets)))
-        offsets[:, self.offset] = offset
-        drawn = composed(
-            self.flights.table,
-            self.fitted,
-            self.flights.missions,
-            numbers=range(len(x)),
-            coefficients=self.fitted.at(normals)[0],
-            common=np.insert(uniform[0], SEED_COLUMN, np.clip(seeds, tiny, 1.0 - tiny), axis=1),
-            faults=uniform[1],
-            outages=uniform[2],
-        )
-        names = autopilot_names()["channels"]
-        causes = {f"offset of the measured {names[c]}, sigmas": offsets[:, c] for c in self.offset}
-        return replace(drawn, offsets=offsets, causes={**drawn.causes, **causes})
-
-    def robustness(
-        self, requirement: Requirement, x: Array, seeds: Array, *, threads: int | None = None
-    ) -> Array:
-        """Robustness (k,) of a requirement on the missions of samples."""
-        found = []
-        for start in range(0, len(x), _BATCH):
-            rows = slice(start, start + _BATCH)
-            flown = self.flights.fly_drawn(self.draws(x[rows], seeds[rows]), threads=threads)
-            found.append(robustness(requirement, flown, self.flights))
-        return np.concatenate(found) if found else np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
