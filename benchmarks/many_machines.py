@@ -33,7 +33,7 @@ east_m = 0.0
 depth_m = 5.0
 """
 
-_PAIRS, _RUNS = 5, 8192
+_PAIRS, _RUNS = 3, 32_768
 
 FORM: Format[dict[str, int]] = Format(pack=dict, unpack=dict)
 

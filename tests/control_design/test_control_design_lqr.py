@@ -28,6 +28,7 @@ from seatrial.vehicle.authority import LOOPS, ROWS, Delay, delays
 from tests.flight.acceptance import AUTOPILOTS, RADIUS_M, flights
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["cwolf", "remus100", "lauv", "bluerov2-heavy", "beluga"])
 def test_law_every_gain_has_its_margins_behind_lag_and_dead_time(name: str) -> None:
     vehicle = Vehicle.load(name)

@@ -71,6 +71,7 @@ def analysed(folder: Path, seed: int, *, rho: float = 0.0, **truth: float) -> Re
     return analyse_joint(joint, best.values, initial=best.initial, noise=best.noise)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "truth"), [("Y_ur", 80.0), ("N_uv", 60.0), ("K_v", 2.0)])
 def test_the_term_that_cwolf_misses_ranks_first_with_its_value(
     tmp_path: Path, name: str, truth: float

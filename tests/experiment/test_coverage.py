@@ -94,6 +94,8 @@ current_north = { sd = 0.2, shared = true }
 bias_u = { sd = 0.003 }
 """
 
+BACK = "[initial]\nyaw_deg = 180.0\n"
+
 COEFFICIENTS = ("X_udot", "X_u", "X_uu")
 SEEDS = 8
 
@@ -105,7 +107,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "truth.toml").write_text(TRUTH)
     (place / "there.toml").write_text(RECIPE)
     for name in ("back", "unseen"):
-        (place / f"{name}.toml").write_text(RECIPE + "[initial]\nyaw_deg = 180.0\n")
+        (place / f"{name}.toml").write_text(RECIPE + BACK)
     (place / "campaign.toml").write_text(CAMPAIGN)
     return place
 

@@ -34,6 +34,7 @@ def test_every_example_has_its_vehicle() -> None:
     assert {path.stem for path in MISSIONS.glob("*.toml")} == set(FLOWN_BY)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sensors", [None, "typical"])
 @pytest.mark.parametrize(("name", "vehicle"), FLIGHTS)
 def test_every_waypoint_is_reached_and_the_promised_distance_kept(

@@ -18,9 +18,12 @@ from seatrial.identification.identify import identify
 EXAMPLE = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "beluga"
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga"
 
-pytestmark = pytest.mark.skipif(
-    not DATA.is_dir(), reason="the recordings of Beluga are not here; set SEATRIAL_DATA to their folder"
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(
+        not DATA.is_dir(), reason="the recordings of Beluga are not here; set SEATRIAL_DATA to their folder"
+    ),
+]
 
 
 @cache

@@ -173,6 +173,7 @@ def test_figure_marks_ends_elsewhere(campaign: Campaign, ends: Ends) -> None:
     assert "elsewhere" in [t.get_text() for t in random_starts(bad).legends[0].get_texts()]
 
 
+@pytest.mark.long
 def test_identify_with_random_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert CliRunner().invoke(app, ["new", "mine"]).exit_code == 0

@@ -60,6 +60,7 @@ def test_missing_roll_and_rates_are_said_with_what_they_cost() -> None:
     assert any("no p q r" in one for one in said)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("without", ["", "xy", "pqr"])
 def test_nothing_is_proposed_for_sensors_without_errors(seed: int, without: str) -> None:

@@ -67,6 +67,7 @@ def test_bluerov_campaign_is_ready_and_thrusters_turn_as_the_data_say(
     assert {stage.free for stage in check.stages} == {"X", "Y", "Z", "N"}
 
 
+@pytest.mark.long
 def test_torpedo_files_make_one_trial_with_units_clock_and_what_is_missing(tmp_path: Path) -> None:
     _needs(*TORPEDO)
     vehicle = DATA / "field_torpedo" / "vehicle.toml"

@@ -48,6 +48,7 @@ def test_closed_loop_and_waves_are_said_before_what_was_done() -> None:
     json.dumps(kind.to_dict())
 
 
+@pytest.mark.long
 def test_the_check_of_a_campaign_says_what_kind_of_data_it_has() -> None:
     found = check_campaign(st.Campaign.load(EXAMPLES / "cwolf" / "campaign.toml"))
     assert not [one for one in found.data if "closed loop" in one or "waves" in one]

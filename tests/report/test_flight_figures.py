@@ -37,6 +37,7 @@ def faulty() -> st.Flight:
 FLIGHTS = {"box": flown, "out": lambda: flown(OUT), "station": lambda: flown(STATION), "faulty": faulty}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FLIGHTS)
 @pytest.mark.parametrize("draw", [flight_track, flight_errors, flight_loops, flight_actuators])
 def test_figures_of_a_flight_can_be_printed(name: str, draw: object) -> None:

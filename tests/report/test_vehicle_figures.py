@@ -17,6 +17,7 @@ from seatrial.report.plot.style import number, symbol
 from tests.report.figures import CWOLF, MINUS, UNEVENLY, VEHICLES, assert_printable, texts
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VEHICLES)
 def test_block_diagrams_of_any_vehicle_can_be_printed(name: str) -> None:
     assert_printable(model_diagram(VEHICLES[name]))

@@ -204,6 +204,7 @@ def test_a_command_row_sets_a_group_and_a_later_one_single_actuators() -> None:
     assert not recipe.commands["VTB"].any()
 
 
+@pytest.mark.long
 def test_the_shipped_campaign_is_ready_to_identify() -> None:
     found = check_campaign(Campaign.load(CWOLF / "campaign.toml"))
     assert found.problems == ()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,8 +20,14 @@ if TYPE_CHECKING:
 __all__ = ["parquet", "write_atomic", "write_table"]
 
 
-def write_atomic(path: Path, content: bytes) -> None:
+def write_atomic(path: Path, content: bytes | Callable[[Path], None]) -> None:
     """Write a file whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    content : bytes or callable
+        What stands in it, or what writes it to a path: for a file that memory may not hold.
 
     Raises
     ------
@@ -29,8 +36,11 @@ def write_atomic(path: Path, content: bytes) -> None:
     """
     partial = path.with_name(path.name + ".writing")
     try:
-        with partial.open("wb") as stream:
-            stream.write(content)
+        if callable(content):
+            content(partial)
+        with partial.open("ab" if callable(content) else "wb") as stream:
+            if not callable(content):
+                stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
         partial.replace(path)

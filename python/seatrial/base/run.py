@@ -42,7 +42,7 @@ import shutil
 import socket
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -57,6 +57,7 @@ from seatrial.base.progress import Clock
 
 __all__ = [
     "RUN_FILE",
+    "Content",
     "RunDirectory",
     "RunResult",
     "check_writable",
@@ -67,6 +68,9 @@ __all__ = [
     "to_json",
     "version",
 ]
+
+Content = str | bytes | Callable[[Path], None]
+"""What stands in a file, or what writes it to a path: for a table that memory may not hold."""
 
 RUN_FILE = "run.json"
 """The file that makes a folder a run directory."""
@@ -180,7 +184,7 @@ class RunDirectory:
                 return content
         return None
 
-    def leave(self, name: str, content: str | bytes) -> Path | None:
+    def leave(self, name: str, content: Content) -> Path | None:
         """Path of a file in the workspace, for a reader of a run that does not get published.
 
         Raises
@@ -206,14 +210,14 @@ class RunDirectory:
         if source.is_file() and not (self.path / name).is_file():
             self.leave(name, source.read_bytes())
 
-    def publish(self, facts: Mapping[str, Any], files: Mapping[str, str | bytes]) -> Path:
+    def publish(self, facts: Mapping[str, Any], files: Mapping[str, Content]) -> Path:
         """Path of the run directory after its files, by name, are in place, all of them or none.
 
         Parameters
         ----------
         facts : mapping
             Content of ``run.json``, see `run_facts`.
-        files : mapping of str to str or bytes
+        files : mapping of str to Content
 
         Raises
         ------
@@ -304,7 +308,7 @@ class RunResult(ABC):
         facts: Mapping[str, Any]
 
     @abstractmethod
-    def files(self) -> dict[str, str | bytes]:
+    def files(self) -> Mapping[str, Content]:
         """Files of the run directory by name, see `save`."""
 
     def save(self, run_dir: str | Path) -> Path:

@@ -183,7 +183,7 @@ def verify(
             "--junit": junit,
             "--runs": runs and not boundary,
             "--compare": compare,
-            "--dask": dask,
+            "--dask": dask if falsify else None,
         }
         if wrong := [key for key, value in given.items() if value]:
             raise CampaignError(f"{wrong[0]}: not with {search}, which chooses its missions; leave it out")
@@ -195,6 +195,7 @@ def verify(
             out,
             resume=resume,
             threads=threads,
+            dask=dask,
             verbose=verbose,
             json=json,
         )
@@ -219,6 +220,7 @@ def verify(
             out=out,
             resume=resume,
             threads=threads,
+            dask=dask,
             drawing=drawing,
             verbose=verbose,
             json=json,
@@ -334,20 +336,27 @@ def _rare(
     *,
     resume: bool,
     threads: int | None,
+    dask: str | None,
     verbose: bool,
     json: bool,
 ) -> None:
     """Rare failures into a run directory of their own; the exit code is that of the verdict."""
     from seatrial.base.run import check_writable
-    from seatrial.cli.console import answer, print_json, search_progress
-    from seatrial.verification.rare import run_rare
+    from seatrial.cli.console import answer, print_json, search_progress, workers
+    from seatrial.verification.rare import SIZE, run_rare
 
     folder = out or Path("runs") / f"{prepared.campaign.name}-rare"
     check_writable(folder)
-    size = {} if population is None else {"size": population}
-    with search_progress("first missions", quiet=json) as progress:
+    with workers(dask) as fleet, search_progress("first missions", quiet=json) as progress:
         found = run_rare(
-            prepared, names=names, run_dir=folder, progress=progress, resume=resume, threads=threads, **size
+            prepared,
+            names=names,
+            size=population or SIZE,
+            run_dir=folder,
+            progress=progress,
+            resume=resume,
+            threads=threads,
+            executor=fleet,
         )
     if json:
         print_json(found.to_dict() | {"run_directory": str(folder)})

@@ -23,20 +23,21 @@ def verify_boundary(
     out: Path | None,
     resume: bool,
     threads: int | None,
+    dask: str | None,
     drawing: tuple[str, ...],
     verbose: bool,
     json: bool,
 ) -> None:
     """The boundaries into a run directory of their own, with a figure each."""
     from seatrial.base.run import check_writable
-    from seatrial.cli.console import answer, print_json, search_progress
+    from seatrial.cli.console import answer, print_json, search_progress, workers
     from seatrial.report.plot.boundary import boundary_gallery
     from seatrial.verification.boundary import run_boundary
 
     folder = out or Path("runs") / f"{prepared.campaign.name}-boundary"
     variables = _ranges(asked)
     check_writable(folder)
-    with search_progress("first missions", quiet=json) as progress:
+    with workers(dask) as fleet, search_progress("first missions", quiet=json) as progress:
         found = run_boundary(
             prepared,
             variables,
@@ -45,6 +46,7 @@ def verify_boundary(
             progress=progress,
             resume=resume,
             threads=threads,
+            executor=fleet,
         )
 
     def drawn() -> list[Path]:

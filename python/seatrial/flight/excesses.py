@@ -10,7 +10,7 @@ Tests: ``tests/flight/test_excesses.py``, ``tests/verification/test_verification
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -43,7 +43,7 @@ def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
 
 
 def counted(
-    metrics: Mapping[str, Any], promised_m: ArrayLike, names: Sequence[str], what: str = "missions"
+    metrics: Mapping[str, Any], promised_m: ArrayLike, name: Callable[[int], str], what: str = "missions"
 ) -> list[str]:
     """A sentence without a full stop for each kind of excess: how many flights, the worst one and when.
 
@@ -53,8 +53,8 @@ def counted(
         Metrics of flights by name, (k,) each.
     promised_m : array_like
         What the mission of each promises, m, (k,) or one number.
-    names : sequence of str
-        What a flight is called, such as "mission 7".
+    name : callable
+        What the flight of a place is called, such as "mission 7".
     what : str
         What several flights are called.
     """
@@ -97,7 +97,7 @@ def counted(
         if mask.any():
             k = int(np.argmin(np.where(mask, least, math.inf)))
             found.append(
-                f"{int(mask.sum())} of {len(names)} {what} {words}, the worst is {names[k]}:"
+                f"{int(mask.sum())} of {len(mask)} {what} {words}, the worst is {name(k)}:"
                 f" {how_far(k)} at {float(metrics[when][k]):.1f} s"
             )
     return found

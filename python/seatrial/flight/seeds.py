@@ -107,5 +107,5 @@ def fly_seeds(
         metrics,
         tuple(ending_of(metrics, case) for case in range(count)),
         tuple(seed for seed, near in zip(seeds, short, strict=True) if near),
-        tuple(counted(metrics, promised, [f"seed {seed}" for seed in seeds], "flights")),
+        tuple(counted(metrics, promised, lambda k: f"seed {seeds[k]}", "flights")),
     )

@@ -10,10 +10,8 @@ Tests: ``tests/verification/test_boundary.py``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,64 +19,31 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
 from seatrial.campaign.campaign import input_hashes
-from seatrial.campaign.verification_table import DistributionTable, Waves
-from seatrial.flight.sensor_channels import sensors_of
-from seatrial.statistics.failure_boundary import (
-    BoundarySurface,
-    Place,
-    places_to_fly,
-    start_places,
-    surface_of,
-)
+from seatrial.statistics.failure_boundary import BoundarySurface
 from seatrial.statistics.proportions import share
-from seatrial.vehicle.actuators import actuator_groups
+from seatrial.verification.boundary_survey import BoundarySurvey, coefficients_at, flights_at, variables_of
 from seatrial.verification.campaign import check_table, verified_campaign
 from seatrial.verification.verification import WITHOUT_FILE, input_files
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.base.fleet import Workers
     from seatrial.campaign.campaign import Campaign
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
     from seatrial.verification.campaign import VerifiedCampaign
-    from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["VARIABLES", "FailureBoundary", "RequirementBoundary", "failure_boundary", "run_boundary"]
-
-VARIABLES: Mapping[str, str] = {
-    "current_speed_m_s": "speed of the mean current",
-    "current_direction_deg": "where the current goes, degrees from north over east",
-    "turbulence_m_s": "standard deviation of the current about its mean",
-    "wave_height_m": "significant height of the waves",
-    "sensor_latency_s": "further latency of every sensor",
-    "payload_kg": "further mass at the centre of gravity, in a hull of the same volume",
-    "voltage_v": "supply",
-}
-"""Variables besides the coefficients of the vehicle."""
-
-_LEAST_RUNS, _MOST_PLACES, _ROUND = 16, 125, 8
+__all__ = ["FailureBoundary", "RequirementBoundary", "failure_boundary", "run_boundary"]
 
 _ROWS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the second variable, in the table
-
-
-@dataclass(frozen=True)
-class _Variable:
-    """A variable, its range, and the coefficients that it sets."""
-
-    name: str
-    low: float
-    high: float
-    coefficients: tuple[str, ...] = ()
-
-    def value(self, x: float) -> float:
-        return self.low + (self.high - self.low) * x
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,6 +324,7 @@ def failure_boundary(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> FailureBoundary:
     """Where in one or two variables requirements begin to fail more often than they allow.
 
@@ -381,6 +347,8 @@ def failure_boundary(
         Reuse places that an earlier run in this folder flew from the same inputs.
     threads : int, optional
         Threads of the core; the result does not depend on it.
+    executor : Executor or str, optional
+        Where places are flown, as of `seatrial.verify`: as many at a time as it has workers.
 
     Raises
     ------
@@ -400,6 +368,7 @@ def failure_boundary(
         progress=progress,
         resume=resume,
         threads=threads,
+        executor=executor,
     )
 
 
@@ -412,6 +381,7 @@ def run_boundary(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> FailureBoundary:
     """Boundary of a campaign that is ready to fly. See `failure_boundary` for the parameters."""
     known = {one.name: one for one in prepared.requirements}
@@ -419,10 +389,10 @@ def run_boundary(
         if name not in known:
             raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
     chosen = [known[name] for name in names] if names else list(prepared.requirements)
-    asked = _variables(variables, prepared.flights)
+    asked = variables_of(variables, prepared.flights)
     for end in (0.0, 1.0):
         corner = np.full(len(asked), end)
-        at_end, payload = _at(prepared.flights, asked, corner)
+        at_end, payload = flights_at(prepared.flights, asked, corner)
         check_table(prepared.campaign.source, at_end)
         at_end.check()
         vehicle = prepared.flights.fitted.vehicle
@@ -432,10 +402,11 @@ def run_boundary(
                 f"boundary: payload_kg: expected more than {-own:g}, the mass of {vehicle.name} in kg, found"
                 f" {payload:g}"
             )
-        vehicle.with_coefficients(_set(asked, corner))
+        vehicle.with_coefficients(coefficients_at(asked, corner))
     clock, interrupted = Clock(), False
-    with RunDirectory(run_dir, resume=resume) as run:
-        survey = _Survey(prepared, asked, chosen, run, threads)
+    threads = threads_of(threads, executor)
+    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
+        survey = BoundarySurvey(prepared, asked, chosen, run, threads, fleet)
         try:
             survey.fly(progress, clock)
         except KeyboardInterrupt:
@@ -445,7 +416,9 @@ def run_boundary(
         result = FailureBoundary(
             prepared=prepared,
             variables={one.name: (one.low, one.high) for one in asked},
-            requirements=tuple(survey.boundary(k) for k in range(len(chosen))),
+            requirements=tuple(
+                RequirementBoundary(one, survey.surface(k), survey.failed(k)) for k, one in enumerate(chosen)
+            ),
             places=np.array([[v.value(x) for v, x in zip(asked, place, strict=True)] for place in survey.x]),
             runs_per_place=survey.runs,
             interrupted=interrupted,
@@ -469,178 +442,3 @@ def run_boundary(
         if run_dir is not None and not interrupted:
             run.publish(result.facts, result.files())
     return result
-
-
-def _variables(given: Mapping[str, tuple[float, float]], flights: CampaignFlights) -> tuple[_Variable, ...]:
-    """Variables with the coefficients that they set, checked."""
-    if not 1 <= len(given) <= 2:
-        raise CampaignError(f"boundary: expected one or two variables, found {len(given)}")
-    found = []
-    for name, ends in given.items():
-        low, high = map(float, ends)
-        if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise CampaignError(
-                f"boundary: {name}: expected a range FROM:TO with FROM below TO, found {low:g}:{high:g}"
-            )
-        found.append(_Variable(name, low, high, () if name in VARIABLES else _meant(name, flights)))
-    if set(found[0].coefficients) & set(found[-1].coefficients) and len(found) > 1:
-        raise CampaignError(f"boundary: {found[0].name} and {found[1].name} set the same coefficient")
-    return tuple(found)
-
-
-def _meant(name: str, flights: CampaignFlights) -> tuple[str, ...]:
-    """Coefficients behind a name, a pattern or a group."""
-    vehicle = flights.fitted.vehicle
-    own = list(vehicle.coefficients())
-    group, _, suffix = name.partition(".")
-    groups = actuator_groups(vehicle)
-    if name not in own and group in groups:
-        meant = [one for actuator in groups[group] if (one := f"{actuator}.{suffix}") in own]
-    else:
-        meant = [one for one in own if fnmatchcase(one, name)]
-    if not meant:
-        raise CampaignError(
-            f"boundary: {name!r} is no variable and no coefficient of {vehicle.name}"
-            f"{nearest(name, [*VARIABLES, *own])}"
-        )
-    return tuple(meant)
-
-
-def _set(variables: tuple[_Variable, ...], x: Array) -> dict[str, float]:
-    """Coefficients that get a value at a place of the unit cube."""
-    return {
-        name: variable.value(share_)
-        for variable, share_ in zip(variables, x.tolist(), strict=True)
-        for name in variable.coefficients
-    }
-
-
-def _at(
-    flights: CampaignFlights, variables: tuple[_Variable, ...], x: Array
-) -> tuple[CampaignFlights, float]:
-    """What flies at a place of the unit cube, and the payload, kg."""
-    table, payload = flights.table, 0.0
-    for variable, share_ in zip(variables, x.tolist(), strict=True):
-        value = variable.value(share_)
-        fixed = DistributionTable(fixed=value)
-        current: dict[str, Any] = {}
-        if variable.name == "current_speed_m_s":
-            current = {"speed_m_s": fixed}
-        elif variable.name == "current_direction_deg":
-            current = {"direction_deg": fixed}
-        elif variable.name == "turbulence_m_s":
-            current = {"turbulence_m_s": fixed}
-        elif variable.name == "wave_height_m":
-            waves = Waves(height_m=fixed) if table.waves is None else table.waves
-            table = table.model_copy(update={"waves": waves.model_copy(update={"height_m": fixed})})
-        elif variable.name == "voltage_v":
-            table = table.model_copy(update={"voltage_v": value})
-        elif variable.name == "payload_kg":
-            payload = value
-        elif variable.name == "sensor_latency_s":
-            flights = _later(flights, value)
-        if current:
-            table = table.model_copy(update={"current": table.current.model_copy(update=current)})
-    return replace(flights, table=table), payload
-
-
-def _later(flights: CampaignFlights, latency_s: float) -> CampaignFlights:
-    """The same with sensors that are later."""
-    sensors = sensors_of(flights.sensors, flights.fitted.vehicle)
-    if sensors is None:
-        raise CampaignError(
-            "boundary: sensor_latency_s: the sensors of this campaign are perfect; name a set under"
-            ' [verification], sensors = "typical"'
-        )
-    late = {kind: replace(one, latency_s=one.latency_s + latency_s) for kind, one in sensors.items()}
-    return replace(flights, sensors=late)
-
-
-class _Survey:
-    """Missions at places, and what they say of each requirement."""
-
-    def __init__(
-        self,
-        prepared: VerifiedCampaign,
-        variables: tuple[_Variable, ...],
-        requirements: Sequence[Requirement],
-        run: RunDirectory,
-        threads: int | None,
-    ) -> None:
-        self.prepared, self.variables, self.requirements = prepared, variables, requirements
-        self.run, self.threads = run, threads
-        first = len(start_places(len(variables)))
-        self.runs = max(_LEAST_RUNS, -(-prepared.runs // _MOST_PLACES))
-        self.places = max(prepared.runs // self.runs, first)
-        self.x: list[Array] = []
-        self.failures: list[list[int]] = []
-
-    def fly(self, progress: Callable[[Progress], None] | None, clock: Clock) -> None:
-        """Fly the first places, then those that the requirements choose in turn."""
-        waiting = list(start_places(len(self.variables)))
-        while len(self.x) < self.places:
-            if not waiting:
-                each = max(_ROUND // len(self.requirements), 1)
-                for k, one in enumerate(self.requirements):
-                    waiting += list(
-                        places_to_fly(
-                            self.seen(k),
-                            allowed=one.allowed,
-                            confidence=self.prepared.flights.table.confidence,
-                            count=each,
-                            runs=self.runs,
-                        )
-                    )
-            place = waiting.pop(0)
-            self.failures.append(self._failures(place))
-            self.x.append(place)
-            if progress is not None:
-                done, left = len(self.x), self.places - len(self.x)
-                progress(
-                    Progress(
-                        what="boundary",
-                        done=done,
-                        total=self.places,
-                        fraction=done / self.places,
-                        elapsed_s=clock.elapsed_s,
-                        left_s=clock.left_s(done, left),
-                        detail=f"{done * self.runs} of {self.places * self.runs} missions flown",
-                    )
-                )
-
-    def _failures(self, place: Array) -> list[int]:
-        """Failures of each requirement among the missions at a place."""
-        number = len(self.x)
-        flights = self.prepared.flights
-        values = ", ".join(f"{v.name} {v.low:g} {v.high:g}" for v in self.variables)
-        holds = ", ".join(one.holds for one in self.requirements)
-        inputs = sha256(f"{flights.digest} {values} {holds} {place.tolist()} {self.runs}")
-        part = f"boundary, place {number}"
-        kept = self.run.finished(part, inputs)
-        if kept is not None:
-            return [int(one) for one in kept["failures"]]
-        there, payload = _at(flights, self.variables, place)
-        drawn = there.draws(np.arange(number * self.runs, (number + 1) * self.runs))
-        given = dict(drawn.coefficients)
-        given |= {name: np.full(len(drawn), value) for name, value in _set(self.variables, place).items()}
-        if payload:
-            own = flights.fitted.vehicle.coefficients()
-            given["m"] = given.get("m", np.full(len(drawn), own["m"])) + payload
-        flown = there.fly_drawn(replace(drawn, coefficients=given), threads=self.threads)
-        failures = [one.judge(flown.metrics).failures for one in self.requirements]
-        self.run.keep(part, inputs, {"place": place.tolist(), "failures": failures})
-        return failures
-
-    def seen(self, k: int) -> list[Place]:
-        """What was flown, as a requirement sees it."""
-        return [
-            Place(tuple(x.tolist()), self.runs, failures[k])
-            for x, failures in zip(self.x, self.failures, strict=True)
-        ]
-
-    def boundary(self, k: int) -> RequirementBoundary:
-        """What was found of a requirement."""
-        asked = self.requirements[k]
-        confidence = self.prepared.flights.table.confidence
-        surface = surface_of(self.seen(k), allowed=asked.allowed, confidence=confidence)
-        return RequirementBoundary(asked, surface, sum(one[k] for one in self.failures))

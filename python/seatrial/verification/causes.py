@@ -26,7 +26,7 @@ each shown weaker than they are. The tests themselves, exact where most missions
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -211,7 +211,7 @@ def find_causes(
 
 
 def find_causes_of_all(
-    judgements: Sequence[tuple[ArrayLike, ArrayLike]], *, causes: Sequence[Cause], level: float = 0.05
+    judgements: Sequence[tuple[ArrayLike, ArrayLike]], *, causes: Iterable[Cause], level: float = 0.05
 ) -> tuple[tuple[Influence, ...], ...]:
     """Influences of all causes on each of several requirements, as of `find_causes`.
 
@@ -221,7 +221,8 @@ def find_causes_of_all(
     ----------
     judgements : sequence of (held, reserve)
         Of each requirement, (k,) each.
-    causes : sequence of Cause
+    causes : iterable of Cause
+        Asked for one by one, so that memory holds no more than one.
     level : float
         Chance to name any cause of any requirement where there is none.
 
@@ -242,10 +243,13 @@ def find_causes_of_all(
     >>> path[0].label, [one.named for one in calm]
     ('start heading off: both ends', [False, False])
     """
-    found = [
-        _of_one(causes, np.asarray(held, dtype=bool), np.asarray(reserve, dtype=np.float64))
-        for held, reserve in judgements
+    asked = [
+        (np.asarray(held, dtype=bool), np.asarray(reserve, dtype=np.float64)) for held, reserve in judgements
     ]
+    found: list[list[Influence]] = [[] for _ in asked]
+    for cause in causes:
+        for rows, (held, reserve) in zip(found, asked, strict=True):
+            rows += _of_one(cause, held, reserve)
     corrected = holm([one.p_value for rows in found for one in rows])
     ends = np.cumsum([len(rows) for rows in found]).tolist()
     return tuple(
@@ -253,15 +257,12 @@ def find_causes_of_all(
     )
 
 
-def _of_one(
-    causes: Sequence[Cause], held: NDArray[np.bool_], reserve: NDArray[np.float64]
-) -> list[Influence]:
-    for cause in causes:
-        if (shape := np.shape(cause.values)) != held.shape:
-            raise ValueError(f"{cause.name}: expected {len(held)} values, found shape {shape}")
+def _of_one(cause: Cause, held: NDArray[np.bool_], reserve: NDArray[np.float64]) -> list[Influence]:
+    if (shape := np.shape(cause.values)) != held.shape:
+        raise ValueError(f"{cause.name}: expected {len(held)} values, found shape {shape}")
     if not enough(held) and (reserve == reserve[:1]).all():
         return []
-    return [one for cause in causes for one in influences(cause, held, reserve)]
+    return influences(cause, held, reserve)
 
 
 def _judged(rows: Sequence[Influence], corrected: Sequence[float], level: float) -> tuple[Influence, ...]:

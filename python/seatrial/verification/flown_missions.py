@@ -9,8 +9,9 @@ Tests: ``tests/verification/test_verify.py``.
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Flights
 
-__all__ = ["KEPT", "WORDS", "FlownMissions", "metrics_for_requirements"]
+__all__ = ["COUNTED", "KEPT", "WORDS", "FlownMissions", "metrics_for_requirements"]
 
 Values = NDArray[Any]
 
@@ -36,6 +37,9 @@ KEPT = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")
 
 _METRIC, _CAUSE = "metric ", "cause "
 
+
+COUNTED = 16_384
+"""Missions whose samples of the cross-track error are kept for the figure of their distribution."""
 
 WORDS = "U24"
 """Type of a column of words, as of endings."""
@@ -55,9 +59,13 @@ class FlownMissions:
         What was drawn, by readable names with units, (k,).
     perceived_counts, true_counts
         Samples of the cross-track error on settled legs between the edges of `seatrial._core.error_edges`,
-        (k, edges + 1): as guidance perceived it, and of where the vehicle really was.
+        (n, edges + 1): as guidance perceived it, and of where the vehicle really was. Of the first n missions
+        only, `COUNTED` at most.
     wall_s
         Time that they took, s.
+    stored
+        The same as columns of files, as of `to_frame`, where metrics and causes are read from there
+        (`seatrial.verification.mission_store`); None where all is in memory.
     """
 
     numbers: NDArray[np.int_]
@@ -68,6 +76,7 @@ class FlownMissions:
     perceived_counts: Array
     true_counts: Array
     wall_s: float
+    stored: pl.LazyFrame | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         """Number of missions."""
@@ -114,6 +123,23 @@ class FlownMissions:
             self.wall_s * min(count, len(self)) / max(len(self), 1),
         )
 
+    def rows(self, places: Sequence[int]) -> list[tuple[dict[str, Any], dict[str, float]]]:
+        """Metrics, and what was drawn, of some of them, by name.
+
+        Parameters
+        ----------
+        places : sequence of int
+            Rows, not numbers.
+        """
+        found: list[tuple[dict[str, Any], dict[str, float]]] = [({}, {}) for _ in places]
+        for name, values in self.metrics.items():
+            for place, (metrics, _) in zip(places, found, strict=True):
+                metrics[name] = values[[place]].tolist()[0]
+        for name, values in self.causes.items():
+            for place, (_, drawn) in zip(places, found, strict=True):
+                drawn[name] = float(values[place])
+        return found
+
     def table(self, missions: Sequence[str]) -> pl.DataFrame:
         """Table with a row per mission: number, mission, seed, metrics, and what was drawn ("drawn: ...").
 
@@ -122,26 +148,74 @@ class FlownMissions:
         missions : sequence of str
             Their names.
         """
-        import polars as pl
+        before_table()
+        return self._told(missions).collect()
 
-        return pl.DataFrame(
-            {
-                "number": self.numbers,
-                "mission": [missions[k] for k in self.mission.tolist()],
-                "seed": self.seeds,
-            }
-            | {name: pl.Series(values) for name, values in self.metrics.items()}
-            | {f"drawn: {name}": pl.Series(values) for name, values in self.causes.items()}
-        )
+    def write_table(self, missions: Sequence[str], path: Path) -> None:
+        """Write the table to a Parquet file, part by part, so that memory never holds all of it.
 
-    def to_parquet(self) -> bytes:
-        """Content of a Parquet file that loses nothing; `from_parquet` reads it."""
+        Parameters
+        ----------
+        missions : sequence of str
+            Their names.
+        path : Path
+        """
+        before_table()
+        self._told(missions).sink_parquet(path, row_group_size=16_384)
+
+    def to_frame(self) -> pl.DataFrame:
+        """Columns that lose nothing."""
         import polars as pl
 
         columns: dict[str, Any] = {name: getattr(self, name) for name in KEPT}
         columns |= {f"{_METRIC}{name}": values for name, values in self.metrics.items()}
         columns |= {f"{_CAUSE}{name}": values for name, values in self.causes.items()}
-        return parquet(pl.DataFrame({name: pl.Series(values) for name, values in columns.items()}))
+        return pl.DataFrame({name: pl.Series(values) for name, values in columns.items()})
+
+    def to_parquet(self) -> bytes:
+        """Content of a Parquet file that loses nothing; `from_parquet` reads it."""
+        return parquet(self.to_frame())
+
+    @classmethod
+    def of_columns(cls, stored: pl.LazyFrame, counts: tuple[Array, Array], *, wall_s: float) -> FlownMissions:
+        """Missions whose metrics and causes are read from files, column by column.
+
+        Parameters
+        ----------
+        stored : polars.LazyFrame
+            Rows of `to_frame`, without counts.
+        counts : (perceived, true)
+            Of the first of them.
+        wall_s : float
+        """
+        names = stored.collect_schema().names()
+        every = _Stored(stored, names, "")
+        return cls(
+            numbers=every["numbers"],
+            mission=every["mission"],
+            seeds=every["seeds"],
+            metrics=_Stored(stored, names, _METRIC),
+            causes=_Stored(stored, names, _CAUSE),
+            perceived_counts=counts[0],
+            true_counts=counts[1],
+            wall_s=wall_s,
+            stored=stored,
+        )
+
+    def _told(self, missions: Sequence[str]) -> pl.LazyFrame:
+        import polars as pl
+
+        rows = self.to_frame().lazy() if self.stored is None else self.stored
+        mission, title = pl.col("mission"), pl.lit(missions[-1])
+        for index, name in enumerate(missions[:-1]):  # `replace` would gather all rows in memory
+            title = pl.when(mission == index).then(pl.lit(name)).otherwise(title)
+        return rows.select(
+            pl.col("numbers").alias("number"),
+            title.alias("mission"),
+            pl.col("seeds").alias("seed"),
+            *(pl.col(f"{_METRIC}{name}").alias(name) for name in self.metrics),
+            *(pl.col(f"{_CAUSE}{name}").alias(f"drawn: {name}") for name in self.causes),
+        )
 
     @classmethod
     def from_parquet(cls, content: bytes, *, wall_s: float = 0.0) -> FlownMissions:
@@ -162,12 +236,8 @@ class FlownMissions:
         def named(head: str) -> dict[str, Values]:
             return {name.removeprefix(head): found[name] for name in found if name.startswith(head)}
 
-        return cls(
-            **{name: found[name] for name in KEPT},
-            metrics=named(_METRIC),
-            causes=named(_CAUSE),
-            wall_s=wall_s,
-        )
+        kept: dict[str, Any] = {name: found[name] for name in KEPT}
+        return cls(**kept, metrics=named(_METRIC), causes=named(_CAUSE), wall_s=wall_s)
 
     @classmethod
     def joined(cls, parts: Sequence[FlownMissions]) -> FlownMissions:
@@ -179,12 +249,37 @@ class FlownMissions:
             At least one.
         """
         first = parts[0]
+        kept: dict[str, Any] = {
+            name: np.concatenate([getattr(part, name) for part in parts]) for name in KEPT
+        }
         return cls(
-            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in KEPT},
+            **kept,
             metrics={name: np.concatenate([part.metrics[name] for part in parts]) for name in first.metrics},
             causes={name: np.concatenate([part.causes[name] for part in parts]) for name in first.causes},
             wall_s=sum(part.wall_s for part in parts),
         )
+
+
+class _Stored(Mapping[str, Values]):
+    """Columns of files with a common head, each read when it is asked for and not kept."""
+
+    def __init__(self, stored: pl.LazyFrame, names: Sequence[str], head: str) -> None:
+        self._stored, self._head = stored, head
+        self._names = {name.removeprefix(head): None for name in names if name.startswith(head)}
+
+    def __getitem__(self, name: str) -> Values:
+        if name not in self._names:
+            raise KeyError(name)
+        return _shared_words(self._stored.select(self._head + name).collect().to_series())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 def metrics_for_requirements(flights: Flights) -> tuple[dict[str, Values], tuple[Array, Array]]:
@@ -223,6 +318,17 @@ def _between_edges(above: Array) -> Array:
     """Samples between the edges (k, edges + 1) from all samples and those above each edge."""
     samples = np.asarray(above, dtype=float)
     return np.asarray(samples - np.append(samples[:, 1:], np.zeros((len(samples), 1)), axis=1))
+
+
+def _shared_words(column: pl.Series) -> Values:
+    """Values of a column; of words one object each, however often it stands there."""
+    import polars as pl
+
+    if column.dtype != pl.String:
+        return _values(column)
+    words = column.unique().to_list()
+    places = column.replace_strict(words, list(range(len(words))), return_dtype=pl.UInt16)
+    return np.asarray(np.array(words, dtype=object)[places.to_numpy()])
 
 
 def _values(column: pl.Series) -> Values:

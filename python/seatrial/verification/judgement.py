@@ -191,7 +191,7 @@ def judged(
     judgements = [one.judge(flown.metrics) for one in requirements]
     causes = find_causes_of_all(
         [(one.held, one.reserve) for one in judgements],
-        causes=[Cause.of_column(name, values) for name, values in flown.causes.items()],
+        causes=(Cause.of_column(name, values) for name, values in flown.causes.items()),
     )
     return tuple(
         JudgedRequirement(
@@ -221,6 +221,11 @@ def _by_mission(
 def _worst(
     judgement: Judgement, flown: FlownMissions, missions: Sequence[str], count: int
 ) -> tuple[WorstMission, ...]:
+    places = [
+        int(row)
+        for row in judgement.worst(count)
+        if not judgement.held[row] or np.isfinite(judgement.reserve[row])  # held by words: none is worst
+    ]
     return tuple(
         WorstMission(
             number=int(flown.numbers[row]),
@@ -228,11 +233,10 @@ def _worst(
             seed=int(flown.seeds[row]),
             held=bool(judgement.held[row]),
             reserve=float(judgement.reserve[row]),
-            metrics={name: values[row].item() for name, values in flown.metrics.items()},
-            drawn={name: float(values[row]) for name, values in flown.causes.items()},
+            metrics=metrics,
+            drawn=drawn,
         )
-        for row in judgement.worst(count)
-        if not judgement.held[row] or np.isfinite(judgement.reserve[row])  # held by words: none is worst
+        for row, (metrics, drawn) in zip(places, flown.rows(places), strict=True)
     )
 
 
@@ -333,9 +337,9 @@ def beyond_the_vehicle(flights: CampaignFlights, draws: Draws, flown: FlownMissi
     flights : CampaignFlights
         What was flown.
     draws : Draws
-        What was drawn.
+        What was drawn for the first of them.
     flown : FlownMissions
-        What came of it, of the same numbers.
+        What came of them all.
     """
     return (*_time(flights, flown), *_speed(flights, draws))
 

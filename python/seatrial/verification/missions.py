@@ -38,6 +38,7 @@ from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN
 from seatrial.verification.flown_missions import KEPT, WORDS, FlownMissions, metrics_for_requirements
+from seatrial.verification.mission_store import MissionStore
 from seatrial.verification.requirement import obstacles
 
 if TYPE_CHECKING:
@@ -328,7 +329,7 @@ def fly_series(
     fleet : Fleet, optional
         Where chunks are flown; in this process when omitted.
     """
-    clock, parts, records = Clock(), list[FlownMissions](), list[Mapping[str, Any]]()
+    clock, store, records = Clock(), MissionStore(), list[Mapping[str, Any]]()
     fresh, flown_s, wall_s = 0, 0.0, 0.0
     shared, interrupted = Shared(flights), False
     chunks = (
@@ -344,7 +345,7 @@ def fly_series(
     try:
         for done in run_chunks(chunks, run, _FORMAT, fleet=fleet):
             took = float(done.record["wall_s"])
-            parts.append(replace(done.value, wall_s=took))
+            store.append(replace(done.value, wall_s=took))
             records.append(done.record)
             stop = int(done.value.numbers[-1]) + 1
             fresh += 0 if done.kept else len(done.value)
@@ -364,7 +365,7 @@ def fly_series(
                 )
     except KeyboardInterrupt:
         interrupted = True
-    return Series(FlownMissions.joined(parts) if parts else None, interrupted, tuple(records))
+    return Series(store.flown(), interrupted, tuple(records))
 
 
 def fly_missions(flights: CampaignFlights, start: int, stop: int, threads: int | None) -> FlownMissions:

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
+from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
 from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.progress import Clock, Progress
 from seatrial.base.report import Report, Section, Table
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
@@ -33,17 +35,22 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seatrial._core import Autopilot, Vehicle
+    from seatrial.base.fleet import Fleet, Workers
     from seatrial.campaign.campaign import Campaign
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
     from seatrial.verification.campaign import VerifiedCampaign
+    from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
 
-__all__ = ["RareFailures", "RareRequirement", "rare_failures", "run_rare"]
+__all__ = ["SIZE", "RareFailures", "RareRequirement", "rare_failures", "rare_population", "run_rare"]
 
-_POPULATIONS, _SIZE, _CHECKED = 4, 500, 1000
+_POPULATIONS, _CHECKED = 4, 1000
+
+SIZE = 500
+"""Missions of a level."""
 
 _CAUSE = 5  # stream of these random numbers; 1 to 4 are those of the draws
 
@@ -235,7 +242,7 @@ def _worst(found: RareFailures) -> tuple[str, str]:
         return (
             f"{apart[0].requirement.name}: importance sampling about the failures disagrees: failures"
             " of another kind may be missing",
-            f"fly larger populations: {again} --population {2 * _SIZE}",
+            f"fly larger populations: {again} --population {2 * SIZE}",
         )
     failing = [(one, event) for one, event in judged if one.verdict != "held" and event.estimate > 0.0]
     if failing:
@@ -255,7 +262,7 @@ def _worst(found: RareFailures) -> tuple[str, str]:
         return (
             f"{one.requirement.name}: at most {event.interval[1]:.2g} of the missions fail, more than the"
             f" {one.requirement.allowed:.2g} that are allowed",
-            f"fly larger populations: {again} --population {2 * _SIZE}",
+            f"fly larger populations: {again} --population {2 * SIZE}",
         )
     return (
         f"{one.requirement.name} fails most often, in at most {event.interval[1]:.2g} of the missions",
@@ -329,13 +336,14 @@ def rare_failures(
     requirements: Sequence[str] = (),
     model: Vehicle | str | Path | None = None,
     missions: Sequence[Mission | str | Path] | None = None,
-    population: int = _SIZE,
+    population: int = SIZE,
     populations: int = _POPULATIONS,
     checked: int = _CHECKED,
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> RareFailures:
     """How rarely an autopilot fails its requirements, 1e-4 and below, from some ten thousand missions.
 
@@ -359,6 +367,8 @@ def rare_failures(
         Reuse the populations that an earlier run in this folder finished from the same inputs.
     threads : int, optional
         Threads of the core; the result does not depend on it.
+    executor : Executor or str, optional
+        Where populations are flown, as of `seatrial.verify`: as many at a time as it has workers.
 
     Raises
     ------
@@ -378,6 +388,7 @@ def rare_failures(
         progress=progress,
         resume=resume,
         threads=threads,
+        executor=executor,
     )
 
 
@@ -385,13 +396,14 @@ def run_rare(
     prepared: VerifiedCampaign,
     *,
     names: Sequence[str] = (),
-    size: int = _SIZE,
+    size: int = SIZE,
     populations: int = _POPULATIONS,
     checked: int = _CHECKED,
     run_dir: str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = True,
     threads: int | None = None,
+    executor: Workers | None = None,
 ) -> RareFailures:
     """Rare failures of a campaign that is ready to fly. See `rare_failures` for the parameters."""
     if size < 100 or size % 10:
@@ -404,10 +416,11 @@ def run_rare(
             raise CampaignError(f'requirement: unknown "{name}"{nearest(name, known)}')
     chosen = [known[name] for name in names] if names else list(prepared.requirements)
     clock, found, interrupted = Clock(), [], False
-    with RunDirectory(run_dir, resume=resume) as run:
+    threads = threads_of(threads, executor)
+    with RunDirectory(run_dir, resume=resume) as run, fleet_of(executor) as fleet:
         try:
             for place, requirement in enumerate(chosen):
-                work = _Search(prepared, requirement, size, populations, checked, run, threads)
+                work = _Search(prepared, requirement, size, populations, checked, run, threads, fleet)
                 found.append(work.run(_watch(progress, clock, requirement.name, place, len(chosen))))
         except KeyboardInterrupt:
             interrupted = True
@@ -445,6 +458,7 @@ class _Search:
     checked: int
     run_directory: RunDirectory
     threads: int | None
+    fleet: Fleet | None
 
     def run(self, watch: Callable[[float, str, int], None]) -> RareRequirement:
         flights, space = self.prepared.flights, MissionSpace(self.prepared.flights)
@@ -455,14 +469,7 @@ class _Search:
         def level(x: Array, seeds: Array) -> Array:
             return space.robustness(self.requirement, x, seeds, threads=self.threads)
 
-        parts = []
-        for number in range(self.populations):
-
-            def passed(levels: int, threshold: float, number: int = number) -> None:
-                share = (number + levels / (levels + 2.0)) / (self.populations + 1)
-                watch(share, f"level {levels}, robustness {threshold:.3g}", number + 1)
-
-            parts.append(self._population(level, space, number, passed))
+        parts = self._parts(watch)
         samples = np.vstack([one.samples for one in parts])
         seeds = np.concatenate([one.seeds for one in parts])
         check = None
@@ -504,51 +511,87 @@ class _Search:
             seed=float(seeds[nearest_one]),
         )
 
-    def _population(
-        self,
-        level: Callable[[Array, Array], Array],
-        space: MissionSpace,
-        number: int,
-        passed: Callable[[int, float], None],
-    ) -> Population:
+    def _parts(self, watch: Callable[[float, str, int], None]) -> list[Population]:
+        """All populations, wherever they are flown."""
         flights = self.prepared.flights
-        part = f"{self.requirement.name}, population {number} of {self.size}"
-        inputs = sha256(flights.digest + self.requirement.holds)
-        kept = self.run_directory.finished(part, inputs)
-        if kept is not None:
-            return Population(
-                kept["estimate"],
-                kept["relative_variance"],
-                kept["evaluations"],
-                tuple(kept["thresholds"]),
-                np.array(kept["samples"], float).reshape(-1, space.dimensions),
-                np.array(kept["seeds"], float),
-                kept["stood_still"],
-                kept["reached"],
+        shared = Shared((flights, self.requirement, self.size))
+        chunks = (
+            Chunk(
+                f"{self.requirement.name}, population {number} of {self.size}",
+                sha256(flights.digest + self.requirement.holds),
+                rare_population,
+                shared,
+                (number, self.threads),
             )
-        found = population(
-            level,
-            space.dimensions,
-            self.size,
-            generator(flights.seed, number, cause=_CAUSE),
-            possible=space.possible,
-            watch=passed,
+            for number in range(self.populations)
         )
-        self.run_directory.keep(
-            part,
-            inputs,
-            {
-                "estimate": found.estimate,
-                "relative_variance": found.relative_variance,
-                "evaluations": found.evaluations,
-                "thresholds": list(found.thresholds),
-                "samples": found.samples.tolist(),
-                "seeds": found.seeds.tolist(),
-                "stood_still": found.stood_still,
-                "reached": found.reached,
-            },
-        )
-        return found
+
+        def here(chunk: Chunk[Population]) -> Population:
+            """A population in this process, which tells how far it is."""
+            number = chunk.arguments[0]
+
+            def passed(levels: int, threshold: float) -> None:
+                share = (number + levels / (levels + 2.0)) / (self.populations + 1)
+                watch(share, f"level {levels}, robustness {threshold:.3g}", number + 1)
+
+            return rare_population(shared.value, number, self.threads, passed)
+
+        parts = []
+        for done in run_chunks(chunks, self.run_directory, _FORMAT, fleet=self.fleet, here=here):
+            parts.append(done.value)
+            watch(len(parts) / (self.populations + 1), "flown", len(parts))
+        return parts
+
+
+def rare_population(
+    shared: tuple[CampaignFlights, Requirement, int],
+    number: int,
+    threads: int | None,
+    passed: Callable[[int, float], None] | None = None,
+) -> Population:
+    """A population of the search for failures: a chunk of it.
+
+    Parameters
+    ----------
+    shared : tuple
+        What is flown, the requirement, and the missions of a level.
+    number : int
+        Of the population.
+    threads : int or None
+    passed : callable, optional
+        As ``watch`` of `seatrial.statistics.subset_simulation.population`.
+    """
+    flights, requirement, size = shared
+    space = MissionSpace(flights)
+    return population(
+        lambda x, seeds: space.robustness(requirement, x, seeds, threads=threads),
+        space.dimensions,
+        size,
+        generator(flights.seed, number, cause=_CAUSE),
+        possible=space.possible,
+        watch=passed,
+    )
+
+
+def _packed(found: Population) -> dict[str, Any]:
+    told = {one.name: getattr(found, one.name) for one in fields(found)}
+    return told | {
+        "samples": found.samples.tolist(),
+        "seeds": found.seeds.tolist(),
+        "dimensions": found.samples.shape[1],
+    }
+
+
+def _unpacked(kept: Mapping[str, Any]) -> Population:
+    values = {one.name: kept[one.name] for one in fields(Population)}
+    if values["relative_variance"] is None:  # JSON has no infinite numbers
+        values["relative_variance"] = math.inf
+    samples = np.array(kept["samples"], float).reshape(-1, kept["dimensions"])
+    seeds, thresholds = np.array(kept["seeds"], float), tuple(kept["thresholds"])
+    return Population(**values | {"thresholds": thresholds, "samples": samples, "seeds": seeds})
+
+
+_FORMAT: Format[Population] = Format(pack=_packed, unpack=_unpacked)
 
 
 def _watch(

@@ -152,8 +152,10 @@ class Requirement:
         CampaignError
             As for `check`.
         """
-        values = {name: np.asarray(metrics[name]) for name in metrics}
-        self.check({name: Metric(_kind_of(array), _known(name)) for name, array in values.items()})
+        # Of a long campaign each column is read from a file: only those that are asked for.
+        values = {name: np.asarray(metrics[name]) for name in (*self.metrics, COMPLETION) if name in metrics}
+        told = {name: Metric(_kind_of(array), _known(name)) for name, array in values.items()}
+        self.check({name: told.get(name, _ANY) for name in metrics})
         units = {unit_of(side) or "" for side in _sides(self._tree)}
         if COMPLETION in values and any(_of_completion(node) for node in ast.walk(self._tree)):
             units.add("")
@@ -167,6 +169,10 @@ class Requirement:
 
     def _refused(self, error: CampaignError) -> CampaignError:
         return CampaignError(f'requirement "{self.name}": holds: {error}')
+
+
+_ANY = Metric("number", ())
+"""A metric that is not asked for."""
 
 
 def _known(name: str) -> tuple[str, ...]:

@@ -8,16 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import parquet
 from seatrial.base.chunks import RECORDS
 from seatrial.base.file_names import file_name, free_name
 from seatrial.base.report import Report, Section, Table
-from seatrial.base.run import RunResult, to_json
+from seatrial.base.run import Content, RunResult, to_json
 from seatrial.flight.excesses import counted
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import share
@@ -166,7 +166,7 @@ class Verification(RunResult):
         """JUnit XML with a case per requirement; undecided is a failure."""
         return junit(self)
 
-    def files(self) -> dict[str, str | bytes]:
+    def files(self) -> dict[str, Content]:
         """Files of the run directory by name, see `save`."""
         worst = {one.requirement.name: [run.to_dict() for run in one.worst] for one in self.requirements}
         return {
@@ -175,7 +175,7 @@ class Verification(RunResult):
             **self.report().files(),
             "junit.xml": junit(self),
             "worst_runs.json": to_json(worst),
-            "missions.parquet": parquet(self.table()),
+            "missions.parquet": partial(self.flown.write_table, self.flights.titles),
             RECORDS: to_json(self.records),
         }
 
@@ -319,11 +319,12 @@ def _excesses(found: Verification) -> list[str]:
     flown = found.flown
     promised = np.array([one.promised_m for one in found.flights.missions])[flown.mission]
     titles = found.flights.titles
-    names = [
-        f"mission {number}" + (f" ({titles[k]})" if len(titles) > 1 else "")
-        for number, k in zip(flown.numbers.tolist(), flown.mission.tolist(), strict=True)
-    ]
-    return counted(flown.metrics, promised, names)
+
+    def name(row: int) -> str:
+        of = f" ({titles[flown.mission[row]]})" if len(titles) > 1 else ""
+        return f"mission {flown.numbers[row]}{of}"
+
+    return counted(flown.metrics, promised, name)
 
 
 def _requirement_table(found: Verification) -> Table:

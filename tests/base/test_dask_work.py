@@ -1,0 +1,89 @@
+"""Every long work on two Dask worker processes of this machine: its result is the one of this process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from seatrial.base.fleet import Fleet, fleet_of
+from seatrial.campaign.campaign import Campaign
+from seatrial.cli import app
+from seatrial.experiment.coverage import coverage
+from seatrial.identification.identify import identify
+from seatrial.identification.restarts import restarts
+from seatrial.tuning.tune import tune
+from seatrial.verification.boundary import run_boundary
+from seatrial.verification.rare import run_rare
+from tests.cli.test_cli_rare import CAMPAIGN
+from tests.experiment import test_coverage as ahead
+from tests.identification.test_identify import HEAD, HEAVE, STERN, SURGE, TRIALS, VERTICAL, outcome, record
+from tests.tuning.test_tune import quick
+from tests.verification.test_boundary import asked
+from tests.verification.test_rare import HOLDS, OUT, prepared
+
+pytestmark = pytest.mark.long
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Iterator[Fleet]:
+    with fleet_of("local:2") as two:
+        assert two is not None
+        yield two
+
+
+def test_a_search_for_rare_failures(fleet: Fleet, tmp_path: Path) -> None:
+    search = partial(run_rare, prepared(HOLDS), size=100, populations=2, checked=0)
+    here, there = search(), search(run_dir=tmp_path / "run", executor=fleet)
+    assert there.requirements[0].to_dict() == here.requirements[0].to_dict()
+    again = search(run_dir=tmp_path / "run")
+    assert again.requirements[0].to_dict() == here.requirements[0].to_dict()
+
+
+def test_a_boundary(fleet: Fleet) -> None:
+    ranges = {"current_speed_m_s": (0.0, 1.2)}
+    assert run_boundary(asked(), ranges, executor=fleet).to_dict() == run_boundary(asked(), ranges).to_dict()
+
+
+def test_a_tuning(fleet: Fleet) -> None:
+    assert tune(quick(), executor=fleet).autopilot.gains() == tune(quick()).autopilot.gains()
+
+
+def test_identification_and_random_starts(fleet: Fleet) -> None:
+    recordings = {"run": record(STERN, 0, 0.01, 1), "dive": record(VERTICAL, 2, 0.005, 2)}
+    campaign = Campaign.from_toml(HEAD + TRIALS + SURGE + HEAVE, source="made.toml", trials=recordings)
+    assert outcome(identify(campaign, executor=fleet)) == outcome(identify(campaign))
+    here, there = (restarts(campaign, starts=2, seed=5, executor=one) for one in (None, fleet))
+    for stage, other in zip(here.stages, there.stages, strict=True):
+        assert stage.costs.tolist() == other.costs.tolist()
+        assert stage.ends.tolist() == other.ends.tolist()
+
+
+def test_a_coverage_study(fleet: Fleet, tmp_path: Path) -> None:
+    (tmp_path / "truth.toml").write_text(ahead.TRUTH)
+    for name, text in (("there", ""), ("back", ahead.BACK), ("unseen", ahead.BACK)):
+        (tmp_path / f"{name}.toml").write_text(ahead.RECIPE + text)
+    (tmp_path / "campaign.toml").write_text(ahead.CAMPAIGN)
+    campaign = Campaign.load(tmp_path / "campaign.toml")
+    here = coverage(campaign, seeds=2, analysed=0)
+    there = coverage(campaign, seeds=2, analysed=0, executor=fleet)
+    assert list(map(ahead.timeless, there.repetitions)) == list(map(ahead.timeless, here.repetitions))
+
+
+def test_the_verb_starts_its_own_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "out.toml").write_text(OUT)
+    (tmp_path / "short.toml").write_text(CAMPAIGN)
+    asked = ["verify", "short.toml", "--rare", "--population", "100", "--json", "--no-resume"]
+    found = [
+        json.loads(CliRunner().invoke(app, [*asked, *more]).stdout)["requirements"]
+        for more in ([], ["--dask", "local:2"])
+    ]
+    assert found[0] == found[1]
+    refused = CliRunner().invoke(app, ["verify", "short.toml", "--falsify", "--dask", "local:2"])
+    assert refused.exit_code == 2
+    assert "--dask: not with --falsify" in refused.output
