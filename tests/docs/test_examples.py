@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import shlex
 import tomllib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -38,8 +39,26 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+LONG = (
+    "your_own_vehicle",
+    "compare_variants",
+    "tour",
+    "results",
+    "campaign_file",
+    "autopilot_for_your_vehicle",
+)
+"""Pages whose examples identify or tune for more than some seconds."""
+
+
+def pages() -> Iterator[Any]:
+    """Pages with examples."""
+    for name in NAMES:
+        if {block.language for block in blocks(name)} & {"python", "sh"}:
+            yield pytest.param(name, marks=[pytest.mark.long] if Path(name).stem in LONG else [])
+
+
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("name", [n for n in NAMES if {b.language for b in blocks(n)} & {"python", "sh"}])
+@pytest.mark.parametrize("name", pages())
 def test_examples_of_the_page_run(name: str) -> None:
     namespace: dict[str, Any] = {"__name__": "__main__"}
     for block in blocks(name):
