@@ -58,7 +58,7 @@ def pages() -> Iterator[Any]:
 
 
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("name", pages())
+@pytest.mark.parametrize("name", list(pages()))
 def test_examples_of_the_page_run(name: str) -> None:
     namespace: dict[str, Any] = {"__name__": "__main__"}
     for block in blocks(name):
