@@ -11,7 +11,7 @@ from seatrial._core import Mission as Mission2
 from seatrial.flight.mission import Mission as Mission3
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
+__all__ = ["Autopilot", "Filter", "Flights", "Helm", "LinearModel", "Mission", "OpenLoop", "Record", "Run", "State", "Vehicle", "_restored_autopilot", "_restored_flights", "_restored_mission", "_restored_run", "_restored_state", "_restored_vehicle", "ardusub_forward_lateral", "ardusub_frames", "ardusub_pulses", "ardusub_rates", "ardusub_square_root", "ardusub_terms", "ardusub_velocity", "autopilot_names", "checked_threads", "error_edges", "file_kind", "file_text", "fly", "initial_names", "motor_response", "nuisance_names", "simd_level", "simulate_batch", "wrong_kind"]
 
 @final
 class Autopilot:
@@ -768,6 +768,101 @@ def _restored_state(position: ArrayLike, attitude: ArrayLike, nu: ArrayLike, act
 def _restored_vehicle(text: str, coefficients: ArrayLike) -> Vehicle:
     """
     The vehicle of the text of its file with exactly these coefficients: how a pickled one comes back.
+    """
+
+def ardusub_forward_lateral(acceleration: ArrayLike, heading: ArrayLike, limit: SupportsFloat | SupportsIndex) -> NDArray[float64]:
+    """
+    Forward and lateral (n, 2), -1 to 1, of an acceleration wanted.
+
+    Parameters
+    ----------
+    acceleration : (n, 2)
+        North and east, m/s2.
+    heading : (n,)
+        rad.
+    limit : float
+        Largest lean angle, rad.
+    """
+
+def ardusub_frames() -> dict[str, NDArray[float64]]:
+    """
+    Shares (motors, 6) of roll, pitch, yaw, throttle, forward and lateral by the name of each frame.
+
+    They are in the order of ArduSub's ``FRAME_CONFIG``.
+    """
+
+def ardusub_pulses(frame: str, demands: ArrayLike, direction: ArrayLike, pulse: ArrayLike | None = None) -> NDArray[float64]:
+    """
+    Pulse widths (n, motors), whole us, of a frame's motors.
+
+    Parameters
+    ----------
+    frame : str
+        As of `ardusub_frames`.
+    demands : (n, 6)
+        Roll, pitch, yaw, throttle (-1 to 1, up), forward and lateral.
+    direction : (motors,)
+        ``MOT_n_DIRECTION``, 1 or -1.
+    pulse : (2,)
+        ``MOT_PWM_MIN`` and ``MOT_PWM_MAX``, us.
+    """
+
+def ardusub_rates(wanted: ArrayLike, attitude: ArrayLike, turning: ArrayLike, gyro: ArrayLike, p: ArrayLike, acceleration: ArrayLike, dt: SupportsFloat | SupportsIndex) -> NDArray[float64]:
+    """
+    Turn rates (n, 3), rad/s, that the angle controllers want for roll, pitch and yaw.
+
+    Parameters
+    ----------
+    wanted, attitude : (n, 3)
+        Roll, pitch and yaw, rad.
+    turning : (n, 3)
+        Turn rate of the attitude wanted, in its own frame, rad/s.
+    gyro : (n, 3)
+        Measured turn rate, rad/s.
+    p : (3,)
+        ``ATC_ANG_RLL_P``, ``ATC_ANG_PIT_P``, ``ATC_ANG_YAW_P``, per s.
+    acceleration : (3,)
+        ``ATC_ACCEL_R_MAX``, ``ATC_ACCEL_P_MAX``, ``ATC_ACCEL_Y_MAX`` in rad/s2; 0: proportional.
+    dt : float
+        Control period, s.
+    """
+
+def ardusub_square_root(error: ArrayLike, p: SupportsFloat | SupportsIndex, limit: SupportsFloat | SupportsIndex, dt: SupportsFloat | SupportsIndex) -> NDArray[float64]:
+    """
+    Rate wanted (n,) of the square-root controller for an error (n,).
+    """
+
+def ardusub_terms(target: ArrayLike, measured: ArrayLike, dt: ArrayLike, integrator: ArrayLike, gains: ArrayLike, filters: ArrayLike) -> NDArray[float64]:
+    """
+    Terms (n, 7) of a PID controller: filtered target and error, P, I, D, FF and D_FF.
+
+    Parameters
+    ----------
+    target, measured : (n,)
+    dt : (n,)
+        Time since the row before, s; what is not positive begins anew with the row's own integral part.
+    integrator : (n,)
+        Integral part with which a row begins, where it begins anew.
+    gains : (6,)
+        P, I, D, FF, D_FF and IMAX.
+    filters : (3,)
+        Cut-offs of target, error and derivative, Hz; 0: none.
+    """
+
+def ardusub_velocity(error: ArrayLike, velocity: ArrayLike, p: SupportsFloat | SupportsIndex, acceleration: SupportsFloat | SupportsIndex, dt: SupportsFloat | SupportsIndex) -> NDArray[float64]:
+    """
+    Velocity wanted (n,), m/s, for an error of position; see ``PSC_*_POS_P``.
+
+    Parameters
+    ----------
+    error, velocity : (n,)
+        Target minus position, m, and the velocity of the target, m/s.
+    p : float
+        Per s.
+    acceleration : float
+        Limit of the way back, m/s2; 0: proportional.
+    dt : float
+        Control period, s.
     """
 
 def autopilot_names() -> dict[str, list[str]]:

@@ -2,6 +2,7 @@
 
 use pyo3::prelude::*;
 
+mod ardusub;
 mod autopilot;
 mod closed_loop;
 mod convert;
@@ -23,6 +24,11 @@ mod work;
 /// The compiled core of seatrial.
 #[pymodule(gil_used = false)]
 mod _core {
+    #[pymodule_export]
+    use crate::ardusub::{
+        ardusub_forward_lateral, ardusub_frames, ardusub_pulses, ardusub_rates, ardusub_square_root,
+        ardusub_terms, ardusub_velocity,
+    };
     #[pymodule_export]
     use crate::autopilot::{Autopilot, Helm, autopilot_names, restored_autopilot};
     #[pymodule_export]

@@ -5,9 +5,10 @@
 //! to desired speed, heading, pitch and depth; [`reference_filter`], which makes them smooth; [`schedule`],
 //! interpolation of gains over the speed; [`control_law`], what both laws share; [`pid`] and [`lqr`], the laws;
 //! [`allocation`], from the demanded wrench to commands; [`safety`], what is watched meanwhile; [`autopilot`], which
-//! runs all of it once per control period.
+//! runs all of it once per control period. [`ardusub`] is another autopilot's law, as its logs show it.
 
 pub mod allocation;
+pub mod ardusub;
 pub mod autopilot;
 pub mod control_law;
 pub mod guidance;

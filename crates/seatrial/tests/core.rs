@@ -5,6 +5,7 @@
 mod property;
 
 mod allocation;
+mod ardusub;
 mod closed_loop;
 mod control;
 mod cwolf;

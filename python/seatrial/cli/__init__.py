@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from seatrial.cli import (
+    ardusub,
     autopilot,
     bench,
     check,
@@ -89,6 +90,7 @@ _VERBS: tuple[Callable[..., None], ...] = (
     coverage.coverage,
     report.report,
     export.export,
+    ardusub.ardusub,
 )
 
 for _verb in _VERBS:

@@ -1,0 +1,1 @@
+"""ArduSub: its controllers replayed from a log, and its parameter files."""
