@@ -112,7 +112,7 @@ class Controllers:
         why: str = "",
     ) -> None:
         """Keep a quantity; its limit is a hundredth of what was logged unless given."""
-        rows = t > np.median(t) if judged is None else judged
+        rows = (t > np.median(t) if len(t) else np.zeros(0, bool)) if judged is None else judged
         if not rows.any():
             self.notes.append(f"{controller}, {name}: no row is left to judge by.")
             return
@@ -258,8 +258,8 @@ class Controllers:
             self.notes.append(f"{name}_I: too little was integrated to find it.")
             return
         k_i = _robust(gained[first], cause[first])
-        spread = np.std(gained[first] - k_i * cause[first]) / (np.std(cause[first]) * math.sqrt(first.sum()))
-        self.found.append(Found(f"{name}_I", k_i, float(spread), "gain of the I term from row to row"))
+        sd = np.std(gained[first] - k_i * cause[first]) / (np.std(cause[first]) * math.sqrt(first.sum()))
+        self.found.append(Found(f"{name}_I", k_i, float(sd), "gain of the I term from row to row"))
         if reset.any():
             self.notes.append(
                 f"{controller}: the integral part was set anew in {int(reset.sum())} of {len(t)} rows."

@@ -65,8 +65,9 @@ def replay_figure(found: Replay) -> Figure:
             right.set_ylim(-most, most)
             unit = "" if one.unit == "1" else f", {one.unit.replace('us', 'µs').replace('m/s2', 'm/s²')}"
             panel_title(left, f"{one.controller}: {one.name}{unit}")
-            panel_title(right, f"replayed − logged; grey: limit {one.limit:.2g}")
-        panels[0, 0].legend(loc="upper right", ncols=2)
+            panel_title(right, f"difference, limit {one.limit:.2g}")
+            right.locator_params(axis="x", nbins=4)
+        panels[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
         for panel in panels[-1]:
             panel.set_xlabel("time, s")
     return figure

@@ -1,0 +1,115 @@
+"""A DataFlash log as text of a vehicle with the Vectored frame, computed here row by row.
+
+The controllers run 200 times a second, the log has every twentieth of their rows, as on the vehicle. Angles
+stay so small that the angle controllers are those of three axes by themselves.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from seatrial.base.arrays import Array
+
+GAINS = {"RLL": (0.11, 0.08), "PIT": (0.13, 0.05), "YAW": (0.22, 0.03)}
+"""P and I of the rate controllers."""
+
+ANGLE_P = {"RLL": 5.0, "PIT": 5.5, "YAW": 4.5}
+
+DIRECTION = (1, 1, -1, -1, 1, -1)
+
+SHARES = np.array([
+    [0.0, 0.0, 1.0, 0.0, -1.0, 1.0],
+    [0.0, 0.0, -1.0, 0.0, -1.0, -1.0],
+    [0.0, 0.0, -1.0, 0.0, 1.0, 1.0],
+    [0.0, 0.0, 1.0, 0.0, 1.0, -1.0],
+    [1.0, 0.0, 0.0, -1.0, 0.0, 0.0],
+    [-1.0, 0.0, 0.0, -1.0, 0.0, 0.0],
+])
+"""Roll, pitch, yaw, throttle, forward, lateral of the motors of ArduSub's Vectored frame."""
+
+_EVERY = 20
+
+_DT = 0.005
+
+
+def write(path: Path, *, minutes: float = 4.0, p_term: float = 1.0, frame_noise_us: float = 0.0) -> Path:
+    """Write the log.
+
+    `p_term` scales what is logged as P term of the yaw controller on the second half, `frame_noise_us` adds
+    noise to the pulses.
+    """
+    n = round(60.0 * minutes / _DT)
+    t, draw = np.arange(n) * _DT, np.random.default_rng(7)
+    rows = slice(_EVERY - 1, None, _EVERY)
+    lines: list[tuple[float, str]] = []
+    wanted, angles, outputs = {}, {}, {}
+    for axis, (name, (p, i)) in enumerate(GAINS.items()):
+        target = np.where(np.arange(n) // round(8.0 / _DT) % 2, 3.0, 0.0) * (axis == 2)
+        angle = _followed(target) + 0.3 * np.sin(0.9 * t + axis) * np.sin(0.11 * t)
+        angles[name] = (target, angle)
+        wanted[name] = ANGLE_P[name] * (target - angle)
+        gyro = np.gradient(angle, _DT) + 0.05 * draw.standard_normal(n)
+        error = np.radians(wanted[name] - gyro)
+        integral = np.cumsum(i * error * _DT)
+        logged = p * error * np.where(t > 0.5 * t[-1], p_term if name == "YAW" else 1.0, 1.0)
+        outputs[name] = p * error + integral
+        lines += _rows(
+            f"PID{'RPY'[axis]}",
+            t[rows],
+            np.radians(wanted[name])[rows], np.radians(gyro)[rows], error[rows], logged[rows], integral[rows],
+            0.0 * t[rows], 0.0 * t[rows],
+        )  # fmt: skip
+        wanted[f"{name} gyro"] = gyro
+    throttle = 0.5 + 0.1 * np.sin(0.3 * t)
+    forward, lateral = (np.round(100.0 * np.sin(k * t)) / 400.0 for k in (0.21, 0.13))
+    demands = np.stack([*outputs.values(), 2.0 * throttle - 1.0, forward, lateral], 1)
+    pulses = np.floor(1500.0 + 400.0 * np.clip(demands @ SHARES.T, -1.0, 1.0) * DIRECTION)
+    pulses += frame_noise_us * draw.standard_normal(pulses.shape)
+    lines += _rows("ANG", t[rows], *(one[rows] for pair in angles.values() for one in pair))
+    rates = [
+        one[rows]
+        for name in GAINS
+        for one in (wanted[name], wanted[f"{name} gyro"], outputs[name])
+    ]  # fmt: skip
+    lines += _rows("RATE", t[rows], *rates, 0.0 * t[rows], 0.0 * t[rows], throttle[rows])
+    lines += _rows("RCOU", t[rows], *pulses[rows].T)
+    lines += _rows("RCIN", t[rows], 1500.0 + 400.0 * forward[rows], 1500.0 + 400.0 * lateral[rows])
+    lines.sort(key=lambda one: one[0])
+    path.write_text("\n".join([*_FORMS, *(line for _, line in lines)]) + "\n")
+    return path
+
+
+_COLUMNS = {
+    "PIDR": "Tar,Act,Err,P,I,D,FF",
+    "PIDP": "Tar,Act,Err,P,I,D,FF",
+    "PIDY": "Tar,Act,Err,P,I,D,FF",
+    "ANG": "DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw",
+    "RATE": "RDes,R,ROut,PDes,P,POut,YDes,Y,YOut,ADes,A,AOut",
+    "RCOU": "C1,C2,C3,C4,C5,C6",
+    "RCIN": "C5,C6",
+}
+
+_FORMS = [
+    "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+    *(
+        f"FMT, {140 + k}, {11 + 4 * (columns.count(',') + 1)}, {name},"
+        f" Q{'f' * (columns.count(',') + 1)}, TimeUS,{columns}"
+        for k, (name, columns) in enumerate(_COLUMNS.items())
+    ),
+]
+
+
+def _followed(target: Any) -> Array:
+    """A target as a vehicle follows it, with a time constant of a second."""
+    return np.asarray(lfilter([_DT], [1.0, _DT - 1.0], target))
+
+
+def _rows(topic: str, t: Any, *columns: Any) -> list[tuple[float, str]]:
+    return [
+        (stamp, f"{topic}, {round(stamp * 1e6)}, " + ", ".join(f"{value:.9g}" for value in values))
+        for stamp, *values in zip(t.tolist(), *(column.tolist() for column in columns), strict=True)
+    ]
