@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial import TrialError
+from seatrial.ardusub.log_replay import Replay, replay
 from seatrial.ardusub.parameters import ParameterFile
-from seatrial.ardusub.replay import Replay, replay
 from seatrial.cli import app
 from seatrial.report.plot.ardusub import replay_figure, replay_gallery
 from tests.ardusub import text_log

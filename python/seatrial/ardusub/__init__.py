@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from seatrial.base.front import front
 
 if TYPE_CHECKING:
+    from seatrial.ardusub.log_replay import Replay as Replay
+    from seatrial.ardusub.log_replay import replay as replay
     from seatrial.ardusub.parameters import Change as Change
     from seatrial.ardusub.parameters import ParameterFile as ParameterFile
     from seatrial.ardusub.parameters import changes as changes
     from seatrial.ardusub.parameters import write_changes as write_changes
-    from seatrial.ardusub.replay import Replay as Replay
-    from seatrial.ardusub.replay import replay as replay
 
 __all__ = ["Change", "ParameterFile", "Replay", "changes", "replay", "write_changes"]
 
@@ -22,9 +22,9 @@ if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object
         {
             "Change": "parameters",
             "ParameterFile": "parameters",
-            "Replay": "replay",
+            "Replay": "log_replay",
             "changes": "parameters",
-            "replay": "replay",
+            "replay": "log_replay",
             "write_changes": "parameters",
         },
     )

@@ -35,8 +35,8 @@ def ardusub(
     The exit code is 0 when every logged term and pulse is what the law makes of the logged inputs, 1 when one
     is not, 2 for bad input.
     """
+    from seatrial.ardusub.log_replay import replay
     from seatrial.ardusub.parameters import ParameterFile
-    from seatrial.ardusub.replay import replay
     from seatrial.base.file_names import file_name
     from seatrial.base.run import check_writable
     from seatrial.cli.console import answer, formats, print_json

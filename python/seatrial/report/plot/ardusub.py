@@ -23,8 +23,8 @@ from seatrial.report.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from seatrial.ardusub.log_replay import Replay
     from seatrial.ardusub.quantity import Quantity
-    from seatrial.ardusub.replay import Replay
 
 __all__ = ["replay_figure", "replay_gallery"]
 
