@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -28,6 +32,22 @@ MANY = 2000
 STAGES = 960
 
 
+def least_s(work: Callable[[], Any], *, runs: int = 5) -> float:
+    """Processor time of the fastest run, s: what the collector or a neighbour takes is not the work's."""
+    spent = []
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        for _ in range(runs):
+            begun = time.process_time()
+            work()
+            spent.append(time.process_time() - begun)
+    finally:
+        if collects:
+            gc.enable()
+    return min(spent)
+
+
 def stages(afters: list[str]) -> str:
     text = HEAD + 'trials.there.file = "log.csv"\n'
     return text + "".join(STAGE.format(k=k) + after for k, after in enumerate(afters))
@@ -43,10 +63,9 @@ def test_the_order_of_many_stages_takes_linear_time() -> None:
     files = {count: campaign(count).stages for count in (STAGES // 8, STAGES)}
     spent = {}
     for count, given in files.items():
-        begun = time.process_time()
         ordered = in_order(given, "long.toml")
-        spent[count] = time.process_time() - begun
         assert [stage.name for stage in ordered] == [f"s{k}" for k in reversed(range(count))]
+        spent[count] = least_s(partial(in_order, given, "long.toml"))
     assert spent[STAGES] < 30.0 * spent[STAGES // 8] + 0.02  # 64 times with the square
 
 
@@ -67,27 +86,27 @@ def test_stages_that_wait_for_one_another_are_named() -> None:
         in_order(given, "long.toml")
 
 
+def named_entries(kind: str, count: int) -> None:
+    if kind == "pulls":
+        pull = '[[pulls]]\nname = "p{k}"\nfile = "log.csv"\ngroup = "stern"\naxis = "X"\n'
+        parse_bench(HEAD + "".join(pull.format(k=k) for k in range(count)), "bench.toml")
+    elif kind == "geographic legs":
+        leg = '{ latitude_deg = 63.8, longitude_deg = 8.9, depth_m = 5.0, label = "x" }'
+        with pytest.raises(VehicleError, match="expected a table, found array"):
+            Mission.from_toml(MISSION + f"legs = [[{', '.join([leg] * count)}]]")
+    elif kind == "missions":
+        missions = ", ".join(f'"m{k}.toml"' for k in range(count))
+        parse_verification(f"[verification]\nmissions = [{missions}]\n", "long.toml")
+    else:
+        table = '[[verification.requirements]]\nname = "r{k}"\nholds = "complete"\n'
+        text = '[verification]\nmissions = ["m.toml"]\n'
+        parse_verification(text + "".join(table.format(k=k) for k in range(count)), "long.toml")
+
+
 @pytest.mark.parametrize("kind", ["pulls", "requirements", "missions", "geographic legs"])
 def test_names_are_compared_in_linear_time(kind: str) -> None:
-    spent = {}
-    for count in (MANY // 8, MANY):
-        begun = time.process_time()
-        if kind == "pulls":
-            pull = '[[pulls]]\nname = "p{k}"\nfile = "log.csv"\ngroup = "stern"\naxis = "X"\n'
-            parse_bench(HEAD + "".join(pull.format(k=k) for k in range(count)), "bench.toml")
-        elif kind == "geographic legs":
-            leg = '{ latitude_deg = 63.8, longitude_deg = 8.9, depth_m = 5.0, label = "x" }'
-            with pytest.raises(VehicleError, match="expected a table, found array"):
-                Mission.from_toml(MISSION + f"legs = [[{', '.join([leg] * count)}]]")
-        elif kind == "missions":
-            missions = ", ".join(f'"m{k}.toml"' for k in range(count))
-            parse_verification(f"[verification]\nmissions = [{missions}]\n", "long.toml")
-        else:
-            table = '[[verification.requirements]]\nname = "r{k}"\nholds = "complete"\n'
-            text = '[verification]\nmissions = ["m.toml"]\n'
-            parse_verification(text + "".join(table.format(k=k) for k in range(count)), "long.toml")
-        spent[count] = time.process_time() - begun
-    assert spent[MANY] < 30.0 * spent[MANY // 8] + 0.05
+    few, many = (least_s(partial(named_entries, kind, count), runs=2) for count in (MANY // 8, MANY))
+    assert many < 30.0 * few + 0.05
 
 
 def test_a_name_that_stands_twice_is_still_refused(tmp_path: Path) -> None:
