@@ -27,7 +27,7 @@ SET_UP := $(VENV)/.set-up
 BUILT  := $(VENV)/.built
 WHEEL  := dist/.built
 
-.PHONY: help setup build page demo test test-long test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel clean
+.PHONY: help setup build page demo site test test-long test-rust test-python test-wheel check check-sources check-stub format stubs bench wheel clean
 
 help: ## list the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -53,6 +53,11 @@ $(PAGE): $(CORE)
 
 demo: build ## from trials to a verdict in under two minutes: identify, tune, verify
 	$(BIN)/seatrial demo
+
+# The report of `make demo` flies on the front page; where it is not there, the build says so.
+REPORT ?= runs/demo/report.html
+site: build ## the documentation as a site in target/site/html, every link and formula checked
+	$(BIN)/python docs/site/build.py --out target/site --report $(REPORT)
 
 # The optimised build and most checks keep one processor busy, and not always: what does not need the core runs beside its build, and what
 # needs it beside the tests in Python. The wheel comes first because maturin keeps one copy of the core.
