@@ -7,16 +7,10 @@ use crate::vehicle::Vehicle;
 use pyo3::prelude::*;
 use seatrial::control::intake::Quantity;
 use seatrial::control::navigation::{CHANNELS, Measurement};
-use seatrial::control::navigation_filter::{
-    Fitting, Instrument, KINDS, LANDMARKS, Landmark, NavigationFilter, Told,
-};
+use seatrial::control::navigation_filter::{Fitting, LANDMARKS, NavigationFilter, Stated, Told};
 use seatrial::description::{Description, Effect};
 use seatrial::error::nearest;
 use seatrial::filter::estimate::{ATTITUDE, CURRENT, FORCE, GYRO_BIAS, POSITION, STATES, VELOCITY};
-use seatrial::filter::innovation::Gate;
-use seatrial::filter::observation::Surface;
-use seatrial::flight::waves::Sea;
-use seatrial::model::kinematics::from_euler;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -127,58 +121,26 @@ impl Filter {
         exact_model: bool,
     ) -> PyResult<Self> {
         let description = vehicle.description.clone();
-        let mut fitted = [None; KINDS.len()];
-        for (kind, row) in instruments.by_name() {
-            let [noise, bias, latency, x, y, z, roll, pitch, yaw] = row.row::<9>(&kind)?;
-            let index = KINDS.iter().position(|known| *known == kind).ok_or_else(|| {
-                refused(format!("instruments: unknown kind \"{kind}\"{}", nearest(&kind, KINDS)))
-            })?;
-            let mount = from_euler(&[roll, pitch, yaw]);
-            fitted[index] = Some(Instrument { noise, bias, latency, arm: [x, y, z], mount });
-        }
-        let mut noise = Fitting::noise_of(&description, &fitted, exact_model);
-        if let Some(force) = force {
-            noise.force = force.row("force")?;
-        }
-        if let Some(acceleration) = acceleration {
-            noise.acceleration = acceleration.row("acceleration")?;
-        }
-        if let Some(current) = current {
-            noise.current = current.row("current")?;
-        }
-        noise.gyro_walk = gyro_walk;
-        noise.force_time = force_time_s.unwrap_or(noise.force_time);
-        noise.current_time = current_time_s.unwrap_or(noise.current_time);
-        let plane = |[x, y, z, offset]: [f64; 4]| Surface::Plane { normal: [x, y, z], offset };
-        let mark = |(name, kind, numbers): (String, String, Vec<f64>)| match (kind.as_str(), &numbers[..]) {
-            ("beacon", &[north, east, down]) => Ok((name, Landmark::Beacon([north, east, down]))),
-            ("wall", &[x, y, z, offset]) => Ok((name, Landmark::Surface(plane([x, y, z, offset])))),
-            ("pen", &[north, east, radius]) => {
-                Ok((name, Landmark::Surface(Surface::Cylinder { centre: [north, east], radius })))
-            }
-            _ => Err(refused(format!(
-                "landmarks: {name}: expected a beacon, wall or pen, found {kind} {numbers:?}"
-            ))),
+        let rows = instruments.by_name().into_iter();
+        let stated = Stated {
+            instruments: rows
+                .map(|(kind, row)| Ok((kind.clone(), row.row::<9>(&kind)?)))
+                .collect::<PyResult<_>>()?,
+            landmarks,
+            bottom: bottom.map(|row| row.row("bottom")).transpose()?,
+            force: force.map(|row| row.row("force")).transpose()?,
+            force_time_s,
+            acceleration: acceleration.map(|row| row.row("acceleration")).transpose()?,
+            current: current.map(|row| row.row("current")).transpose()?,
+            current_time_s,
+            gyro_walk,
+            gate: [gate.0, gate.1],
+            start: start.row("start")?,
+            longest_age_s,
+            exact_model,
         };
-        let swell = match waves {
-            Some(waves) => {
-                let [height, period, toward, spreading, peakedness] = waves.row("waves")?;
-                Sea { height, period, toward, spreading, peakedness }.swell(9.81)
-            }
-            None => None,
-        };
-        let [north, east, down, far] = start.row::<4>("start")?;
-        let fitting = Fitting {
-            instruments: fitted,
-            landmarks: landmarks.into_iter().map(mark).collect::<PyResult<_>>()?,
-            bottom: bottom.map(|row| row.row::<4>("bottom").map(plane)).transpose()?,
-            swell,
-            noise,
-            gate: Gate { threshold: gate.0 * gate.0, patience: gate.1 },
-            start: ([north, east, down], far),
-            period: period_s,
-            longest_age: longest_age_s,
-        };
+        let waves = waves.map(|row| row.row("waves")).transpose()?;
+        let fitting = stated.fitting(&description, period_s, waves).map_err(raised)?;
         let filter = NavigationFilter::new(&description, fitting.clone()).map_err(raised)?;
         let count = description.actuators.len();
         let memory = Memory {

@@ -5,6 +5,7 @@ use seatrial::Error;
 use seatrial::control::autopilot::set_point::SET_POINTS;
 use seatrial::control::autopilot::settings::{Settings, tunable_index};
 use seatrial::control::navigation::{CHANNELS, GROUPS, Outage, Seabed, Sensors};
+use seatrial::control::navigation_filter::Stated;
 use seatrial::description::Description;
 use seatrial::fit::inputs::actuator_index;
 use seatrial::flight::batch::{Case, Cases};
@@ -61,6 +62,8 @@ struct Fly {
     seabed: Option<Seabed>,
     voltage: f64,
     feedback: bool,
+    /// The filter whose estimate the autopilot goes by; missing: what the sensors show.
+    navigation: Option<Stated>,
     rho: Option<f64>,
     g: Option<f64>,
     max_step: f64,
@@ -112,13 +115,15 @@ pub fn fly(text: &str) -> Answer {
     let outages = asked.outages.iter().map(|&(group, from, until)| Outage { group, from, until });
     let sensors = Sensors::of_rows(asked.errors, asked.timing, outages.collect());
     let dt = settings.file.period_s;
+    let fitting = asked.navigation.as_ref().map(|stated| stated.fitting(model, dt, Some(asked.waves)));
+    let fitting = fitting.transpose().map_err(said)?;
     let flight = Flight {
         description: &description,
         model,
         settings: &settings,
         mission: &mission,
         sensors: &sensors,
-        navigation: None,
+        navigation: fitting.as_ref(),
         feedback: asked.feedback,
         seabed: asked.seabed,
         obstacles: &mission.with_cylinders(&asked.obstacles),

@@ -498,7 +498,7 @@ def _circumstances(
     aboard = filter_of(
         asked, around.model, fitted, autopilot.period_s, waves=waves, gusts=gusts, exact=model is None
     )
-    return around, channels, aboard
+    return around, channels, None if aboard is None else aboard.core
 
 
 def _model(source: Any, vehicle: Vehicle) -> Vehicle:

@@ -207,29 +207,33 @@ class NavigationFilter:
         walk = np.sum(slow**2) / slow_time + 3.0 * turbulence_m_s**2 / turbulence_time_s
         time = float(np.sum(both) / walk) if walk > 0.0 else slow_time
         self._vehicle = model
-        self._core = Filter(
-            model,
-            period_s=float(period_s),
-            instruments=instruments,
-            landmarks=_landmarks(landmarks or {}),
-            bottom=None if seabed is None else _bottom(seabed),
-            force=_positive("force", force, 6),
-            force_time_s=force_time_s,
-            acceleration=_positive("acceleration", acceleration, 6),
-            current=np.sqrt(both),
-            current_time_s=time,
-            gyro_walk=1e-6,
-            gate=(float(gate), float(patience_s)),
-            start=(*_triple(checked_vector("start", start)), float(start_deviation_m)),
-            longest_age_s=float(longest_age_s),
-            waves=None if waves is None else waves.row,
-            exact_model=exact_model,
-        )
+        self._stated: dict[str, Any] = {
+            "instruments": instruments,
+            "landmarks": _landmarks(landmarks or {}),
+            "bottom": None if seabed is None else _bottom(seabed),
+            "force": _positive("force", force, 6),
+            "force_time_s": force_time_s,
+            "acceleration": _positive("acceleration", acceleration, 6),
+            "current": np.sqrt(both),
+            "current_time_s": time,
+            "gyro_walk": 1e-6,
+            "gate": (float(gate), float(patience_s)),
+            "start": (*_triple(checked_vector("start", start)), float(start_deviation_m)),
+            "longest_age_s": float(longest_age_s),
+            "exact_model": exact_model,
+        }
+        waves_row = None if waves is None else waves.row
+        self._core = Filter(model, period_s=float(period_s), waves=waves_row, **self._stated)
 
     @property
     def core(self) -> Filter:
         """The filter of the core."""
         return self._core
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """Numbers by name that the core's filter is made of, SI and rad, besides model, period and waves."""
+        return dict(self._stated)
 
     def step(
         self,
@@ -379,14 +383,14 @@ def filter_of(
     waves: SeaState | None = None,
     gusts: tuple[float, float] = (0.0, 60.0),
     exact: bool = False,
-) -> Filter | None:
-    """Filter of the core for flights, on the vehicle that the autopilot believes in.
+) -> NavigationFilter | None:
+    """Filter for flights, on the vehicle that the autopilot believes in; None for what the sensors show.
 
     It is told of the sea: the waves, and deviation (m/s) and time constant (s) of the gusts; and whether
     the vehicle is simulated by the model itself.
     """
     if isinstance(navigation, NavigationFilter):
-        return navigation.core
+        return navigation
     if navigation == "sensors":
         return None
     told: dict[str, Any] = {
@@ -398,13 +402,13 @@ def filter_of(
         "exact_model": exact,
     }
     if sensors is None:
-        return NavigationFilter(model, start_deviation_m=0.02, **told).core
+        return NavigationFilter(model, start_deviation_m=0.02, **told)
     gps = sensors.get("gps")
     aboard = {
         kind: _in_step(sensor, period_s) for kind, sensor in sensors.items() if kind in _TOLD[:1] + _TOLD[2:]
     }
     deviation = max(0.05, 0.0 if gps is None else gps.bias)
-    return NavigationFilter(model, aboard, start_deviation_m=deviation, **told).core
+    return NavigationFilter(model, aboard, start_deviation_m=deviation, **told)
 
 
 def _in_step(sensor: Sensor, period_s: float) -> Sensor:

@@ -11,12 +11,13 @@
 //! out. That of the gyro is a state of the filter; those of position, depth and attitude are added to the deviations
 //! that the filter reports ([`NavigationFilter::deviations`]).
 //!
-//! In reading order: [`fitting`], what a filter is made of; [`NavigationFilter`], the filter at work; [`mod@told`], what it
+//! In reading order: [`fitting`], what a filter is made of, and [`stated`], how a caller says it; [`NavigationFilter`], the filter at work; [`mod@told`], what it
 //! says.
 //!
 //! Tests: `tests/flight/test_navigation.py`, `tests/fixed_memory.rs`.
 
 pub mod fitting;
+pub mod stated;
 pub mod told;
 
 use crate::actuator::motor::Limits;
@@ -35,6 +36,7 @@ use crate::model::vehicle::{Instant, Vehicle};
 use crate::number::algebra::{Vec3, product};
 use fitting::{ATTITUDE_SENSOR, DEPTH, DVL_WATER, GPS, GYRO, POSITION_FIX, USBL, instrument_of};
 pub use fitting::{Fitting, Instrument, KIND_OF, KINDS, LANDMARKS, Landmark};
+pub use stated::Stated;
 
 /// A step of the process is at most so long, s: Runge–Kutta is stable and exact enough for the fastest vehicles.
 const LONGEST_STEP: f64 = 0.1;

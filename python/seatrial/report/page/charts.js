@@ -28,6 +28,13 @@ function marks(low, high, about) {
 
 const shown = (x) => (Number.isFinite(x) ? (Math.abs(x) < 1e-9 ? 0 : Number(x.toPrecision(4))).toString().replace("-", "−") : "–");
 
+// A table of a caption, heads and rows whose first cell is a head.
+function tableOf(caption, heads, rows) {
+  return element("table", {}, element("caption", {}, caption),
+    element("thead", {}, element("tr", {}, ...heads.map((text, k) => element("th", { scope: "col", class: k ? "right" : "left" }, text)))),
+    element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, element("th", { scope: "row" }, name), ...cells.map((cell) => element("td", { class: "right" }, cell))))));
+}
+
 // Index of the first time that is not below x.
 function place(times, x) {
   let low = 0, high = times.length;
@@ -247,7 +254,7 @@ class Scene {
     const svg = element("svg", { width, height, viewBox: `0 0 ${width} ${height}` });
     if (this.space && !scene.plain) {
       svg.append(element("path", { class: "surface", d: poly(box.map(([n, e]) => [n, e, 0]), true) }, element("title", {}, "surface")));
-      if (Number.isFinite(scene.bottom)) svg.append(element("path", { class: "bottom", d: poly(box.map(([n, e]) => [n, e, scene.bottom]), true) }, element("title", {}, "bottom")));
+      if (scene.bottom) svg.append(element("path", { class: "bottom", d: poly(box.map(([n, e]) => [n, e, scene.bottom[0] + n * scene.bottom[1] + e * scene.bottom[2]]), true) }, element("title", {}, "bottom")));
     }
     if (scene.fence.length) svg.append(element("path", { class: "fence", d: poly(scene.fence.map(([n, e]) => [n, e, 0]), true) }, element("title", {}, "fence")));
     for (const one of scene.obstacles) {
@@ -340,5 +347,5 @@ function modelOf({ size, box, actuators, gravity, buoyancy }) {
     const span = [chord[1] * force[2] - chord[2] * force[1], chord[2] * force[0] - chord[0] * force[2], chord[0] * force[1] - chord[1] * force[0]];
     tracks.push({ look: "fin", points: [[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]].map(([a, b]) => along(along(place, (0.5 * a) * side, chord), 0.5 * b * side, span)) });
   }
-  return { tracks, marks, waypoints: [], obstacles: [], fence: [], current: [0, 0, 0], bottom: NaN, marker: null, plain: true };
+  return { tracks, marks, waypoints: [], obstacles: [], fence: [], current: [0, 0, 0], bottom: null, marker: null, plain: true };
 }

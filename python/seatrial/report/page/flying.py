@@ -8,6 +8,7 @@ the page flies what `seatrial.fly` flies. Held by ``tests/report/test_page_in_br
 from __future__ import annotations
 
 import base64
+import json
 import math
 from collections.abc import Mapping, Sequence
 from importlib.resources import files as resources
@@ -17,6 +18,7 @@ import numpy as np
 
 from seatrial.base.errors import SeatrialError
 from seatrial.campaign.tuning_table import Weights
+from seatrial.report.page.loops import open_loops
 from seatrial.report.page.run_folder import RunFolder
 
 if TYPE_CHECKING:
@@ -97,6 +99,7 @@ def setups(runs: Sequence[RunFolder]) -> tuple[list[dict[str, Any]], list[str]]:
 
 
 def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
+    from seatrial._core import autopilot_names
     from seatrial.flight.cases import Cases
     from seatrial.vehicle.actuators import NOMINAL_V
 
@@ -114,9 +117,14 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
         "vehicle_file": vehicle.to_toml(),
         "autopilots": [_autopilot(label, one) for label, one in autopilots],
         "missions": [_mission(label, one, cases) for label, one in missions],
-        "actuators": [[name, facts["unit"]] for name, facts in vehicle.actuator_info().items()],
+        "actuators": [
+            [name, facts["unit"], float(facts["neutral"])] for name, facts in vehicle.actuator_info().items()
+        ],
         "shape": _shape(vehicle),
-        "sensors": _sensors(vehicle, pilot, around.get("sensors")),
+        "sensors": _sensors(cases, around.get("sensors")),
+        "navigation": _flown_by_filter(runs),
+        "groups": autopilot_names()["groups"],
+        "bottom": None if circumstances.seabed is None else list(circumstances.seabed),
         "fixed": request_lines(cases),
         "current": list(circumstances.current),
         "waves": list(cases.waves[0]),
@@ -128,6 +136,7 @@ def _setup(vehicle: Vehicle, runs: Sequence[RunFolder]) -> dict[str, Any]:
         "coefficients": _coefficients(vehicle, runs),
         "covariance": _covariance(runs),
         "steps": _steps(pilot, runs),
+        "loops": [open_loops(vehicle, autopilot) for _, autopilot in autopilots],
         "note": _note(runs, circumstances.voltage_v),
     }
 
@@ -155,11 +164,16 @@ def _lines(values: Mapping[str, Any]) -> str:
 
 
 def _toml(value: Any) -> str:
-    """A number, a truth or a list of them in TOML; every digit of a number."""
+    """A value in a line of TOML: number with every digit, truth, text, list or table without what is None."""
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, list | tuple):
+    if isinstance(value, str):
+        return json.dumps(value)
+    if isinstance(value, list | tuple | np.ndarray):
         return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, Mapping):
+        given = (f"{key} = {_toml(one)}" for key, one in value.items() if one is not None)
+        return f"{{ {', '.join(given)} }}"
     return repr(float(value))
 
 
@@ -298,18 +312,34 @@ def _circumstances(runs: Sequence[RunFolder]) -> dict[str, Any]:
         return {}
 
 
-def _sensors(vehicle: Vehicle, autopilot: Autopilot, own: Any) -> list[dict[str, str]]:
-    """Sets of sensors by name as lines of a request, those of the flight first."""
+def _sensors(cases: Cases, own: Any) -> list[dict[str, str]]:
+    """Sets of sensors by name as lines of a request, those of the flight first, and each with its filter."""
+    from seatrial.flight.navigation import filter_of
     from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 
+    vehicle, period, around = cases.vehicle, cases.autopilot.period_s, cases.circumstances
+    gusts = math.sqrt(sum(x * x for x in around.turbulence) / 3.0), around.turbulence_times_s[0]
     found = []
     for label, source in (("of the flight", own), ("perfect", None), ("typical", "typical")):
         if label == "of the flight" and own is None:
             continue
-        channels = sensor_channels(sensors_of(source, vehicle), autopilot.period_s)
+        fitted = sensors_of(source, vehicle)
+        channels = sensor_channels(fitted, period)
         lines = _lines({"errors": channels.errors.tolist(), "timing": channels.timing.tolist()})
-        found.append({"label": label, "lines": lines})
+        entry = {"label": label, "lines": lines}
+        if (aboard := filter_of("filter", vehicle, fitted, period, gusts=gusts, exact=True)) is not None:
+            stated = aboard.stated
+            entry["filter"] = _lines({
+                "navigation": stated | {"instruments": [[k, row] for k, row in stated["instruments"].items()]}
+            })
+        found.append(entry)
     return found
+
+
+def _flown_by_filter(runs: Sequence[RunFolder]) -> bool:
+    """Whether the last flight of the runs went by a navigation filter."""
+    flown = next((run for run in reversed(runs) if run.kind == "flight"), None)
+    return flown is not None and (flown.facts.get("options") or {}).get("navigation") == "filter"
 
 
 def _coefficients(vehicle: Vehicle, runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
@@ -405,10 +435,6 @@ def _note(runs: Sequence[RunFolder], voltage_v: float | None) -> str:
     flown = next((run for run in reversed(runs) if run.kind == "flight"), None)
     told = {} if flown is None else flown.facts.get("options") or {}
     said = []
-    if told.get("navigation") == "filter":
-        said.append(
-            "The run flew by its navigation filter; here the autopilot goes by what the sensors show."
-        )
     if told.get("model") not in (None, told.get("sources", {}).get("vehicle")) and told.get("model"):
         said.append("Here the autopilot believes in the vehicle that flies.")
     if voltage_v is not None:

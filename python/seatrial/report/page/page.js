@@ -126,6 +126,7 @@ class Deck {
     Object.assign(this, { section, setups, core });
     this.part = (name) => section.querySelector(`[data-part="${name}"]`);
     this.scene = new Scene(this.part("scene"), { onmove: (waypoint, place) => this.move(waypoint, place) });
+    this.margins = new Margins(this.part("margins"));
     this.build();
     this.choose(0);
   }
@@ -159,7 +160,7 @@ class Deck {
   }
 
   build() {
-    const act = { reset: () => this.choose(this.setups.indexOf(this.setup)), draws: () => this.draws(), step: () => this.step(), space: () => this.turn(), play: () => this.play() };
+    const act = { reset: () => this.choose(this.setups.indexOf(this.setup)), draws: () => this.draws(), draw: () => this.draw(), step: () => this.step(), space: () => this.turn(), play: () => this.play() };
     for (const button of this.section.querySelectorAll("button[data-act]")) button.addEventListener("click", act[button.dataset.act] || (() => this.save(button.dataset.act)));
     this.clock = this.part("clock");
     this.clock.addEventListener("input", () => this.mark());
@@ -168,7 +169,7 @@ class Deck {
   choose(which) {
     const setup = (this.setup = this.setups[which]);
     clearInterval(this.playing);
-    this.state = { autopilot: 0, mission: 0, file: null, sensors: 0, current: [...setup.current], waves: [...setup.waves], seed: setup.seed, fault: setup.faults.slice(), gains: {}, coefficients: {} };
+    this.state = { autopilot: 0, mission: 0, file: null, sensors: 0, filter: setup.navigation, outages: setup.outages.slice(), current: [...setup.current], waves: [...setup.waves], seed: setup.seed, fault: setup.faults.slice(), gains: {}, coefficients: {} };
     this.original = this.changed = this.cloud = null;
     this.gone = (this.gone || 0) + 1;
     this.part("cloud").textContent = this.part("stale").textContent = "";
@@ -190,6 +191,8 @@ class Deck {
     ];
     if (this.setups.length > 1) what[0].querySelector("select").selectedIndex = which;
     this.part("what").replaceChildren(...what.filter(Boolean));
+    const goes = this.select("navigation", ["what the sensors show", "a navigation filter"], (k) => { state.filter = k === 1; this.refly(); });
+    goes.selectedIndex = state.filter ? 1 : 0;
     this.part("water").replaceChildren(
       this.field("Current, m/s", this.input("current", Number(speed.toFixed(3)), { min: 0, max: 3, step: 0.05 }, (x) => { flow.speed = x; water(); })),
       this.field("toward, degrees", this.input("toward", Math.round(toward), { min: 0, max: 360, step: 5 }, (x) => { flow.toward = x; water(); })),
@@ -197,25 +200,58 @@ class Deck {
       this.field("peak period, s", this.input("period", state.waves[1], { min: 1, max: 30, step: 0.5 }, seen((x) => { state.waves[1] = x; }))),
       this.field("waves toward, degrees", this.input("wavestoward", Math.round(state.waves[2] / DEGREE), { min: -360, max: 360, step: 5 }, seen((x) => { state.waves[2] = x * DEGREE; }))),
       this.field("Sensors", this.select("sensors", setup.sensors.map((one) => one.label), (k) => { state.sensors = k; this.refly(); })),
+      this.field("Autopilot goes by", goes),
       this.field("Seed", this.input("seed", state.seed, { min: 0, max: 1e9, step: 1 }, seen((x) => { state.seed = x; }))),
     );
-    const fault = { which: 0, at: 60, how: 0 };
-    const fail = () => { state.fault = fault.which ? [[setup.actuators[fault.which - 1][0], fault.at, fault.how ? "stuck" : 0]] : setup.faults.slice(); this.refly(); };
+    const fault = { which: 0, at: 60, how: 0 }, silence = { which: 0, from: 60, until: 90 };
+    const fail = () => {
+      const [name, , neutral] = setup.actuators[fault.which - 1] || [];
+      state.fault = name ? [[name, fault.at, fault.how ? "stuck" : neutral]] : setup.faults.slice();
+      state.outages = silence.which ? [[silence.which - 1, silence.from, Math.max(silence.until, silence.from + 0.1)]] : setup.outages.slice();
+      this.refly();
+    };
+    const failed = (many) => (many.length ? "as in the run" : "none");
     this.part("fault").replaceChildren(
-      this.field("Failed actuator", this.select("fault", [setup.faults.length ? "as in the run" : "none", ...setup.actuators.map(([name]) => name)], (k) => { fault.which = k; fail(); })),
+      this.field("Failed actuator", this.select("fault", [failed(setup.faults), ...setup.actuators.map(([name]) => name.replaceAll("_", " "))], (k) => { fault.which = k; fail(); })),
       this.field("from, s", this.input("faultat", 60, { min: 0, max: 1e5, step: 10 }, (x) => { fault.at = x; fail(); })),
       this.field("how", this.select("faulthow", ["dead", "stuck where it is"], (k) => { fault.how = k; fail(); })),
+      this.field("Silent sensor", this.select("outage", [failed(setup.outages), ...setup.groups], (k) => { silence.which = k; fail(); })),
+      this.field("silent from, s", this.input("outagefrom", 60, { min: 0, max: 1e5, step: 10 }, (x) => { silence.from = x; fail(); })),
+      this.field("until, s", this.input("outageuntil", 90, { min: 0, max: 1e5, step: 10 }, (x) => { silence.until = x; fail(); })),
     );
     this.gains();
-    this.part("coefficients").replaceChildren(...setup.coefficients.map((one) => this.slider(`coefficient ${one.name}`, one.name, one.upper > one.lower ? (one.value - one.lower) / (one.upper - one.lower) : 0.5, one.value, (x) => `${shown(x)} ${one.unit}`, (at) => {
-      const value = one.lower + at * (one.upper - one.lower);
-      state.coefficients[one.name] = value;
-      return value;
-    })));
+    this.coefficients();
     this.part("interval").textContent = setup.coefficients.length ? `Each slider spans its ${setup.coefficients[0].source.startsWith("95") ? "95 % interval" : "value ±20 %, for no interval is known"}. The autopilot keeps believing in the vehicle as it was identified.` : "";
     this.part("note").textContent = setup.note;
-    for (const button of this.section.querySelectorAll("[data-act=draws]")) button.hidden = !setup.covariance;
+    for (const one of this.section.querySelectorAll("[data-act=draws], [data-act=draw], .legend .drawn")) one.hidden = !setup.covariance;
     this.part("stepof").replaceChildren(...setup.steps.map((one) => element("option", {}, `${one.set_point}, ${shown(one.step / one.one)} ${one.unit}`)));
+  }
+
+  // Sliders of the coefficients within their intervals; a drawn one may lie beyond an end, its value is told.
+  coefficients() {
+    const state = this.state;
+    this.part("coefficients").replaceChildren(...this.setup.coefficients.map((one) => {
+      const now = state.coefficients[one.name] ?? one.value, at = one.upper > one.lower ? (now - one.lower) / (one.upper - one.lower) : 0.5;
+      const made = this.slider(`coefficient ${one.name}`, one.name, Math.min(1, Math.max(0, at)), now, (x) => `${shown(x)} ${one.unit}`, (share) => {
+        const value = one.lower + share * (one.upper - one.lower);
+        state.coefficients[one.name] = value;
+        return value;
+      });
+      if (one.about) made.title = one.about;
+      return made;
+    }));
+  }
+
+  // One vehicle drawn from the covariance, in place of the sliders.
+  draw() {
+    this.luck = (this.luck || 0) + 1;
+    this.state.coefficients = this.drawnBy(normals(7919 * this.luck + this.state.seed));
+    this.coefficients();
+    this.refly();
+  }
+  drawnBy(normal) {
+    const { factor, names, at } = this.setup.covariance, z = factor[0].map(normal);
+    return Object.fromEntries(names.map((name, k) => [name, at[k] + factor[k].reduce((sum, x, j) => sum + x * z[j], 0)]));
   }
 
   // Sliders of the gains: a factor on all breakpoints of a gain, from a quarter to four times.
@@ -245,12 +281,13 @@ class Deck {
     return `vehicle = ${JSON.stringify(setup.vehicle_file)}\nautopilot = ${JSON.stringify(pilot.file)}\nmission = ${JSON.stringify(file)}\n`
       + `coefficients = ${pairs(coefficients)}\ngains = ${pairs(gains)}\n`
       + `current = ${list(state.current.map(number))}\nwaves = ${list(state.waves.map(number))}\nseed = ${seed}\n`
-      + `faults = ${list(faults)}\noutages = ${list(setup.outages.map((row) => list([row[0], ...row.slice(1).map(number)])))}\n`
-      + `max_time = ${number(until)}\nlog = true\n${trial}${setup.sensors[state.sensors].lines}${setup.fixed}`;
+      + `faults = ${list(faults)}\noutages = ${list(state.outages.map((row) => list([row[0], ...row.slice(1).map(number)])))}\n`
+      + `max_time = ${number(until)}\nlog = true\n${trial}${setup.sensors[state.sensors].lines}${state.filter ? setup.sensors[state.sensors].filter : ""}${setup.fixed}`;
   }
 
   async fly() {
-    const turn = this.gone, own = this.request({ gains: {}, coefficients: {}, file: this.mission().file });
+    const turn = this.gone, mission = this.mission();
+    const own = this.request({ gains: {}, coefficients: {}, file: mission.file, until: mission.max_time_s });
     try {
       const told = await this.core.ask("mission", "mission", `mission = ${JSON.stringify(this.file())}`);
       const flown = told && (await this.core.ask("original", "fly", own));
@@ -258,6 +295,7 @@ class Deck {
       this.waypoints(told);
       this.original = new Flown(flown);
       this.originalPilot = this.pilot();
+      this.originalRequest = own;
       await this.refly();
     } catch (error) { this.refused(error); }
   }
@@ -286,11 +324,13 @@ class Deck {
   }
 
   async refly() {
-    const began = performance.now(), turn = this.gone;
+    const began = performance.now(), turn = this.gone, asked = this.request();
     try {
-      const flown = await this.core.ask("flight", "fly", this.request());
+      // Nothing is flown twice: as long as nothing is changed, the original is the answer.
+      const flown = asked === this.originalRequest ? this.original : await this.core.ask("flight", "fly", asked);
       if (!flown || turn !== this.gone) return;
-      this.changed = new Flown(flown);
+      this.changed = flown === this.original ? flown : new Flown(flown);
+      this.flownRequest = asked;
       this.lately = performance.now() - began;
       this.paint();
     } catch (error) { this.refused(error); }
@@ -301,7 +341,7 @@ class Deck {
   }
 
   // Pictures ---------------------------------------------------------------------------------------------------------
-  untouched() { return !Object.keys(this.state.gains).length && !Object.keys(this.state.coefficients).length && !this.state.file && this.pilot() === this.originalPilot; }
+  untouched() { return this.flownRequest === this.originalRequest; }
 
   fails(figures) {
     const mission = this.mission(), acceptance = Math.max(...this.places.map((one) => one.acceptance));
@@ -318,9 +358,7 @@ class Deck {
         .filter(([name]) => Number.isFinite(a.figures[name]) || Number.isFinite(b.figures[name]))
         .map(([name, unit, scale]) => [`${name.replaceAll("_", " ").replace("missed by", "largest miss of a waypoint")}, ${unit}`, shown(a.figures[name] * scale), shown(b.figures[name] * scale)]),
     ];
-    this.part("figures").replaceChildren(element("table", {}, element("caption", {}, "This flight beside the original"),
-      element("thead", {}, element("tr", {}, ...["figure", "original", "changed"].map((text, k) => element("th", { scope: "col", class: k ? "right" : "left" }, text)))),
-      element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, element("th", { scope: "row" }, name), ...cells.map((cell) => element("td", { class: "right" }, cell)))))));
+    this.part("figures").replaceChildren(tableOf("This flight beside the original", ["metric", "original", "changed"], rows));
     this.clock.max = Math.max(a.rows, b.rows) - 1;
     const at = (flown, name, scale) => ({ t: flown.times(period), y: flown.column(name, scale) });
     const both = (name, scale, asked = "", turned = (y) => y) => [
@@ -333,10 +371,15 @@ class Deck {
       { name: "forward speed", unit: "m/s", lines: both("u", 1, "desired_speed") },
       { name: "heading", unit: "deg", lines: both("yaw", 1 / DEGREE, "desired_heading", unwound) },
       { name: "pitch", unit: "deg", lines: both("pitch", 1 / DEGREE) },
-      ...this.setup.actuators.map(([name, unit]) => ({ name: `command ${name}`, unit, lines: both(`cmd.${name}`, 1) })),
+      ...this.setup.actuators.map(([name, unit]) => ({ name: `command ${name.replaceAll("_", " ")}`, unit: unit === "rad" ? "deg" : unit, lines: both(`cmd.${name}`, unit === "rad" ? 1 / DEGREE : 1) })),
     ];
     if (this.panels) this.panels.show(panels); else this.panels = new Panels(this.part("panels"), { label: "Original and changed flight", panels });
     this.mark();
+    const gains = this.state.gains, own = this.pilot().gains;
+    this.margins.show(this.setup.loops[this.state.autopilot], (loop) => Object.fromEntries(["K_P", "K_I", "K_D"].map((key) => {
+      const name = Object.keys(gains).find((one) => one.startsWith(`${loop}.${key}.`));
+      return [key, name && own[name] ? gains[name] / own[name] : 1];
+    })));
     const same = this.untouched();
     this.part("stale").textContent = this.cloud && this.cloud.length && this.drawn !== this.request({ coefficients: {}, seed: 0 }) ? "The drawn vehicles flew before your last change: draw again." : "";
     this.part("status").textContent = `${same ? "Flown" : "Re-flown"} in ${Math.round(b.ms)} ms: ${ending(b.figures)}, cross-track error ${shown(b.figures.cross_track_rms)} m rms${same ? "" : `, original ${shown(a.figures.cross_track_rms)} m rms`}.`;
@@ -350,7 +393,7 @@ class Deck {
     this.part("time").textContent = `${(row * period).toFixed(0)} s`;
     this.scene.show({
       tracks: [...cloud, { look: "plan", points: [this.begin.slice(0, 3), ...this.places.map((one) => one.place)] }, { look: "first", points: this.original.track() }, { look: "second", points: this.changed.track() }],
-      waypoints: this.places, obstacles: mission.obstacles, fence: mission.fence, current: this.state.current, bottom: NaN,
+      waypoints: this.places, obstacles: mission.obstacles, fence: mission.fence, current: this.state.current, bottom: this.setup.bottom,
       marker: row >= 0 && row < this.changed.rows ? [0, 1, 2].map((axis) => values[row * width + axis]) : null,
     });
   }
@@ -379,14 +422,13 @@ class Deck {
 
   // Vehicles drawn from the covariance, flown one by one; what the reader changes meanwhile goes first.
   async draws(count = 200) {
-    const told = this.setup.covariance, turn = ++this.gone, first = this.state.seed, normal = normals(first + 1), out = this.part("cloud");
+    const turn = ++this.gone, first = this.state.seed, normal = normals(first + 1), out = this.part("cloud");
     const cloud = (this.cloud = []);
     // What is changed meanwhile counts for the next draws, not for these.
     const common = (this.drawn = this.request({ coefficients: {}, seed: 0 }));
     let failed = 0, impossible = 0;
     while (cloud.length < count && turn === this.gone) {
-      const z = told.factor[0].map(normal);
-      const coefficients = Object.fromEntries(told.names.map((name, k) => [name, told.at[k] + told.factor[k].reduce((sum, x, j) => sum + x * z[j], 0)]));
+      const coefficients = this.drawnBy(normal);
       let flown = null;
       try {
         const own = common.replace("\ncoefficients = []\n", () => `\ncoefficients = ${pairs(coefficients)}\n`).replace("\nseed = 0\n", () => `\nseed = ${first + cloud.length}\n`);
@@ -517,7 +559,15 @@ function models() {
   }
 }
 
+// Paper shows what is folded, and afterwards it is folded again.
+function printing() {
+  let opened = [];
+  addEventListener("beforeprint", () => { opened = [...document.querySelectorAll("details:not([open])")].filter((one) => !one.closest(".evidence, #files")); for (const one of opened) one.open = true; });
+  addEventListener("afterprint", () => { for (const one of opened) one.open = false; opened = []; });
+}
+
 theme();
+printing();
 models();
 evidence();
 flying();

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files as resources
 from pathlib import Path
@@ -22,7 +22,9 @@ from seatrial.base.run import sha256, to_json, version
 from seatrial.report.page.embedded import ELEMENT, as_embedded, script_json
 from seatrial.report.page.evidence import evidence
 from seatrial.report.page.flying import core, setups
+from seatrial.report.page.glossary import glossary
 from seatrial.report.page.run_folder import Figure, RunFolder
+from seatrial.report.page.tables import baselines, intervals
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -103,10 +105,11 @@ def page(runs: Sequence[RunFolder], *, title: str = "") -> str:
             style=_resource("page.css"),
             flying=script_json(flying) if flying else "",
             grounded=grounded,
+            words=_words(runs, flying),
             core=packed,
             evidence=script_json(series),
             worker=_resource("worker.js"),
-            scripts=_resource("charts.js") + _resource("page.js"),
+            scripts="".join(map(_resource, ("charts.js", "loops.js", "page.js"))),
         )
     )
 
@@ -198,7 +201,8 @@ def _part(run: RunFolder, number: int, *, shown: bool) -> dict[str, Any]:
         "worst": lines[1],
         "next_step": lines[2],
         "held": run.held,
-        "baselines": _baselines(run),
+        "baselines": baselines(run),
+        "intervals": intervals(run),
         "sections": [one for one in sections if not one.details],
         "details": [one for one in sections if one.details],
         "evidence": shown,
@@ -211,24 +215,6 @@ def _part(run: RunFolder, number: int, *, shown: bool) -> dict[str, Any]:
     }
 
 
-def _baselines(run: RunFolder) -> list[dict[str, Any]]:
-    """Per channel R2 on held-out data of the model and of the best simple predictor."""
-    try:
-        rivals = run.results["baselines"]
-        ahead = run.results["scores"]["hold_out"]["ahead"]
-        scores = (ahead["all"] if "all" in ahead else next(iter(ahead.values())))["channels"]
-        rows = []
-        for channel, score in scores.items():
-            given = {name: one[channel] for name, one in rivals.items() if one.get(channel) is not None}
-            if not given or not isinstance(score, dict) or score.get("r2") is None:
-                continue
-            best = max(given, key=lambda name: float(given[name]))
-            rows.append({"channel": channel, "model": score["r2"], "rival": best, "r2": given[best]})
-    except (KeyError, TypeError, AttributeError):
-        return []
-    return rows
-
-
 def _views(runs: Sequence[RunFolder]) -> list[dict[str, str]]:
     """Three views of every vehicle of the runs: its name, and the source of an image."""
     found: dict[str, Figure] = {}
@@ -236,6 +222,24 @@ def _views(runs: Sequence[RunFolder]) -> list[dict[str, str]]:
         if (text := run.files.get("vehicle.toml")) is not None and (drawn := _three_views(text)) is not None:
             found.setdefault(drawn.name, drawn)
     return [{"name": name, "source": _source(figure)} for name, figure in found.items()]
+
+
+def _words(runs: Sequence[RunFolder], flying: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Glossary of what the runs say, and of what can be changed in flight."""
+    from seatrial._core import Vehicle
+
+    vehicles = []
+    for run in runs:
+        if (text := run.files.get("vehicle.toml")) is not None:
+            try:
+                vehicles.append(Vehicle.from_toml(text))
+            except SeatrialError:  # of another version
+                continue
+    said = "\n".join(run.report.text() for run in runs)
+    sliders = [one["name"] for setup in flying for one in setup["coefficients"]]
+    if flying:
+        said += " phase margin, gain margin, delay, sensitivity, lookahead, waves, navigation filter, drawn"
+    return glossary(said, vehicles, coefficients=sliders)
 
 
 def _three_views(text: str) -> Figure | None:
