@@ -51,6 +51,13 @@ __all__ = [
 ]
 
 _AT_ONCE = 3e7
+"""Derivatives that are held at once."""
+
+_TO_CHOOSE = 1e7
+"""Derivatives of the part of the segments by which the strongest are chosen where they are more."""
+
+_FEWEST = 40
+"""Segments of it, at least."""
 
 _STRONGEST = 40
 
@@ -189,7 +196,12 @@ def strongest(
     """
     from seatrial.estimation.joint_estimate import linearise
 
-    rows = joint.data.samples * len(joint.channels)
+    if joint.method == "output" and len(joint.unknowns) + len(tried) > _AT_ONCE / _rows(joint):
+        # A part of the segments is enough to tell which are to be looked at.
+        most = len(joint.data.segments) * _TO_CHOOSE / (_rows(joint) * (len(joint.unknowns) + len(tried)))
+        joint, places = joint.thinned(max(round(most), _FEWEST))
+        initial = None if initial is None else initial[places]
+    rows = _rows(joint)
     fits = max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
     if len(tried) <= fits:
         return tried
@@ -197,10 +209,15 @@ def strongest(
     for first in range(0, len(tried), fits):
         part = tried[first : first + fits]
         lin = linearise(joint, values, initial=initial, noise=noise, extra=members(part))
-        block = block_numbers(lin, rows * lin.dt / len(joint.channels) / _COARSE)
+        block = block_numbers(lin, joint.data.samples * lin.dt / _COARSE)
         tests = score_tests(lin, columns_of(lin, part), fitted=fitted_places(lin, part), block=block)
         gains[first : first + len(part)] = tests.results().gain
     return tuple(tried[place] for place in np.argsort(-gains, kind="stable")[:_STRONGEST])
+
+
+def _rows(joint: Joint) -> int:
+    """Rows of a linearisation of all segments."""
+    return joint.data.samples * len(joint.channels)
 
 
 def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) -> str:
