@@ -179,6 +179,11 @@ impl Table {
         Self(written(file))
     }
 
+    /// Values by name.
+    pub fn from_value(value: Value) -> Self {
+        Self(value)
+    }
+
     /// Nothing.
     pub fn empty() -> Self {
         Self(Value::Table(Vec::new()))

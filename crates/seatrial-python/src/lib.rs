@@ -7,6 +7,7 @@ mod autopilot;
 mod closed_loop;
 mod convert;
 mod error;
+mod export;
 mod identify;
 mod linear_model;
 mod log_store;
@@ -33,6 +34,8 @@ mod _core {
     use crate::autopilot::{Autopilot, Helm, autopilot_names, restored_autopilot};
     #[pymodule_export]
     use crate::closed_loop::{Flights, error_edges, fly, restored_flights};
+    #[pymodule_export]
+    use crate::export::{autopilot_c, vehicle_c};
     #[pymodule_export]
     use crate::identify::{OpenLoop, Record, all_nuisance_names, initial_names};
     #[pymodule_export]

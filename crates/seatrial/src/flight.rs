@@ -1,7 +1,7 @@
 //! Closed loop: vehicle, sensors, autopilot, mission and current together; one flight, or cases side by side.
 //!
 //! In reading order: [`aboard`], the navigation filters; [`obstacle`], [`faults`], [`turbulence`], [`drift`], [`waves`] and their sum [`water`], what the world
-//! adds; [`energy`], what is used up; [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
+//! adds; [`motors`], what the actuators really do; [`energy`], what is used up; [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
 //! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`fly`], one case;
 //! [`batch`], many.
 //!
@@ -20,6 +20,7 @@ pub mod exceedance;
 pub mod faults;
 mod legs;
 pub mod log;
+pub mod motors;
 pub mod obstacle;
 pub mod summary;
 mod tally;
@@ -28,20 +29,17 @@ pub mod turbulence;
 pub mod water;
 pub mod waves;
 
-use crate::actuator::motor::{Limits, MotorState};
+use crate::actuator::motor::Limits;
 use crate::control::allocation::Allocator;
 use crate::control::autopilot::Autopilot;
 use crate::control::navigation::{Navigation, truth};
 use crate::error::Error;
-use crate::model::drive::{Drive, UnlimitedDelay, act};
-use crate::model::integrate::step;
 use crate::model::vehicle::{Instant, Vehicle};
-use crate::number::real::Real;
 use aboard::{Aboard, Split};
 pub use case::{Flight, Setting, whole_steps};
 use energy::Energy;
-use faults::Faults;
 use log::{Log, Row};
+use motors::Motors;
 use std::sync::atomic::{AtomicBool, Ordering};
 use summary::Summary;
 use tally::Tally;
@@ -112,16 +110,9 @@ pub fn fly<T: Split>(
                     instant.current = water.at((s as f64 + 0.5 * half as f64) * h);
                 }
             }
-            if s == 0 || motors.any_ideal {
-                motors.show(&setting.faults, time);
-                act(vehicle, &motors.signals, flight.voltage, |_| None, &mut instants[0]);
-            }
-            for half in 1..3 {
-                motors.drive.advance(&motors.targets);
-                motors.show(&setting.faults, time + 0.5 * half as f64 * h);
-                act(vehicle, &motors.signals, flight.voltage, |_| None, &mut instants[half]);
-            }
-            state = step(vehicle, &state, h, &instants);
+            let anew = s == 0 || motors.any_ideal;
+            let around = (&setting.faults, flight.voltage);
+            state = motors.substep(vehicle, &state, &mut instants, (anew, time, h), around);
             let (first, rest) = instants.split_at_mut(1);
             std::mem::swap(&mut first[0].thrusts, &mut rest[1].thrusts);
             std::mem::swap(&mut first[0].deflections, &mut rest[1].deflections);
@@ -134,51 +125,4 @@ pub fn fly<T: Split>(
         summary.consistency = filters.consistency(unit);
     }
     Ok(summary)
-}
-
-/// The motors of the vehicle that flies, with their faults.
-struct Motors<T> {
-    drive: Drive<T>,
-    targets: Vec<T>,
-    /// What the actuators really do.
-    signals: Vec<T>,
-    any_ideal: bool,
-}
-
-impl<T: Real> Motors<T> {
-    #[inline(always)]
-    fn new(vehicle: &Vehicle<T>, limits: &[Limits], h: f64, unit: T) -> Self {
-        let at_rest = |i: usize| vehicle.motor(i).steady(unit);
-        Self {
-            drive: Drive::new(vehicle, h, UnlimitedDelay::InTheDrive, at_rest),
-            targets: vec![unit; limits.len()],
-            signals: vec![unit; limits.len()],
-            any_ideal: (0..limits.len()).any(|i| vehicle.motor(i).ideal),
-        }
-    }
-
-    /// Takes the commands of a period through the static limits; ideal motors obey at once.
-    #[inline(always)]
-    fn command(&mut self, vehicle: &Vehicle<T>, signals: &[T], limits: &[Limits]) {
-        for i in 0..signals.len() {
-            self.targets[i] = limits[i].apply(signals[i]);
-            let motor = vehicle.motor(i);
-            if motor.ideal {
-                let (state, obeyed) = (self.drive.states[i], motor.steady(self.targets[i]));
-                let late = motor.t_t.zero().lt(motor.t_t);
-                self.drive.states[i] = MotorState {
-                    ramp: T::select(late, state.ramp, obeyed.ramp),
-                    signal: T::select(late, state.signal, obeyed.signal),
-                };
-            }
-        }
-    }
-
-    /// The signals at a time, faults included.
-    #[inline(always)]
-    fn show(&mut self, faults: &Faults<T>, time: f64) {
-        for i in 0..self.signals.len() {
-            self.signals[i] = faults.signal(i, self.drive.states[i].signal, self.signals[i], time);
-        }
-    }
 }

@@ -20,6 +20,7 @@
 //! | [`mission`] | the mission file and the waypoints that it means |
 //! | [`control`] | the autopilot: navigation, guidance, control laws, allocation, safety |
 //! | [`flight`] | the loop closed: vehicle, sensors and autopilot fly missions, alone or in batches |
+//! | [`export`] | a step of vehicle or autopilot as a straight-line program, written as C |
 
 // Lanes are not compiled there, and much of what feeds them is then unused.
 #![cfg_attr(target_arch = "wasm32", allow(dead_code, unused_variables))]
@@ -28,6 +29,7 @@ pub mod actuator;
 pub mod control;
 pub mod description;
 pub mod error;
+pub mod export;
 pub mod filter;
 pub mod fit;
 pub mod flight;

@@ -2,7 +2,7 @@
 
 mod batch;
 mod drift;
-mod flights;
+pub mod flights;
 mod instruction_sets;
 mod modes;
 mod random;

@@ -9,6 +9,7 @@ mod ardusub;
 mod closed_loop;
 mod control;
 mod cwolf;
+mod export;
 mod files;
 mod filter;
 mod golden;

@@ -135,7 +135,7 @@ impl<T: Real> Characteristic<T> {
             }
             Shape::Table(table) => {
                 let row = table.row(voltage);
-                self.scaled(signal.tabulated(|s| table.interpolate(&row, s)))
+                self.scaled(signal.along(|| table.knots(&row), |s| table.interpolate(&row, s)))
             }
             Shape::Direct => Thrust { force: self.factor * signal, ..still },
         }
@@ -222,6 +222,12 @@ impl Table {
         }
         let (low, high) = (self.voltage[upper - 1], self.voltage[upper]);
         Row(&self.force[upper - 1], &self.force[upper], ((voltage - low) / (high - low)).clamp(0.0, 1.0))
+    }
+
+    /// Signal and thrust at every knot, for those who interpolate themselves.
+    pub fn knots(&self, row: &Row<'_>) -> Vec<[f64; 2]> {
+        let force = |j: usize| row.0[j] + (row.1[j] - row.0[j]) * row.2;
+        self.signal.iter().enumerate().map(|(j, &signal)| [signal, force(j)]).collect()
     }
 
     /// Thrust and its slope at a signal.

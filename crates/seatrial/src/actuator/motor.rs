@@ -14,6 +14,7 @@
 //! Unit: the command's own (rpm, µs, N).
 //! Tests: `tests/laws.rs::law_motor_…`.
 
+use crate::number::memory::{Memory, Visit};
 use crate::number::real::Real;
 
 /// Static limits of the command, positive magnitudes for both directions.
@@ -77,6 +78,8 @@ pub struct MotorStep<T> {
     growth_per_shrink: T,
     limited: bool,
 }
+
+crate::memory!(MotorState: ramp, signal;);
 
 impl<T: Real> Motor<T> {
     /// The constants of a step of `h` seconds.
@@ -158,6 +161,17 @@ pub struct DeadTime<T> {
     input: T,
     /// For how many half steps the ramp has stood.
     still: usize,
+}
+
+/// The past, newest first, whatever the place of the present in the ring.
+impl<T: Real> Memory<T> for DeadTime<T> {
+    fn visit(&mut self, name: &str, f: &mut Visit<'_, T>) {
+        let mask = self.ring.len() - 1;
+        for ago in 0..=mask {
+            self.ring[self.now.wrapping_sub(ago) & mask].visit(&format!("{name}_past_{ago}"), f);
+        }
+        self.input.visit(&format!("{name}_input"), f);
+    }
 }
 
 impl<T: Real> DeadTime<T> {

@@ -121,7 +121,7 @@ impl<T: Real> Autopilot<T> {
             &Circumstances {
                 limits: &self.mission.limits,
                 uses: &self.uses,
-                time: state.steps as f64 * self.period() + state.late,
+                time: state.count * self.period() + state.late,
                 dt,
                 needs_altitude: self.needs_altitude(state),
                 failed: state.monitor.any_failed(),
@@ -142,7 +142,7 @@ impl<T: Real> Autopilot<T> {
         let stopped = T::either(surfaced, zero.splat(2.5).lt(state.alert.level));
         self.allocate(state, measured, &situation, (&demanded, mode, stopped));
         state.active = active;
-        state.steps += 1;
+        state.count += one;
         Thought {
             desired,
             mode,
@@ -160,7 +160,8 @@ impl<T: Real> Autopilot<T> {
     fn pass(&self, state: &mut AutopilotState<T>, elapsed: f64) -> f64 {
         let period = self.period();
         let longest = LONGEST_STEP * period;
-        if state.steps > 0 {
+        // Before the first step nothing was commanded, and no time counts.
+        if T::any(state.count.zero().lt(state.count)) {
             state.late += elapsed - period;
             state.monitor.elapse(elapsed);
         }

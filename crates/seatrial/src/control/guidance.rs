@@ -35,7 +35,7 @@ use crate::mission::{Start, Waypoint};
 use crate::number::real::Real;
 pub use constants::Guidance;
 pub use fix::Fix;
-use flag::{below, holds, not};
+use flag::{below, holds, not, pick};
 pub use progress::Progress;
 pub use table::{GuidanceTable, Method, TUNABLE};
 
@@ -104,9 +104,7 @@ impl<T: Real> Guidance<T> {
         fix: &Fix<T>,
         (dt, depth): (f64, Option<(T, T::Mask)>),
     ) -> Desired<T> {
-        if !progress.started {
-            progress.measured(fix);
-        }
+        progress.measured(fix);
         self.at_speed(progress.leg.speed).go_on(waypoints, progress, fix, (dt, depth))
     }
 
@@ -135,6 +133,9 @@ impl<T: Real> Guidance<T> {
         let under_way = law::follow(self, progress, &path, &place, fix);
         let off = (under_way.heading - fix.attitude[2]).wrap().abs();
         progress.setting_off *= below(off.splat(SET_OFF), off);
+        // The heading at arrival is kept from then on.
+        let arrives = work.holding * not(progress.was_holding);
+        progress.kept_heading = pick(arrives, progress.heading, progress.kept_heading);
         let asked = if T::any(holds(work.holding)) {
             let kept = hold::keep(self, progress, fix, &place, dt);
             under_way.select(holds(work.holding), &kept)

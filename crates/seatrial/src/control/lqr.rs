@@ -85,6 +85,8 @@ pub struct LqrState<T> {
     mode: T,
 }
 
+crate::memory!(LqrState: bias, pending, unlimited, mode;);
+
 impl<T: Real> LqrState<T> {
     /// Nothing integrated, in no mode.
     #[inline(always)]

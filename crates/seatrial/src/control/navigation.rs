@@ -51,6 +51,8 @@ pub struct Measurement<T> {
     pub disturbance: Vec6<T>,
 }
 
+crate::memory!(Measurement: channels, age, battery, disturbance; voltage);
+
 impl<T: Real> Measurement<T> {
     /// Nothing known yet.
     pub fn nothing(unit: T) -> Self {

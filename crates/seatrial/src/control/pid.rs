@@ -47,6 +47,8 @@ pub struct PidState<T> {
     unlimited: T,
 }
 
+crate::memory!(PidState: integral, pending, unlimited;);
+
 impl<T: Real> PidState<T> {
     /// Nothing integrated.
     #[inline(always)]

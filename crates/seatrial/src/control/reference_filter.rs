@@ -19,6 +19,8 @@ pub struct Reference<T> {
     pub acceleration: T,
 }
 
+crate::memory!(Reference: value, rate, acceleration;);
+
 impl<T: Real> Reference<T> {
     /// A reference that rests at `value`.
     #[inline(always)]

@@ -226,6 +226,8 @@ pub struct Alert<T> {
 /// A limit counts as passed after so long, s: one sample is an echo of a fish.
 const PERSISTENCE_S: f64 = 1.0;
 
+crate::memory!(Alert: level, cause, channel, since, lasting;);
+
 impl<T: Real> Alert<T> {
     /// Nothing yet.
     pub fn none(unit: T) -> Self {
@@ -242,7 +244,7 @@ pub struct Circumstances<'a, T> {
     /// How the channels are used.
     pub uses: &'a Uses,
     /// Time since the start, s.
-    pub time: f64,
+    pub time: T,
     /// Time since the last look, s.
     pub dt: f64,
     /// 1 on a leg that follows the bottom, and on missions that keep off it.
@@ -264,6 +266,8 @@ pub struct Approach<T> {
 
 /// A waypoint counts as nearer by this much, m: more than the noise of a position.
 const NEARER_M: f64 = 0.5;
+
+crate::memory!(Approach: leg, nearest, stalled;);
 
 impl<T: Real> Approach<T> {
     /// Nothing seen yet.
@@ -301,7 +305,7 @@ pub fn watch<T: Real>(
     for c in 0..CHANNELS {
         let Some((age, channel)) = oldest.get_mut(GROUP[c]) else { continue };
         // What was never measured counts from the start; what can be done without is not missed before its first sample.
-        let since_start = zero.splat(around.time);
+        let since_start = around.time;
         let own = match around.uses[c] {
             Use::Idle => continue,
             Use::Needed => measured.age[c].min(since_start),
@@ -324,7 +328,7 @@ pub fn watch<T: Real>(
     if !limits.fence.is_empty() {
         called[8] = outside(&limits.fence, north, east);
     }
-    called[9] = flag(zero.splat(limits.time).lt(zero.splat(around.time)));
+    called[9] = flag(zero.splat(limits.time).lt(around.time));
     called[10] = flag(measured.battery.lt(zero.splat(table.battery.below)));
     called[11] = around.failed;
     called[12] = flag(zero.splat(table.progress.after_s).lt(around.stalled));
@@ -340,7 +344,7 @@ pub fn watch<T: Real>(
         next.level = T::select(stronger, level, next.level);
         next.cause = T::select(stronger, zero.splat(i as f64 + 1.0), next.cause);
         next.channel = T::select(stronger, oldest.get(i).map_or(zero, |(_, channel)| *channel), next.channel);
-        next.since = T::select(stronger, zero.splat(around.time), next.since);
+        next.since = T::select(stronger, around.time, next.since);
     }
     next
 }

@@ -100,6 +100,10 @@ pub struct Screen<T> {
     refused: [T; CHANNELS],
 }
 
+crate::memory!(Screen:
+    believed, told, told_age, same_for, frozen, apart, jumped_to, stays_for, refused;
+    comparing, doubting);
+
 impl<T: Real> Screen<T> {
     /// Nothing seen yet.
     pub fn new(unit: T) -> Self {

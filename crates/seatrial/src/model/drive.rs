@@ -28,6 +28,8 @@ pub struct Drive<T> {
     pub states: Vec<MotorState<T>>,
 }
 
+crate::memory!(Drive: states, dead_times; half_steps);
+
 impl<T: Real> Drive<T> {
     /// The motors for steps of `h` seconds, standing as `start` says.
     #[inline(always)]

@@ -23,6 +23,8 @@ pub struct State<T> {
     pub nu: Vec6<T>,
 }
 
+crate::memory!(State: position, attitude, nu;);
+
 impl<T: Real> State<T> {
     /// The numbers in one row, position first.
     #[inline(always)]

@@ -3,7 +3,8 @@
 //! The physics is written once, generic over [`Real`], and runs on
 //! * `f64`: one vehicle;
 //! * [`Lanes`](crate::number::lanes::Lanes): eight `f64` side by side, one candidate per lane;
-//! * [`Dual`](crate::number::dual::Dual): a value with its partial derivatives, for exact sensitivities.
+//! * [`Dual`](crate::number::dual::Dual): a value with its partial derivatives, for exact sensitivities;
+//! * [`Traced`](crate::number::traced::Traced): what is done is recorded, for programs that run elsewhere.
 //!
 //! A branch on a value is a [`Real::select`] on a mask, so that every lane takes its own branch. A
 //! constant of the right kind is made from a value at hand: `x.splat(2.0)`.
@@ -78,6 +79,22 @@ pub trait Real:
     /// For what arithmetic cannot express: look-ups in records and measured tables. The slope
     /// carries derivatives; plain numbers ignore it.
     fn tabulated(self, f: impl Fn(f64) -> (f64, f64)) -> Self;
+    /// A list at a whole number from 0 to below `count`: as [`Real::tabulated`], for those who keep the list.
+    #[inline(always)]
+    fn listed(self, _count: usize, f: impl Fn(f64) -> (f64, f64)) -> Self {
+        self.tabulated(f)
+    }
+    /// A polyline: as [`Real::tabulated`], for those who keep its knots `[x, y]`, of which the piece that ends at
+    /// a place counts there.
+    #[inline(always)]
+    fn along(self, _knots: impl Fn() -> Vec<[f64; 2]>, f: impl Fn(f64) -> (f64, f64)) -> Self {
+        self.tabulated(f)
+    }
+    /// The constant `double`; `single` where numbers have single precision: what keeps a quotient or a pivot off zero.
+    #[inline(always)]
+    fn guard(self, double: f64, _single: f64) -> Self {
+        self.splat(double)
+    }
     /// The bits of a whole number from 0 to 2⁵³; it has no slope.
     fn word(self) -> Self::Word;
     /// The low 32 bits of a word as a number, in the kind of `self`.

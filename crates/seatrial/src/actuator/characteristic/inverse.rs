@@ -68,7 +68,7 @@ impl<T: Real> Characteristic<T> {
             }
             (None, Shape::Table(table)) => {
                 let row = table.row(voltage);
-                directed.tabulated(|f| table.reaching(&row, f))
+                directed.along(|| table.inverse_knots(&row), |f| table.reaching(&row, f))
             }
             (None, _) => directed,
         };
@@ -127,6 +127,32 @@ fn growing<T: Real>([a0, a1, a11]: &[T; 3], f: T) -> T {
 }
 
 impl Table {
+    /// Force and signal at the knots of [`Self::reaching`], which is a polyline with jumps; the force does not fall.
+    pub fn inverse_knots(&self, row: &Row<'_>) -> Vec<[f64; 2]> {
+        let [first, last] = self.range();
+        let start = 0.0_f64.clamp(first, last);
+        let start = (start, self.interpolate(row, start).0);
+        let knots = self.knots(row);
+        // Outward from zero: a knot counts where its force goes beyond all before it.
+        let outward = |knots: &mut dyn Iterator<Item = [f64; 2]>, sense: f64| {
+            let (mut before, mut most, mut found) = (start, start.1, Vec::new());
+            for knot in knots.map(|[signal, force]| (signal, force)) {
+                if sense * (knot.1 - most) > 0.0 {
+                    let slope = (knot.0 - before.0) / (knot.1 - before.1);
+                    found.extend([[most, before.0 + slope * (most - before.1)], [knot.1, knot.0]]);
+                    most = knot.1;
+                }
+                before = knot;
+            }
+            found
+        };
+        let mut inverse = outward(&mut knots.iter().rev().copied().filter(|knot| knot[0] < start.0), -1.0);
+        inverse.reverse();
+        inverse.push([start.1, start.0]);
+        inverse.extend(outward(&mut knots.iter().copied().filter(|knot| knot[0] > start.0), 1.0));
+        inverse
+    }
+
     /// The signal of least magnitude whose thrust reaches `force`, N, and its slope; where none does, the one
     /// that comes nearest.
     #[inline(never)]

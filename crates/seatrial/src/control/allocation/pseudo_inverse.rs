@@ -19,6 +19,9 @@ use crate::number::real::Real;
 /// Regularisation, relative to rows of unit size.
 pub const LAMBDA: f64 = 1e-8;
 
+/// The same in single precision, in which the other would be lost beside one.
+const LAMBDA_SINGLE: f64 = 1e-5;
+
 /// The scaled allocation matrix of the actuators in use, and its pseudo-inverse.
 #[derive(Clone, Debug)]
 pub struct PseudoInverse<T> {
@@ -104,7 +107,7 @@ impl<T: Real> PseudoInverse<T> {
         let mut a = [[zero; 6]; 6];
         for i in 0..6 {
             // Rows that are not controlled are zero: the identity stands in for them.
-            a[i][i] = T::select(zero.lt(self.rows[i]), zero, one) + LAMBDA;
+            a[i][i] = T::select(zero.lt(self.rows[i]), zero, one) + zero.guard(LAMBDA, LAMBDA_SINGLE);
         }
         for (k, column) in self.columns.iter().enumerate() {
             let free = free(k);
@@ -131,7 +134,7 @@ pub fn refined<T: Real>(inverse: &Mat6<T>, scaled: &Vec6<T>) -> Vec6<T> {
     for _ in 0..2 {
         let mut x = *scaled;
         for i in 0..6 {
-            x[i] = (y[i] * LAMBDA) + x[i];
+            x[i] = (y[i] * y[i].guard(LAMBDA, LAMBDA_SINGLE)) + x[i];
         }
         y = product(inverse, &x);
     }

@@ -39,6 +39,11 @@ pub struct Allocator<T> {
     pub(super) strength: Vec<T>,
 }
 
+crate::memory!(Allocator:
+    turning, stuck, stuck_signal;
+    settings, thrusters, shared, capability, programme, rows, usable, speed, pseudo_inverse, prepared, shares, reach,
+    force, left, strength);
+
 impl Allocator<f64> {
     /// The allocation of a single vehicle, by either method.
     ///

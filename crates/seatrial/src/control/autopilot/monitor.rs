@@ -37,6 +37,8 @@ pub struct Monitor<T> {
 /// Every motor has reached its target after so long, s.
 const SETTLED_S: f64 = 60.0;
 
+crate::memory!(Monitor: drive, targets, off, failed, shown; largest, any, period, rest);
+
 impl<T: Real> Monitor<T> {
     /// All actuators at rest and trusted.
     #[inline(always)]

@@ -21,13 +21,16 @@ pub(super) struct Rates<T> {
     velocity: [T; 2],
     depth: T,
     sink: T,
-    begun: bool,
+    /// 1 once there is a last sample.
+    begun: T,
 }
+
+crate::memory!(Rates: velocity, depth, sink, begun;);
 
 impl<T: Real> Rates<T> {
     /// Nothing seen yet.
     pub fn new(unit: T) -> Self {
-        Self { velocity: [unit; 2], depth: unit, sink: unit, begun: false }
+        Self { velocity: [unit; 2], depth: unit, sink: unit, begun: unit }
     }
 
     /// Where component `i` of the velocity over ground is too old to be used.
@@ -39,7 +42,7 @@ impl<T: Real> Rates<T> {
 
     /// Forgets the last samples: after a pause their differences mean nothing.
     pub fn restart(&mut self) {
-        self.begun = false;
+        self.begun = self.begun.zero();
     }
 
     /// Moves the last depth with a jump that is believed, m.
@@ -59,7 +62,7 @@ impl<T: Real> Rates<T> {
         let ((s_roll, c_roll), (s_pitch, c_pitch)) = (roll.sin_cos(), pitch.sin_cos());
         let yaw = q.mul_add(s_roll, r * c_roll) / c_pitch.max(zero.splat(0.1));
         let sink = (v * s_roll + w * c_roll).mul_add(c_pitch, -(u * s_pitch));
-        let per_dt = f64::from(u8::from(self.begun)) / dt;
+        let per_dt = self.begun / dt;
         let share = dt / (DEPTH_RATE_LAG_S + dt);
         self.sink = T::select(blind, self.sink + ((depth - self.depth) * per_dt - self.sink) * share, sink);
         let change = |blind, now: T, before: T| T::select(blind, zero, (now - before) * per_dt);
@@ -72,7 +75,7 @@ impl<T: Real> Rates<T> {
             q.mul_sub(c_roll, r * s_roll),
             yaw,
         ];
-        (self.velocity, self.depth, self.begun) = ([u, v], depth, true);
+        (self.velocity, self.depth, self.begun) = ([u, v], depth, zero.splat(1.0));
         rates
     }
 }

@@ -28,7 +28,7 @@ impl<T: Real> Autopilot<T> {
             let waypoint = &waypoints[(leg.max(0.0) as usize).min(waypoints.len() - 1)];
             (f64::from(u8::from(waypoint.vertical == Vertical::Altitude)), 0.0)
         };
-        state.progress.leg().tabulated(follows)
+        state.progress.leg().listed(waypoints.len(), follows)
     }
 
     /// Guidance, stopped at the present place where a reaction begins, with the set points that stand in for it while
@@ -85,9 +85,9 @@ impl<T: Real> Autopilot<T> {
         let (file, guidance) = (&self.settings.file, &self.guidance);
         let depth = measured.channels[2];
         let surface = zero.splat(f64::from(Reaction::Surface as u8) - 0.5).lt(level);
-        if state.steps == 0 {
-            (state.speed, state.depth) = (measured.velocity()[0], depth);
-        }
+        let first = state.count.lt(zero.splat(0.5));
+        state.speed = T::select(first, measured.velocity()[0], state.speed);
+        state.depth = T::select(first, depth, state.depth);
         if T::any(surface) {
             let still = self.settings.modes[0].depth_by == DepthBy::Heave;
             let speed = zero.splat(if still { 0.0 } else { file.safety.surface_speed_m_s });

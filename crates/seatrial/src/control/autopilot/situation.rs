@@ -30,7 +30,8 @@ impl<T: Real> Autopilot<T> {
         // Hover wants no pitch; what guidance has in mind meanwhile is reached at its own rate.
         let pitch_wanted = T::select(half.lt(by_pitch), desired.pitch, zero);
         let most = self.guidance.pitch_rate_max * dt;
-        let from = if state.steps > 0 { state.pitch } else { pitch };
+        let begun = zero.lt(state.count);
+        let from = T::select(begun, state.pitch, pitch);
         state.pitch = from + (pitch_wanted - from).clamped(-most, most);
         let wanted = [desired.speed, desired.lateral, desired.depth, zero, state.pitch, desired.heading];
         let ([u, v, w], [p, q, r]) = (measured.velocity(), measured.rates());
@@ -52,11 +53,10 @@ impl<T: Real> Autopilot<T> {
             entered: [zero; 6],
         };
         let mut acceleration = [zero; 6];
+        let first = state.count.lt(half);
         for i in 0..6 {
             let was_active = half.lt(state.active[i]);
-            if state.steps > 0 {
-                situation.entered[i] = T::select(was_active, zero, active[i]);
-            }
+            situation.entered[i] = T::select(T::either(was_active, first), zero, active[i]);
             let (angle, position) = (i >= ROLL, i >= HEAVE);
             let mut followed = wanted[i];
             if let Some(omega) = self.loops[i].as_ref().and_then(|l| l.reference) {

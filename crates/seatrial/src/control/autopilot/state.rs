@@ -55,7 +55,8 @@ pub struct Autopilot<T> {
 
 /// What an autopilot remembers from step to step.
 pub struct AutopilotState<T> {
-    pub(super) steps: usize,
+    /// Steps taken so far, a whole number in every lane.
+    pub(super) count: T,
     /// How much longer the steps have taken than the control period, s.
     pub(super) late: f64,
     /// Time over which this step integrates and moves limited values, s.
@@ -89,6 +90,11 @@ pub struct AutopilotState<T> {
     /// What is added to the commands while the vehicle is not stopped, as signals: the dither of a trial that identifies it.
     pub dither: Vec<T>,
 }
+
+crate::memory!(AutopilotState:
+    count, screen, progress, reached, active, references, pid, lqr, rates, speed, depth, surfaced, achieved, alert,
+    pitch, heading, allocator, monitor, approach;
+    late, dt, usable, signals, dither);
 
 impl<T: Real> AutopilotState<T> {
     /// Which samples are believed.
@@ -171,7 +177,7 @@ impl<T: Real> Autopilot<T> {
         let (unit, zeros) = (self.unit, [self.unit; 6]);
         let count = self.limits.len();
         AutopilotState {
-            steps: 0,
+            count: unit,
             late: 0.0,
             dt: self.settings.file.period_s,
             screen: Screen::new(unit),

@@ -39,14 +39,13 @@ const TINY: f64 = 1e-9;
 #[inline(always)]
 pub fn keep<T: Real>(
     guidance: &Guidance<T>,
-    progress: &mut Progress<T>,
+    progress: &Progress<T>,
     fix: &Fix<T>,
     place: &Place<T>,
     dt: f64,
 ) -> Aim<T> {
     let leg = &progress.leg;
     let zero = place.range.zero();
-    progress.kept_heading = pick(progress.was_holding, progress.kept_heading, progress.heading);
     let gain = guidance.hold_gain;
     let fastest = leg.speed;
     let [north, east] = place.to_end;

@@ -89,6 +89,10 @@ pub struct Place<T> {
     pub below: T,
 }
 
+crate::memory!(Leg:
+    end, terrain, speed, acceptance, hold, seconds, wished, heading, circle, radius, sense, sweep, course, sine, cosine,
+    length, upright, slope, fall, bend, widest;);
+
 impl<T: Real> Place<T> {
     /// Bearing of the vehicle from the end of the leg, of a circle φ from its centre, rad.
     #[inline(always)]
@@ -103,10 +107,10 @@ impl<T: Real> Leg<T> {
     #[inline(never)]
     pub fn read(waypoints: &[Waypoint], index: T, from: &Vec3<T>, course_before: T) -> Self {
         let get = |f: fn(&Waypoint) -> f64| {
-            index.tabulated(|i| (waypoints.get(i.max(0.0) as usize).map_or(0.0, f), 0.0))
+            index.listed(waypoints.len(), |i| (waypoints.get(i.max(0.0) as usize).map_or(0.0, f), 0.0))
         };
         let one_if = |f: fn(&Waypoint) -> bool| {
-            index.tabulated(|i| {
+            index.listed(waypoints.len(), |i| {
                 (waypoints.get(i.max(0.0) as usize).map_or(0.0, |w| f64::from(u8::from(f(w)))), 0.0)
             })
         };
@@ -119,7 +123,8 @@ impl<T: Real> Leg<T> {
         let (sine, cosine) = course.sin_cos();
         let level = terrain.max(upright);
         let zero = length.zero();
-        let next = |i: usize| index.tabulated(|k| (after(waypoints, k.max(0.0) as usize)[i], 0.0));
+        let next =
+            |i: usize| index.listed(waypoints.len(), |k| (after(waypoints, k.max(0.0) as usize)[i], 0.0));
         let acceptance = get(|w| w.acceptance);
         let (bend, widest) = turn::corner((next(0) - course).wrap(), acceptance, length.min(next(1)));
         Self {

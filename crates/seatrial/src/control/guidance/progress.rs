@@ -17,8 +17,8 @@ pub struct Progress<T> {
     pub(super) index: T,
     /// The leg that ends there.
     pub(super) leg: Leg<T>,
-    /// Whether the limited quantities have been taken from what is measured.
-    pub(super) started: bool,
+    /// 1 once the limited quantities have been taken from what is measured.
+    pub(super) started: T,
     /// The vehicle has been before the plane through the waypoint.
     pub(super) armed: T,
     /// The vehicle has come to the waypoint and is busy there: it holds or circles it.
@@ -69,6 +69,10 @@ pub struct Progress<T> {
     pub(super) terrain: T,
 }
 
+crate::memory!(Progress:
+    index, leg, started, armed, busy, arrived, clock, swept, bearing, done, closest, farthest, passing, passed_by, turn,
+    setting_off, kept_heading, was_holding, drift, round, heave, speed, lateral, heading, pitch, depth, terrain;);
+
 impl<T: Real> Progress<T> {
     /// The state at the start, in the kind of `unit`. Without waypoints the mission is complete.
     pub fn new(start: &Start, waypoints: &[Waypoint], unit: T) -> Self {
@@ -79,7 +83,7 @@ impl<T: Real> Progress<T> {
         let mut progress = Self {
             index: zero,
             leg: Leg::read(waypoints, zero, &from, course),
-            started: false,
+            started: zero,
             armed: zero,
             busy: zero,
             arrived: zero,
@@ -147,16 +151,21 @@ impl<T: Real> Progress<T> {
         (self.drift, self.round, self.heave) = ([zero; 2], zero, zero);
     }
 
-    /// Starts the limited quantities from what is measured.
+    /// Starts the limited quantities from what is measured, where they have not been started.
     #[inline(always)]
     pub(super) fn measured(&mut self, fix: &Fix<T>) {
-        self.started = true;
-        self.speed = fix.velocity[0];
-        self.lateral = fix.velocity[1];
-        self.heading = fix.attitude[2].wrap();
-        self.pitch = fix.attitude[1];
-        self.depth = fix.position[2];
-        self.terrain = fix.position[2];
+        let first = self.started.lt(self.started.splat(0.5));
+        if !T::any(first) {
+            return;
+        }
+        let set = |to: &mut T, x: T| *to = T::select(first, x, *to);
+        set(&mut self.speed, fix.velocity[0]);
+        set(&mut self.lateral, fix.velocity[1]);
+        set(&mut self.heading, fix.attitude[2].wrap());
+        set(&mut self.pitch, fix.attitude[1]);
+        set(&mut self.depth, fix.position[2]);
+        set(&mut self.terrain, fix.position[2]);
+        self.started = self.started.splat(1.0);
     }
 
     /// Moves the limited quantities with a jump of what is measured, m and rad.

@@ -43,6 +43,8 @@ pub struct Turn<T> {
     reach: T,
 }
 
+crate::memory!(Turn: under_way, centre, radius, sense, reach;);
+
 impl<T: Real> Turn<T> {
     /// No turn.
     pub fn none(unit: T) -> Self {
