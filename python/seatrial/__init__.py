@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from seatrial.identification.restarts_result import Restarts
     from seatrial.intake.import_logs import import_logs
     from seatrial.intake.imported import Imported
+    from seatrial.realtime.ardupilot_link import SitlSession, sitl
     from seatrial.trial.comparison import Comparison, compare
     from seatrial.trial.score import Score, score
     from seatrial.trial.trial import Trial
@@ -86,6 +87,7 @@ _HOME = {
     "SeaState": "seatrial.flight.sea",
     "SeatrialError": "seatrial.base.errors",
     "SimulationError": "seatrial.base.errors",
+    "SitlSession": "seatrial.realtime.ardupilot_link",
     "State": "seatrial._core",
     "Trial": "seatrial.trial.trial",
     "TrialError": "seatrial.base.errors",
@@ -108,6 +110,7 @@ _HOME = {
     "restarts": "seatrial.identification.restarts",
     "score": "seatrial.trial.score",
     "simulate_batch": "seatrial._core",
+    "sitl": "seatrial.realtime.ardupilot_link",
     "start_autopilot": "seatrial.control_design.start_autopilot",
     "tune": "seatrial.tuning.tune",
     "verify": "seatrial.verification.verify",
@@ -144,6 +147,7 @@ __all__ = [
     "SeaState",
     "SeatrialError",
     "SimulationError",
+    "SitlSession",
     "State",
     "Trial",
     "TrialError",
@@ -166,6 +170,7 @@ __all__ = [
     "restarts",
     "score",
     "simulate_batch",
+    "sitl",
     "start_autopilot",
     "tune",
     "verify",

@@ -10,7 +10,10 @@ use seatrial::flight::log::Log;
 use std::borrow::Cow;
 use std::fs::{File, OpenOptions, remove_file};
 use std::io::Write;
+#[cfg(unix)]
 use std::os::unix::fs::FileExt;
+#[cfg(windows)]
+use std::os::windows::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -93,7 +96,7 @@ impl LogStore {
             (Kept::File { offset, numbers, rows }, _) => (*offset, *numbers, *rows),
         };
         let mut bytes = vec![0; numbers * NUMBER];
-        let read = self.file.as_ref().map_or(Ok(()), |file| file.read_exact_at(&mut bytes, offset));
+        let read = self.file.as_ref().map_or(Ok(()), |file| read_at(file, &mut bytes, offset));
         read.map_err(|error| {
             Error::simulation(format!("logs: the temporary file with them cannot be read ({error})"))
         })?;
@@ -108,6 +111,26 @@ impl LogStore {
             Kept::File { rows, .. } => *rows,
         }
     }
+}
+
+/// Reads all of `bytes` from a place in a file.
+#[cfg(unix)]
+fn read_at(file: &File, bytes: &mut [u8], offset: u64) -> std::io::Result<()> {
+    file.read_exact_at(bytes, offset)
+}
+
+/// Reads all of `bytes` from a place in a file.
+#[cfg(windows)]
+fn read_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> std::io::Result<()> {
+    while !bytes.is_empty() {
+        let count = file.seek_read(bytes, offset)?;
+        if count == 0 {
+            return Err(std::io::ErrorKind::UnexpectedEof.into());
+        }
+        bytes = &mut bytes[count..];
+        offset += count as u64;
+    }
+    Ok(())
 }
 
 fn folder() -> PathBuf {

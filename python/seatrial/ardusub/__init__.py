@@ -13,17 +13,33 @@ if TYPE_CHECKING:
     from seatrial.ardusub.parameters import ParameterFile as ParameterFile
     from seatrial.ardusub.parameters import changes as changes
     from seatrial.ardusub.parameters import write_changes as write_changes
+    from seatrial.ardusub.servos import ChannelMap as ChannelMap
+    from seatrial.ardusub.servos import map_channels as map_channels
+    from seatrial.ardusub.servos import map_parameters as map_parameters
 
-__all__ = ["Change", "ParameterFile", "Replay", "changes", "replay", "write_changes"]
+__all__ = [
+    "Change",
+    "ChannelMap",
+    "ParameterFile",
+    "Replay",
+    "changes",
+    "map_channels",
+    "map_parameters",
+    "replay",
+    "write_changes",
+]
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
     __getattr__ = front(
         __name__,
         {
             "Change": "parameters",
+            "ChannelMap": "servos",
             "ParameterFile": "parameters",
             "Replay": "log_replay",
             "changes": "parameters",
+            "map_channels": "servos",
+            "map_parameters": "servos",
             "replay": "log_replay",
             "write_changes": "parameters",
         },

@@ -30,6 +30,7 @@ from seatrial.cli import (
     report,
     score,
     simulate,
+    sitl,
     streams,
     tune,
     verify,
@@ -91,6 +92,7 @@ _VERBS: tuple[Callable[..., None], ...] = (
     report.report,
     export.export,
     ardusub.ardusub,
+    sitl.sitl,
 )
 
 for _verb in _VERBS:

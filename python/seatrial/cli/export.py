@@ -1,4 +1,4 @@
-"""`seatrial export`: a trial or a flight as MCAP, CSV or Parquet for other programs."""
+"""`seatrial export`: a trial, a flight or a vehicle for other programs."""
 
 from __future__ import annotations
 
@@ -17,11 +17,15 @@ __all__ = ["export"]
 
 def export(
     form: Annotated[
-        Literal["mcap", "csv", "parquet"], typer.Argument(help="Format.", metavar="mcap|csv|parquet")
+        Literal["mcap", "csv", "parquet", "sdf", "uuv", "stonefish"],
+        typer.Argument(help="Format.", metavar="mcap|csv|parquet|sdf|uuv|stonefish"),
     ],
     trial: Annotated[
         str,
-        typer.Argument(help="Recording, flight.parquet of a run, or trial of the campaign.", metavar="TRIAL"),
+        typer.Argument(
+            help="Recording, flight.parquet of a run, or trial of the campaign; a vehicle for a simulator.",
+            metavar="TRIAL|VEHICLE",
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write.")],
     columns_from: Annotated[
@@ -35,7 +39,13 @@ def export(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Write a trial or a flight for other programs: MCAP for Foxglove, CSV or Parquet in any unit."""
+    """Write a trial or a flight for other programs: MCAP for Foxglove, CSV or Parquet in any unit.
+
+    sdf, uuv and stonefish write a vehicle for gz-sim, uuv_simulator and Stonefish, and say what is lost.
+    """
+    if form in ("sdf", "uuv", "stonefish"):
+        _model(form, trial, out, json=json)
+        return
     from seatrial.base.errors import TrialError
     from seatrial.base.report import Report
     from seatrial.cli.console import answer, print_json
@@ -66,6 +76,19 @@ def export(
             next_step=shows,
         )
     )
+
+
+def _model(form: str, vehicle: str, out: Path, *, json: bool) -> None:
+    """Write a vehicle for another simulator."""
+    from seatrial.cli.console import answer, print_json
+    from seatrial.simulators.convert import export_model, write_text
+
+    made = export_model(vehicle, form)
+    write_text(out, made.text)
+    if json:
+        print_json(made.to_dict() | {"file": str(out)})
+    else:
+        answer(made.report(str(out)))
 
 
 def _table(trial: str, columns_from: Path | None) -> pl.DataFrame:

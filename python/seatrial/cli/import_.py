@@ -16,7 +16,13 @@ __all__ = ["import_"]
 
 
 def import_(
-    logs: Annotated[list[Path], typer.Argument(help="Logs of any format that is read.", metavar="LOG")],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Logs of any format that is read; or one model of gz-sim, uuv_simulator or Stonefish.",
+            metavar="LOG|MODEL",
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", metavar="PROJECT", help="Folder of the project; without it, only list."),
@@ -37,8 +43,15 @@ def import_(
 ) -> None:
     """List what logs hold, and draft a project from them: map, vehicle, campaign and trials.
 
-    Without --out it lists every topic and field with rate, range, unit and what it is taken for.
+    Without --out it lists every topic and field with rate, range, unit and what it is taken for. A model of
+    another simulator (.sdf, .urdf, .xacro, .scn, .xml) becomes a vehicle file, --out FILE.toml, with a report
+    on what contradicts itself.
     """
+    from seatrial.simulators.convert import ENDINGS
+
+    if len(logs) == 1 and logs[0].suffix.lower() in ENDINGS:
+        _model(logs[0], out, force=force, verbose=verbose, json=json)
+        return
     from seatrial.cli.console import answer, formats, long_work, print_json
     from seatrial.intake.import_logs import import_logs
     from seatrial.intake.survey import survey
@@ -69,6 +82,25 @@ def import_(
     if out is not None:
         results = f"Written to {out}: map.toml, vehicle.toml, campaign.toml, trials/, import.json"
     answer(made.report(), verbose=verbose, results=results, draw=drawn)
+
+
+def _model(model: Path, out: Path | None, *, force: bool, verbose: bool, json: bool) -> None:
+    """Read a model of another simulator, and write the vehicle file where --out says."""
+    from seatrial.base.errors import VehicleError
+    from seatrial.cli.console import answer, print_json
+    from seatrial.simulators.convert import import_model, write_text
+
+    found = import_model(model)
+    if out is not None:
+        if out.suffix != ".toml":
+            raise VehicleError(f"--out {out}: expected the vehicle file to write, FILE.toml")
+        if out.exists() and not force:
+            raise VehicleError(f"{out}: is there already; choose another name or give --force")
+        write_text(out, found.text)
+    if json:
+        print_json(found.to_dict() | {"file": None if out is None else str(out)})
+        return
+    answer(found.report(), verbose=verbose, results="" if out is None else f"Vehicle file in {out}")
 
 
 def _draw(made: Imported, folder: Path, endings: tuple[str, ...]) -> list[Path]:

@@ -1,0 +1,426 @@
+"""What a parameter file of ArduSub means for the motors of a vehicle: channels, directions, frame.
+
+ArduSub sends motor n the pulse ``1500 + d_n (end - 1500) clip(sum of factor times demand)`` on the channel
+whose SERVOn_FUNCTION is the motor's (33 to 40 for motors 1 to 8, 82 to 85 for 9 to 12), d_n =
+MOT_n_DIRECTION, ends MOT_PWM_MIN and MOT_PWM_MAX. A pulse above neutral must therefore push along ``d_n``
+times the factors of the frame: forward, lateral, up, and the moments about them. SERVOn_MIN, _MAX, _TRIM and
+_REVERSED count for channels of other functions only; motors are written as pulses. Facts of ArduPilot
+(AP_Motors6DOF and SRV_Channel), factors by `seatrial.trial.mixer.FRAMES`. Held by
+``tests/ardusub/test_servos.py``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import tomlkit
+
+from seatrial._core import Vehicle
+from seatrial.ardusub.parameters import ParameterFile
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError, nearest
+from seatrial.base.report import Column, Table
+from seatrial.trial.mixer import FRAMES
+
+__all__ = ["FRAME_NAMES", "Channel", "ChannelMap", "map_channels", "map_parameters"]
+
+FRAME_NAMES = (
+    "BLUEROV1",
+    "VECTORED",
+    "VECTORED_6DOF",
+    "VECTORED_6DOF_90DEG",
+    "SIMPLEROV_3",
+    "SIMPLEROV_4",
+    "SIMPLEROV_5",
+)
+"""Frames by the number of FRAME_CONFIG; 7 is a custom one, whose factors no parameter tells."""
+
+_MOTOR_FUNCTIONS = {33 + k: k + 1 for k in range(8)} | {82 + k: k + 9 for k in range(4)}
+
+_NEUTRAL_US, _LOWEST_US, _HIGHEST_US = 1500.0, 1100.0, 1900.0
+
+_CHANNELS = 32
+
+_ABOUT_MOTORS = re.compile(r"FRAME_CONFIG|MOT_.*|SERVO\d+_.*|RCMAP_.*|JS_.*GAIN.*|SERVO_.*")
+
+_SLANT = 0.05
+"""Share of the largest component of a push below which a component is not worth a word."""
+
+_FIT = 0.5
+"""Smallest cosine between the push of a thruster and that of the frame's motor which counts as the same
+motor.
+"""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """From a servo channel to the command of an actuator.
+
+    Attributes
+    ----------
+    actuator
+        Its name.
+    number
+        Of the channel, from 1.
+    neutral, ahead, astern
+        Of the actuator's command, in its own unit: at rest, and how far it goes in each direction.
+    trim_us, low_us, high_us
+        Pulse at rest and at the ends.
+    reversed
+        Whether a longer pulse means less.
+    direct
+        Whether the command is the pulse width itself.
+    """
+
+    actuator: str
+    number: int
+    neutral: float
+    ahead: float
+    astern: float
+    trim_us: float = _NEUTRAL_US
+    low_us: float = _LOWEST_US
+    high_us: float = _HIGHEST_US
+    reversed: bool = False
+    direct: bool = True
+
+    def command(self, pulse_us: float) -> float:
+        """Command in the unit of the actuator; neutral where no pulse is sent (0).
+
+        Examples
+        --------
+        >>> Channel("rudder", 5, 0.0, 0.4, 0.4, direct=False).command(1700.0)
+        0.2
+        """
+        if pulse_us <= 0.0:
+            return self.neutral
+        away = pulse_us - self.trim_us
+        if self.direct:
+            return self.neutral + (-away if self.reversed else away)
+        span = self.high_us - self.trim_us if away > 0.0 else self.trim_us - self.low_us
+        share = min(1.0, max(-1.0, away / span))
+        share = -share if self.reversed else share
+        return self.neutral + share * (self.ahead if share > 0.0 else self.astern)
+
+
+@dataclass(frozen=True)
+class ChannelMap:
+    """A vehicle under the parameters of an autopilot.
+
+    Attributes
+    ----------
+    vehicle
+        With the directions of its thrusters by the parameters.
+    channels
+        One per actuator.
+    turned
+        Thrusters whose direction differs from that of the vehicle file.
+    sentences
+        What was mapped, and what not.
+    """
+
+    vehicle: Vehicle
+    channels: tuple[Channel, ...]
+    turned: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+    def table(self) -> Table:
+        """Channels and actuators, and where a longer pulse pushes."""
+        info = self.vehicle.actuator_info()
+        rows = []
+        for one in self.channels:
+            facts = info[one.actuator]
+            push = np.asarray(facts["wrench"], float) * (-1.0 if facts["reversed"] != one.reversed else 1.0)
+            # A fin has no push of its own at rest.
+            words = (
+                _words(np.where(np.abs(push) < _SLANT * np.abs(push).max(), 0.0, push)) if push.any() else ""
+            )
+            turned = "turned by the parameters" if one.actuator in self.turned else "as in the vehicle file"
+            rows.append([one.actuator, str(one.number), words, turned])
+        columns = ("actuator", "channel", "a longer pulse pushes", "direction")
+        sides: tuple[Literal["left", "right"], ...] = ("left", "right", "left", "left")
+        head = [Column(name, align=side) for name, side in zip(columns, sides, strict=True)]
+        return Table.of("", head, rows)
+
+
+def map_channels(vehicle: Vehicle, numbers: Mapping[str, int] | None = None) -> ChannelMap:
+    """Channels of a vehicle without a parameter file: actuators in their order from channel 1 on.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    numbers : mapping of str to int, optional
+        Channel by actuator where it is another.
+
+    Raises
+    ------
+    TrialError
+        An actuator or a channel does not exist, or a channel is given twice.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> [one.number for one in map_channels(st.Vehicle.load("bluerov2-heavy")).channels][:3]
+    [1, 2, 3]
+    """
+    given = dict(numbers or {})
+    info = vehicle.actuator_info()
+    for name, number in given.items():
+        if name not in info:
+            raise TrialError(f"channel {name}={number}: unknown actuator{nearest(name, info)}")
+        if not 1 <= number <= _CHANNELS:
+            raise TrialError(f"channel {name}={number}: expected a channel from 1 to {_CHANNELS}")
+    found = [_channel(name, given.get(name, k), info[name]) for k, name in enumerate(vehicle.actuators, 1)]
+    _refuse_twice(found)
+    return ChannelMap(vehicle, tuple(found))
+
+
+def map_parameters(
+    vehicle: Vehicle, parameters: ParameterFile, numbers: Mapping[str, int] | None = None
+) -> ChannelMap:
+    """Vehicle whose thrusters push as the parameters of ArduSub say, with its channels.
+
+    Motor n of the frame is the n-th actuator of the vehicle. Where a pulse above neutral would push against
+    what frame and MOT_n_DIRECTION say, the thruster is turned, as one does who sets the directions aboard.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    parameters : ParameterFile
+    numbers : mapping of str to int, optional
+        Channel by actuator instead of that of the parameters.
+
+    Raises
+    ------
+    TrialError
+        A value of FRAME_CONFIG, MOT_n_DIRECTION or SERVOn_FUNCTION is none of ArduSub's, the vehicle has
+        fewer actuators than the frame motors, or a motor has two channels.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> file = ParameterFile("old.param", {"FRAME_CONFIG": 2.0, "MOT_1_DIRECTION": -1.0})
+    >>> map_parameters(st.Vehicle.load("bluerov2-heavy"), file).turned[:2]
+    ('thruster_2', 'thruster_3')
+    """
+    values, where = parameters.values, parameters.source
+    base = map_channels(vehicle, numbers)
+    used: set[str] = set()
+    said: list[str] = []
+    by_motor = _motor_channels(values, where, used)
+    channels = []
+    for motor, one in enumerate(base.channels, 1):
+        number = one.number if one.actuator in (numbers or {}) else by_motor.get(motor, one.number)
+        is_motor = number not in _other_functions(values)
+        channels.append(_with_ends(replace(one, number=number), values, used, where, motor=is_motor))
+    _refuse_twice(channels)
+    turned = _turned(vehicle, values, where, used, said)
+    said += _neutral_sentences(channels)
+    about = sorted(name for name in values if _ABOUT_MOTORS.fullmatch(name))
+    left = [name for name in about if name not in used]
+    if left:
+        said.append(f"Not mapped, because no actuator of the vehicle goes by it: {_some(left)}.")
+    rest = len(values) - len(about)
+    if rest:
+        others = f"{rest} other parameters are" if rest > 1 else "One other parameter is"
+        said.append(f"{others} the autopilot's own (gains, filters, failsafes).")
+    return ChannelMap(_with_turned(vehicle, turned, where), tuple(channels), tuple(turned), tuple(said))
+
+
+def _channel(name: str, number: int, facts: Mapping[str, Any]) -> Channel:
+    return Channel(
+        name,
+        number,
+        float(facts["neutral"]),
+        float(facts["maximum_ahead"]),
+        float(facts["maximum_astern"]),
+        trim_us=_NEUTRAL_US,
+        direct=facts["unit"] == "us",
+    )
+
+
+def _refuse_twice(channels: list[Channel]) -> None:
+    owner: dict[int, str] = {}
+    for one in channels:
+        if one.number in owner:
+            raise TrialError(
+                f"channel {one.number}: both {owner[one.number]} and {one.actuator} are on it; give one of"
+                " them"
+                " another channel"
+            )
+        owner[one.number] = one.actuator
+
+
+def _whole(values: Mapping[str, float], name: str, where: str, allowed: Any, words: str) -> int:
+    value = values[name]
+    if value != int(value) or int(value) not in allowed:
+        raise TrialError(f"{where}: {name}: expected {words}, found {value:g}")
+    return int(value)
+
+
+def _motor_channels(values: Mapping[str, float], where: str, used: set[str]) -> dict[int, int]:
+    """Channel by motor number, as SERVOn_FUNCTION says."""
+    found: dict[int, int] = {}
+    for number in range(1, _CHANNELS + 1):
+        name = f"SERVO{number}_FUNCTION"
+        if name not in values:
+            continue
+        function = _whole(values, name, where, range(-1, 1000), "the number of a function")
+        motor = _MOTOR_FUNCTIONS.get(function)
+        if motor is None:
+            continue
+        used.add(name)
+        if motor in found:
+            raise TrialError(
+                f"{where}: {name}: motor {motor} is on channel {found[motor]}, too; leave it on one channel"
+            )
+        found[motor] = number
+    return found
+
+
+def _other_functions(values: Mapping[str, float]) -> set[int]:
+    """Channels that have a function other than a motor's."""
+    return {
+        number
+        for number in range(1, _CHANNELS + 1)
+        if values.get(f"SERVO{number}_FUNCTION", 33.0) not in _MOTOR_FUNCTIONS
+    }
+
+
+def _with_ends(
+    channel: Channel, values: Mapping[str, float], used: set[str], where: str, *, motor: bool
+) -> Channel:
+    """The channel with the ends of its pulses by the parameters."""
+    if motor:
+        names = {"low_us": "MOT_PWM_MIN", "high_us": "MOT_PWM_MAX"}
+    else:
+        prefix = f"SERVO{channel.number}_"
+        names = {"low_us": f"{prefix}MIN", "high_us": f"{prefix}MAX", "trim_us": f"{prefix}TRIM"}
+        if f"{prefix}REVERSED" in values:
+            used.add(f"{prefix}REVERSED")
+            channel = replace(channel, reversed=values[f"{prefix}REVERSED"] != 0.0)
+    ends = {"low_us": channel.low_us, "trim_us": channel.trim_us, "high_us": channel.high_us}
+    for field, name in names.items():
+        if values.get(name, 0.0) > 0.0:
+            used.add(name)
+            ends[field] = values[name]
+    low, trim, high = (ends[field] for field in ("low_us", "trim_us", "high_us"))
+    channel = replace(channel, low_us=low, trim_us=trim, high_us=high)
+    if not channel.low_us < channel.trim_us < channel.high_us:
+        raise TrialError(
+            f"{where}: channel {channel.number}: expected rest between the ends, found"
+            f" {channel.low_us:g}, {channel.trim_us:g} and {channel.high_us:g} us; correct"
+            f" {', '.join(names.values())}"
+        )
+    return channel
+
+
+def _turned(
+    vehicle: Vehicle, values: Mapping[str, float], where: str, used: set[str], said: list[str]
+) -> list[str]:
+    """Thrusters that push against what the frame and the directions say."""
+    number = 1  # ArduSub's own default
+    if "FRAME_CONFIG" in values:
+        number = _whole(values, "FRAME_CONFIG", where, range(8), "0 to 7")
+        used.add("FRAME_CONFIG")
+    if number >= len(FRAME_NAMES):
+        said.append(
+            "FRAME_CONFIG 7 is a custom frame: its factors are in the firmware, so that directions stay those"
+            " of the vehicle file."
+        )
+        return []
+    frame = FRAME_NAMES[number]
+    factors = FRAMES[frame]
+    info = vehicle.actuator_info()
+    names = vehicle.actuators
+    if len(names) < len(factors):
+        raise TrialError(
+            f"{where}: FRAME_CONFIG {number} ({frame}) has {len(factors)} motors, vehicle {vehicle.name} has"
+            f" {len(names)} actuators; take the vehicle of this frame or correct FRAME_CONFIG"
+        )
+    found = []
+    for name, (key, factor) in zip(names, factors.items(), strict=False):
+        direction = 1
+        parameter = f"MOT_{key}_DIRECTION"
+        if parameter in values:
+            direction = _whole(values, parameter, where, (-1, 1), "1 or -1")
+            used.add(parameter)
+        facts = info[name]
+        push = np.asarray(facts["wrench"], float) * (-1.0 if facts["reversed"] else 1.0)
+        fit = _cosine(push, direction * _push(factor), names, info)
+        if abs(fit) < _FIT:
+            said.append(
+                f"{name}: motor {key} of {frame} pushes elsewhere (cosine {fit:.2f}); its direction stays"
+                " that"
+                " of the vehicle file: check FRAME_CONFIG and the order of the thrusters."
+            )
+        elif fit < 0.0:
+            found.append(name)
+    if found:
+        said.append(
+            f"By FRAME_CONFIG {number} ({frame}) and MOT_n_DIRECTION a pulse above 1500 us pushes against the"
+            f" direction of the vehicle file: {_some(found)} turned."
+        )
+    if len(names) > len(factors):
+        said.append(f"{_some(names[len(factors) :])}: {frame} has no motor for them.")
+    return found
+
+
+def _push(factor: tuple[float, ...]) -> Array:
+    """Wrench that factors of roll, pitch, yaw, throttle, forward and lateral ask for, X Y Z K M N."""
+    roll, pitch, yaw, throttle, forward, lateral = factor
+    return np.array([forward, lateral, -throttle, roll, pitch, yaw], float)
+
+
+def _cosine(push: Array, asked: Array, names: list[str], info: Mapping[str, Any]) -> float:
+    """How far a push is that which is asked, -1 to 1; moments counted by the longest lever of the vehicle."""
+    lever = max((float(np.linalg.norm(info[name]["position"])) for name in names), default=1.0) or 1.0
+    # Only components that the frame's factors name: a horizontal thruster below O rolls as well.
+    kept = asked != 0.0
+    scaled = np.where(kept, push / np.array([1.0, 1.0, 1.0, lever, lever, lever]), 0.0)
+    size = float(np.linalg.norm(scaled) * np.linalg.norm(asked))
+    return float(scaled @ asked) / size if size > 0.0 else 0.0
+
+
+_DIRECTIONS = (("ahead", "astern"), ("to starboard", "to port"), ("down", "up"))
+
+
+def _words(asked: Array) -> str:
+    parts = [
+        names[0] if value > 0 else names[1]
+        for names, value in zip(_DIRECTIONS, asked[:3], strict=True)
+        if value
+    ]
+    return " and ".join(parts) or "by a moment alone"
+
+
+def _neutral_sentences(channels: list[Channel]) -> list[str]:
+    odd = [one for one in channels if one.direct and one.neutral != one.trim_us]
+    return (
+        [
+            f"ArduSub rests at {odd[0].trim_us:g} us, {_some([one.actuator for one in odd])} of the"
+            " vehicle file"
+            f" at {odd[0].neutral:g} us: pulses are counted from each one's own rest."
+        ]
+        if odd
+        else []
+    )
+
+
+def _with_turned(vehicle: Vehicle, turned: list[str], where: str) -> Vehicle:
+    if not turned:
+        return vehicle
+    document = tomlkit.parse(vehicle.to_toml())
+    thrusters: Any = document["thrusters"]
+    for thruster in thrusters:
+        if thruster["name"] in turned:
+            thruster["reversed"] = not thruster.get("reversed", False)
+    return Vehicle.from_toml(tomlkit.dumps(document), f"{vehicle.name} with {where}")
+
+
+def _some(names: list[str], most: int = 12) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

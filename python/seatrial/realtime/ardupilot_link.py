@@ -1,0 +1,455 @@
+"""ArduPilot's JSON simulator link: the vehicle as physics behind ArduSub.
+
+ArduPilot's simulator (started with ``--model JSON:HOST``) sends a servo packet to UDP port 9002 for each
+frame and waits for the state of the vehicle (`seatrial.realtime.servo_packet`). One packet, one step: the
+vehicle moves by one over the rate of the packet, in lock-step with the autopilot. Held by
+``tests/realtime/test_sitl.py``.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seatrial._core import State, Vehicle
+from seatrial.ardusub.parameters import ParameterFile
+from seatrial.ardusub.servos import Channel, ChannelMap, map_channels, map_parameters
+from seatrial.base.errors import SimulationError, reason
+from seatrial.base.report import Report, Section, Table
+from seatrial.base.toml_file import loaded
+from seatrial.flight.sensor_channels import sensors_of
+from seatrial.realtime.plant import Motion, Plant, Shown
+from seatrial.realtime.servo_packet import ServoPacket, answer
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from seatrial.sensors.sensor import Sensor
+
+__all__ = ["PORT", "SitlSession", "listen", "sitl"]
+
+PORT = 9002
+
+LOOPBACK = "127.0.0.1"
+
+_LARGEST = 2048  # bytes of a packet that are read
+
+_LATE_FRAMES = 32
+"""A packet whose number is lower by no more is a late one; by more, or 0 or 1, the autopilot began anew."""
+
+_MOST_LOST = 100
+"""Frames that are made up for at most where packets were lost."""
+
+_AGAIN_S = 1.0
+"""An answer to a repeated packet is repeated when the last one is older: ArduPilot repeats a packet after
+10 s.
+"""
+
+_PEER_SILENT_S = 2.0
+"""After this silence another sender may take the place of the peer."""
+
+
+@dataclass(frozen=True, eq=False)
+class SitlSession:
+    """What happened on the link.
+
+    Attributes
+    ----------
+    mapping
+        What flew, and where its pulses came from.
+    ended
+        "idle", "interrupted", "diverged" or "frames": why it ended.
+    frames, lost, resets
+        Packets that were answered by a step, frames that were missing between them, new beginnings.
+    ignored
+        Packets that were passed over, by why: short, long, magic, rate, pulse, late, duplicate, stranger.
+    simulated_s, wall_s, busy_s
+        Time of the physics, of the clock, and spent on steps and answers.
+    slowest_step_s
+        Longest time between a packet and its answer.
+    rate_hz
+        Frames per second that the peer asked for last.
+    rows
+        Log: time, position, roll pitch yaw, nu, then commands by actuator, SI.
+    notes
+        What was mapped and what not.
+    """
+
+    mapping: ChannelMap
+    ended: str
+    frames: int
+    lost: int
+    resets: int
+    ignored: Mapping[str, int]
+    simulated_s: float
+    wall_s: float
+    busy_s: float
+    slowest_step_s: float
+    rate_hz: int
+    rows: Sequence[Sequence[float]] = ()
+    notes: Sequence[str] = ()
+
+    @property
+    def steps_per_s(self) -> float:
+        """Steps per second of work: what the peer could at most ask for."""
+        return self.frames / self.busy_s if self.busy_s > 0.0 else 0.0
+
+    def table(self) -> pl.DataFrame:
+        """Log as the columns of a trial."""
+        import polars as pl
+
+        names = ["t_s", "x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg"]
+        names += ["u_m_s", "v_m_s", "w_m_s", "p_deg_s", "q_deg_s", "r_deg_s"]
+        names += [f"cmd.{one.actuator}" for one in self.mapping.channels]
+        data = np.array(self.rows, float).reshape(len(self.rows), len(names))
+        for k, name in enumerate(names):
+            if name.endswith(("_deg", "_deg_s")):
+                data[:, k] = np.rad2deg(data[:, k])
+        return pl.DataFrame(data, schema=names, orient="row")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data, without the log."""
+        return {
+            "vehicle": self.mapping.vehicle.name,
+            "ended": self.ended,
+            "frames": self.frames,
+            "lost": self.lost,
+            "resets": self.resets,
+            "ignored": dict(self.ignored),
+            "simulated_s": self.simulated_s,
+            "wall_s": self.wall_s,
+            "steps_per_s": self.steps_per_s,
+            "slowest_step_s": self.slowest_step_s,
+            "rate_hz": self.rate_hz,
+            "channels": {one.actuator: one.number for one in self.mapping.channels},
+            "notes": list(self.notes),
+        }
+
+    def report(self) -> Report:
+        """Report on the link."""
+        if not self.frames:
+            good = f"no packet of ArduPilot came in {self.wall_s:.1f} s"
+        else:
+            good = (
+                f"{self.frames} frames, {self.simulated_s:.1f} s of motion in {self.wall_s:.1f} s;"
+                f" {self.steps_per_s:.0f} steps per second of work, ArduPilot asked for {self.rate_hz}"
+            )
+        passed = ", ".join(f"{count} {word}" for word, count in sorted(self.ignored.items()))
+        worst = f"packets passed over: {passed}" if passed else "no packet was passed over"
+        if self.lost:
+            worst = f"{self.lost} frames were lost on the way; {worst}"
+        if self.frames and self.steps_per_s < self.rate_hz:
+            worst = (
+                f"slower than real time: {self.steps_per_s:.0f} steps per second of work for"
+                f" {self.rate_hz} Hz;"
+                f" lower SIM_RATE_HZ; {worst}"
+            )
+        following = "use the log as a trial, or fly on"
+        if self.ended == "diverged":
+            following = "the motion grew beyond all bounds: check the signs of the channels"
+        elif not self.frames:
+            following = "start ArduPilot with --model JSON:127.0.0.1"
+        rows = [[word, str(count)] for word, count in sorted(self.ignored.items())]
+        counts = Table.of("Packets passed over", ["why", "packets"], rows)
+        return Report(
+            title=f"sitl {self.mapping.vehicle.name}",
+            outcome={"idle": "ended, the peer is silent", "frames": "done"}.get(self.ended, self.ended),
+            good=good,
+            worst=worst,
+            next_step=following,
+            sections=(
+                Section("Channels", tuple(self.notes), (self.mapping.table(),)),
+                Section("", (), (counts,)),
+            ),
+        )
+
+
+@dataclass
+class _Link:
+    """Where the link stands: the peer, its numbers, the last answer."""
+
+    peer: Any = None
+    heard: float = 0.0
+    count: int | None = None
+    rate: int = 0
+    sent: bytes = b""
+    sent_at: float = 0.0
+    frames: int = 0
+    lost: int = 0
+    resets: int = 0
+    ignored: Counter[str] = field(default_factory=Counter)
+    slowest: float = 0.0
+    busy: float = 0.0
+
+    def frames_of(self, packet: ServoPacket, sender: Any, now: float) -> int | str:
+        """Frames to step for a packet; 0 begins anew; or in a word why it is passed over."""
+        if self.peer is not None and sender != self.peer and now - self.heard < _PEER_SILENT_S:
+            return "stranger"
+        if self.count is None or sender != self.peer:
+            return 0 if self.count is not None else 1
+        gap = packet.frame_count - self.count
+        if gap > 0:
+            return gap
+        if gap == 0:
+            return "duplicate"
+        if packet.frame_count > 1 and -gap <= _LATE_FRAMES:
+            return "late"
+        return 0
+
+
+def listen(host: str = LOOPBACK, port: int = PORT) -> socket.socket:
+    """UDP socket that is bound to an address.
+
+    Raises
+    ------
+    SimulationError
+        The address is not to be had.
+    """
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        link.bind((host, port))
+    except (OSError, OverflowError) as error:
+        link.close()
+        why = reason(error) if isinstance(error, OSError) else str(error)
+        raise SimulationError(
+            f"{host}:{port}: cannot listen ({why}); end what listens there or choose another --port"
+        ) from None
+    return link
+
+
+def sitl(
+    vehicle: Vehicle | str | Path,
+    *,
+    parameters: ParameterFile | str | Path | None = None,
+    channels: Mapping[str, int] | None = None,
+    host: str = LOOPBACK,
+    port: int = PORT,
+    idle_s: float = 60.0,
+    max_frames: int | None = None,
+    sensors: Mapping[str, Sensor] | str | Path | None = None,
+    seed: int = 0,
+    initial: State | None = None,
+    current: ArrayLike = (0.0, 0.0, 0.0),
+    voltage_v: float | None = None,
+    seabed_m: float | None = None,
+    imu_position_m: ArrayLike = (0.0, 0.0, 0.0),
+    log_hz: float = 0.0,
+    ready: Callable[[tuple[str, int]], None] | None = None,
+) -> SitlSession:
+    """Session as the physics behind ArduPilot's simulator: servo packets in, the state of the vehicle out.
+
+    In lock-step: each frame moves the vehicle by one over the rate of the packet. The vehicle begins anew
+    when the number of the frames goes back. It ends when no packet came for `idle_s`, or with Ctrl-C.
+
+    Parameters
+    ----------
+    vehicle : Vehicle, str or Path
+        The physics: an object, a built-in name or a file.
+    parameters : ParameterFile, str or Path, optional
+        Of ArduSub: directions, ends and channels of the motors are taken from it.
+    channels : mapping of str to int, optional
+        Servo channel by actuator, from 1; the actuators in their order from channel 1 on when omitted.
+    host, port : str, int, optional
+        Address to listen on; only this machine when omitted. Port 0 takes a free one.
+    idle_s : float, optional
+        Silence after which it ends, s.
+    max_frames : int, optional
+        Frames after which it ends.
+    sensors : mapping of str to Sensor, str or Path, optional
+        By kind, "typical", or a file; perfect ones when omitted. The accelerometer stays perfect: ArduPilot
+        adds the noise of its own.
+    seed : int, optional
+        Of the sensors' errors.
+    initial : State, optional
+        Where it begins; at rest in O when omitted.
+    current : (3,) array_like, optional
+        Velocity of the water, NED, m/s.
+    voltage_v : float, optional
+        Supply, V, where thrust depends on it.
+    seabed_m : float, optional
+        Depth of the bottom; the answer has a range finder then.
+    imu_position_m : (3,) array_like, optional
+        Place of the accelerometer in the body frame from O, m.
+    log_hz : float, optional
+        Rows of the log per second of motion; 0 keeps none.
+    ready : callable, optional
+        Called with the address once it listens.
+
+    Raises
+    ------
+    VehicleError, TrialError, SimulationError
+        A file or a number is not usable, or the address is not to be had.
+    """
+    model: Vehicle = loaded(Vehicle, vehicle)
+    if not idle_s > 0.0:
+        raise SimulationError(f"idle_s: expected a positive time in s, found {idle_s:g}")
+    if parameters is None:
+        mapped = map_channels(model, channels)
+    else:
+        file = parameters if isinstance(parameters, ParameterFile) else ParameterFile.load(parameters)
+        mapped = map_parameters(model, file, channels)
+    plant = Plant(
+        mapped.vehicle, initial=initial, current=current, voltage_v=voltage_v, imu_position_m=imu_position_m
+    )
+    chosen = sensors_of(sensors, mapped.vehicle)
+    shown = None if chosen is None else Shown(chosen, seed)
+    notes = list(mapped.sentences)
+    if shown is not None and shown.left_out:
+        notes.append(f"Sensors without a place in the answer are left out: {', '.join(shown.left_out)}.")
+    loop = _Loop(plant, mapped.channels, shown, seabed_m, log_hz)
+    with listen(host, port) as link:
+        link.settimeout(min(idle_s, 0.25))
+        if ready is not None:
+            ready(link.getsockname())
+        ended, wall = _serve(link, loop, idle_s, max_frames)
+    state = loop.link
+    return SitlSession(
+        mapping=mapped,
+        ended=ended,
+        frames=state.frames,
+        lost=state.lost,
+        resets=state.resets,
+        ignored=dict(state.ignored),
+        simulated_s=loop.simulated_s,
+        wall_s=wall,
+        busy_s=state.busy,
+        slowest_step_s=state.slowest,
+        rate_hz=state.rate,
+        rows=loop.rows,
+        notes=notes,
+    )
+
+
+class _Loop:
+    """The vehicle behind a link."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        channels: tuple[Channel, ...],
+        shown: Shown | None,
+        seabed_m: float | None,
+        log_hz: float,
+    ) -> None:
+        self.plant, self.channels, self.shown, self.seabed_m = plant, channels, shown, seabed_m
+        self.link = _Link()
+        self.rows: list[list[float]] = []
+        self.simulated_s = 0.0
+        self._every_s = np.inf if log_hz <= 0.0 else 1.0 / log_hz
+        self._next_s = 0.0
+        self._commands: dict[str, float] = {one.actuator: one.neutral for one in channels}
+
+    def take(self, data: bytes, sender: Any, now: float) -> bytes | None:
+        """Answer to a packet; None where there is none to give."""
+        link = self.link
+        packet = ServoPacket.parse(data)
+        if isinstance(packet, str):
+            link.ignored[packet] += 1
+            return None
+        frames = link.frames_of(packet, sender, now)
+        if isinstance(frames, str):
+            link.ignored[frames] += 1
+            if frames == "duplicate":
+                link.heard = now
+                if now - link.sent_at > _AGAIN_S:
+                    link.sent_at = now
+                    return link.sent
+            return None
+        if frames == 0:
+            link.resets += 1
+            self._begin_anew()
+        first = frames == 0 or link.count is None
+        link.peer, link.heard, link.count, link.rate = sender, now, packet.frame_count, packet.frame_rate
+        # Frames that were lost on the way are made up for under the commands of before.
+        missing = 0 if first else min(frames - 1, _MOST_LOST)
+        link.lost += 0 if first else frames - 1
+        dt = 1.0 / packet.frame_rate
+        for _ in range(missing):
+            if not self.diverged:
+                self._step(dt)
+        self._commands = {
+            one.actuator: one.command(float(packet.pwm[one.number - 1]))
+            if one.number <= len(packet.pwm)
+            else one.neutral
+            for one in self.channels
+        }
+        motion = self._step(dt)
+        link.frames += 1
+        if self.diverged:  # JSON has no word for what is no number
+            return None
+        seen = motion if self.shown is None else self.shown.measure(motion)
+        link.sent, link.sent_at = answer(seen, seabed_m=self.seabed_m), now
+        return link.sent
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the motion is no number any more."""
+        motion = self.plant.motion
+        return not (np.isfinite(motion.nu).all() and np.isfinite(motion.specific_force).all())
+
+    def _step(self, dt: float) -> Motion:
+        before = self.plant.motion
+        motion = self.plant.advance(self._commands, dt)
+        self.simulated_s += dt
+        if before.t_s >= self._next_s - 1e-9 and np.isfinite(before.nu).all():
+            self._next_s += self._every_s
+            commands = [self._commands[one.actuator] for one in self.channels]
+            self.rows.append([
+                before.t_s,
+                *before.position.tolist(),
+                *before.euler.tolist(),
+                *before.nu.tolist(),
+                *commands,
+            ])
+        return motion
+
+    def _begin_anew(self) -> None:
+        self.plant.reset()
+        self._next_s = 0.0
+        self.rows.clear()
+        if self.shown is not None:
+            self.shown.reset()
+
+
+def _serve(link: socket.socket, loop: _Loop, idle_s: float, max_frames: int | None) -> tuple[str, float]:
+    """Why the loop ended, and how long it took, s."""
+    begun = last = time.monotonic()
+    try:
+        while True:
+            try:
+                data, sender = link.recvfrom(_LARGEST)
+            except TimeoutError:
+                if time.monotonic() - last >= idle_s:
+                    return "idle", time.monotonic() - begun
+                continue
+            except ConnectionError:  # the peer's port is closed: it may come back
+                continue
+            now = time.monotonic()
+            before = loop.link.frames
+            reply = loop.take(data, sender, now)
+            if loop.diverged:
+                return "diverged", time.monotonic() - begun
+            if reply is not None:
+                last = now
+                try:
+                    link.sendto(reply, sender)
+                except OSError:
+                    loop.link.ignored["unreachable"] += 1
+            elif now - last >= idle_s:
+                return "idle", now - begun
+            if loop.link.frames > before:
+                spent = time.monotonic() - now
+                loop.link.busy += spent
+                loop.link.slowest = max(loop.link.slowest, spent)
+            if max_frames is not None and loop.link.frames >= max_frames:
+                return "frames", time.monotonic() - begun
+    except KeyboardInterrupt:
+        return "interrupted", time.monotonic() - begun

@@ -1,0 +1,205 @@
+"""A model of another simulator as a vehicle file with what contradicts itself, and a vehicle as such a model.
+
+Held by ``tests/simulators/test_convert.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from seatrial._core import Vehicle
+from seatrial.base.atomic_write import write_atomic
+from seatrial.base.errors import VehicleError, reason
+from seatrial.base.report import Report, Section, Table
+from seatrial.base.toml_file import loaded
+from seatrial.simulators.body import body_of, contradictions
+from seatrial.simulators.markup import parse, read_bytes
+from seatrial.simulators.readers import KINDS, read
+from seatrial.simulators.writers import WRITERS
+
+__all__ = ["ENDINGS", "ExportedModel", "ImportedModel", "export_model", "import_model", "write_text"]
+
+ENDINGS = (".sdf", ".urdf", ".xacro", ".scn", ".world", ".xml")
+"""Endings of files that are models and no logs."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedModel:
+    """A vehicle file from a model of another simulator.
+
+    Attributes
+    ----------
+    source, kind
+        The file, and its form: "sdf", "uuv" or "stonefish".
+    text, vehicle
+        The vehicle file and the vehicle.
+    contradictions
+        What physics does not allow or what is doubtful, a sentence each.
+    left
+        What was not taken.
+    """
+
+    source: str
+    kind: str
+    text: str
+    vehicle: Vehicle
+    contradictions: tuple[str, ...]
+    left: tuple[str, ...]
+
+    def report(self) -> Report:
+        """Report on the import."""
+        found = self.vehicle.coefficients()
+        count = sum(1 for name, value in found.items() if value)
+        doubts = len(self.contradictions)
+        worst = (
+            self.contradictions[0] if doubts else "no contradiction was found in signs, symmetry and buoyancy"
+        )
+        rows = [[name, f"{value:.6g}"] for name, value in sorted(found.items()) if value]
+        return Report(
+            title=self.source,
+            outcome=f"read as a model of {KINDS[self.kind]}",
+            good=f"{count} coefficients, forward-right-down about the link's origin; {doubts} contradictions",
+            worst=worst,
+            next_step="add thrusters to the vehicle file, then seatrial check",
+            sections=(
+                Section("Contradictions", self.contradictions),
+                Section("Not taken", self.left),
+                Section("Coefficients", (), (Table.of("", ["name", "value"], rows),)),
+            ),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            "source": self.source,
+            "kind": self.kind,
+            "coefficients": {k: v for k, v in self.vehicle.coefficients().items() if v},
+            "contradictions": list(self.contradictions),
+            "left": list(self.left),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedModel:
+    """A vehicle as a model of another simulator: its text, and what is lost."""
+
+    vehicle: Vehicle
+    kind: str
+    text: str
+    lost: tuple[str, ...]
+
+    def report(self, out: str = "") -> Report:
+        """Report on the export."""
+        return Report(
+            title=self.vehicle.name,
+            outcome=f"written for {KINDS[self.kind]}",
+            good=f"mass, inertia, buoyancy{'' if self.kind == 'stonefish' else ', added mass and damping'} in"
+            f" {out or 'the model'}, frames turned where {KINDS[self.kind]} has others",
+            worst=self.lost[0] if self.lost else "nothing is lost",
+            next_step=f"add thrusters and sensors in the words of {KINDS[self.kind]}",
+            sections=(Section("Lost", self.lost),),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data, without the text."""
+        return {"vehicle": self.vehicle.name, "kind": self.kind, "lost": list(self.lost)}
+
+
+def import_model(path: str | Path, *, name: str | None = None, rho: float | None = None) -> ImportedModel:
+    """Vehicle file from a model of gz-sim (SDF), uuv_simulator (URDF, xacro) or Stonefish (XML).
+
+    Parameters
+    ----------
+    path : str or Path
+    name : str, optional
+        Of the vehicle; that of the model when omitted.
+    rho : float, optional
+        Density of the water, kg/m3, instead of that of the model.
+
+    Raises
+    ------
+    VehicleError
+        The file is no model with hydrodynamics, is not safe to read, or its numbers are no vehicle.
+    """
+    source = str(path)
+    found = read(parse(read_bytes(path), source), source, rho=rho)
+    if not found.body.mass > 0.0:
+        raise VehicleError(f"{source}: expected a positive mass, found {found.body.mass:g} kg")
+    body, doubts = contradictions(found.body)
+    body = replace(body, name=name or body.name or "model")
+    comments = (
+        f"From {Path(source).name}, a model of {KINDS[found.kind]}; forward-right-down about the link's"
+        " origin, SI.",
+        *(f"Contradiction: {sentence}" for sentence in doubts),
+        *(f"Not taken: {sentence}" for sentence in found.left),
+        "No thrusters yet: add [[thrusters]] and list in controllable what they can do.",
+    )
+    text = body.toml(comments)
+    vehicle = Vehicle.from_toml(text, source)
+    return ImportedModel(source, found.kind, text, vehicle, tuple(doubts), found.left)
+
+
+def export_model(vehicle: Vehicle | str | Path, kind: str) -> ExportedModel:
+    """Vehicle as a model of another simulator, with what it cannot hold.
+
+    Parameters
+    ----------
+    vehicle : Vehicle, str or Path
+    kind : str
+        "sdf", "uuv" or "stonefish".
+
+    Raises
+    ------
+    VehicleError
+        The vehicle or the form is not usable.
+    """
+    if kind not in WRITERS:
+        raise VehicleError(f"{kind}: expected one of {', '.join(WRITERS)}")
+    model: Vehicle = loaded(Vehicle, vehicle)
+    body = body_of(model)
+    text, lost = WRITERS[kind](body, f"{model.name}: written by seatrial for {KINDS[kind]}")
+    lost = [*lost, *_not_carried(model)]
+    return ExportedModel(model, kind, text, tuple(lost))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text whole or not at all.
+
+    Raises
+    ------
+    VehicleError
+        It cannot be written.
+    """
+    try:
+        write_atomic(path, text.encode())
+    except OSError as error:
+        raise VehicleError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
+
+
+def _not_carried(vehicle: Vehicle) -> list[str]:
+    """Sentences on terms of the vehicle that no simulator takes."""
+    given: Mapping[str, float] = vehicle.coefficients()
+
+    def some(test: Any) -> list[str]:
+        return [name for name, value in sorted(given.items()) if value and test(name)]
+
+    lift = some(lambda name: name in _LIFT)
+    bias = some(lambda name: len(name) == 3 and name.endswith("_0"))
+    cross = some(lambda name: name.startswith("C_D"))
+    said = []
+    for names, what in ((lift, "Lift"), (bias, "Constant forces"), (cross, "Cross-flow drag by strips")):
+        if names:
+            said.append(f"{what} of the vehicle file ({', '.join(names)}) has no counterpart.")
+    if vehicle.actuators:
+        said.append(
+            f"{len(vehicle.actuators)} actuators with their motors (lag, dead time, limits, thrust by"
+            " supply and"
+            " inflow) are not written."
+        )
+    return said
+
+
+_LIFT = frozenset(("Y_uv", "Y_ur", "Z_uw", "Z_uq", "M_uw", "M_uq", "N_uv", "N_ur"))
