@@ -31,7 +31,7 @@ pub fn ardusub_frames() -> BTreeMap<&'static str, Array> {
 /// p : (3,)
 ///     ``ATC_ANG_RLL_P``, ``ATC_ANG_PIT_P``, ``ATC_ANG_YAW_P``, per s.
 /// acceleration : (3,)
-///     ``ATC_ACCEL_R_MAX``, ``ATC_ACCEL_P_MAX``, ``ATC_ACCEL_Y_MAX`` in rad/s2; 0: proportional.
+///     ``ATC_ACC_R_MAX``, ``ATC_ACC_P_MAX``, ``ATC_ACC_Y_MAX`` in rad/s2; 0: proportional.
 /// dt : float
 ///     Control period, s.
 #[pyfunction]

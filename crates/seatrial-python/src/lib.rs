@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 
 mod ardusub;
+mod ardusub_flight;
 mod autopilot;
 mod closed_loop;
 mod convert;
@@ -30,6 +31,8 @@ mod _core {
         ardusub_forward_lateral, ardusub_frames, ardusub_pulses, ardusub_rates, ardusub_square_root,
         ardusub_terms, ardusub_velocity,
     };
+    #[pymodule_export]
+    use crate::ardusub_flight::{ardusub_defaults, ardusub_fly};
     #[pymodule_export]
     use crate::autopilot::{Autopilot, Helm, autopilot_names, restored_autopilot};
     #[pymodule_export]

@@ -3,7 +3,7 @@
 //! In reading order: [`aboard`], the navigation filters; [`obstacle`], [`faults`], [`turbulence`], [`drift`], [`waves`] and their sum [`water`], what the world
 //! adds; [`motors`], what the actuators really do; [`energy`], what is used up; [`trial`], set points in place of guidance; [`case`], what a flight and its cases are; `legs`, [`exceedance`] and
 //! [`summary`], the figures, which `tally` sums up under way; [`log`](mod@log), every period of it; [`fly`], one case;
-//! [`batch`], many.
+//! [`batch`], many; [`ardusub`], a vehicle under ArduSub's cascade along targets over time.
 //!
 //! Once per control period the sensors are read, the autopilot steps and its commands are held; the motors and
 //! the equation of motion advance by `substeps` equal steps. The vehicle that flies and the model inside
@@ -12,6 +12,7 @@
 //! Tests: `tests/closed_loop.rs`, `tests/flight/test_fly.py`.
 
 pub mod aboard;
+pub mod ardusub;
 pub mod batch;
 pub mod case;
 pub mod drift;

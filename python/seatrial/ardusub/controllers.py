@@ -48,7 +48,7 @@ _PERIOD_S = 0.005  # at which a controller is run between the rows
 
 _CUT_OFFS = (0.0, 1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 20.0)  # Hz
 
-_YAW_LIMITS = np.radians(np.linspace(10.0, 120.0, 111))  # rad/s2; ArduSub's bounds of half of ATC_ACCEL_Y_MAX
+_YAW_LIMITS = np.radians(np.linspace(10.0, 120.0, 111))  # rad/s2; ArduSub's bounds of half of ATC_ACC_Y_MAX
 
 
 @dataclass
@@ -196,7 +196,7 @@ class Controllers:
                 else "of large errors"
             )
             self.found.append(
-                Found("ATC_ACCEL_Y_MAX", 2e2 * math.degrees(limit), math.nan, f"yaw rate wanted, {told}")
+                Found("ATC_ACC_Y_MAX", 2.0 * math.degrees(limit), math.nan, f"yaw rate wanted, {told}")
             )
         replayed = wants(limit, np.ones(len(t), bool))
         behind = still & (t > np.median(t))

@@ -18,7 +18,17 @@ from pathlib import Path
 from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import TrialError, reason
 
-__all__ = ["GENERATIONS", "Change", "ParameterFile", "changes", "generation", "in_metres", "write_changes"]
+__all__ = [
+    "GENERATIONS",
+    "Change",
+    "ParameterFile",
+    "changes",
+    "changes_text",
+    "generation",
+    "in_metres",
+    "of_generation",
+    "write_changes",
+]
 
 GENERATIONS: Mapping[str, tuple[str, ...]] = {
     "3.5": (
@@ -30,15 +40,7 @@ GENERATIONS: Mapping[str, tuple[str, ...]] = {
         "ATC_RAT_YAW_FILT",
         "POS_XY_P",
     ),
-    "4.0 to 4.6": (
-        "PSC_POSZ_P",
-        "PSC_VELZ_P",
-        "PSC_ACCZ_P",
-        "PSC_ACCZ_I",
-        "PSC_POSXY_P",
-        "PSC_VELXY_P",
-        "ANGLE_MAX",
-    ),
+    "4.0 to 4.6": ("PSC_POSZ_P", "PSC_VELZ_P", "PSC_ACCZ_P", "PSC_ACCZ_I", "PSC_POSXY_P", "PSC_VELXY_P"),
     "4.7 and later": (
         "PSC_D_POS_P",
         "PSC_D_VEL_P",
@@ -46,9 +48,14 @@ GENERATIONS: Mapping[str, tuple[str, ...]] = {
         "PSC_NE_POS_P",
         "PSC_NE_VEL_P",
         "ATC_ANGLE_MAX",
+        "ATC_ACC_Y_MAX",
+        "ATC_RATE_WPY_MAX",
     ),
 }
 """Names that only one generation of ArduSub has."""
+
+_BEFORE_4_7 = ("ANGLE_MAX", "ATC_ACCEL_R_MAX", "ATC_ACCEL_P_MAX", "ATC_ACCEL_Y_MAX", "ATC_SLEW_YAW")
+"""Names that all generations before 4.7 have."""
 
 _SINCE_4_7: Mapping[str, tuple[str, float]] = {
     "PSC_POSZ_P": ("PSC_D_POS_P", 1.0),
@@ -62,6 +69,23 @@ _SINCE_4_7: Mapping[str, tuple[str, float]] = {
     "PSC_VELXY_I": ("PSC_NE_VEL_I", 1.0),
     "PSC_VELXY_FLTE": ("PSC_NE_VEL_FLTE", 1.0),
     "ANGLE_MAX": ("ATC_ANGLE_MAX", 0.01),
+    "PSC_VELZ_D": ("PSC_D_VEL_D", 1.0),
+    "PSC_VELZ_FF": ("PSC_D_VEL_FF", 1.0),
+    "PSC_VELZ_FLTD": ("PSC_D_VEL_FLTD", 1.0),
+    "PSC_VELZ_IMAX": ("PSC_D_VEL_IMAX", 0.01),
+    "PSC_ACCZ_D": ("PSC_D_ACC_D", 0.1),
+    "PSC_ACCZ_FF": ("PSC_D_ACC_FF", 0.1),
+    "PSC_ACCZ_IMAX": ("PSC_D_ACC_IMAX", 0.001),
+    "PSC_ACCZ_FLTT": ("PSC_D_ACC_FLTT", 1.0),
+    "PSC_ACCZ_FLTE": ("PSC_D_ACC_FLTE", 1.0),
+    "PSC_ACCZ_FLTD": ("PSC_D_ACC_FLTD", 1.0),
+    "PSC_VELXY_D": ("PSC_NE_VEL_D", 1.0),
+    "PSC_VELXY_FF": ("PSC_NE_VEL_FF", 1.0),
+    "PSC_VELXY_FLTD": ("PSC_NE_VEL_FLTD", 1.0),
+    "PSC_VELXY_IMAX": ("PSC_NE_VEL_IMAX", 0.01),
+    "ATC_ACCEL_R_MAX": ("ATC_ACC_R_MAX", 0.01),
+    "ATC_ACCEL_P_MAX": ("ATC_ACC_P_MAX", 0.01),
+    "ATC_ACCEL_Y_MAX": ("ATC_ACC_Y_MAX", 0.01),
 }
 """Name since 4.7 and factor of the value, by the name of 4.0 to 4.6."""
 
@@ -176,6 +200,8 @@ def generation(names: Iterable[str], source: str = "parameters") -> str:
     own = set(names)
     found = {title: sorted(own & set(only)) for title, only in GENERATIONS.items()}
     found = {title: only for title, only in found.items() if only}
+    if (older := sorted(own & set(_BEFORE_4_7))) and "3.5" not in found:
+        found["4.0 to 4.6"] = sorted({*found.get("4.0 to 4.6", ()), *older})
     if len(found) > 1:
         told = "; ".join(f"{', '.join(only)} of {title}" for title, only in found.items())
         raise TrialError(
@@ -195,6 +221,26 @@ def in_metres(file: ParameterFile) -> dict[str, float]:
     """
     renamed = ((*_SINCE_4_7.get(name, (name, 1.0)), value) for name, value in file.values.items())
     return {name: value * factor for name, factor, value in renamed}
+
+
+def of_generation(change: Change, title: str) -> Change:
+    """A change of 4.7 and later by the name and in the unit of the generation `title`.
+
+    Examples
+    --------
+    >>> of_generation(Change("PSC_D_ACC_P", 0.05, 0.08), "4.0 to 4.6")
+    Change(name='PSC_ACCZ_P', before=0.5, after=0.8, why='', bounds=None)
+    """
+    older = {new: (old, factor) for old, (new, factor) in _SINCE_4_7.items()}
+    if title != "4.0 to 4.6" or change.name not in older:
+        return change
+    name, factor = older[change.name]
+
+    def turned(value: float) -> float:
+        return float(f"{value / factor:.9g}")
+
+    bounds = None if change.bounds is None else (turned(change.bounds[0]), turned(change.bounds[1]))
+    return Change(name, turned(change.before), turned(change.after), change.why, bounds)
 
 
 def changes(before: ParameterFile, after: ParameterFile) -> tuple[Change, ...]:
@@ -224,6 +270,15 @@ def write_changes(path: str | Path, found: Iterable[Change], *, title: str) -> N
     TrialError
         The file cannot be written; what was there before is still there.
     """
+    target = Path(path)
+    try:
+        write_atomic(target, changes_text(found, title=title).encode())
+    except OSError as error:
+        raise TrialError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
+
+
+def changes_text(found: Iterable[Change], *, title: str) -> str:
+    """Text of a parameter file with what changes only, see `write_changes`."""
     lines = [f"# {title}"]
     for one in found:
         if math.isnan(one.after):
@@ -233,8 +288,4 @@ def write_changes(path: str | Path, found: Iterable[Change], *, title: str) -> N
         told += [one.why] if one.why else []
         lines += [f"# {'; '.join(told)}"] if told else []
         lines.append(f"{one.name},{one.after:.9g}")
-    target = Path(path)
-    try:
-        write_atomic(target, ("\n".join(lines) + "\n").encode())
-    except OSError as error:
-        raise TrialError(f"{path}: cannot be written ({reason(error)}); choose another folder") from None
+    return "\n".join(lines) + "\n"

@@ -2,7 +2,8 @@
 //!
 //! In the order of the signal: [`attitude`], from an attitude wanted to turn rates; [`position`], from a depth or place
 //! wanted to an acceleration, and from there to throttle, forward and lateral; [`pid`], the controllers of both;
-//! [`mixer`], from six demands to pulse widths. Names of parameters, their units and what they do are ArduSub's own.
+//! [`mixer`], from six demands to pulse widths; [`parameters`], their names, units and defaults; [`cascade`], all of it
+//! together, once per control period. Names of parameters, their units and what they do are ArduSub's own.
 //!
 //! Source: structure, formulas and parameter names as facts from ArduPilot's documentation ("Attitude control",
 //! "Position controllers", "Sub frame configurations", complete parameter list); every line is written here. What it
@@ -10,6 +11,8 @@
 //! Tests: `tests/ardusub.rs` (laws), `tests/ardusub/test_replay.py` (a recorded dive).
 
 pub mod attitude;
+pub mod cascade;
 pub mod mixer;
+pub mod parameters;
 pub mod pid;
 pub mod position;

@@ -1,6 +1,6 @@
-"""Figure of a replay of ArduSub's controllers: what is logged, what was replayed, and the difference.
+"""Figures of ArduSub's controllers beside a log: the replay, the envelope of the loop errors, steps before and after.
 
-Held by ``tests/ardusub/test_replay.py``.
+Held by ``tests/ardusub/test_replay.py`` and ``tests/ardusub/test_from_log.py``.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ from seatrial.report.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from seatrial.ardusub.from_log import LogTuning
     from seatrial.ardusub.log_replay import Replay
     from seatrial.ardusub.quantity import Quantity
 
-__all__ = ["replay_figure", "replay_gallery"]
+__all__ = ["envelope_figure", "replay_figure", "replay_gallery", "steps_figure", "tuning_gallery"]
 
 _SHOWN = ("rate wanted", "output", "acceleration wanted", "throttle", "motor 1", "motor 6")
 
@@ -77,3 +78,92 @@ def _first(found: Replay, kind: str) -> Quantity | None:
     """The quantity of a kind that is drawn: of several axes that of yaw, else the first."""
     same = [one for one in found.quantities if one.name == kind]
     return next((one for one in same if one.controller.endswith("yaw")), same[0] if same else None)
+
+
+def tuning_gallery(
+    found: LogTuning, folder: str | Path, *, formats: tuple[str, ...] = ("png",)
+) -> list[Path]:
+    """Paths of the figures of a tuning from a log: replay, envelope, steps before and after.
+
+    Raises
+    ------
+    SeatrialError
+        The folder cannot be written.
+    """
+    drawn = replay_gallery(found.replay, folder, formats=formats)
+    drawn += save(envelope_figure(found), Path(folder) / "envelope", formats=formats)
+    return drawn + save(steps_figure(found), Path(folder) / "steps", formats=formats)
+
+
+def envelope_figure(found: LogTuning) -> Figure:
+    """Figure of the log's loop errors in the envelope of the flights, a row per channel.
+
+    Parameters
+    ----------
+    found : LogTuning
+    """
+    shares = found.reflight.shares
+    with house_style():
+        figure = new_figure(0.8 + 1.15 * len(shares))
+        panels = np.atleast_1d(figure.subplots(len(shares), 1, sharex=True))
+        first = min(float(one.t[0]) for one in found.reflight.envelopes)
+        for panel, share in zip(panels, shares, strict=True):
+            own = [one for one in found.reflight.envelopes if one.channel == share.channel]
+            for k, one in enumerate(own):
+                t = one.t - first
+                panel.fill_between(t, one.lower, one.upper, color=SIMULATED, alpha=0.25, linewidth=0.0,
+                                   label="95 % of the flights" if k == 0 else None)  # fmt: skip
+                panel.plot(t, one.middle, color=SIMULATED, linewidth=0.7, label="median" if k == 0 else None)
+                panel.plot(t, one.measured, color=MEASURED, linewidth=0.7, label="log" if k == 0 else None)
+                if one.held_out.any():
+                    held = t[one.held_out]
+                    panel.axvspan(float(held[0]), float(held[-1]), color="0.94", zorder=0)
+            most = 1.15 * max(
+                float(np.quantile(np.abs([one.lower, one.upper, one.measured]), 0.998)) for one in own
+            )
+            panel.set_ylim(-most, most)
+            told = share.fit if np.isnan(share.held_out) else share.held_out
+            panel_title(
+                panel, f"{share.channel} error, {share.unit.replace('deg', '°')}: {100 * told:.1f} % outside"
+            )
+        panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)
+        panels[-1].set_xlabel("time, s (grey: held out)")
+    return figure
+
+
+def steps_figure(found: LogTuning) -> Figure:
+    """Figure of set-point steps in their corridors over the missions of the first course, before and after.
+
+    Parameters
+    ----------
+    found : LogTuning
+    """
+    from seatrial.ardusub.tuning import corridors_of
+
+    names = list(found.before.bands)
+    corridors = corridors_of(found.rise_s)
+    with house_style():
+        figure = new_figure(0.8 + 1.5 * len(names))
+        panels = figure.subplots(len(names), 2, sharex=True, sharey="row", squeeze=False)
+        for (name, row), last in zip(zip(names, panels, strict=True), range(len(names)), strict=True):
+            for panel, missions, words in zip(
+                row, (found.before, found.after), ("before", "after"), strict=True
+            ):
+                least, low, middle, high, largest = missions.bands[name]
+                t = missions.since
+                lower, upper = corridors[name].sampled(t)
+                panel.fill_between(
+                    t, least, largest, color=SIMULATED, alpha=0.15, linewidth=0.0, label="all missions"
+                )
+                panel.fill_between(t, low, high, color=SIMULATED, alpha=0.3, linewidth=0.0, label="95 %")
+                panel.plot(t, middle, color=SIMULATED, linewidth=0.9, label="median")
+                panel.step(t, lower, color="0.2", linewidth=0.8, where="post", label="corridor")
+                panel.step(t, upper, color="0.2", linewidth=0.8, where="post")
+                panel.set_ylim(-0.4, 1.6)
+                worst, _, share = missions.row(name)
+                panel_title(panel, f"{name}, {words}: worst {worst:.2f} s, in corridor {100 * share:.0f} %")
+            if last == len(names) - 1:
+                for panel in row:
+                    panel.set_xlabel("time since the step, s")
+        panels[0, 1].legend(loc="lower right", ncols=2)
+    return figure

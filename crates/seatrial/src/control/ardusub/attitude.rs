@@ -6,7 +6,7 @@
 //! ```text
 //! c = tilt of R e_d onto R_d e_d, seen in the body frame:  e_roll, e_pitch = its rotation vector
 //! e_yaw = rotation vector of c⁻¹ ⊗ q⁻¹ ⊗ q_d about e_d
-//! ω_wanted = square_root(e, ATC_ANG_*_P, ½ ATC_ACCEL_*_MAX within its bounds) + R(q⁻¹ ⊗ q_d) ω_d
+//! ω_wanted = square_root(e, ATC_ANG_*_P, ½ ATC_ACC_*_MAX within its bounds) + R(q⁻¹ ⊗ q_d) ω_d
 //! ```
 //!
 //! Source: ArduPilot, "Attitude control" (structure as facts). Tests: `tests/ardusub.rs`.
@@ -29,7 +29,7 @@ const FADES: f64 = 30.0 * RAD;
 pub struct AngleGains<T> {
     /// `ATC_ANG_RLL_P`, `ATC_ANG_PIT_P`, `ATC_ANG_YAW_P`, per s.
     pub p: Vec3<T>,
-    /// `ATC_ACCEL_R_MAX`, `ATC_ACCEL_P_MAX`, `ATC_ACCEL_Y_MAX` in rad/s²; 0: proportional.
+    /// `ATC_ACC_R_MAX`, `ATC_ACC_P_MAX`, `ATC_ACC_Y_MAX` in rad/s²; 0: proportional.
     pub acceleration: Vec3<T>,
     /// `ATC_RATE_R_MAX`, `ATC_RATE_P_MAX`, `ATC_RATE_Y_MAX` in rad/s; 0: none.
     pub rate: Vec3<T>,

@@ -114,9 +114,16 @@ impl Mixer {
     /// Thrusts, −1 to 1 of each motor, for demands of roll, pitch, yaw, throttle (−1 to 1, up), forward and lateral.
     #[inline(always)]
     pub fn thrusts<T: Real>(&self, demands: &[T; 6]) -> [T; MOTORS] {
+        self.loaded_thrusts(demands).0
+    }
+
+    /// The thrusts, and how much of all it has the most loaded motor is asked for: of roll, pitch and throttle, and of
+    /// yaw, forward and lateral. From 1 on that group is at its limit.
+    #[inline(always)]
+    pub fn loaded_thrusts<T: Real>(&self, demands: &[T; 6]) -> ([T; MOTORS], [T; 2]) {
         let (zero, one) = (demands[0].zero(), demands[0].splat(1.0));
         let (mut tilting, mut planar) = ([zero; MOTORS], [zero; MOTORS]);
-        let (mut most_tilting, mut most_planar) = (one, one);
+        let (mut most_tilting, mut most_planar) = (zero, zero);
         let [roll, pitch, yaw, up, forward, lateral] = *demands;
         for (i, shares) in self.motors.iter().enumerate() {
             let share = |k: usize| one * shares[k];
@@ -127,10 +134,10 @@ impl Mixer {
         }
         let mut thrusts = [zero; MOTORS];
         for i in 0..self.motors.len() {
-            let sum = tilting[i] / most_tilting + planar[i] / most_planar;
+            let sum = tilting[i] / most_tilting.max(one) + planar[i] / most_planar.max(one);
             thrusts[i] = sum.clamped(-one, one) * self.direction[i];
         }
-        thrusts
+        (thrusts, [most_tilting, most_planar])
     }
 
     /// The pulse of a thrust, µs.

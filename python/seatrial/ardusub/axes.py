@@ -1,0 +1,304 @@
+"""Which loops of ArduSub the identified model can judge, why not the others, and the margins of those it can.
+
+Gains of a loop are changed only where four things hold: its coefficients were identified from the log; no search
+ended at a bound; drawn vehicles agree about its apparent mass; and on held-out data the model predicts better
+than the best baseline. Otherwise the parameters stay, and the report says which trial would tell.
+
+A margin is that of the loop opened at the mixer's demand, all filters, the motor's lag and one and a half control
+periods of delay within it (`seatrial.control_design.margins`). The thruster's curve is taken at its steepest and at
+its flattest secant. Sources: Franklin, Powell and Emami-Naeini, *Feedback Control of Dynamic Systems* (2010), chapter 6.
+Held by ``tests/ardusub/test_tuning.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial._core import ardusub_defaults, ardusub_pulses
+from seatrial.ardusub.flights import Rig
+from seatrial.base.arrays import Array
+from seatrial.campaign.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
+from seatrial.control_design.margins import loop_margins
+from seatrial.vehicle.actuators import bollard
+from seatrial.vehicle.authority import delays
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.identification.fitted import Fitted
+    from seatrial.identification.identification import Identification
+
+__all__ = ["AXES_OF_LOOPS", "SOUGHT", "AxisVerdict", "Margins", "axis_verdicts", "margins_of"]
+
+SOUGHT: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "roll": {
+        "ATC_ANG_RLL_P": (3.0, 12.0), "ATC_RAT_RLL_P": (0.02, 0.3), "ATC_RAT_RLL_I": (0.005, 0.5),
+        "ATC_RAT_RLL_D": (0.0005, 0.02),
+    },
+    "pitch": {
+        "ATC_ANG_PIT_P": (3.0, 12.0), "ATC_RAT_PIT_P": (0.02, 0.3), "ATC_RAT_PIT_I": (0.005, 0.5),
+        "ATC_RAT_PIT_D": (0.0005, 0.02),
+    },
+    "yaw": {"ATC_ANG_YAW_P": (1.0, 12.0), "ATC_RAT_YAW_P": (0.02, 0.5), "ATC_RAT_YAW_I": (0.002, 0.05)},
+    "depth": {
+        "PSC_D_POS_P": (0.5, 4.0), "PSC_D_VEL_P": (1.0, 8.0), "PSC_D_ACC_P": (0.01, 0.15),
+        "PSC_D_ACC_I": (0.001, 0.15),
+    },
+    "place": {"PSC_NE_POS_P": (0.5, 4.0), "PSC_NE_VEL_P": (0.5, 6.0), "PSC_NE_VEL_I": (0.02, 1.0)},
+}  # fmt: skip
+"""Parameters of each loop and within which they are sought: the ranges of ArduPilot's list, zero apart."""
+
+AXES_OF_LOOPS: Mapping[str, str] = {"roll": "K", "pitch": "M", "yaw": "N", "depth": "Z", "place": "XY"}
+"""Axes of the wrench that move each loop."""
+
+_CHANNEL = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
+
+_TRIALS = {
+    "roll": "in MANUAL, pulses of roll both ways, 2 s each, and let it swing free: at least five, at two strengths",
+    "pitch": "in MANUAL, pulses of pitch both ways, 2 s each, and let it swing free: at least five, at two strengths",
+    "yaw": "in MANUAL, a zigzag of yaw at 30 and 60 % of the stick, 20 s each, with free coasting between",
+    "depth": "in MANUAL, dives and rises at 30, 60 and 100 % of the throttle both ways, 5 s each, with free coasting",
+    "place": "in STABILIZE, runs ahead and sideways at 30, 60 and 100 % of the stick both ways, 8 s each, with free"
+    " coasting",
+}
+
+_AGREE = 0.3  # relative standard deviation of an apparent mass up to which drawn vehicles agree
+
+_ORDER = "XYZKMN"
+
+
+@dataclass(frozen=True)
+class AxisVerdict:
+    """Whether the model can judge a loop.
+
+    Attributes
+    ----------
+    loop
+        roll, pitch, yaw, depth or place.
+    judged
+    why
+        A sentence: what speaks for it or against.
+    trial
+        What would tell, where it cannot.
+    """
+
+    loop: str
+    judged: bool
+    why: str
+    trial: str
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of the loop that would be sought."""
+        return tuple(SOUGHT[self.loop])
+
+
+def axis_verdicts(
+    found: Identification, fitted: Fitted, *, draws: int = 200, seed: int = 0
+) -> tuple[AxisVerdict, ...]:
+    """Which loops the identified model can judge."""
+    masses = _masses(fitted, draws, seed)
+    hold_out = found.scores.get("hold_out", {}).get("ahead", {})
+    scores, baselines = hold_out.get("all"), found.baselines
+    verdicts = []
+    for loop, axes in AXES_OF_LOOPS.items():
+        against = [reason for axis in axes if (reason := _against(found, axis, masses, scores, baselines))]
+        told = ", ".join(
+            f"apparent {'inertia' if axis in 'KMN' else 'mass'} {masses[axis][0]:.3g} ± {masses[axis][1]:.2g}"
+            f" {'kg m2' if axis in 'KMN' else 'kg'}"
+            for axis in axes
+        )
+        verdicts.append(
+            AxisVerdict(
+                loop,
+                not against,
+                "; ".join(against) or f"identified: {told}",
+                "" if not against else _TRIALS[loop],
+            )
+        )
+    return tuple(verdicts)
+
+
+def _against(
+    found: Identification,
+    axis: str,
+    masses: Mapping[str, tuple[float, float]],
+    scores: Any,
+    baselines: Mapping[str, Mapping[str, float]],
+) -> str:
+    """What speaks against a judgement of an axis; empty where nothing does."""
+    own = [one for one in found.coefficients if one.name.startswith(f"{axis}_")]
+    held = {one.parameter for one in found.held}
+    if not own:
+        hidden = any(name.startswith(f"{axis}_") for name in held)
+        return f"{axis}: " + (
+            "not identified, the controller's feedback dominates the log" if hidden else
+            "not identified, the log moves it too little to tell it from its controller"
+        )  # fmt: skip
+    mass = next((one for one in own if one.name.endswith("dot")), None)
+    damping = [one for one in own if not one.name.endswith(("dot", "_0"))]
+    stuck = [one for one in own if one.at_bound and not _at_zero(one)]
+    if mass is not None and mass.at_bound:
+        return f"{axis}: {mass.name} ended at its bound of {mass.estimate:.3g}"
+    if stuck and len([one for one in damping if one in stuck]) == len(damping):
+        return f"{axis}: {stuck[0].name} ended at its bound of {stuck[0].estimate:.3g}"
+    middle, sd = masses[axis]
+    if not sd <= _AGREE * middle:
+        return f"{axis}: drawn vehicles disagree, apparent mass {middle:.3g} ± {sd:.2g}"
+    channel = _CHANNEL[axis]
+    if scores is not None and channel in scores:
+        r2 = scores[channel].r2
+        best = max((row[channel] for row in baselines.values() if channel in row), default=-np.inf)
+        if not r2 > best:
+            return f"{axis}: R2 of {channel} on held-out data {r2:.2f}, the best baseline {best:.2f}"
+    return ""
+
+
+def _at_zero(one: Any) -> bool:
+    """Whether a coefficient rests at a bound of zero: damping that is not there."""
+    return bool(abs(one.estimate) <= 1e-6 * max(abs(one.lower), abs(one.upper)))
+
+
+def _masses(fitted: Fitted, draws: int, seed: int) -> dict[str, tuple[float, float]]:
+    """Apparent mass of every axis and its standard deviation over drawn vehicles."""
+    diagonal = _diagonals(fitted.vehicle, fitted.draws(draws, seed), draws)
+    own = np.diag(np.asarray(fitted.vehicle.mass_matrix()))
+    return {axis: (float(own[i]), float(diagonal[:, i].std())) for i, axis in enumerate(_ORDER)}
+
+
+def _diagonals(vehicle: Vehicle, drawn: Mapping[str, Array], k: int) -> Array:
+    """Diagonal (k, 6) of the mass matrix of drawn vehicles."""
+    if not drawn:
+        return np.tile(np.diag(np.asarray(vehicle.mass_matrix())), (k, 1))
+    rows = []
+    for i in range(k):
+        one = vehicle.with_coefficients({name: float(values[i]) for name, values in drawn.items()})
+        rows.append(np.diag(np.asarray(one.mass_matrix())))
+    return np.array(rows)
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Least margins of a loop over drawn vehicles.
+
+    Attributes
+    ----------
+    loop
+    phase_deg, gain_db, sensitivity
+        Least phase margin, least gain margin upwards, largest sensitivity.
+    """
+
+    loop: str
+    phase_deg: float
+    gain_db: float
+    sensitivity: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether all are what is accepted of a tuned loop."""
+        return (
+            self.phase_deg >= ACCEPTED_PHASE_DEG
+            and self.gain_db >= ACCEPTED_GAIN_DB
+            and self.sensitivity <= ACCEPTED_SENSITIVITY
+        )
+
+    def lacking(self) -> float:
+        """By how much they fall short of what is accepted, relative; zero where they do not."""
+        return float(
+            max(0.0, 1.0 - self.phase_deg / ACCEPTED_PHASE_DEG)
+            + max(0.0, 1.0 - self.gain_db / ACCEPTED_GAIN_DB)
+            + max(0.0, self.sensitivity / ACCEPTED_SENSITIVITY - 1.0)
+        )
+
+
+class MarginModel:
+    """Linear loops of a vehicle and those drawn from it; made once, asked for many gains."""
+
+    def __init__(
+        self, fitted: Fitted, rig: Rig, *, period_s: float, voltage_v: float, draws: int = 60, seed: int = 0
+    ) -> None:
+        self._period_s, self._vehicle = period_s, fitted.vehicle
+        drawn = fitted.draws(draws, seed)
+        self._mass = _diagonals(fitted.vehicle, drawn, draws)
+        own = fitted.vehicle.coefficients()
+        names = ("X_u", "Y_v", "Z_w", "K_p", "M_q", "N_r")
+        self._damping = np.stack(
+            [-np.broadcast_to(drawn.get(name, own.get(name, 0.0)), draws) for name in names], 1
+        )
+        self._secants = _secants(fitted.vehicle, rig, voltage_v)
+        self._delays = delays(fitted.vehicle, _ORDER)
+        self._omega = np.geomspace(0.02, 0.9 * np.pi / period_s, 400)
+
+    def of(self, loop: str, parameters: Mapping[str, float]) -> Margins:
+        """Margins of a loop with some parameters."""
+        s = 1j * self._omega
+        law = _law(loop, {**ardusub_defaults(), **parameters}, s)
+        every = []
+        for axis in AXES_OF_LOOPS[loop]:
+            i = _ORDER.index(axis)
+            late = self._delays[axis]
+            chain = np.exp(-s * (1.5 * self._period_s + late.dead_s)) / (1.0 + s * (late.lag_s + late.ramp_s))
+            motion = 1.0 / (self._mass[:, i, None] * s + self._damping[:, i, None])
+            for secant in self._secants[axis]:
+                every.append(law * chain * motion * secant)
+        found = loop_margins(np.concatenate(every), self._omega)
+        return Margins(
+            loop,
+            float(found.phase_deg.min()),
+            float(20.0 * np.log10(found.gain.min())),
+            float(found.sensitivity.max()),
+        )
+
+
+def margins_of(
+    model: MarginModel, loops: Sequence[str], parameters: Mapping[str, float]
+) -> tuple[Margins, ...]:
+    """Margins of some loops."""
+    return tuple(model.of(loop, parameters) for loop in loops)
+
+
+def _law(loop: str, values: Mapping[str, float], s: Any) -> Any:
+    """Demand per velocity of the loop's axis, with the sign of a feedback that holds."""
+
+    def lag(name: str) -> Any:
+        cut_off = values.get(name, 0.0)
+        return 1.0 / (1.0 + s / (2.0 * np.pi * cut_off)) if cut_off > 0.0 else 1.0
+
+    def pid(name: str) -> Any:
+        slope = values[f"{name}_D"] * s * lag(f"{name}_FLTD")
+        return lag(f"{name}_FLTE") * (values[f"{name}_P"] + values[f"{name}_I"] / s + slope)
+
+    if loop in ("roll", "pitch", "yaw"):
+        axis = {"roll": "RLL", "pitch": "PIT", "yaw": "YAW"}[loop]
+        rate, outer = f"ATC_RAT_{axis}", lag(f"ATC_RAT_{axis}_FLTT") * values[f"ATC_ANG_{axis}_P"] / s
+        return pid(rate) * (1.0 + outer) + values[f"{rate}_FF"] * outer
+    if loop == "depth":
+        velocity = pid("PSC_D_VEL") * (1.0 + values["PSC_D_POS_P"] / s)
+        return 2.0 * pid("PSC_D_ACC") * (s + velocity)
+    lean = 9.80665 * np.radians(values["ATC_ANGLE_MAX"])
+    return pid("PSC_NE_VEL") * (1.0 + values["PSC_NE_POS_P"] / s) / lean
+
+
+def _secants(vehicle: Vehicle, rig: Rig, voltage_v: float) -> dict[str, tuple[float, float]]:
+    """Steepest and flattest force or moment per demand, N or N m, of each axis.
+
+    Between demands of 0.2 and 0.8, both ways.
+    """
+    columns = {"K": 0, "M": 1, "N": 2, "Z": 3, "X": 4, "Y": 5}
+    found = {}
+    for axis, column in columns.items():
+        slopes = []
+        for size in (0.2, 0.5, 0.8):
+            demands = np.zeros((2, 6))
+            demands[:, column] = size, -size
+            pulses = np.asarray(ardusub_pulses(rig.frame, demands, np.asarray(rig.direction, float)))
+            both = [
+                bollard(vehicle, dict(zip(vehicle.actuators, row.tolist(), strict=True)), voltage_v=voltage_v)
+                for row in pulses
+            ]
+            slopes.append(abs(float((both[0] - both[1])[_ORDER.index(axis)])) / (2.0 * size))
+        found[axis] = max(slopes), min(slopes)
+    return found

@@ -1,0 +1,325 @@
+"""Courses: what ArduSub's cascade is to follow, over time; those that a log flew, and those that are made.
+
+A course of a log is a stretch in one mode. Its targets are the logged ones; how fast a target moves, which a
+log does not carry for the angles, is what is left of the rate wanted when the angle controller is taken away
+(`ardusub_rates`), and the same for depth and place. Where the mode has no control of depth or place, throttle
+and sticks stand in. Held by ``tests/ardusub/test_reflight.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from seatrial._core import ardusub_forward_lateral, ardusub_rates
+from seatrial.base.arrays import Array
+from seatrial.base.errors import TrialError
+from seatrial.base.rotation import from_euler, matrix
+from seatrial.logs.log import Log
+
+__all__ = ["CHANNELS", "ROW_S", "Course", "logged_courses", "rows_of", "still_targets"]
+
+CHANNELS: Mapping[str, tuple[str, str]] = {
+    "roll": ("deg", "attitude"),
+    "pitch": ("deg", "attitude"),
+    "yaw": ("deg", "attitude"),
+    "depth": ("m", "depth"),
+    "north": ("m", "place"),
+    "east": ("m", "place"),
+}
+"""Loop errors that are compared: unit, and what must be controlled."""
+
+ROW_S = 0.1
+"""Between two rows that are kept of a course, s: those of a log at 10 Hz."""
+
+SHORTEST_S = 10.0
+"""A stretch of a log that is shorter is not flown again."""
+
+_NEAR_S = 0.3  # between a row and the time for which it stands
+
+_WANTED = 19
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What a vehicle is to follow.
+
+    Attributes
+    ----------
+    name
+        For tables: the mode of the log, or what a made course does.
+    t
+        Times (n,) of the rows that are kept, s.
+    targets
+        (N, 19), a row per control period; the columns are those of `seatrial._core.ardusub_fly`.
+    period_s
+        Control period, s.
+    position, attitude, nu
+        State at the beginning: (3,), (3,) rad, (6,).
+    integrals
+        Integral parts with which the controllers begin, (7,).
+    measured
+        Loop errors by channel that the log has at the rows, (n,) each: target minus measurement.
+    demands
+        Demands (n, 6) of roll, pitch, yaw, throttle (-1 to 1), forward and lateral that the log has at the
+        rows; not a number where it has none.
+    """
+
+    name: str
+    t: Array
+    targets: Array
+    period_s: float
+    position: Array
+    attitude: Array
+    nu: Array
+    integrals: Array
+    measured: Mapping[str, Array] = field(default_factory=dict)
+    demands: Array = field(default_factory=lambda: np.full((0, 6), np.nan))
+
+    @property
+    def every(self) -> int:
+        """Control periods between two rows that are kept."""
+        return max(round(ROW_S / self.period_s), 1)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Loop errors that exist: those whose controllers work all the time."""
+        on = {
+            "attitude": True,
+            "depth": bool(self.targets[:, 16].all()),
+            "place": bool(self.targets[:, 17].all()),
+        }
+        return tuple(name for name, (_, needs) in CHANNELS.items() if on[needs])
+
+    def errors(self, flown: Array) -> dict[str, Array]:
+        """Loop errors by channel, (k, n) each, of flights (k, n, 20)."""
+        wanted = self.targets[:: self.every]
+        angles = wanted[:, :3] - flown[..., 3:6]
+        angles = np.degrees((angles + np.pi) % (2.0 * np.pi) - np.pi)
+        places = wanted[:, 4:7] - flown[..., :3]
+        every = {
+            "roll": angles[..., 0], "pitch": angles[..., 1], "yaw": angles[..., 2],
+            "depth": places[..., 2], "north": places[..., 0], "east": places[..., 1],
+        }  # fmt: skip
+        return {name: every[name] for name in self.channels}
+
+    def between(self, first: float, last: float) -> Any:
+        """Which rows lie between two times, s: (n,) bool."""
+        return (self.t >= first) & (self.t < last)
+
+
+def still_targets(n: int, *, depth: float = 5.0, place: bool = True, voltage: float = 16.0) -> Array:
+    """Targets (n, 19) that rest level at a depth, north and east of zero."""
+    found = np.zeros((n, _WANTED))
+    found[:, 6], found[:, 13], found[:, 16], found[:, 17], found[:, 18] = (
+        depth,
+        0.5,
+        1.0,
+        float(place),
+        voltage,
+    )
+    return found
+
+
+@dataclass
+class _Rows:
+    """Rows of a topic over time."""
+
+    t: Array
+    values: Mapping[str, Array]
+
+    def at(self, name: str, t: Array) -> Array:
+        """A field at some times, linear between its rows."""
+        return np.interp(t, self.t, self.values[name])
+
+    def near(self, t: Array) -> Any:
+        """Where a row stands near enough."""
+        after = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
+        gap = np.minimum(np.abs(self.t[after] - t), np.abs(t - self.t[after - 1]))
+        return gap <= _NEAR_S
+
+
+def rows_of(log: Log, topic: str, *names: str) -> _Rows | None:
+    """Rows of a topic that are numbers in all these fields; None where there are too few."""
+    known = next((one for one in (topic, f"{topic}[0]") if one in log.fields), None)
+    if known is None or any(name not in log.fields[known] for name in names):
+        return None
+    read = log.read({known: names})[known]
+    sound = np.all([np.isfinite(read.fields[name]) for name in names], axis=0)
+    t, first = np.unique(read.t[sound], return_index=True)
+    if len(t) < 2:
+        return None
+    return _Rows(t, {name: np.asarray(read.fields[name][sound][first], float) for name in names})
+
+
+def logged_courses(
+    log: Log, parameters: Mapping[str, float], *, channels: Sequence[int] = (4, 5)
+) -> tuple[Course, ...]:
+    """Courses of a log, one for each stretch of ten seconds or more in one mode.
+
+    Parameters
+    ----------
+    log : Log
+        With ANG, RATE, PIDR, PIDP, PIDY; PSCD, PIDA and CTUN where depth was controlled, PSCN and PSCE where
+        place was.
+    parameters : mapping
+        Those that the vehicle flew with, by ArduSub's names, as found from the log.
+    channels : sequence of int
+        Index of the sticks for forward and lateral among those of RCIN.
+
+    Raises
+    ------
+    TrialError
+        A topic is missing, or no stretch is long enough.
+    """
+    needed = {
+        "ANG": ("DesRoll", "Roll", "DesPitch", "Pitch", "DesYaw", "Yaw"),
+        "RATE": ("R", "P", "Y", "YDes", "ROut", "POut", "YOut", "AOut"),
+        "XKF1": ("VN", "VE", "VD"),
+        "CTUN": ("ThI",),
+    }
+    found = {name: rows_of(log, name, *fields) for name, fields in needed.items()}
+    if missing := [name for name, rows in found.items() if rows is None]:
+        raise TrialError(
+            f"{log.path}: expected {', '.join(needed)} to fly the log's mission again, found no"
+            f" {', '.join(missing)}; let LOG_BITMASK include attitude, PID and the estimator, and log again"
+        )
+    rows = {name: one for name, one in found.items() if one is not None}
+    step = rows_of(log, "ANG", "Dt")
+    period = 0.005 if step is None else float(np.median(step.values["Dt"]))
+    period = ROW_S / max(round(ROW_S / min(max(period, 0.001), 0.02)), 1)
+    begins = [(event.t, event.text) for event in log.events() if event.kind == "mode"]
+    last = float(rows["ANG"].t[-1])
+    ends = [t for t, _ in begins[1:]] + [last]
+    modes = [
+        (t + 2.0 * ROW_S, end, name)
+        for (t, name), end in zip(begins, ends, strict=True)
+        if end - t >= SHORTEST_S
+    ]
+    if not modes:
+        modes = [(float(rows["ANG"].t[0]) + ROW_S, last, "log")]
+    made = [_course(log, rows, parameters, period, mode, channels) for mode in modes]
+    whole = tuple(one for one in made if one is not None)
+    if not whole:
+        raise TrialError(f"{log.path}: expected a stretch of {SHORTEST_S:g} s in one mode, found none")
+    return whole
+
+
+def _course(
+    log: Log,
+    rows: Mapping[str, _Rows],
+    parameters: Mapping[str, float],
+    period: float,
+    mode: tuple[float, float, str],
+    channels: Sequence[int],
+) -> Course | None:
+    begin, end, name = mode
+    n = int((end - begin) / ROW_S)
+    if n * ROW_S < SHORTEST_S - 1.0:
+        return None
+    every = round(ROW_S / period)
+    t = begin + period * np.arange(n * every)
+    kept = t[::every]
+    ang, rate, depth, place = rows["ANG"], rows["RATE"], _vertical(log), _plane(log)
+    wanted = np.radians([_angle(ang, f"Des{axis}", t) for axis in ("Roll", "Pitch", "Yaw")]).T
+    targets = np.zeros((len(t), _WANTED))
+    targets[:, :3] = wanted
+    targets[:, 3] = _turning(ang, rate, parameters, t)
+    targets[:, 13] = rows["CTUN"].at("ThI", t)
+    sticks = rows_of(log, "RCIN", *(f"C{k + 1}" for k in channels))
+    if sticks is not None:
+        for column, k in zip((14, 15), channels, strict=True):
+            targets[:, column] = sticks.at(f"C{k + 1}", t) / 400.0 - 3.75
+    battery = rows_of(log, "BAT", "Volt")
+    targets[:, 18] = 16.0 if battery is None else battery.at("Volt", t)
+    measured = {
+        axis.lower(): (_angle(ang, f"Des{axis}", kept) - _angle(ang, axis, kept) + 180.0) % 360.0 - 180.0
+        for axis in ("Roll", "Pitch", "Yaw")
+    }
+    position, integrals = np.zeros(3), np.zeros(7)
+    demands = np.stack(
+        [rate.at(name, kept) for name in ("ROut", "POut", "YOut", "AOut")] + [np.full(n, np.nan)] * 2, 1
+    )
+    demands[:, 3] = 2.0 * demands[:, 3] - 1.0
+    demands[:, 4:] = targets[::every, 14:16]
+    for k, letter in enumerate("RPY"):
+        pid = rows_of(log, f"PID{letter}", "I")
+        integrals[k] = 0.0 if pid is None else float(pid.at("I", t[:1])[0])
+    if depth is not None and depth.near(kept).all():
+        targets[:, 16] = 1.0
+        p = parameters.get("PSC_D_POS_P", 0.0)
+        targets[:, 6] = depth.at("TPD", t)
+        targets[:, 9] = depth.at("TVD", t) - p * (depth.at("TPD", t) - depth.at("PD", t))
+        targets[:, 12] = depth.at("DAD", t) + depth.at("AOT", t)
+        position[2] = depth.at("PD", t[:1])[0]
+        measured["depth"] = depth.at("TPD", kept) - depth.at("PD", kept)
+        pid = rows_of(log, "PIDA", "I")
+        integrals[4] = 0.0 if pid is None else float(pid.at("I", t[:1])[0])
+    if place is not None and place.near(kept).all():
+        targets[:, 17] = 1.0
+        p, velocity_p = (parameters.get(one, 0.0) for one in ("PSC_NE_POS_P", "PSC_NE_VEL_P"))
+        for axis, (letter, channel) in enumerate((("N", "north"), ("E", "east"))):
+            wants = {what: place.at(f"{what}{letter}", t) for what in ("TP", "P", "TV", "V", "DA", "TA")}
+            targets[:, 4 + axis] = wants["TP"]
+            targets[:, 7 + axis] = wants["TV"] - p * (wants["TP"] - wants["P"])
+            targets[:, 10 + axis] = wants["DA"]
+            position[axis] = wants["P"][0]
+            left = (wants["TA"] - wants["DA"] - velocity_p * (wants["TV"] - wants["V"]))[: 3 * every]
+            integrals[5 + axis] = float(np.mean(left))
+            measured[channel] = (wants["TP"] - wants["P"])[::every]
+        lean = np.radians(parameters.get("ATC_ANGLE_MAX", 45.0))
+        heading = np.radians(_angle(ang, "Yaw", kept))
+        wanted_acceleration = np.stack([place.at("TAN", kept), place.at("TAE", kept)], 1)
+        demands[:, 4:] = ardusub_forward_lateral(wanted_acceleration, heading, float(lean))
+    attitude = np.radians([_angle(ang, axis, t[:1])[0] for axis in ("Roll", "Pitch", "Yaw")])
+    ground = np.array([rows["XKF1"].at(f"V{letter}", t[:1])[0] for letter in "NED"])
+    nu = np.zeros(6)
+    nu[:3] = matrix(from_euler(attitude)).T @ ground
+    nu[3:] = np.radians([rate.at(letter, t[:1])[0] for letter in "RPY"])
+    return Course(name, kept, targets, period, position, attitude, nu, integrals, measured, demands)
+
+
+def _angle(rows: _Rows, name: str, t: Array) -> Array:
+    """An angle at some times, deg, not wrapped."""
+    return np.interp(t, rows.t, np.unwrap(rows.values[name], period=360.0))
+
+
+def _turning(ang: _Rows, rate: _Rows, parameters: Mapping[str, float], t: Array) -> Array:
+    """Rate of the yaw wanted, rad/s: what the angle controller does not explain of the rate wanted."""
+    names = ("Roll", "Pitch", "Yaw")
+    to = np.radians([_angle(ang, f"Des{axis}", ang.t) for axis in names]).T
+    at = np.radians([_angle(ang, axis, ang.t) for axis in names]).T
+    gyro = np.radians([rate.at(letter, ang.t) for letter in "RPY"]).T
+    p = [parameters.get(f"ATC_ANG_{axis}_P", 6.0) for axis in ("RLL", "PIT", "YAW")]
+    most = np.radians([parameters.get(f"ATC_ACC_{axis}_MAX", 1100.0) for axis in "RPY"])
+    own = np.asarray(ardusub_rates(to, at, np.zeros_like(to), gyro, p, most, 0.0025))
+    left = np.radians(rate.at("YDes", ang.t)) - own[:, 2]
+    # Rows of angle and rate are a period apart: where the target jumps the difference is no rate.
+    moved = np.abs(np.gradient(to[:, 2], ang.t))
+    left = np.where(np.abs(left) > 2.0 * moved + np.radians(1.0), 0.0, left)
+    return np.interp(t, ang.t, left)
+
+
+def _vertical(log: Log) -> _Rows | None:
+    rows = rows_of(log, "PSCD", "TPD", "PD", "TVD", "DAD")
+    if rows is None:
+        return None
+    terrain = rows_of(log, "PSOT", "AOT")
+    pushed = np.zeros(len(rows.t))
+    if terrain is not None:
+        pushed = np.where(terrain.near(rows.t), terrain.at("AOT", rows.t), 0.0)
+    return _Rows(rows.t, {**rows.values, "AOT": pushed})
+
+
+def _plane(log: Log) -> _Rows | None:
+    both = [
+        rows_of(log, f"PSC{letter}", *(f"{what}{letter}" for what in ("TP", "P", "TV", "V", "DA", "TA")))
+        for letter in "NE"
+    ]
+    north, east = both
+    if north is None or east is None:
+        return None
+    return _Rows(north.t, {**north.values, **{name: east.at(name, north.t) for name in east.values}})

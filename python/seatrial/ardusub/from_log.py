@@ -1,0 +1,484 @@
+"""From a log of ArduSub to parameters of its own: replay, identify, fly again, tune, verify, write.
+
+One function, `tune_log`, and its result. Each step is an ordinary one of seatrial: the project of the import and the
+run of the identification lie in folders beside the run's own, and can be edited and run by themselves. What is finished
+is kept, so that an interrupted run goes on. Held by ``tests/ardusub/test_from_log.py``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.ardusub.axes import AxisVerdict, MarginModel, Margins, axis_verdicts
+from seatrial.ardusub.course import Course, logged_courses
+from seatrial.ardusub.flights import Rig, known_parameters
+from seatrial.ardusub.log_replay import Replay, replay
+from seatrial.ardusub.parameters import (
+    Change,
+    ParameterFile,
+    changes_text,
+    generation,
+    in_metres,
+    of_generation,
+)
+from seatrial.ardusub.reflight import Envelope, Reflight, Share, refly
+from seatrial.ardusub.result import tuned_report
+from seatrial.ardusub.tuning import (
+    Missions,
+    Spread,
+    Tuned,
+    corridors_of,
+    draw_cases,
+    fly_missions,
+    rise_of,
+    step_courses,
+    tune_parameters,
+)
+from seatrial.base.errors import TrialError
+from seatrial.base.progress import Clock, Progress
+from seatrial.base.report import Report
+from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
+from seatrial.logs.formats import open_log
+
+if TYPE_CHECKING:
+    from seatrial.identification.fitted import Fitted
+    from seatrial.identification.identification import Identification
+
+__all__ = ["LogTuning", "tune_log"]
+
+Say = Callable[[float, str], None]
+
+_MISSIONS, _SEARCHED = 1000, 64
+
+
+@dataclass(frozen=True, eq=False)
+class LogTuning(RunResult):
+    """What a log of ArduSub said, and the parameters that come of it.
+
+    Attributes
+    ----------
+    replay
+        Whether the law explains the log, and the parameters found.
+    identified
+        First line of the identification, and coefficients with standard deviations by name.
+    parameters
+        Those that the vehicle flew with: found from the log, else of the file, else ArduSub's defaults.
+    assumed
+        Names of those that are defaults because neither log nor file has them.
+    reflight
+        The log's mission flown again.
+    verdicts
+        Which loops can be judged.
+    tuned
+        Parameters before and after.
+    before, after
+        Missions with either; the same where nothing changes.
+    rise_s
+        By then a step of yaw is to have risen, see `seatrial.ardusub.tuning.corridors_of`.
+    missions
+        How many.
+    generation
+        Of the firmware in whose names changes are written.
+    facts
+    folders
+        Project and identification, beside the run directory.
+    """
+
+    replay: Replay
+    identified: Mapping[str, Any]
+    parameters: Mapping[str, float]
+    assumed: tuple[str, ...]
+    reflight: Reflight
+    verdicts: tuple[AxisVerdict, ...]
+    tuned: Tuned
+    before: Missions
+    after: Missions
+    rise_s: float
+    missions: int
+    generation: str
+    facts: Mapping[str, Any]
+    folders: tuple[Path, Path]
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """What changes, in the names and units of the firmware's generation."""
+        return tuple(of_generation(one, self.generation) for one in self.tuned.changes)
+
+    @property
+    def better(self) -> bool:
+        """Whether the worst violation of the loops that changed is lower, and none of the others is worse."""
+        changed = self.changed_channels
+        return bool(changed) and all(
+            self.after.worst(name) < self.before.worst(name)
+            if name in changed
+            else self.after.worst(name) <= 1.05 * self.before.worst(name) + 0.05
+            for name in self.before.violations
+        )
+
+    @property
+    def changed_channels(self) -> tuple[str, ...]:
+        """Channels that step and whose loop changed."""
+        loops = {
+            one.loop for one in self.verdicts if any(p.name in one.parameters for p in self.tuned.changes)
+        }
+        return tuple(
+            name for name in self.before.violations if ("place" if name == "north" else name) in loops
+        )
+
+    @property
+    def margins_kept(self) -> bool:
+        """Whether the margins of every loop that changed are accepted, or no less than before."""
+        return all(
+            after.accepted or after.lacking() <= before.lacking() + 1e-9
+            for before, after in self.tuned.margins.values()
+        )
+
+    @property
+    def held(self) -> bool:
+        """Whether replay and envelope hold, and what changes is better with margins kept."""
+        own = [one for one in self.verdicts if one.judged]
+        inside = all(one.inside for one in self.reflight.shares if one.channel in {v.loop for v in own})
+        return self.replay.held and inside and (self.better or not self.tuned.changes) and self.margins_kept
+
+    def parameter_file(self) -> str:
+        """The file to load: what changes, each with before, bounds and why."""
+        names = self.generation or "of every generation from 4.0 on"
+        title = f"From {Path(self.replay.source).name}; ArduSub {names} by name and unit; only what changes"
+        text = changes_text(self.changes, title=title)
+        stays = [f"# {one.loop} stays: {one.why}" for one in self.verdicts if not one.judged]
+        return text + "".join(f"{line}\n" for line in stays)
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        return {
+            **self.replay.files(),
+            "changes.param": self.parameter_file(),
+            "ardusub.json": to_json(self.to_dict()),
+            **self.report().files(),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, without the rows of the envelopes."""
+        return {
+            "source": self.replay.source,
+            "held": self.held,
+            "replay": self.replay.to_dict(),
+            "identified": dict(self.identified),
+            "parameters": dict(self.parameters),
+            "assumed": list(self.assumed),
+            "reflight": self.reflight.to_dict(),
+            "loops": [asdict(one) for one in self.verdicts],
+            "changes": [asdict(one) for one in self.changes],
+            "margins": {
+                loop: {"before": asdict(before), "after": asdict(after)}
+                for loop, (before, after) in self.tuned.margins.items()
+            },
+            "missions": {
+                name: {"before": list(self.before.row(name)), "after": list(self.after.row(name))}
+                for name in self.before.violations
+            },
+            "flown": self.missions,
+            "better": self.better,
+            "margins_kept": self.margins_kept,
+            "folders": [str(one) for one in self.folders],
+        }
+
+    def report(self) -> Report:
+        """How good, the worst, what to do next; tables."""
+        return tuned_report(self)
+
+    def summary(self) -> str:
+        """The report as text."""
+        return self.report().text()
+
+
+def tune_log(
+    log: str | Path,
+    *,
+    out: str | Path,
+    parameters: ParameterFile | None = None,
+    vehicle: str | Path | None = None,
+    missions: int = _MISSIONS,
+    seed: int = 0,
+    threads: int | None = None,
+    resume: bool = True,
+    say: Say = lambda share, words: None,
+) -> LogTuning:
+    """Parameters of ArduSub from one of its logs, in a run directory.
+
+    Parameters
+    ----------
+    log : str or Path
+        DataFlash log, ``.BIN``, of 4.7 or later.
+    out : str or Path
+        Run directory; the project lies in ``OUT-project``, the identification in ``OUT-identified``.
+    parameters : ParameterFile, optional
+        The vehicle's own: for what the log does not tell, and for the generation in whose names changes are
+        written.
+    vehicle : str or Path, optional
+        Vehicle file or built-in vehicle to begin with; by the frame when omitted.
+    missions : int
+        With which before and after are judged.
+    seed : int
+    threads : int, optional
+    resume : bool
+        Whether to reuse what an earlier run finished from the same inputs.
+    say : callable, optional
+        Called with the share of the work that is done and what is being done.
+
+    Raises
+    ------
+    TrialError
+        The log cannot be read, lacks what the chain needs, or the parameters are of ArduSub 3.5.
+    CampaignError, VehicleError
+        The vehicle cannot be identified from it.
+    """
+    clock = Clock()
+    folder = Path(out)
+    title = "" if parameters is None else generation(parameters.values, parameters.source)
+    if title == "3.5" and parameters is not None:
+        raise TrialError(
+            f"{parameters.source}: expected parameters of ArduSub 4.0 or later, found those of 3.5"
+            f" ({_old_names(parameters)}); its controllers are others: take the file that the vehicle writes"
+        )
+    with RunDirectory(folder, resume=resume) as run:
+        say(0.0, f"replaying {Path(log).name}")
+        replayed = replay(log, parameters=parameters)
+        if replayed.frame is None:
+            raise TrialError(
+                f"{log}: no frame of ArduSub explains the pulses, so that the cascade cannot fly;"
+                " --replay-only shows what the log tells"
+            )
+        flown, assumed = _flown_with(replayed, parameters)
+        found, fitted = _identified(Path(log), folder, vehicle, (say, threads, resume))
+        held = _held_out(found)
+        courses = logged_courses(open_log(log), flown)
+        rig = Rig(replayed.frame[0], replayed.frame[1])
+        inputs = sha256(
+            repr((
+                sha256(Path(log).read_bytes()), sorted(flown.items()), fitted.vehicle.to_toml(), missions, seed,
+                np.asarray(fitted.covariance).tolist(), _sources(),
+            ))
+        )  # fmt: skip
+        kept = _Kept(run, inputs)
+        reflight = kept.part(
+            "reflight",
+            lambda: refly(
+                fitted, rig, courses, flown, hold_out_s=held, seed=seed, threads=threads,
+                say=lambda share, words: say(0.3 + 0.15 * share, words),
+            ),
+            _reflight_to, _reflight_of,
+        )  # fmt: skip
+        verdicts = axis_verdicts(found, fitted, seed=seed)
+        tuned, before, after, rise = _tuned(
+            kept, fitted, reflight, flown, verdicts, courses[0], (missions, seed, threads, say)
+        )
+        facts = run_facts(
+            "ardusub", Path(log).stem, clock=clock, seed=seed, options={"missions": missions},
+            inputs={Path(log).name: sha256(Path(log).read_bytes())},
+        )  # fmt: skip
+        result = LogTuning(
+            replayed, _told(found), flown, assumed, reflight, verdicts, tuned, before, after, rise, missions, title,
+            facts, _beside(folder),
+        )  # fmt: skip
+        say(1.0, "done")
+        run.publish(facts, result.files())
+    return result
+
+
+def _old_names(parameters: ParameterFile) -> str:
+    from seatrial.ardusub.parameters import GENERATIONS
+
+    return ", ".join(sorted(set(parameters.values) & set(GENERATIONS["3.5"])))
+
+
+def _sources() -> str:
+    """Hash of the modules whose results are kept: another version does not find them."""
+    here = Path(__file__).parent
+    return sha256(
+        "".join((here / f"{name}.py").read_text() for name in ("course", "reflight", "axes", "tuning"))
+    )
+
+
+def _beside(folder: Path) -> tuple[Path, Path]:
+    return folder.with_name(f"{folder.name}-project"), folder.with_name(f"{folder.name}-identified")
+
+
+def _flown_with(
+    replayed: Replay, parameters: ParameterFile | None
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Parameters that the vehicle flew with, and the names of those that are assumed."""
+    from seatrial._core import ardusub_defaults
+
+    found = {one.name: one.value for one in replayed.found if math.isfinite(one.value)}
+    given = {} if parameters is None else in_metres(parameters)
+    whole = known_parameters({**given, **found})
+    values = {name: float(np.asarray(value)) for name, value in whole.items()}
+    return values, tuple(name for name in ardusub_defaults() if name not in values)
+
+
+def _identified(
+    log: Path, folder: Path, vehicle: str | Path | None, how: tuple[Say, int | None, bool]
+) -> tuple[Identification, Fitted]:
+    """The vehicle identified from the log, in folders beside the run's."""
+    from seatrial.campaign.campaign import Campaign
+    from seatrial.identification.fitted import Fitted
+    from seatrial.identification.identify import identify
+    from seatrial.intake.import_logs import import_logs
+
+    say, threads, resume = how
+    project, identified = _beside(folder)
+    import_logs(
+        log, out=project, vehicle=vehicle, force=project.exists(),
+        progress=lambda share, words: say(0.02 + 0.08 * share, f"import: {words}"),
+    )  # fmt: skip
+    campaign = Campaign.load(project / "campaign.toml")
+
+    def progress(state: Progress) -> None:
+        say(0.1 + 0.2 * state.fraction, f"identification: {state.what}")
+
+    found = identify(campaign, run_dir=identified, progress=progress, resume=resume, threads=threads)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    return found, Fitted.of(found)
+
+
+def _held_out(found: Identification) -> tuple[float, float] | None:
+    """First to last time that was held out, s; None where nothing was."""
+    name = next(iter(found.campaign.trials))
+    t = found.campaign.trials[name].t[found.campaign.held_out(name)]
+    return (float(t[0]), float(t[-1])) if len(t) else None
+
+
+def _told(found: Identification) -> dict[str, Any]:
+    return {
+        "good": found.report().good,
+        "coefficients": {
+            one.name: {
+                "start": one.start,
+                "estimate": one.estimate,
+                "sigma": one.sigma,
+                "at_bound": one.at_bound,
+            }
+            for one in found.coefficients
+        },
+    }
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """Parts of the run that are kept as soon as they are finished."""
+
+    run: RunDirectory
+    inputs: str
+
+    def part(
+        self, name: str, make: Callable[[], Any], to: Callable[[Any], Any], of: Callable[[Any], Any]
+    ) -> Any:
+        earlier = self.run.finished(name, self.inputs)
+        if earlier is not None:
+            return of(earlier)
+        made = make()
+        # What comes back from the file is what is used: an interrupted run gives the same numbers.
+        plain = json.loads(to_json(to(made)))
+        self.run.keep(name, self.inputs, plain)
+        return of(plain)
+
+
+def _tuned(
+    kept: _Kept,
+    fitted: Fitted,
+    reflight: Reflight,
+    flown: Mapping[str, float],
+    verdicts: Sequence[AxisVerdict],
+    course: Course,
+    how: tuple[int, int, int | None, Say],
+) -> tuple[Tuned, Missions, Missions, float]:
+    """Parameters tuned, and missions that the search never saw, before and after."""
+    missions, seed, threads, say = how
+    rig, period = reflight.rig, course.period_s
+    rise = rise_of(fitted, rig, flown, period_s=period)
+    corridors = corridors_of(rise)
+    courses = step_courses(corridors, period_s=period)
+    loops = {"north" if one.loop == "place" else one.loop for one in verdicts if one.judged}
+    own = {name: one for name, one in corridors.items() if name in loops}
+    voltage = float(np.mean(course.targets[:, 18]))
+    model = MarginModel(fitted, rig, period_s=period, voltage_v=voltage, seed=seed)
+    tuned = kept.part(
+        "tuned",
+        lambda: tune_parameters(
+            fitted, rig, step_courses(own or corridors, period_s=period), flown, verdicts, model, seed=seed,
+            threads=threads,
+            cases=draw_cases(fitted, reflight.wander, _SEARCHED, seed=seed + 1),
+            say=lambda share, words: say(0.45 + 0.3 * share, words),
+        ),
+        _tuned_to, _tuned_of,
+    )  # fmt: skip
+    cases = draw_cases(fitted, reflight.wander, missions, seed=seed + 2)
+
+    def judged(values: Mapping[str, float], from_: float, words: str) -> Missions:
+        return fly_missions(
+            fitted, rig, courses, values, cases=cases, threads=threads,
+            say=lambda share: say(from_ + 0.12 * share, f"{missions} missions {words}"),
+        )  # fmt: skip
+
+    before = kept.part("before", lambda: judged(flown, 0.75, "before"), Missions.to_dict, Missions.of_dict)
+    if not tuned.changes:
+        return tuned, before, before, rise
+    after = kept.part("after", lambda: judged(tuned.after, 0.87, "after"), Missions.to_dict, Missions.of_dict)
+    return tuned, before, after, rise
+
+
+def _reflight_to(found: Reflight) -> dict[str, Any]:
+    rows = [
+        {
+            "course": one.course, "channel": one.channel, "unit": one.unit,
+            **{name: np.asarray(getattr(one, name), float).round(6).tolist()
+               for name in ("t", "measured", "lower", "upper", "middle", "held_out")},
+        }
+        for one in found.envelopes
+    ]  # fmt: skip
+    shares = [asdict(one) for one in found.shares]
+    return {
+        "rig": asdict(found.rig), "wander": found.wander.tolist(), "current": found.current.tolist(),
+        "envelopes": rows, "shares": shares,
+    }  # fmt: skip
+
+
+def _reflight_of(data: Mapping[str, Any]) -> Reflight:
+    rig = {name: tuple(value) if isinstance(value, list) else value for name, value in data["rig"].items()}
+    envelopes = tuple(
+        Envelope(
+            row["course"], row["channel"], row["unit"],
+            *(np.array(row[name], float) for name in ("t", "measured", "lower", "upper", "middle")),
+            np.array(row["held_out"], float) > 0.5,
+        )
+        for row in data["envelopes"]
+    )  # fmt: skip
+    shares = tuple(
+        Share(**{name: math.nan if value is None else value for name, value in one.items()})
+        for one in data["shares"]
+    )
+    return Reflight(Rig(**rig), np.array(data["wander"]), np.array(data["current"]), envelopes, shares)
+
+
+def _tuned_to(found: Tuned) -> dict[str, Any]:
+    return asdict(found) | {"changes": [asdict(one) for one in found.changes]}
+
+
+def _tuned_of(data: Mapping[str, Any]) -> Tuned:
+    changes = tuple(
+        Change(one["name"], one["before"], one["after"], one["why"], tuple(one["bounds"]))
+        for one in data["changes"]
+    )
+    margins = {
+        loop: (Margins(**before), Margins(**after)) for loop, (before, after) in data["margins"].items()
+    }
+    return Tuned(data["before"], data["after"], changes, margins, data["evaluations"])

@@ -1,0 +1,385 @@
+"""The log's own mission flown again: identified vehicle, recorded parameters, logged targets.
+
+What the model lacks is found on the part of the log that the identification was fitted to: a steady wrench and
+current, so that the mean demands are those of the log, and a wandering wrench, so that the size and quickness
+of the loop errors are. With vehicles drawn from the identified uncertainty that gives an envelope: at each row
+95 % of the flights. It is judged on the part that was held out. Loop errors of one log depend on each other from
+row to row: a share outside of a tenth still counts as inside. Held by ``tests/ardusub/test_reflight.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial.ardusub.course import CHANNELS, ROW_S, Course
+from seatrial.ardusub.flights import Cases, Rig, fly_course
+from seatrial.base.arrays import Array
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.identification.fitted import Fitted
+
+__all__ = ["ACCEPTED_OUTSIDE", "Envelope", "Reflight", "Share", "refly"]
+
+ACCEPTED_OUTSIDE = 0.1
+"""Share of the held-out rows outside an envelope of 95 % that still counts as inside."""
+
+_LEVEL = 0.95
+
+_WANDERS_S = (0.3, 1.0, 3.0)  # time constants of the wandering wrench that are tried
+
+_PROBES = np.array([0.0, 0.0, 1.0, 0.2, 0.2, 0.2])  # N, N m: steps of the steady wrench
+
+_PROBE_M_S = 0.05  # step of the current
+
+_UNIT_WANDER = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # N, N m: with which its effect is found
+
+_DRIVES = {"roll": (3,), "pitch": (4,), "yaw": (5,), "depth": (2,), "north": (0, 1), "east": (0, 1)}
+"""Axes of the wrench that move a loop error most."""
+
+_SETTLES_S = 3.0  # after the beginning of a course, when the unknown past no longer counts
+
+_CURRENT_SD = (0.02, 0.2)  # m/s, and share of the current
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """A loop error of a course, and between which bounds 95 % of the flights are.
+
+    Attributes
+    ----------
+    course, channel, unit
+    t
+        (n,), s.
+    measured
+        Of the log (n,): target minus measurement.
+    lower, upper, middle
+        Of the flights (n,).
+    held_out
+        Rows that were not used to fit anything, (n,).
+    """
+
+    course: str
+    channel: str
+    unit: str
+    t: Array
+    measured: Array
+    lower: Array
+    upper: Array
+    middle: Array
+    held_out: Any
+
+    @property
+    def outside(self) -> Any:
+        """Rows (n,) whose measurement is outside; without the first seconds of the course."""
+        settled = self.t >= self.t[0] + _SETTLES_S
+        return settled & ((self.measured < self.lower) | (self.measured > self.upper))
+
+    @property
+    def counted(self) -> Any:
+        """Rows (n,) that count."""
+        return self.t >= self.t[0] + _SETTLES_S
+
+
+@dataclass(frozen=True)
+class Share:
+    """How much of a loop error is outside its envelope.
+
+    Attributes
+    ----------
+    channel, unit
+    rms
+        Of the log, over the rows that count.
+    width
+        Mean half-width of the envelope.
+    fit, held_out
+        Share of the rows outside; NaN where there are no rows.
+    rows
+        Held-out rows.
+    """
+
+    channel: str
+    unit: str
+    rms: float
+    width: float
+    fit: float
+    held_out: float
+    rows: int
+
+    @property
+    def inside(self) -> bool:
+        """Whether the error of the held-out part (of the fit where nothing is held out) is inside."""
+        share = self.fit if np.isnan(self.held_out) else self.held_out
+        return bool(share <= ACCEPTED_OUTSIDE)
+
+
+@dataclass(frozen=True, eq=False)
+class Reflight:
+    """The log's mission flown again.
+
+    Attributes
+    ----------
+    rig
+        With the steady wrench and the time constant that were found.
+    wander
+        Standard deviation (6,) of the wandering wrench, N and N m.
+    current
+        (3,), NED, m/s; zero where no position was controlled.
+    envelopes
+        One per course and channel.
+    shares
+        One per channel.
+    """
+
+    rig: Rig
+    wander: Array
+    current: Array
+    envelopes: tuple[Envelope, ...]
+    shares: tuple[Share, ...]
+
+    @property
+    def held(self) -> bool:
+        """Whether every loop error is inside."""
+        return all(one.inside for one in self.shares)
+
+    def share(self, channel: str) -> Share | None:
+        """That of a channel; None where the log does not control it."""
+        return next((one for one in self.shares if one.channel == channel), None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data without the rows."""
+        return {
+            "steady_wrench": list(self.rig.steady),
+            "wander": self.wander.tolist(),
+            "wander_s": self.rig.wander_s,
+            "current_m_s": self.current.tolist(),
+            "channels": [
+                {
+                    "channel": one.channel, "unit": one.unit, "rms": one.rms, "half_width": one.width,
+                    "outside_fit": one.fit, "outside_held_out": one.held_out, "rows": one.rows,
+                    "inside": one.inside,
+                }
+                for one in self.shares
+            ],
+        }  # fmt: skip
+
+
+def refly(
+    fitted: Fitted,
+    rig: Rig,
+    courses: Sequence[Course],
+    parameters: Mapping[str, float],
+    *,
+    hold_out_s: tuple[float, float] | None,
+    flights: int = 200,
+    seed: int = 0,
+    threads: int | None = None,
+    say: Callable[[float, str], None] = lambda share, words: None,
+) -> Reflight:
+    """Envelope of the loop errors of a log's courses.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        The vehicle, and how well it is known.
+    rig : Rig
+    courses : sequence of Course
+    parameters : mapping
+        With which the log was flown.
+    hold_out_s : (float, float), optional
+        Times of the log that nothing is fitted to, s.
+    flights : int
+        Drawn vehicles per course.
+    """
+    first, last = hold_out_s or (np.inf, np.inf)
+    fits = [~one.between(first, last) & (one.t >= one.t[0] + _SETTLES_S) for one in courses]
+    work = _Calibration(fitted.vehicle, courses, fits, dict(parameters), threads)
+    say(0.0, "steady wrench and current")
+    rig, current = work.steady(rig)
+    drawn = fitted.draws(flights, seed)
+    few = {name: values[:24] for name, values in drawn.items()}
+    say(0.2, "wandering wrench")
+    rig, wander = work.wander(rig, current, few, seed)
+    rng = np.random.default_rng(seed)
+    sd = _CURRENT_SD[0] + _CURRENT_SD[1] * np.hypot(*current[:2])
+    currents = current + rng.normal(size=(flights, 3)) * np.array([sd, sd, 0.0])
+    cases = Cases.of(flights, seed=seed, coefficients=drawn, current=currents, wander=wander)
+    envelopes: list[Envelope] = []
+    for k, course in enumerate(courses):
+        say(0.5 + 0.5 * k / len(courses), f"{course.name} again, {flights} drawn vehicles")
+        errors = course.errors(
+            fly_course(fitted.vehicle, rig, course, parameters, cases=cases, threads=threads)
+        )
+        for channel, values in errors.items():
+            if channel not in course.measured:
+                continue
+            sound = np.where(np.isfinite(values), values, np.inf)
+            lower, middle, upper = np.quantile(sound, [0.5 - 0.5 * _LEVEL, 0.5, 0.5 + 0.5 * _LEVEL], axis=0)
+            envelopes.append(
+                Envelope(
+                    course.name, channel, CHANNELS[channel][0], course.t, course.measured[channel], lower, upper,
+                    middle, course.between(first, last),
+                )
+            )  # fmt: skip
+    return Reflight(rig, wander, current, tuple(envelopes), _shares(envelopes))
+
+
+def _shares(envelopes: Sequence[Envelope]) -> tuple[Share, ...]:
+    found = []
+    for channel, (unit, _) in CHANNELS.items():
+        own = [one for one in envelopes if one.channel == channel]
+        if not own:
+            continue
+        counted = np.concatenate([one.counted for one in own])
+        held = np.concatenate([one.held_out for one in own]) & counted
+        fit, outside = counted & ~held, np.concatenate([one.outside for one in own])
+        measured = np.concatenate([one.measured for one in own])
+        width = 0.5 * np.concatenate([one.upper - one.lower for one in own])
+        found.append(
+            Share(
+                channel, unit, float(np.sqrt(np.mean(measured[counted] ** 2))), float(np.mean(width[counted])),
+                float(outside[fit].mean()) if fit.any() else np.nan,
+                float(outside[held].mean()) if held.any() else np.nan, int(held.sum()),
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Calibration:
+    """What the model lacks, from the rows of the fit."""
+
+    vehicle: Vehicle
+    courses: Sequence[Course]
+    fits: Sequence[Any]
+    parameters: dict[str, float]
+    threads: int | None
+
+    def steady(self, rig: Rig) -> tuple[Rig, Array]:
+        """Steady wrench and current with which the mean demands are those of the log.
+
+        Gauss and Newton: demands of roll, pitch, yaw and throttle for the wrench, forward and lateral, turned
+        to north and east, for the current.
+        """
+        known = [one for one, fit in zip(self.courses, self.fits, strict=True) if fit.any()]
+        place = any(one.channels[-1] == "east" for one in known)
+        x = np.zeros(6)  # Z, K, M, N, current north and east
+        steps = np.array([*_PROBES[2:], _PROBE_M_S, _PROBE_M_S])
+        free = 6 if place else 4
+        for _ in range(4):
+            tried = np.vstack([x, *(x + np.eye(6)[i] * steps[i] for i in range(free))])
+            means = self._mean_demands(rig, tried)
+            if not np.isfinite(means).all():
+                break
+            slopes = (means[1:] - means[0]).T / steps[:free]
+            use = slice(0, 6 if place else 4)
+            move, *_ = np.linalg.lstsq(slopes[use], -means[0][use], rcond=1e-3)
+            x[:free] += np.clip(move, -10.0 * steps[:free], 10.0 * steps[:free])
+        return replace(rig, steady=(0.0, 0.0, *x[:4].tolist())), np.array([x[4], x[5], 0.0])
+
+    def _mean_demands(self, rig: Rig, tried: Array) -> Array:
+        """Mean difference (k, 6) of the demands of roll, pitch, yaw, throttle, north, east to those of the log."""
+        own = self.vehicle.coefficients()
+        bias = {name: own.get(name, 0.0) + tried[:, i] for i, name in enumerate(("Z_0", "K_0", "M_0", "N_0"))}
+        current = np.concatenate([tried[:, 4:], np.zeros((len(tried), 1))], 1)
+        cases = Cases.of(len(tried), coefficients=bias, current=current)
+        still = replace(rig, noise=(0.0, 0.0), steady=(0.0,) * 6)
+        sums, counts = np.zeros((len(tried), 6)), np.zeros(6)
+        for course, fit in zip(self.courses, self.fits, strict=True):
+            if not fit.any():
+                continue
+            rows = fly_course(self.vehicle, still, course, self.parameters, cases=cases, threads=self.threads)
+            apart = rows[:, :, 12:18] - course.demands
+            if "east" in course.channels:
+                yaw = rows[:, :, 5]
+                forward, lateral = apart[..., 4].copy(), apart[..., 5].copy()
+                apart[..., 4] = forward * np.cos(yaw) - lateral * np.sin(yaw)
+                apart[..., 5] = forward * np.sin(yaw) + lateral * np.cos(yaw)
+            else:
+                apart[..., 4:] = 0.0
+            sums += apart[:, fit].sum(axis=1)
+            counts += np.array([fit.sum()] * 4 + [fit.sum() if "east" in course.channels else 0] * 2)
+        return np.asarray(sums / np.maximum(counts, 1.0))
+
+    def wander(self, rig: Rig, current: Array, drawn: Mapping[str, Array], seed: int) -> tuple[Rig, Array]:
+        """Time constant and standard deviation of the wandering wrench.
+
+        What the log has beside the mean of the drawn vehicles is to be as large as what the flights have beside it,
+        and as quick.
+        """
+        quickest: list[tuple[float, Rig]] = []
+        for wander_s in _WANDERS_S:
+            tried = replace(rig, wander_s=wander_s)
+            left, whole = self._beside(tried, current, drawn, seed, _UNIT_WANDER)
+            miss = sum(math.log(whole[name][1] / left[name][1]) ** 2 for name in left if left[name][1] > 0.0)
+            quickest.append((miss, tried))
+        chosen = min(quickest, key=lambda one: one[0])[1]
+        sd = _UNIT_WANDER.copy()
+        left, without = self._beside(chosen, current, drawn, seed, np.zeros(6))
+        for _ in range(4):
+            _, whole = self._beside(chosen, current, drawn, seed, sd)
+            sd = _scaled(sd, left, without, whole)
+        return chosen, sd
+
+    def _beside(
+        self, rig: Rig, current: Array, drawn: Mapping[str, Array], seed: int, wander: Array
+    ) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, float]]]:
+        """Sizes of what the log and of what flights have beside the mean flight, on the rows of the fit.
+
+        Per channel the mean square, and the mean square of what changes in 0.3 s over it.
+        """
+        k = len(next(iter(drawn.values()))) if drawn else 24
+        cases = Cases.of(k, seed=seed, coefficients=drawn, current=current, wander=wander)
+        lag = round(0.3 / ROW_S)
+        sums: dict[str, Array] = {}
+        for course, fit in zip(self.courses, self.fits, strict=True):
+            if not fit.any():
+                continue
+            flown = fly_course(self.vehicle, rig, course, self.parameters, cases=cases, threads=self.threads)
+            for channel, errors in course.errors(flown).items():
+                if channel not in course.measured:
+                    continue
+                values = np.where(np.isfinite(errors), errors, 1e6)
+                middle = values.mean(axis=0)
+                for own, one in enumerate((course.measured[channel] - middle, values - middle)):
+                    change = (one[..., lag:] - one[..., :-lag])[..., fit[lag:]]
+                    row = sums.setdefault(channel, np.zeros((2, 2)))
+                    weight = fit.sum()
+                    row[own] += (
+                        weight * _mean_square(np.atleast_2d(one)[:, fit]),
+                        weight * _mean_square(np.atleast_2d(change)),
+                    )
+        told = {
+            name: [(float(one[0]), float(one[1] / max(one[0], 1e-12))) for one in rows]
+            for name, rows in sums.items()
+        }
+        return {name: one[0] for name, one in told.items()}, {name: one[1] for name, one in told.items()}
+
+
+def _mean_square(values: Array) -> float:
+    """Mean square."""
+    return float(np.mean(values**2))
+
+
+def _scaled(
+    sd: Array,
+    left: Mapping[str, tuple[float, float]],
+    without: Mapping[str, tuple[float, float]],
+    whole: Mapping[str, tuple[float, float]],
+) -> Array:
+    """Standard deviations with which flights are beside their mean as the log is: mean squares add up."""
+    factors: dict[int, list[float]] = {}
+    for channel, axes in _DRIVES.items():
+        if channel not in left or channel not in whole:
+            continue
+        more = whole[channel][0] - without[channel][0]
+        lacking = left[channel][0] - without[channel][0]
+        factor = np.sqrt(np.clip(lacking / more, 0.0, 100.0)) if more > 0.0 else 0.0
+        for axis in axes:
+            factors.setdefault(axis, []).append(float(factor))
+    return np.array([sd[i] * (float(np.mean(factors[i])) if i in factors else 0.0) for i in range(6)])

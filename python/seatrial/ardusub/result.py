@@ -1,0 +1,202 @@
+"""Report of a tuning of ArduSub from a log: three lines, then tables.
+
+Held by ``tests/ardusub/test_from_log.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from seatrial.ardusub.axes import SOUGHT
+from seatrial.ardusub.reflight import ACCEPTED_OUTSIDE
+from seatrial.base.report import Column, Report, Section, Table
+
+if TYPE_CHECKING:
+    from seatrial.ardusub.from_log import LogTuning
+
+__all__ = ["tuned_report"]
+
+
+def tuned_report(found: LogTuning) -> Report:
+    """Report of a result."""
+    good, worst, next_step = _good(found), _worst(found), _next(found)
+    outcome = "tuned" if found.tuned.changes else "nothing changes"
+    if not found.held:
+        outcome += ", not verified"
+    return Report(
+        title=Path(found.replay.source).name,
+        outcome=outcome,
+        good=good,
+        worst=worst,
+        next_step=next_step,
+        sections=(
+            Section(
+                tables=(_changes(found), _loops(found), _missions(found), _margins(found), _shares(found))
+            ),
+            Section("What is behind it", _behind(found)),
+            Section("Identified", (found.identified["good"],), (_coefficients(found),), details=True),
+            *found.replay.report().sections,
+        ),
+    )
+
+
+def _short(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.3g}"
+
+
+def _share(value: float) -> str:
+    return "" if math.isnan(value) else f"{100 * value:.1f}"
+
+
+def _good(found: LogTuning) -> str:
+    loops = [one.loop for one in found.verdicts if one.judged]
+    if not loops:
+        return f"{found.replay.report().good}; no loop can be judged by what the log identifies"
+    told = f"{' and '.join(loops)} can be judged by the identified model"
+    if not found.tuned.changes:
+        return f"{told}; no gains were found that are better than the recorded ones"
+    name = found.changed_channels[0] if found.changed_channels else loops[0]
+    before, after = found.before.row(name), found.after.row(name)
+    kept = "margins kept" if found.margins_kept else "margins not kept"
+    return (
+        f"{told}; worst corridor violation of {name} over {found.missions} missions {before[0]:.2f} s before,"
+        f" {after[0]:.2f} s after, in the corridor {100 * before[2]:.0f} % and {100 * after[2]:.0f} % of them;"
+        f" {len(found.tuned.changes)} parameters change, {kept}"
+    )
+
+
+def _worst(found: LogTuning) -> str:
+    if not found.replay.held:
+        return found.replay.report().worst
+    stays = [one for one in found.verdicts if not one.judged]
+    out = [one for one in found.reflight.shares if not one.inside]
+    words = []
+    if out:
+        one = max(out, key=lambda each: each.fit if math.isnan(each.held_out) else each.held_out)
+        share = one.fit if math.isnan(one.held_out) else one.held_out
+        words.append(
+            f"the {one.channel} error of the log is outside the envelope in {100 * share:.0f} % of the held-out"
+            f" rows, expected at most {100 * ACCEPTED_OUTSIDE:.0f} %"
+        )
+    if stays:
+        words.append(f"{', '.join(one.loop for one in stays)} stay: {stays[-1].why}")
+    return "; ".join(words) or "nothing stands out"
+
+
+def _next(found: LogTuning) -> str:
+    stays = [one for one in found.verdicts if not one.judged]
+    load = (
+        "load changes.param and fly a yaw step before a mission" if found.tuned.changes and found.held else ""
+    )
+    trial = f"for {stays[-1].loop}: {stays[-1].trial}, then run this again" if stays else ""
+    return "; ".join(one for one in (load, trial) if one) or "fly the vehicle and replay its next log"
+
+
+def _changes(found: LogTuning) -> Table:
+    columns = ("parameter", "before", "after", "from", "to", Column("why", align="left"))
+    rows = [
+        (
+            one.name,
+            _short(one.before),
+            _short(one.after),
+            *(_short(x) for x in one.bounds or (math.nan,) * 2),
+            one.why,
+        )
+        for one in found.changes
+    ]
+    return Table.of("Parameters that change (changes.param)", columns, rows, left=1)
+
+
+def _loops(found: LogTuning) -> Table:
+    columns = ("loop", "judged", Column("why", align="left"), Column("trial that would tell", align="left"))
+    rows = [(one.loop, "yes" if one.judged else "no", one.why, one.trial) for one in found.verdicts]
+    return Table.of("Loops that the identified model can judge", columns, rows, left=1)
+
+
+def _missions(found: LogTuning) -> Table:
+    head = ("step", "worst before, s", "after", "95 % before, s", "after", "in corridor before, %", "after")
+    rows = []
+    for name in found.before.violations:
+        before, after = found.before.row(name), found.after.row(name)
+        rows.append((
+            name, _short(before[0]), _short(after[0]), _short(before[1]), _short(after[1]), _share(before[2]),
+            _share(after[2]),
+        ))  # fmt: skip
+    return Table.of(f"Corridor violation over {found.missions} missions", head, rows, left=1)
+
+
+def _margins(found: LogTuning) -> Table:
+    head = ("loop", "", "phase, deg", "gain, dB", "sensitivity", "accepted")
+    rows = [
+        (
+            loop,
+            when,
+            f"{one.phase_deg:.0f}",
+            f"{one.gain_db:.1f}",
+            f"{one.sensitivity:.2f}",
+            "yes" if one.accepted else "no",
+        )
+        for loop, both in found.tuned.margins.items()
+        for when, one in zip(("before", "after"), both, strict=True)
+    ]
+    return Table.of("Least margins over drawn vehicles", head, rows, left=2)
+
+
+def _shares(found: LogTuning) -> Table:
+    head = (
+        "loop error",
+        "unit",
+        "rms of the log",
+        "half-width",
+        "outside, fit, %",
+        "outside, held out, %",
+        "rows",
+        "inside",
+    )
+    rows = [
+        (
+            one.channel, one.unit, _short(one.rms), _short(one.width), _share(one.fit), _share(one.held_out),
+            str(one.rows), "yes" if one.inside else "no",
+        )
+        for one in found.reflight.shares
+    ]  # fmt: skip
+    return Table.of("The log's mission flown again: errors outside the envelope of 95 %", head, rows, left=2)
+
+
+def _behind(found: LogTuning) -> tuple[str, ...]:
+    from seatrial.ardusub.tuning import Spread
+
+    rig, wander = found.reflight.rig, found.reflight.wander
+    assumed = [
+        name for name in found.assumed if not name.endswith(("_FF", "_FLTD", "_FLTE")) and "RATE" not in name
+    ]
+    sought = {name for loop in SOUGHT.values() for name in loop}
+    told = [
+        f"What the model lacks and the fit part told: steady wrench {_short(rig.steady[2])} N down,"
+        f" {_short(rig.steady[3])}, {_short(rig.steady[4])}, {_short(rig.steady[5])} N m in roll, pitch, yaw; a wandering"
+        f" wrench of {', '.join(_short(x) for x in wander[:3])} N and {', '.join(_short(x) for x in wander[3:])} N m"
+        f" with {rig.wander_s:g} s; current {_short(float(found.reflight.current[0]))} m/s north,"
+        f" {_short(float(found.reflight.current[1]))} m/s east.",
+        Spread().sentence(),
+        "The missions judge the loops under the model that the log identified: what it misses, it misses in both.",
+    ]
+    if assumed:
+        told.append(
+            f"Neither log nor file has {', '.join(assumed)}: ArduSub's defaults are assumed; give --parameters."
+        )
+    if hidden := sorted(sought & set(assumed)):
+        told.append(f"Of these, {', '.join(hidden)} would be changed where their loop can be judged.")
+    return tuple(told)
+
+
+def _coefficients(found: LogTuning) -> Table:
+    rows = [
+        (
+            name, _short(one["start"]), _short(one["estimate"]),
+            "" if one["sigma"] is None else _short(one["sigma"]), one["at_bound"] or "",
+        )
+        for name, one in found.identified["coefficients"].items()
+    ]  # fmt: skip
+    return Table.of("Coefficients", ("coefficient", "start", "estimate", "sd", "at bound"), rows, left=1)

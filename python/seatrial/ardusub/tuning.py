@@ -1,0 +1,407 @@
+"""Tuned parameters of ArduSub: set-point steps in a corridor, over the identified uncertainty.
+
+A mission steps yaw, depth and place one after the other, with a drawn vehicle, current, tether, battery and
+wandering wrench. How far a response leaves its corridor, in s, is its violation (Taubert et al. 2014, (55)-(57)).
+The search lowers the mean of the worst tenth of the missions and keeps the margins; missions that it never saw
+judge the result. Held by ``tests/ardusub/test_tuning.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seatrial._core import ardusub_defaults
+from seatrial.ardusub.axes import SOUGHT, AxisVerdict, MarginModel, Margins, margins_of
+from seatrial.ardusub.course import ROW_S, Course, still_targets
+from seatrial.ardusub.flights import Cases, Rig, fly_course
+from seatrial.ardusub.parameters import Change
+from seatrial.base.arrays import Array
+from seatrial.campaign.corridor import Corridor
+
+if TYPE_CHECKING:
+    from seatrial.identification.fitted import Fitted
+
+__all__ = [
+    "Missions",
+    "Spread",
+    "Step",
+    "Tuned",
+    "corridors_of",
+    "draw_cases",
+    "fly_missions",
+    "rise_of",
+    "step_courses",
+    "tune_parameters",
+]
+
+STEPS = ("yaw", "depth", "north")
+"""Channels that step, one after the other."""
+
+_BEGINS_S, _AFTER_S = 6.0, 12.0  # the first step, and between two
+
+LENGTH_S = _BEGINS_S + len(STEPS) * _AFTER_S
+
+_SIZES = ((30.0, 0.5, 1.0), (60.0, -0.5, -1.0), (-90.0, 0.3, 2.0), (-45.0, -0.3, -2.0))  # deg, m, m
+
+_SPEED_M_S = 0.4  # of a target that moves
+
+_TAIL = 0.1  # share of the missions that the search looks at
+
+_LARGE = 1e3
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What is drawn beside the vehicle.
+
+    Attributes
+    ----------
+    current_m_s
+        Largest speed of the current; any direction.
+    tether_n
+        Largest pull of the tether; any direction in the plane, up to half of it upwards.
+    battery
+        Least thrust at the beginning, as a share of that at full voltage.
+    fall
+        Largest share that is lost until the end.
+    sag
+        Largest share that is lost at full load.
+    """
+
+    current_m_s: float = 0.25
+    tether_n: float = 5.0
+    battery: float = 0.8
+    fall: float = 0.1
+    sag: float = 0.1
+
+    def sentence(self) -> str:
+        """What is drawn, in words."""
+        return (
+            f"Drawn: vehicle from the covariance, current up to {self.current_m_s:g} m/s, tether up to"
+            f" {self.tether_n:g} N, thrust at the beginning from {100 * self.battery:.0f} % (battery), up to"
+            f" {100 * self.fall:.0f} % lost on the way and {100 * self.sag:.0f} % at full load, and the wandering"
+            " wrench that was found."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step of a course: channel, time, size, corridor of the normalised response."""
+
+    channel: str
+    at_s: float
+    size: float
+    corridor: Corridor
+
+
+@dataclass(frozen=True, eq=False)
+class Missions:
+    """Violations of many missions.
+
+    Attributes
+    ----------
+    violations
+        (k,) by channel, s.
+    bands
+        Normalised responses (5, n) by channel over the time since the step, of the first course: the least, 2.5 %,
+        the median, 97.5 %, the largest at each time.
+    since
+        (n,), s.
+    """
+
+    violations: Mapping[str, Array]
+    bands: Mapping[str, Array]
+    since: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "violations": {name: own.round(6).tolist() for name, own in self.violations.items()},
+            "bands": {name: own.round(5).tolist() for name, own in self.bands.items()},
+            "since": self.since.round(6).tolist(),
+        }
+
+    @classmethod
+    def of_dict(cls, data: Mapping[str, Any]) -> Missions:
+        """The missions of plain data."""
+        violations, bands = (
+            {n: np.array(x) for n, x in data[key].items()} for key in ("violations", "bands")
+        )
+        return cls(violations, bands, np.array(data["since"]))
+
+    def worst(self, channel: str) -> float:
+        """Largest violation, s."""
+        return float(self.violations[channel].max())
+
+    def row(self, channel: str) -> tuple[float, float, float]:
+        """Largest violation, that which 95 % stay within, s, and share of the missions without any."""
+        own = self.violations[channel]
+        return float(own.max()), float(np.quantile(own, 0.95)), float(np.mean(own <= 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """Parameters before and after.
+
+    Attributes
+    ----------
+    before, after
+        All parameters of the cascade that differ from ArduSub's defaults, or were found.
+    changes
+        What changes, with why and bounds.
+    margins
+        By loop: before and after.
+    evaluations
+        Candidates that were flown.
+    """
+
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    changes: tuple[Change, ...]
+    margins: Mapping[str, tuple[Margins, Margins]]
+    evaluations: int
+
+
+def step_courses(
+    corridors: Mapping[str, Corridor], *, period_s: float
+) -> tuple[tuple[Course, tuple[Step, ...]], ...]:
+    """Courses of four sizes that step what has a corridor of yaw, depth and north, and their steps."""
+    every = round(ROW_S / period_s)
+    own = tuple(name for name in STEPS if name in corridors)
+    n = round((_BEGINS_S + len(own) * _AFTER_S) / ROW_S) * every
+    t = period_s * np.arange(n)
+    made = []
+    for sizes in _SIZES:
+        targets, steps = still_targets(n), []
+        for i, channel in enumerate(own):
+            at, size = _BEGINS_S + i * _AFTER_S, sizes[STEPS.index(channel)]
+            steps.append(Step(channel, at, size, corridors[channel]))
+            if channel == "yaw":
+                targets[:, 2] = np.where(t >= at, math.radians(size), 0.0)
+                continue
+            column, lasts = {"depth": 6, "north": 4}[channel], abs(size) / _SPEED_M_S
+            targets[:, column] += size * np.clip((t - at) / lasts, 0.0, 1.0)
+            moving = (t >= at) & (t < at + lasts)
+            targets[:, column + 3] = np.where(moving, math.copysign(_SPEED_M_S, size), 0.0)
+        course = Course(
+            ", ".join(f"{one.channel} {one.size:+g}" for one in steps), t[::every], targets, period_s,
+            np.array([0.0, 0.0, 5.0]), np.zeros(3), np.zeros(6), np.zeros(7),
+        )  # fmt: skip
+        made.append((course, tuple(steps)))
+    return tuple(made)
+
+
+def corridors_of(rise_s: float) -> dict[str, Corridor]:
+    """Corridors of the steps: yaw has risen by `rise_s`; depth and place follow a target that moves."""
+    moving = {
+        name: Corridor.from_figures(
+            rise_s=rise, overshoot=0.15, settled=0.1, undershoot=0.15, until_s=11.0, settling_s=9.0
+        )
+        for name, rise in (("depth", 5.5), ("north", 8.0))
+    }
+    own = Corridor.from_figures(
+        rise_s=rise_s, overshoot=0.1, settled=0.05, settling_s=min(2.0 * rise_s, 10.0), until_s=11.0
+    )
+    return {"yaw": own, **moving}
+
+
+def draw_cases(fitted: Fitted, wander: Array, k: int, *, seed: int, spread: Spread | None = None) -> Cases:
+    """Cases of missions: vehicle, current, tether, battery and wandering wrench."""
+    own = spread or Spread()
+    rng = np.random.default_rng([seed, 20])
+    toward, pulls = rng.uniform(0.0, 2.0 * np.pi, (2, k))
+    speed, force = rng.uniform(0.0, own.current_m_s, k), rng.uniform(0.0, own.tether_n, k)
+    current = np.stack([speed * np.cos(toward), speed * np.sin(toward), np.zeros(k)], 1)
+    tether = np.stack([force * np.cos(pulls), force * np.sin(pulls), -rng.uniform(0.0, 0.5, k) * force], 1)
+    supply = np.stack(
+        [
+            rng.uniform(own.battery, 1.0, k),
+            rng.uniform(0.0, own.fall, k) / LENGTH_S,
+            rng.uniform(0.0, own.sag, k),
+        ],
+        1,
+    )
+    return Cases.of(
+        k, seed=1_000_000 * (seed + 1), coefficients=fitted.draws(k, seed), current=current, wander=wander,
+        tether=tether, supply=supply,
+    )  # fmt: skip
+
+
+def fly_missions(
+    fitted: Fitted,
+    rig: Rig,
+    courses: Sequence[tuple[Course, tuple[Step, ...]]],
+    parameters: Mapping[str, Any],
+    *,
+    cases: Cases,
+    threads: int | None = None,
+    say: Callable[[float], None] = lambda share: None,
+    chunk: int = 64,
+) -> Missions:
+    """Violations of the cases, which are dealt out to the courses in turn."""
+    channels = [step.channel for step in courses[0][1]]
+    violations = {name: np.zeros(len(cases)) for name in channels}
+    responses: dict[str, list[Array]] = {name: [] for name in channels}
+    since = np.zeros(0)
+    done = 0
+    for c, (course, steps) in enumerate(courses):
+        mine = np.arange(c, len(cases), len(courses))
+        for first in range(0, len(mine), chunk):
+            own = mine[first : first + chunk]
+            given = {
+                name: np.asarray(value, float)[own] if np.ndim(value) else value
+                for name, value in parameters.items()
+            }
+            errors = course.errors(
+                fly_course(fitted.vehicle, rig, course, given, cases=cases.take(own), threads=threads)
+            )
+            for step in steps:
+                rows = course.between(step.at_s - 1e-6, step.at_s + _AFTER_S - 1e-6)
+                since = course.t[rows] - step.at_s
+                response = _normalised(step, errors[step.channel], course)[:, rows]
+                violations[step.channel][own] = _violation(step.corridor, since, response)
+                if c == 0:
+                    responses[step.channel].append(response)
+            done += len(own)
+            say(done / len(cases))
+    bands = {
+        name: np.quantile(
+            np.where(np.isfinite(one := np.concatenate(parts)), one, _LARGE),
+            [0.0, 0.025, 0.5, 0.975, 1.0],
+            axis=0,
+        )
+        for name, parts in responses.items()
+    }
+    return Missions(violations, bands, since)
+
+
+def _normalised(step: Step, errors: Array, course: Course) -> Array:
+    """Response (k, n): 0 before the step and 1 at the new set point, against where it stood before."""
+    before = course.between(step.at_s - 1.0, step.at_s - 1e-6)
+    offset = errors[:, before].mean(axis=1, keepdims=True)
+    column = {"yaw": 2, "depth": 6, "north": 4}[step.channel]
+    target = course.targets[:: course.every, column]
+    way = target - target[before].mean()
+    if step.channel == "yaw":
+        way = np.degrees(way)
+    # A standing error before the step is not the step's.
+    return np.asarray((way - errors + offset) / step.size)
+
+
+def _violation(corridor: Corridor, since: Array, response: Array) -> Array:
+    """Time integral (k,) of what is outside, s."""
+    lower, upper = corridor.sampled(since)
+    sound = np.where(np.isfinite(response), response, _LARGE)
+    below, above = np.maximum(lower - sound, 0.0), np.maximum(sound - upper, 0.0)
+    return np.asarray((corridor.weight_lower * below + corridor.weight_upper * above).sum(axis=1) * ROW_S)
+
+
+def rise_of(fitted: Fitted, rig: Rig, parameters: Mapping[str, float], *, period_s: float) -> float:
+    """Time after which yaw has risen by 90 % of a step of 60 deg, s: nominal vehicle, still water."""
+    courses = step_courses({"yaw": corridors_of(2.0)["yaw"]}, period_s=period_s)
+    course, steps = courses[1]
+    still = Rig(rig.frame, rig.direction, rig.tether_at, (0.0, 0.0), rig.wander_s, rig.steady)
+    errors = course.errors(fly_course(fitted.vehicle, still, course, parameters, cases=Cases.of(1)))
+    response = _normalised(steps[0], errors["yaw"], course)[0]
+    risen = np.flatnonzero((course.t >= steps[0].at_s) & (response >= 0.9))
+    rise = course.t[risen[0]] - steps[0].at_s if len(risen) else 5.0
+    return float(np.clip(rise, 0.5, 4.5))
+
+
+def tune_parameters(
+    fitted: Fitted,
+    rig: Rig,
+    courses: Sequence[tuple[Course, tuple[Step, ...]]],
+    before: Mapping[str, float],
+    verdicts: Sequence[AxisVerdict],
+    model: MarginModel,
+    *,
+    cases: Cases,
+    generations: int = 10,
+    seed: int = 0,
+    threads: int | None = None,
+    say: Callable[[float, str], None] = lambda share, words: None,
+) -> Tuned:
+    """Parameters of the loops that can be judged, sought by CMA-ES over their logarithms.
+
+    Cost: mean violation of the worst tenth of the missions over all steps, a hundredth of the mean deviation, and
+    ten times what the margins lack. The recorded parameters stay where no candidate is better.
+    """
+    import cma
+
+    loops = [one.loop for one in verdicts if one.judged]
+    start = {**ardusub_defaults(), **before}
+    names = [name for loop in loops for name in SOUGHT[loop]]
+    margins_before = margins_of(model, loops, start)
+    if not names:
+        return Tuned(dict(before), dict(before), (), {}, 0)
+    bounds = {
+        name: (min(low, start[name]) if start[name] > 0.0 else low, max(high, start[name]))
+        for loop in loops
+        for name, (low, high) in SOUGHT[loop].items()
+    }
+    low, high = (np.log([bounds[name][i] for name in names]) for i in (0, 1))
+    first = np.clip(np.log([max(start[name], bounds[name][0]) for name in names]), low, high)
+    count = len(cases)
+
+    def costs(candidates: Array) -> Array:
+        """Cost (m,) of candidates (m, p): all of them in one batch."""
+        values = np.exp(candidates)
+        tiled = cases.take(np.tile(np.arange(count), len(values)))
+        own = {name: np.repeat(values[:, i], count) for i, name in enumerate(names)}
+        # Each candidate flies the same cases on the same courses.
+        found = np.zeros((len(values), count))
+        for c, (course, steps) in enumerate(courses):
+            mine = np.concatenate([m * count + np.arange(c, count, len(courses)) for m in range(len(values))])
+            given = {**before, **{name: one[mine] for name, one in own.items()}}
+            errors = course.errors(
+                fly_course(fitted.vehicle, rig, course, given, cases=tiled.take(mine), threads=threads)
+            )
+            total = np.zeros(len(mine))
+            for step in steps:
+                rows = course.between(step.at_s - 1e-6, step.at_s + _AFTER_S - 1e-6)
+                response = _normalised(step, errors[step.channel], course)[:, rows]
+                total += _violation(step.corridor, course.t[rows] - step.at_s, response)
+                total += (
+                    0.01 * np.abs(np.where(np.isfinite(response), response, _LARGE) - 1.0).sum(axis=1) * ROW_S
+                )
+            found.reshape(-1)[mine] = total
+        worst = np.sort(found, axis=1)[:, -max(round(_TAIL * count), 1) :].mean(axis=1)
+        lacking = [
+            sum(
+                one.lacking()
+                for one in margins_of(model, loops, {**start, **dict(zip(names, row, strict=True))})
+            )
+            for row in values.tolist()
+        ]
+        return np.asarray(worst + 10.0 * np.array(lacking))
+
+    as_flown = float(costs(first[None])[0])
+    best, best_cost, evaluations = first, as_flown, 1
+    search = cma.CMAEvolutionStrategy(
+        first, 0.35, {"bounds": [low.tolist(), high.tolist()], "seed": seed + 1, "verbose": -9, "popsize": 8}
+    )
+    for generation in range(generations):
+        tried = np.array(search.ask())
+        cost = costs(tried)
+        search.tell(list(tried), cost.tolist())
+        evaluations += len(tried)
+        if cost.min() < best_cost:
+            best, best_cost = tried[int(cost.argmin())], float(cost.min())
+        say(
+            (generation + 1) / generations,
+            f"gains, generation {generation + 1} of {generations}, cost {best_cost:.3g} of {as_flown:.3g}",
+        )
+    found = {name: float(f"{value:.3g}") for name, value in zip(names, np.exp(best).tolist(), strict=True)}
+    changed = {name: value for name, value in found.items() if abs(value - start[name]) > 0.02 * start[name]}
+    after = {**before, **changed}
+    margins_after = margins_of(model, loops, {**start, **changed})
+    why = f"mean corridor violation of the worst tenth of {count} missions {as_flown:.2f} s before, {best_cost:.2f} s after"
+    changes = tuple(Change(name, start[name], value, why, bounds[name]) for name, value in changed.items())
+    both = {b.loop: (b, a) for b, a in zip(margins_before, margins_after, strict=True)}
+    return Tuned(dict(before), after, changes, both, evaluations)
