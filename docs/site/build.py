@@ -81,7 +81,7 @@ def navigation(index: str, names: list[Path], reference: list[tuple[str, str]], 
                 parts["How to"].append(entry)
             case ["theory", *_]:
                 parts["Theory"].append(entry)
-            case [file] if file.endswith("-file.md"):
+            case [_] if name.stem.endswith("-file"):
                 parts["Files"].append(entry)
             case ["conventions.md" | "interface.md"]:
                 parts["Reference"].append(entry)

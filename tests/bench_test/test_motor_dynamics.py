@@ -15,6 +15,7 @@ from seatrial.bench_test.motor_identification import identify_motor, recommended
 from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
 from seatrial.bench_test.motor_plateaus import noise_of, plateaus, starts, statics, transitions
 from tests.bench_test.motor_steps import TABLE, TRUTH, designed, held, measured, rng, with_signal
+from tests.report.figures import assert_legends_beside
 
 
 @pytest.fixture(scope="module")
@@ -230,5 +231,6 @@ def test_figure_marks_dead_time_and_lag(motor: MotorEstimate, record: StepRecord
 
     figure = motor_step(motor, record)
     assert len(figure.axes) == 4
+    assert_legends_beside(figure)
     texts = [text.get_text() for axes in figure.axes[2:] for text in axes.texts]
     assert texts == [f"$T_t$ = {motor.model.T_t:.3f} s", f"$T_1$ = {motor.model.T_1:.3f} s"] * 2

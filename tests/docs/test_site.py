@@ -52,7 +52,7 @@ def test_every_page_is_in_the_navigation_once() -> None:
 def test_a_new_page_is_in_the_navigation_by_its_heading(tmp_path: Path) -> None:
     (tmp_path / "theory").mkdir()
     (tmp_path / "index.md").write_text("# all\n", encoding="utf-8")
-    (tmp_path / "theory" / "tides.md").write_text("# The tides\n", encoding="utf-8")
+    (tmp_path / "theory" / "tides").with_suffix(".md").write_text("# The tides\n", encoding="utf-8")
     made = navigation("# all\n", pages(tmp_path), [("reference/python", "Names")], tmp_path)
     assert ":caption: Theory\n\nThe tides <theory/tides>" in made
     assert "Names <reference/python>" in made

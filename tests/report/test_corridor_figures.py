@@ -103,6 +103,15 @@ def test_a_corridor_without_responses_is_refused() -> None:
         step_responses([])
 
 
+def test_panels_side_by_side_have_the_same_scale_and_the_same_ticks() -> None:
+    before = InCorridor("start gains", SURGE, T, second_order(T, 0.2, 0.4))
+    after = InCorridor("tuned", SURGE, T, second_order(T, 0.9, 0.4))
+    figure = corridor_figure([before, after])
+    left, right = panel(figure, "start gains"), panel(figure, "tuned")
+    assert left.get_ylim() == right.get_ylim()
+    assert list(left.get_yticks()) == list(right.get_yticks())
+
+
 STEPS = (SetPointStep(0.0, 0.0, 1.0, SURGE), SetPointStep(60.0, 1.0, 0.4, SURGE))
 
 

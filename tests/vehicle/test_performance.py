@@ -265,12 +265,7 @@ def test_the_figure_shows_what_the_vehicle_file_tells(tmp_path: Path) -> None:
         name: [axes.get_title(loc="left") for axes in performance(vehicle).axes]  # type: ignore[union-attr]
         for name, vehicle in VEHICLES.items()
     }
-    assert [title for title in titles["cwolf"] if title] == [
-        "speed",
-        "power",
-        "range and endurance",
-        "turning circles",
-    ]
+    assert [title for title in titles["cwolf"] if title] == ["speed", "power", "range", "turning circles"]
     for name in ("beluga", "starter"):
         assert [title for title in titles[name] if title] == [
             "speed",
@@ -279,6 +274,21 @@ def test_the_figure_shows_what_the_vehicle_file_tells(tmp_path: Path) -> None:
         ]
     figure = performance(CWOLF)
     assert figure is not None
+    figure.draw_without_rendering()
+    power, distance = (
+        next(a for a in figure.axes if a.get_title(loc="left") == t) for t in ("power", "range")
+    )
+    for axes in (power, distance):  # above the panel: no legend hides a curve
+        legend = axes.get_legend()
+        assert legend is not None
+        assert legend.get_window_extent().y0 > axes.get_window_extent().y1 - 0.5
+    hours = next(axes for axes in figure.axes if axes.get_ylabel() == "endurance, h")
+    at = [
+        [float(axes.transData.transform((0.0, y))[1]) for y in axes.get_yticks()]
+        for axes in (distance, hours)
+    ]
+    shown = [y for y in at[0] if y <= distance.get_window_extent().y1 + 1.0]
+    assert np.allclose(at[1], shown)  # one grid for both
     # Below 150 rpm the motor controller holds nothing.
     assert np.min(figure.axes[0].get_lines()[0].get_xdata()) == pytest.approx(150.0)
     assert all(path.stat().st_size > 10_000 for path in save(figure, tmp_path / "performance"))

@@ -294,7 +294,12 @@ def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
             _step(axes, estimate, record, k, name)
             axes.set_ylabel(f"revolutions, {unit}" if place == 0 else "")
         if shown:
-            figure.axes[-1].legend(loc="best")
+            figure.legend(
+                *figure.axes[-1].get_legend_handles_labels(),
+                loc="outside lower center",
+                ncols=4,
+                columnspacing=1.4,
+            )
         figure.align_ylabels()
     return figure
 

@@ -92,7 +92,7 @@ def _curve(axes: Axes, found: FailureBoundary, one: RequirementBoundary) -> None
     axes.set_ylim(-0.02 * max(top, 3.0 * allowed), max(1.1 * top, 3.0 * allowed))
     axes.set_xlabel(_label(next(iter(found.variables))))
     axes.set_ylabel("failure probability")
-    axes.legend(loc="best", fontsize="small")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
 
 
 def _map(axes: Axes, found: FailureBoundary, one: RequirementBoundary) -> None:

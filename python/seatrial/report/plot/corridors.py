@@ -137,6 +137,8 @@ def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
             beside = shown[2 * row : 2 * row + 2]
             window = _common(beside)
             for axes, one in zip(panels, beside, strict=False):
+                if axes is not panels[0]:
+                    axes.sharey(panels[0])  # equal limits alone leave each panel ticks of its own
                 _panel(axes, one, window)
         for axes in list(grid.flat)[len(shown) :]:
             axes.set_axis_off()

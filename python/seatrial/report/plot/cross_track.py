@@ -156,8 +156,7 @@ def _curve(axes: Axes, counts: Array, edges: Array, threshold_m: float | None, t
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     _threshold(axes, threshold_m, at=0.0)
     if told is not None:
-        # Above the threshold's line, which may pass behind its words.
-        axes.legend(loc="upper right", frameon=True, framealpha=1.0, edgecolor="none").set_zorder(6)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.21), ncols=2, borderaxespad=0.0)
 
 
 def _told(axes: Axes, counts: Array, edges: Array) -> None:

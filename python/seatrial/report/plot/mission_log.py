@@ -155,7 +155,7 @@ def residual_page(verdict: LogVerdict) -> Figure:
         _legend(figure, panels[0, 0])
         ahead = log.since_restart(0)[-1]
         figure.suptitle(
-            f"{verdict.log.trial.name}: {verdict.model} (restarted every {ahead:.3g} s)",
+            f"{verdict.log.trial.name}: measured less predicted, restarted every {ahead:.3g} s",
             x=0.01,
             ha="left",
             fontweight="bold",
@@ -236,7 +236,7 @@ def _sensible(axes: Axes, values: Array) -> None:
     """Limits that hold what matters of the values: a turn on the spot must not flatten a mission."""
     good = values[np.isfinite(values)]
     if not len(good):
-        axes.text(0.5, 0.5, "nothing to show", ha="center", transform=axes.transAxes, fontsize=7, color=FAINT)
+        axes.text(0.5, 0.5, "the log has no samples of it", ha="center", transform=axes.transAxes, fontsize=7, color=FAINT)
         return
     low, high = np.quantile(good, (_RARE, 1.0 - _RARE))
     span = max(float(high - low), 1e-6)

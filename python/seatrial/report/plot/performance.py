@@ -42,6 +42,8 @@ _HEIGHT_IN, _TOP_IN, _BOTTOM_IN, _GAP_IN = 4.9, 0.62, 0.5, 0.36
 
 _LEFT_IN, _WIDE_IN, _AXIS_IN, _LEGEND_IN = 0.55, 2.55, 0.5, 0.9  # _AXIS_IN: room for an axis at the right
 
+_ABOVE = (1.0, 1.0)  # right end of a panel's top: where a legend hides no curve
+
 _CURVE = tuple(0.05 * k for k in range(1, 21))
 
 _TURN_SHARE = 0.5
@@ -173,6 +175,9 @@ def _speed(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehi
     axes.locator_params(axis="y", nbins=5)
     knots = axes.secondary_yaxis("right", functions=(_to_kn, _from_kn))
     knots.set_ylabel("kn")
+    # At the heights of the ticks at the left: one grid for both.
+    knots.set_yticks(_to_kn([tick for tick in axes.get_yticks() if tick <= axes.get_ylim()[1]]))
+    knots.yaxis.set_major_formatter(lambda speed, _: f"{speed:.1f}")
     knots.spines["right"].set_visible(True)
     remark = ", ".join(f"{row.speed_kn:g}" for row in held)
     panel_title(axes, "speed", f"dots at {remark} kn" if held else "")
@@ -189,7 +194,10 @@ def _thrust(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Veh
 
 def _power(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
     hotel = vehicle.power().get("hotel_w", 0.0)
-    for label, load, dashes in (("propulsion", 0.0, "-"), ("with hotel load", hotel, (0, (5, 1.5)))):
+    for label, load, dashes in (
+        ("propulsion", 0.0, "-"),
+        (f"with {hotel:g} W hotel load", hotel, (0, (5, 1.5))),
+    ):
         if load or label == "propulsion":
             axes.plot(
                 [r.command for r in rows],
@@ -201,13 +209,16 @@ def _power(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehi
     axes.set_ylabel("power, W")
     axes.set_ylim(bottom=0.0)
     axes.locator_params(axis="y", nbins=5)
-    axes.legend(loc="upper left")
-    panel_title(axes, "power", f"hotel load {hotel:g} W" if hotel else "")
+    if hotel:
+        axes.legend(loc="lower right", bbox_to_anchor=_ABOVE, ncols=2, borderaxespad=0.0, fontsize=6.5)
+    panel_title(axes, "power")
 
 
 def _range(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
-    command = [r.command for r in rows]
-    (far,) = axes.plot(command, [r.range_km or 0.0 for r in rows], color=CYCLE[0], label="range")
+    command, battery = [r.command for r in rows], vehicle.power()["battery_wh"]
+    (far,) = axes.plot(
+        command, [r.range_km or 0.0 for r in rows], color=CYCLE[0], label=f"range with {battery:g} Wh"
+    )
     axes.set_ylabel("range, km")
     axes.set_ylim(bottom=0.0)
     axes.locator_params(axis="y", nbins=5)
@@ -223,8 +234,27 @@ def _range(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehi
     hours.set_ylim(bottom=0.0)
     hours.grid(visible=False)
     hours.spines["right"].set_visible(True)
-    axes.legend(handles=[far, long], loc="upper right")
-    panel_title(axes, "range and endurance", f"battery {vehicle.power()['battery_wh']:g} Wh")
+    _as_left(axes, hours)
+    axes.legend(
+        handles=[far, long],
+        loc="lower right",
+        bbox_to_anchor=_ABOVE,
+        ncols=2,
+        borderaxespad=0.0,
+        fontsize=6.5,
+    )
+    panel_title(axes, "range")
+
+
+def _as_left(axes: Axes, right: Axes) -> None:
+    """Ticks of a right axis at the heights of those at the left, so that the grid is that of both."""
+    ticks = [tick for tick in axes.get_yticks() if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]]
+    top = axes.get_ylim()[1]
+    step = (right.get_ylim()[1] / top) * (ticks[1] - ticks[0])
+    size = 10.0 ** np.floor(np.log10(step))
+    even = next(nice for nice in (1.0, 2.0, 2.5, 5.0, 10.0) if nice * size >= step * (1.0 - 1e-9)) * size
+    right.set_ylim(0.0, even * top / (ticks[1] - ticks[0]))
+    right.set_yticks([even * k for k in range(len(ticks))])
 
 
 def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v: float) -> None:

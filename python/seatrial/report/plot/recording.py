@@ -38,6 +38,8 @@ _PANEL_IN, _EDGES_IN = 1.05, 0.95
 
 _MOST_POINTS = 4000  # per line: more are thinner than a pixel
 
+_HEADROOM = 0.14  # above the curves, as a share of their range: a line of names
+
 _MOST_NAMED, _MOST_MARKED = 8, 60  # marks with names, and with lines; more would cover each other
 
 _UNITS = {"us": "\N{MICRO SIGN}s", "rpm": "rpm"}
@@ -187,7 +189,9 @@ def _shade(axes: Axes, parts: Sequence[tuple[float, float]], colour: str) -> Non
 
 
 def _names(axes: Axes, marks: Sequence[tuple[float, str]], trial: Trial) -> None:
-    """Names of the marks inside the upper panel, those too near the one before left out."""
+    """Names of the marks above the curves of the upper panel, those too near the one before left out."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + _HEADROOM * (high - low))
     room = 0.06 * float(trial.t[-1] - trial.t[0])
     last = -np.inf
     for at, name in marks:

@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -136,7 +137,16 @@ def waypoints(plan: Plan, path: PlannedPath, acceptance: ArrayLike, *avoid: Arra
     label = waypoint_label(path)
     axes.plot(places[:, 1], places[:, 0], "s", color=MEASURED, markersize=size, zorder=2.4, label=label)
     _spheres(plan, places, np.asarray(acceptance, dtype=float))
-    _names(plan, path, [path.points, *avoid])
+    rims = []
+    if len(places) <= _MOST_CIRCLES:
+        rims = [_rim(*one) for one in zip(places, np.asarray(acceptance, dtype=float), strict=True)]
+    _names(plan, path, [path.points, *avoid, *rims])
+
+
+def _rim(place: Array, radius_m: float) -> Array:
+    """Points of the circle of a sphere of acceptance, north and east, m."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 33)
+    return np.column_stack([place[0] + radius_m * np.cos(angle), place[1] + radius_m * np.sin(angle)])
 
 
 def _spheres(plan: Plan, places: Array, acceptance: Array) -> None:
@@ -164,6 +174,11 @@ def _spheres(plan: Plan, places: Array, acceptance: Array) -> None:
     )
 
 
+_SIDES = ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
+
+_AWAY_IN = (0.07, 0.14, 0.22)  # from a waypoint to its name: the nearest place that is clear
+
+
 def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
     """Names beside their waypoints, clear of each other, of waypoints and, if it can be, of the path."""
     from matplotlib.patheffects import withStroke
@@ -178,10 +193,11 @@ def _names(plan: Plan, path: PlannedPath, lines: Sequence[ArrayLike]) -> None:
         x, y = page[k]
         length = _LETTER_IN * len(path.names[k]) + 0.02
         best: tuple[int, Box, int] | None = None
-        for right, up in ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)):
+        for away, (right, up) in product(_AWAY_IN, _SIDES):
+            aside, above = (away, 0.7 * away) if right and up else (away, away)
             corner = (
-                x + (0.07 if right > 0 else -0.07 - length if right < 0 else -0.5 * length),
-                y + (0.05 if up > 0 else -0.05 - _LINE_IN if up < 0 else -0.5 * _LINE_IN),
+                x + (aside if right > 0 else -aside - length if right < 0 else -0.5 * length),
+                y + (above if up > 0 else -above - _LINE_IN if up < 0 else -0.5 * _LINE_IN),
             )
             box = (*corner, corner[0] + length, corner[1] + _LINE_IN)
             if box[0] < 0.0 or box[1] < 0.0 or box[2] > wide or box[3] > high:
