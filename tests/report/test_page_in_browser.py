@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
+from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.report.page.flying import core
 from seatrial.report.page.page import write_page
 
@@ -122,6 +123,35 @@ def assert_equal(page: Page, which: str, flights: Any) -> None:
     assert figures["distance"] == pytest.approx(flights.figures["distance"][0], rel=TOLERANCE)
 
 
+def assert_margins(page: Page, gains: dict[str, float]) -> None:
+    """Margins of the heading loop, before and after, as the engine has them at 12 frequencies per octave."""
+    page.locator("select[data-control=loop]").select_option("heading")
+    point = page.evaluate("seatrial.margins.data.points[Number(seatrial.margins.point.value)]")
+    shown = page.evaluate("seatrial.margins.found")
+    constraint = MarginConstraint(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"))
+    place = constraint.points.index((point["mode"], point["speed"]))
+    for which, own in (("original", {}), ("changed", gains)):
+        expected = constraint.margins(own)[place]
+        loop = expected.loops.index("heading")
+        for name, value in (("phase", "phase_deg"), ("gain", "gain"), ("delay", "delay_s")):
+            # Series of 16 bits; the page has the frequencies and the interpolation of the engine.
+            assert shown[which][name] == pytest.approx(float(getattr(expected.of, value)[0, loop]), rel=0.01)
+    assert shown["changed"]["phase"] != pytest.approx(shown["original"]["phase"], rel=0.05)
+    assert page.locator("[data-part=margins] svg").count() == 3
+
+
+def choose(page: Page, **controls: str | float) -> None:
+    """Chooses in lists and fills in numbers, and waits until all of it was flown."""
+    for name, value in controls.items():
+        control = page.locator(f"[data-control={name}]")
+        if isinstance(value, str):
+            control.select_option(label=value)
+        else:
+            control.fill(str(value))
+            control.dispatch_event("change")
+    settled(page, "seatrial.core.idle && !seatrial.core.waiting.size")
+
+
 def flown(mission: st.Mission, **changes: Any) -> Any:
     options = {key: value for key, value in SEA.items() if key != "seed"} | {"seeds": SEA["seed"]}
     return st.fly_batch("cwolf", "cwolf", mission, logs=True, **(options | changes))
@@ -152,6 +182,7 @@ def test_the_page_flies_what_python_flies(opened: Callable[..., Page], tmp_path:
     }
     assert_equal(page, "changed", flown(mission, **changed))
     assert_equal(page, "original", flown(mission))
+    assert_margins(page, gains)
 
     # The same autopilot as a file for elsewhere.
     page.locator("button[data-act=autopilot]").click()
@@ -205,6 +236,14 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Callable[..., Page], tmp
     assert 0 < failed < 20  # a third of a hundred times the drag: some never arrive
     assert page.locator("path.cloud").count() == 20
     assert page.locator("path.cloud.bad").count() == failed
+    page.evaluate(f"seatrial.setup.covariance.factor = [[{0.1 * value}]]")
+    page.evaluate("seatrial.draw()")
+    settled(page, "seatrial.core.idle && !seatrial.untouched()")
+    drawn = page.evaluate("seatrial.state.coefficients")
+    assert drawn["X_uu"] != value
+    one = {name: [number] for name, number in drawn.items()}
+    mission = st.Mission.from_toml(MISSION)
+    assert_equal(page, "changed", st.fly_batch("lauv", "lauv", mission, coefficients=one, logs=True))
     for number in range(page.locator("[data-part=stepof] option").count()):
         page.locator("[data-part=stepof]").select_option(index=number)
         page.locator("button[data-act=step]").click()
@@ -212,6 +251,57 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Callable[..., Page], tmp
     assert page.locator(".model path.fin").count() == 4  # in space, too
     page.locator("button[data-act=space]").click()
     assert page.locator("path.surface").count() == 1
+
+
+def test_the_page_flies_by_the_filter_with_failures(opened: Callable[..., Page], tmp_path: Path) -> None:
+    """A dead thruster gives its neutral command, which is not zero; a DVL is silent for a while."""
+    mission = st.Mission.from_toml(
+        MISSION.replace("1.5", "0.5").replace("60.0", "12.0").replace("50.0", "8.0")
+    )
+    around: dict[str, Any] = {"sensors": "typical", "current": [0.05, 0.0, 0.0], "turbulence": 0.02}
+    sea: dict[str, Any] = {"waves": st.SeaState(0.3, 6.0), "voltage_v": 15.5, "navigation": "filter"}
+    st.fly("beluga", "beluga", mission, seed=5, **around, **sea).save(tmp_path / "run")
+    page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
+    settled(page, "window.seatrial && seatrial.changed")
+    options = around | sea | {"seeds": 5, "logs": True}
+    assert_equal(page, "original", st.fly_batch("beluga", "beluga", mission, **options))
+
+    choose(page, fault="thruster 0", faultat=20, outage="velocity", outagefrom=15, outageuntil=35)
+    failures = {"faults": [st.Fault("thruster_0", at_s=20)], "outages": [st.Outage("velocity", 15.0, 35.0)]}
+    assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **options, **failures))
+
+    choose(page, navigation="what the sensors show", sensors="perfect")
+    other = options | failures | {"navigation": "sensors", "sensors": None}
+    assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **other))
+    choose(page, navigation="a navigation filter")
+    assert_equal(
+        page, "changed", st.fly_batch("beluga", "beluga", mission, **(other | {"navigation": "filter"}))
+    )
+
+
+def test_an_accessibility_checker_finds_nothing_serious(opened: Callable[..., Page], tmp_path: Path) -> None:
+    st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
+    page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"), color_scheme="light")
+    settled(page, "window.seatrial && seatrial.changed")
+    assert_accessible(page)
+    page.locator("#theme").click()
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert_accessible(page, "{runOnly: ['color-contrast']}")  # all that a theme changes
+
+
+def assert_accessible(page: Page, options: str = "{}") -> None:
+    """Nothing that axe-core calls serious or critical, with all that can be opened open."""
+    package = pytest.importorskip("axe_playwright_python", reason="no axe-core: make setup")
+    page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+    page.evaluate((Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8"))
+    found = page.evaluate(f"axe.run({options})")
+    assert found["passes"]
+    bad = [
+        (one["id"], one["help"], [node["html"][:200] for node in one["nodes"][:3]])
+        for one in found["violations"]
+        if one["impact"] in ("serious", "critical")
+    ]
+    assert bad == []
 
 
 def test_without_script_the_results_can_be_read(opened: Callable[..., Page], tmp_path: Path) -> None:
