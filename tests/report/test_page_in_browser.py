@@ -1,10 +1,12 @@
 """A page in a real browser: what flies there is what `st.fly` flies, by mouse and by keyboard.
 
-Chromium is the system's; without one these tests are skipped and say so.
+Chromium is the system's; without one these tests are skipped and say so. The long one makes pages of every kind
+and looks at each in both themes and at the width of a phone.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,8 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import seatrial as st
+from seatrial.cli import app
+from seatrial.cli.new import EXAMPLES
+from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.report.page.flying import core
 from seatrial.report.page.page import write_page
 
@@ -122,6 +128,35 @@ def assert_equal(page: Page, which: str, flights: Any) -> None:
     assert figures["distance"] == pytest.approx(flights.figures["distance"][0], rel=TOLERANCE)
 
 
+def assert_margins(page: Page, gains: dict[str, float]) -> None:
+    """Margins of the heading loop, before and after, as the engine has them at 12 frequencies per octave."""
+    page.locator("select[data-control=loop]").select_option("heading")
+    point = page.evaluate("seatrial.margins.data.points[Number(seatrial.margins.point.value)]")
+    shown = page.evaluate("seatrial.margins.found")
+    constraint = MarginConstraint(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"))
+    place = constraint.points.index((point["mode"], point["speed"]))
+    for which, own in (("original", {}), ("changed", gains)):
+        expected = constraint.margins(own)[place]
+        loop = expected.loops.index("heading")
+        for name, value in (("phase", "phase_deg"), ("gain", "gain"), ("delay", "delay_s")):
+            # Series of 16 bits; the page has the frequencies and the interpolation of the engine.
+            assert shown[which][name] == pytest.approx(float(getattr(expected.of, value)[0, loop]), rel=0.01)
+    assert shown["changed"]["phase"] != pytest.approx(shown["original"]["phase"], rel=0.05)
+    assert page.locator("[data-part=margins] svg").count() == 3
+
+
+def choose(page: Page, **controls: str | float) -> None:
+    """Chooses in lists and fills in numbers, and waits until all of it was flown."""
+    for name, value in controls.items():
+        control = page.locator(f"[data-control={name}]")
+        if isinstance(value, str):
+            control.select_option(label=value)
+        else:
+            control.fill(str(value))
+            control.dispatch_event("change")
+    settled(page, "seatrial.core.idle && !seatrial.core.waiting.size")
+
+
 def flown(mission: st.Mission, **changes: Any) -> Any:
     options = {key: value for key, value in SEA.items() if key != "seed"} | {"seeds": SEA["seed"]}
     return st.fly_batch("cwolf", "cwolf", mission, logs=True, **(options | changes))
@@ -152,6 +187,7 @@ def test_the_page_flies_what_python_flies(opened: Callable[..., Page], tmp_path:
     }
     assert_equal(page, "changed", flown(mission, **changed))
     assert_equal(page, "original", flown(mission))
+    assert_margins(page, gains)
 
     # The same autopilot as a file for elsewhere.
     page.locator("button[data-act=autopilot]").click()
@@ -205,6 +241,14 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Callable[..., Page], tmp
     assert 0 < failed < 20  # a third of a hundred times the drag: some never arrive
     assert page.locator("path.cloud").count() == 20
     assert page.locator("path.cloud.bad").count() == failed
+    page.evaluate(f"seatrial.setup.covariance.factor = [[{0.1 * value}]]")
+    page.evaluate("seatrial.draw()")
+    settled(page, "seatrial.core.idle && !seatrial.untouched()")
+    drawn = page.evaluate("seatrial.state.coefficients")
+    assert drawn["X_uu"] != value
+    one = {name: [number] for name, number in drawn.items()}
+    mission = st.Mission.from_toml(MISSION)
+    assert_equal(page, "changed", st.fly_batch("lauv", "lauv", mission, coefficients=one, logs=True))
     for number in range(page.locator("[data-part=stepof] option").count()):
         page.locator("[data-part=stepof]").select_option(index=number)
         page.locator("button[data-act=step]").click()
@@ -214,6 +258,57 @@ def test_drawn_vehicles_fail_in_a_counted_share(opened: Callable[..., Page], tmp
     assert page.locator("path.surface").count() == 1
 
 
+def test_the_page_flies_by_the_filter_with_failures(opened: Callable[..., Page], tmp_path: Path) -> None:
+    """A dead thruster gives its neutral command, which is not zero; a DVL is silent for a while."""
+    mission = st.Mission.from_toml(
+        MISSION.replace("1.5", "0.5").replace("60.0", "12.0").replace("50.0", "8.0")
+    )
+    around: dict[str, Any] = {"sensors": "typical", "current": [0.05, 0.0, 0.0], "turbulence": 0.02}
+    sea: dict[str, Any] = {"waves": st.SeaState(0.3, 6.0), "voltage_v": 15.5, "navigation": "filter"}
+    st.fly("beluga", "beluga", mission, seed=5, **around, **sea).save(tmp_path / "run")
+    page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"))
+    settled(page, "window.seatrial && seatrial.changed")
+    options = around | sea | {"seeds": 5, "logs": True}
+    assert_equal(page, "original", st.fly_batch("beluga", "beluga", mission, **options))
+
+    choose(page, fault="thruster 0", faultat=20, outage="velocity", outagefrom=15, outageuntil=35)
+    failures = {"faults": [st.Fault("thruster_0", at_s=20)], "outages": [st.Outage("velocity", 15.0, 35.0)]}
+    assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **options, **failures))
+
+    choose(page, navigation="what the sensors show", sensors="perfect")
+    other = options | failures | {"navigation": "sensors", "sensors": None}
+    assert_equal(page, "changed", st.fly_batch("beluga", "beluga", mission, **other))
+    choose(page, navigation="a navigation filter")
+    assert_equal(
+        page, "changed", st.fly_batch("beluga", "beluga", mission, **(other | {"navigation": "filter"}))
+    )
+
+
+def test_an_accessibility_checker_finds_nothing_serious(opened: Callable[..., Page], tmp_path: Path) -> None:
+    st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
+    page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"), color_scheme="light")
+    settled(page, "window.seatrial && seatrial.changed")
+    assert_accessible(page)
+    page.locator("#theme").click()
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert_accessible(page, "{runOnly: ['color-contrast']}")  # all that a theme changes
+
+
+def assert_accessible(page: Page, options: str = "{}") -> None:
+    """Nothing that axe-core calls serious or critical, with all that can be opened open."""
+    package = pytest.importorskip("axe_playwright_python", reason="no axe-core: make setup")
+    page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+    page.evaluate((Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8"))
+    found = page.evaluate(f"axe.run({options})")
+    assert found["passes"]
+    bad = [
+        (one["id"], one["help"], [node["html"][:200] for node in one["nodes"][:3]])
+        for one in found["violations"]
+        if one["impact"] in ("serious", "critical")
+    ]
+    assert bad == []
+
+
 def test_without_script_the_results_can_be_read(opened: Callable[..., Page], tmp_path: Path) -> None:
     st.fly("cwolf", "cwolf", st.Mission.from_toml(MISSION)).save(tmp_path / "run")
     page = opened(write_page([tmp_path / "run"], tmp_path / "report.html"), java_script_enabled=False)
@@ -221,3 +316,95 @@ def test_without_script_the_results_can_be_read(opened: Callable[..., Page], tmp
     assert not page.locator("#fly").is_visible()
     assert page.locator("#theme").is_hidden()
     assert page.locator("table").first.is_visible()
+
+
+TORPEDO = f"""
+format = 1
+name = "lauv"
+vehicle = "lauv"
+autopilot = "lauv"
+[tuning]
+samples = 1
+current_m_s = 0.05
+settle_s = 6.0
+margins = {{ phase_deg = 20.0, gain_db = 3.0, delay_s = 0.05 }}
+budget = {{ population = 8, generations = 6, simplex_rounds = 3 }}
+[tuning.loops.heading]
+steps = [20.0]
+speeds_m_s = [1.318]
+corridor = {{ rise_s = 5.0, overshoot = 0.08, settling_s = 14.0, settled = 0.08, until_s = 18.0 }}
+[verification]
+missions = ["{(EXAMPLES / "missions" / "lawnmower.toml").as_posix()}"]
+runs = 50
+[verification.current]
+speed_m_s = {{ uniform = [0.0, 0.3] }}
+[[verification.requirements]]
+name = "flies the mission to its end"
+holds = 'ending == "complete"'
+probability = 0.9
+"""
+
+
+def run(*arguments: object) -> None:
+    result = CliRunner().invoke(app, list(map(str, arguments)))
+    assert result.exit_code in (0, 1), result.output  # a verdict may be one that is not held
+
+
+def demonstration(folder: Path) -> Path:
+    run("demo", "--out", folder)
+    return folder / "report.html"
+
+
+def beluga(folder: Path) -> Path:
+    if not (Path(os.environ.get("SEATRIAL_DATA", "/nonexistent")) / "beluga").is_dir():
+        pytest.skip("the recordings of Beluga are not here; set SEATRIAL_DATA to their folder")
+    page = folder / "beluga.html"
+    run("identify", EXAMPLES / "beluga" / "campaign.toml", "--out", folder / "run", "--report", page)
+    return page
+
+
+def torpedo(folder: Path) -> Path:
+    campaign = folder / "lauv.toml"
+    campaign.write_text(TORPEDO)
+    run("tune", campaign, "--run", "lauv", "--no-relay", "--out", folder / "tuned")
+    run("verify", campaign, "--run", "lauv", "--autopilot", folder / "tuned", "--out", folder / "verified")
+    run("report", folder / "tuned", folder / "verified", "--out", folder / "lauv.html")
+    return folder / "lauv.html"
+
+
+def judged_log(folder: Path) -> Path:
+    mission, page = EXAMPLES / "missions" / "cage_survey.toml", folder / "log.html"
+    flown = ("--sensors", "typical", "--no-figures", "--out", folder / "flown")
+    run("fly", "cwolf", "cwolf", mission, *flown)
+    judged = ("--log", folder / "flown", "--out", folder / "judged", "--report", page)
+    run("verify", EXAMPLES / "cwolf" / "campaign.toml", "--run", "cwolf", "--autopilot", "cwolf", *judged)
+    return page
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", [demonstration, beluga, torpedo, judged_log])
+def test_a_page_of_every_kind_is_whole(
+    made: Callable[[Path], Path], opened: Callable[..., Page], tmp_path: Path
+) -> None:
+    path = made(tmp_path)
+    assert path.stat().st_size < 8_000_000
+    for width, theme in ((1280, "light"), (390, "dark")):
+        page = opened(path, viewport={"width": width, "height": 900}, color_scheme=theme)
+        settled(page, "window.seatrial && seatrial.changed && seatrial.core.idle")
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        gain = page.locator('input[data-control^="gain "]').first
+        gain.focus()
+        for _ in range(5):
+            page.keyboard.press("ArrowRight")
+        settled(page, "seatrial.core.idle && !seatrial.core.waiting.size && !seatrial.untouched()")
+        assert (page.text_content("[data-part=status]") or "").startswith("Re-flown")
+        for name in page.evaluate(
+            "[...document.querySelector('[data-control=loop]').options].map((x) => x.value)"
+        ):
+            page.locator("[data-control=loop]").select_option(name)
+            assert page.locator("[data-part=margins] path.second").count() == 3, name
+        assert_accessible(page)
+        if width == 1280:
+            assert len(page.pdf()) > 10_000
+        page.locator("button[data-act=reset]").click()
+        settled(page, "seatrial.core.idle && seatrial.changed && seatrial.untouched()")

@@ -269,10 +269,17 @@ class Scene {
     for (const track of scene.tracks) svg.append(element("path", { class: `line ${track.look}`, d: poly(track.points) }));
     scene.waypoints.forEach((one, number) => svg.append(this.waypoint(one, number, at(one.place), scale)));
     if (scene.marker) svg.append(element("circle", { class: "marker", cx: at(scene.marker)[0], cy: at(scene.marker)[1], r: 7 }, element("title", {}, "vehicle")));
+    // Names keep off one another: each goes down until nothing is below it.
+    const taken = [];
     for (const { place, name, look } of scene.marks || []) {
       const [cx, cy] = at(place);
-      if (look) svg.append(element("circle", { class: look, cx, cy, r: 5 }, element("title", {}, name)));
-      else svg.append(element("text", { x: cx + (cx > width - 130 ? -5 : 5), y: cy - 5, "text-anchor": cx > width - 130 ? "end" : "start" }, name));
+      if (look) { svg.append(element("circle", { class: look, cx, cy, r: 5 }, element("title", {}, name))); continue; }
+      const long = 6.6 * name.length, ending = cx + 5 + long > width, left = ending ? cx - 5 - long : cx + 5;
+      let foot = cy - 5;
+      while (taken.some(([a, b, y]) => a < left + long && left < b && Math.abs(y - foot) < 13)) foot += 13;
+      taken.push([left, left + long, foot]);
+      if (foot > cy + 8) svg.append(element("line", { class: "lead", x1: cx, y1: cy, x2: ending ? left + long : left, y2: foot - 4 }));
+      svg.append(element("text", { x: left, y: foot }, name));
     }
     if (!scene.plain) this.rose(svg, scene, scale, width, height);
     const focused = document.activeElement && this.drawing.contains(document.activeElement) ? document.activeElement.dataset.number : null;
@@ -342,7 +349,7 @@ function modelOf({ size, box, actuators, gravity, buoyancy }) {
   for (const { name, place, force, chord, side } of actuators) {
     const tip = along(place, 0.3 * reach, force), other = Math.abs(force[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
     tracks.push({ look: "force", points: [place, tip, along(along(tip, -0.06 * reach, force), 0.03 * reach, other), tip, along(along(tip, -0.06 * reach, force), -0.03 * reach, other)] });
-    marks.push({ place: tip, name });
+    marks.push({ place: tip, name: name.replaceAll("_", " ") });
     if (!chord) continue;
     const span = [chord[1] * force[2] - chord[2] * force[1], chord[2] * force[0] - chord[0] * force[2], chord[0] * force[1] - chord[1] * force[0]];
     tracks.push({ look: "fin", points: [[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]].map(([a, b]) => along(along(place, (0.5 * a) * side, chord), 0.5 * b * side, span)) });

@@ -46,7 +46,7 @@ function plot({ width, height, x: [x0, x1], y: [y0, y1], marksX, marksY, name, f
   const clip = `clip-${(Panels.count = (Panels.count || 0) + 1)}`;
   const svg = element("svg", { width, height, viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" },
     element("defs", {}, element("clipPath", { id: clip }, element("rect", { x: left, y: top, width: width - left - right, height: height - top - under }))));
-  for (const [at, text] of marksX) svg.append(element("line", { class: "grid", x1: x(at), x2: x(at), y1: top, y2: height - under }), element("text", { x: x(at), y: height - under + 14, "text-anchor": "middle" }, text));
+  for (const [at, text] of marksX) svg.append(element("line", { class: "grid", x1: x(at), x2: x(at), y1: top, y2: height - under }), element("text", { x: x(at), y: height - under + 14, "text-anchor": x(at) < left + 8 ? "start" : "middle" }, text));
   for (const [at, text] of marksY) svg.append(element("line", { class: "grid", x1: left, x2: width - right, y1: y(at), y2: y(at) }), element("text", { x: left - 5, y: y(at) + 4, "text-anchor": "end" }, text));
   svg.append(element("text", { class: "name", x: left, y: 12 }, name), element("text", { x: width - right, y: height - 3, "text-anchor": "end" }, foot));
   const inside = element("g", { "clip-path": `url(#${clip})` }, ...extras(x, y));
@@ -88,8 +88,9 @@ class Margins {
   choose() {
     const points = this.data.points.map((point, k) => [point, k]).filter(([point]) => point.loops.some((one) => one.loop === this.loop.value));
     this.point.replaceChildren(...points.map(([point, k]) => element("option", { value: k }, `${point.mode}, ${shown(point.speed)} m/s${point.stable ? "" : ", unstable"}`)));
-    const usual = points.find(([point]) => point.stable && point.speed > 0.5) || points[0];
-    this.point.value = usual[1];
+    // The middle one of those ahead where nothing grows.
+    const sound = points.filter(([point]) => point.stable && point.speed > 0), among = sound.length ? sound : points;
+    this.point.value = among[among.length >> 1][1];
     this.draw();
   }
 

@@ -140,8 +140,14 @@ class Deck {
     const made = element("select", { "data-control": name, onchange: () => act(made.selectedIndex) }, ...options.map((text) => element("option", {}, text)));
     return made;
   }
+  // The step is that of the arrows; any number within the ends counts.
   input(name, value, { min, max, step }, act) {
-    const made = element("input", { type: "number", "data-control": name, value, min, max, step, onchange: () => { if (made.checkValidity() && made.value !== "") act(Number(made.value)); } });
+    const made = element("input", { type: "number", "data-control": name, value, min, max, step, onchange: () => {
+      const { rangeUnderflow, rangeOverflow, badInput } = made.validity, wrong = made.value === "" || rangeUnderflow || rangeOverflow || badInput;
+      made.setAttribute("aria-invalid", String(wrong));
+      if (wrong) this.part("status").textContent = `${made.labels[0].textContent}: expected a number from ${min} to ${max}; what is drawn is the flight before.`;
+      else act(Number(made.value));
+    } });
     return made;
   }
   // A slider from 0 to 1 with the value beside it.
@@ -355,7 +361,7 @@ class Deck {
     const rows = [
       ["ending", ending(a.figures), ending(b.figures)],
       ...[["duration", "s", 1], ["distance", "m", 1], ["cross_track_rms", "m", 1], ["cross_track_largest", "m", 1], ["vertical_rms", "m", 1], ["missed_by", "m", 1], ["clearance", "m", 1], ["energy", "Wh", 1 / 3600], ["pitch_largest", "deg", 1 / DEGREE], ["roll_largest", "deg", 1 / DEGREE]]
-        .filter(([name]) => Number.isFinite(a.figures[name]) || Number.isFinite(b.figures[name]))
+        .filter(([name]) => [a, b].some(({ figures }) => Number.isFinite(figures[name]) && (name !== "energy" || figures[name] > 0)))
         .map(([name, unit, scale]) => [`${name.replaceAll("_", " ").replace("missed by", "largest miss of a waypoint")}, ${unit}`, shown(a.figures[name] * scale), shown(b.figures[name] * scale)]),
     ];
     this.part("figures").replaceChildren(tableOf("This flight beside the original", ["metric", "original", "changed"], rows));

@@ -50,6 +50,8 @@ _FIGURES = {
     "requirements": "Requirements and how surely they are held",
     "cross_track": "Cross-track error over all missions",
     "bollard_test": "Thrust measured on the bench and fitted",
+    "residuals": "What was measured on the mission less what the model predicts, in the model's 95 % band",
+    "envelope": "The recorded mission in the envelope of simulated ones",
 }
 
 _BEGINNINGS = {
