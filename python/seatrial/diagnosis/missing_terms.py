@@ -196,15 +196,14 @@ def strongest(
     """
     from seatrial.estimation.joint_estimate import linearise
 
-    if joint.method == "output" and len(joint.unknowns) + len(tried) > _AT_ONCE / _rows(joint):
-        # A part of the segments is enough to tell which are to be looked at.
-        most = len(joint.data.segments) * _TO_CHOOSE / (_rows(joint) * (len(joint.unknowns) + len(tried)))
-        joint, places = joint.thinned(max(round(most), _FEWEST))
-        initial = None if initial is None else initial[places]
-    rows = _rows(joint)
-    fits = max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
-    if len(tried) <= fits:
+    if len(tried) <= (fits := _fits(joint)):
         return tried
+    if joint.method == "output":
+        # A part of the segments tells which are to be looked at on all of them.
+        each = joint.data.samples * len(joint.channels) * (len(joint.unknowns) + len(tried))
+        joint, places = joint.thinned(max(round(len(joint.data.segments) * _TO_CHOOSE / each), _FEWEST))
+        initial = None if initial is None else initial[places]
+        fits = _fits(joint)
     gains = np.zeros(len(tried))
     for first in range(0, len(tried), fits):
         part = tried[first : first + fits]
@@ -215,9 +214,10 @@ def strongest(
     return tuple(tried[place] for place in np.argsort(-gains, kind="stable")[:_STRONGEST])
 
 
-def _rows(joint: Joint) -> int:
-    """Rows of a linearisation of all segments."""
-    return joint.data.samples * len(joint.channels)
+def _fits(joint: Joint) -> int:
+    """Coefficients whose derivatives are held at once beside those of the unknowns."""
+    rows = joint.data.samples * len(joint.channels)
+    return max(round(_AT_ONCE / rows) - len(joint.unknowns), _STRONGEST // 2)
 
 
 def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) -> str:
